@@ -156,6 +156,9 @@ def arguments(description: str | None, *, short: bool = False, slack: bool = Fal
     parser = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.add_argument(
+        "--page", type=Path, metavar="FILE", help="write the tables into the benchmark's place on a page"
+    )
+    parser.add_argument(
         "--repeats",
         type=int,
         default=3,
@@ -173,7 +176,13 @@ def arguments(description: str | None, *, short: bool = False, slack: bool = Fal
     return parser.parse_args()
 
 
-def report_repeats(measured: Callable[[], Measurement], *, repeats: int = 3, as_json: bool = False) -> int:
+def report_repeats(
+    measured: Callable[[], Measurement],
+    *,
+    repeats: int = 3,
+    as_json: bool = False,
+    page: Path | None = None,
+) -> int:
     """Measure, print every repeat, and return the exit code: 1 if a criterion is not met, else 0.
 
     A criterion on times is met if it is met in one repeat, because other load on the machine only increases
@@ -187,6 +196,9 @@ def report_repeats(measured: Callable[[], Measurement], *, repeats: int = 3, as_
         Maximum number of repeats.
     as_json
         Print ``{machine, rows, required}`` as one JSON object instead of the tables.
+    page
+        A page in Markdown whose lines between ``<!-- NAME -->`` and ``<!-- /NAME -->``, for a benchmark
+        NAME.py, are replaced by the last tables.
     """
     found: list[Measurement] = []
     while len(found) < repeats:
@@ -219,7 +231,33 @@ def report_repeats(measured: Callable[[], Measurement], *, repeats: int = 3, as_
         print(json.dumps(content, allow_nan=False))
     else:
         _print_required(lines, found[-1].notes)
+    if page:
+        _write(page, Path(sys.argv[0]).stem, found[-1], lines)
     return 0 if all(map(_holds, lines)) else 1
+
+
+def _write(page: Path, name: str, measured: Measurement, lines: Sequence[Sequence[Required]]) -> None:
+    """Replace the lines of a benchmark on a page by its tables."""
+    head, begin, rest = page.read_text(encoding="utf-8").partition(f"<!-- {name} -->\n")
+    _, end, tail = rest.partition(f"<!-- /{name} -->\n")
+    if not begin or not end:
+        raise SystemExit(
+            f"{page} has no place for {name}: write <!-- {name} --> and <!-- /{name} -->, a line each"
+        )
+    columns, rows = list(measured.rows[0]), [list(row.values()) for row in measured.rows]
+    text = [
+        _markdown(columns, rows),
+        _markdown(_LINES, _required_rows(lines)),
+        "\n".join(f"{note.rstrip('.')}." for note in measured.notes),
+        f"Measured on: {_of_machine()}.",
+    ]
+    written = "\n\n".join(filter(None, text))
+    page.write_text(f"{head}{begin}\n{written}\n\n{end}{tail}", encoding="utf-8")
+
+
+def _markdown(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    lines = [columns, ["---"] * len(columns), *([_cell(c) for c in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def report(
@@ -259,7 +297,18 @@ def _print_rows(measured: Measurement, repeat: int) -> None:
 
 def _print_required(lines: Sequence[Sequence[Required]], notes: Sequence[str]) -> None:
     console = _console()
-    rows = [
+    console.print(_table("Required", _LINES, _required_rows(lines)))
+    for note in notes:
+        console.print(note)
+    console.print(_of_machine())
+
+
+#: Columns of the table of criteria.
+_LINES = ["required", "value in each repeat", "bound", "holds"]
+
+
+def _required_rows(lines: Sequence[Sequence[Required]]) -> list[list[str]]:
+    return [
         [
             line[0].name,
             ", ".join(f"{r.value:.3g}" for r in line),
@@ -268,10 +317,10 @@ def _print_required(lines: Sequence[Sequence[Required]], notes: Sequence[str]) -
         ]
         for line in lines
     ]
-    console.print(_table("Required", ["line", "value in each repeat", "bound", "holds"], rows))
-    for note in notes:
-        console.print(note)
-    console.print(", ".join(f"{key} {value}" for key, value in machine().items() if value is not None))
+
+
+def _of_machine() -> str:
+    return ", ".join(f"{key} {value}" for key, value in machine().items() if value is not None)
 
 
 def _finite(value: Any) -> Any:
@@ -283,5 +332,9 @@ def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) ->
     for i, column in enumerate(columns):
         made.add_column(column, justify="left" if i == 0 else "right")
     for row in rows:
-        made.add_row(*("" if c is None else f"{c:.3g}" if isinstance(c, float) else str(c) for c in row))
+        made.add_row(*map(_cell, row))
     return made
+
+
+def _cell(value: Any) -> str:
+    return "" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)

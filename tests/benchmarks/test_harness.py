@@ -36,6 +36,26 @@ def outcome(harness, capsys, ratios, errors=(1e-15,) * 9):
     return code, json.loads(capsys.readouterr().out)
 
 
+def test_tables_are_written_into_their_place_on_a_page(harness, capsys, monkeypatch, tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "Before.\n<!-- other -->\n<!-- /other -->\n<!-- speed -->\nold\n<!-- /speed -->\nAfter.\n"
+    )
+    rows = [{"case": "a", "time [s]": 0.12345}, {"case": "b", "time [s]": None}]
+    found = harness.Measurement("title", rows, [harness.Required("error", 1e-9, 1e-12, False)], ["A note."])
+    monkeypatch.setattr(sys, "argv", ["benchmarks/speed.py"])
+    for _ in range(2):
+        assert harness.report_repeats(lambda: found, page=page) == 1
+    head, _, rest = page.read_text().partition("<!-- speed -->\n")
+    table, _, tail = rest.partition("<!-- /speed -->\n")
+    assert (head, tail) == ("Before.\n<!-- other -->\n<!-- /other -->\n", "After.\n")
+    assert "| case | time [s] |\n| --- | --- |\n| a | 0.123 |\n| b |  |\n" in table
+    assert "| error | 1e-09 | <= 1e-12 | NO |" in table and "\n\nA note.\n\nMeasured on: " in table
+    monkeypatch.setattr(sys, "argv", ["benchmarks/kernel.py"])
+    with pytest.raises(SystemExit, match="has no place for kernel: write <!-- kernel -->"):
+        harness.report_repeats(lambda: found, page=page)
+
+
 def test_a_line_of_times_holds_when_one_repeat_holds(harness, capsys):
     code, found = outcome(harness, capsys, [[4.0, 6.0, 6.0]])
     assert code == 0
