@@ -12,7 +12,7 @@ from typing import Any
 from symgen.codegen.calls import CallView, calls_of, merged
 from symgen.codegen.printers import Printer, printer
 from symgen.codegen.rolled import ROLLED, Rolled, large, rolled
-from symgen.codegen.source import SourceFile
+from symgen.codegen.source import LOOPS, SourceFile
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Block, Kernel, Program, Slot, Store
 from symgen.lowering.nodes import GUARDED_INVERSE, Constant, references
@@ -208,7 +208,7 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
     loops = tuple(kernel for kernel in whole.kernels if kernel.rolled)
     if loops:
         text = environment().get_template(ROLLED).render(unit=replace(whole, kernels=loops))
-        files.append(SourceFile(f"{program.name}_rolled.c", text))
+        files.append(SourceFile(f"{program.name}{LOOPS}", text))
     return tuple(files)
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+#: What the name of a file in C with kernels as loops ends with.
+LOOPS = "_rolled.c"
+
 
 @dataclass(frozen=True, slots=True)
 class SourceFile:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from symgen.codegen.printers import Printer
@@ -10,16 +10,23 @@ from symgen.lowering.nodes import Call, Constant, Negative, Node, Product, Quoti
 
 #: Constants that are printed in the loops; all others are in a table.
 _PRINTED = frozenset({"0", "1", "2"})
+#: Statements outside blocks, up to which each is printed by itself, which saves its table and its branch.
+_STRAIGHT = 1_000
 #: Array of intermediate values, and of constants.
 _VALUES, _CONSTANTS = "v", "c"
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Statements of one row: indices are terms in ``row``, or entries of a table with ``width`` columns."""
+    """Statements of one row: indices are terms in ``row``, or entries of a table with ``width`` columns.
+
+    ``before`` and ``after`` are the statements around the loop over the rows.
+    """
 
     statements: tuple[str, ...]
     width: int
+    before: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
 
 
 #: Array and index, or the name of an intermediate value and None.
@@ -79,9 +86,10 @@ class Cases:
         value = self._printer(_placed(self._values[case], read))
         return f"{places[0]} = {value};"
 
-    def local(self, name: str) -> str:
-        """Return the declaration of an intermediate value of one row."""
-        return f"const {self._printer.precision.c_type} {name}"
+    @property
+    def type(self) -> str:
+        """The type of the values in C."""
+        return self._printer.precision.c_type
 
     def _shape(self, node: Node, operands: list[Place]) -> str:
         match node:
@@ -136,12 +144,42 @@ def _array(place: Place) -> str:
     return _VALUES if place[1] is None else place[0]
 
 
+#: A statement of a block in all repeats, and each of its operands in all repeats.
+_Column = tuple[Sequence[Statement], Sequence[Sequence[Place]]]
+#: The statement of a block that makes an operand, and whether that of the repeat before does.
+_Maker = tuple[int, bool]
+
+
+def _columns(rows: Sequence[Sequence[Statement]]) -> list[_Column]:
+    return [
+        (of_one, list(zip(*(s.operands for s in of_one), strict=True))) for of_one in zip(*rows, strict=True)
+    ]
+
+
+def _maker(operand: Sequence[Place], made: Mapping[str, tuple[int, int]]) -> _Maker | None:
+    """Return the statement that makes an operand in every repeat, or in the one before; else None.
+
+    In the first repeat, an operand of the one before is a value from before the block.
+    """
+    if operand[0][1] is not None:
+        return None
+    first, *others = [made.get(name) for name, _ in operand]
+    last = others[-1] if others else None
+    if last is None:
+        return None
+    if first == (0, last[1]) and all(at == (r, last[1]) for r, at in enumerate(others, 1)):
+        return last[1], False
+    if first is None and all(at == (r, last[1]) for r, at in enumerate(others)):
+        return last[1], True
+    return None
+
+
 class Tables:
     """Places of all values, and the text and table of all statements, which are in order.
 
-    Intermediate values that only their own repeat of a block reads are local to it; all others have a place
-    in ``v``. Those of a block have consecutive places over its repeats; places of other statements are used
-    again after the last use.
+    Intermediate values that only their own repeat of a block and the next one read are variables of its
+    loop; all others have a place in ``v``. Those of a block have consecutive places over its repeats; places
+    of other statements are used again after the last use.
     """
 
     def __init__(self, cases: Cases, statements: Sequence[Statement], blocks: Sequence[Block]) -> None:
@@ -157,9 +195,19 @@ class Tables:
         self.runs: list[list[int]] = []
         self.cases: list[Case] = []
         at = 0
-        for block in (*map(self._aligned, blocks), Block(len(statements), 0, 0)):
+        aligned = [*map(self._aligned, blocks), Block(len(statements), 0, 0)]
+        straight = len(statements) - sum(b.length * b.repeats for b in aligned) <= _STRAIGHT
+        for block in aligned:
+            texts = []
             for i in range(at, block.first):
-                self._single(i)
+                row = self._row(i)
+                if straight:
+                    texts.append(self._of.text(statements[i].case, [f"{a}[{index}]" for a, index in row]))
+                else:
+                    self._single(statements[i].case, row)
+            if texts:
+                self.runs.append([len(self.cases), 1])
+                self.cases.append(Case((), 0, tuple(texts)))
             at = block.first + block.length * block.repeats
             if block.repeats:
                 self._block(block)
@@ -187,10 +235,10 @@ class Tables:
             if self._last[name] == at and name in self._places:
                 self._free.append(self._places.pop(name))
 
-    def _single(self, at: int) -> None:
-        """Add a row to the table of its statement."""
+    def _row(self, at: int) -> list[tuple[str, int]]:
+        """Return the arrays and indices of a statement: those that it writes and reads."""
         s = self._statements[at]
-        row = [self._index(place) for place in s.operands]
+        row = [(_array(place), self._index(place)) for place in s.operands]
         self._release(at)
         name, index = s.target
         if index is None:
@@ -198,56 +246,94 @@ class Tables:
                 self._free.append(self.values)
                 self.values += 1
             index = self._places[name] = self._free.pop()
-        case = self._numbers.get(s.case)
+        return [(_array(s.target), index), *row]
+
+    def _single(self, of: int, row: Sequence[tuple[str, int]]) -> None:
+        """Add a row to the table of its statement."""
+        case = self._numbers.get(of)
         if case is None:
-            case = self._numbers[s.case] = len(self.cases)
-            places = [f"{_array(place)}[x[{i}]]" for i, place in enumerate((s.target, *s.operands))]
-            self.cases.append(Case((self._of.text(s.case, places),), len(places)))
-        self.numbers += [index, *row]
+            case = self._numbers[of] = len(self.cases)
+            places = [f"{array}[x[{i}]]" for i, (array, _) in enumerate(row)]
+            self.cases.append(Case((self._of.text(of, places),), len(places)))
+        self.numbers += [index for _, index in row]
         if self.runs and self.runs[-1][0] == case:
             self.runs[-1][1] += 1
         else:
             self.runs.append([case, 1])
 
     def _block(self, block: Block) -> None:
-        """Add the repeats of a block as a loop of its own."""
-        ends = range(block.first, block.first + (block.repeats + 1) * block.length, block.length)[1:]
-        rows = [self._statements[end - block.length : end] for end in ends]
-        local = self._local(rows, ends)
-        for of_one in zip(*rows, strict=True):
-            if of_one[0].target[1] is None and of_one[0].target[0] not in local:
-                for s in of_one:
-                    self._places[s.target[0]] = self.values
-                    self.values += 1
-        columns: list[list[int]] = []
-        texts = []
-        for of_one in zip(*rows, strict=True):
-            name = local.get(of_one[0].target[0])
-            places = [self._of.local(name) if name else self._text([s.target for s in of_one], columns)]
-            for operands in zip(*(s.operands for s in of_one), strict=True):
-                places.append(local.get(operands[0][0]) or self._text(operands, columns))
-            texts.append(self._of.text(of_one[0].case, places))
-        self.runs.append([len(self.cases), len(rows)])
-        self.cases.append(Case(tuple(texts), len(columns)))
-        self.numbers += [index for row in zip(*columns, strict=True) for index in row]
+        """Add the repeats of a block as a loop of its own.
 
-    def _local(self, rows: Sequence[Sequence[Statement]], ends: Sequence[int]) -> dict[str, str]:
-        """Return the names in C of the values that nothing behind their own repeat reads."""
-        made: dict[str, int] = {}
-        shared: set[int | None] = {None}
-        for end, row in zip(ends, rows, strict=True):
-            for j, s in enumerate(row):
-                name, index = s.target
-                if index is None:
-                    made[name] = j
-                    if self._last.get(name, -1) >= end:
-                        shared.add(j)
-        for of_one in zip(*rows, strict=True):
-            for operands in zip(*(s.operands for s in of_one), strict=True):
-                makers = {made.get(name) for name, index in operands if index is None}
-                if len(makers) > 1:
-                    shared |= makers
-        return {name: f"w{j}" for name, j in made.items() if j not in shared}
+        In row r the variable ``w`` of a statement has its value of row r, and ``k`` that of row r - 1.
+        """
+        end = block.first + block.length * block.repeats
+        starts = range(block.first, end, block.length)
+        columns = _columns([self._statements[i : i + block.length] for i in starts])
+        made = {s.target[0]: (r, j) for j, (of_one, _) in enumerate(columns) for r, s in enumerate(of_one)}
+        readers = [[_maker(operand, made) for operand in operands] for _, operands in columns]
+        stored = self._stored(columns, readers, made, end)
+        for j in sorted(stored):
+            for s in columns[j][0]:
+                self._places[s.target[0]] = self.values
+                self.values += 1
+        carried: dict[tuple[int, str], str] = {}
+        table: list[list[int]] = []
+        texts = []
+        for j, (of_one, operands) in enumerate(columns):
+            kept = of_one[0].target[1] is None and j not in stored
+            places = [
+                f"const {self._of.type} w{j}" if kept else self._text([s.target for s in of_one], table)
+            ]
+            for operand, maker in zip(operands, readers[j], strict=True):
+                if maker is None:
+                    places.append(self._text(operand, table))
+                elif maker[1]:
+                    key = maker[0], operand[0][0]
+                    places.append(carried.setdefault(key, f"k{len(carried)}"))
+                else:
+                    places.append(self._text(operand, table) if maker[0] in stored else f"w{maker[0]}")
+            texts.append(self._of.text(of_one[0].case, places))
+        before = [
+            f"{self._of.type} {k} = {_VALUES}[{self._places[name]}];" for (_, name), k in carried.items()
+        ]
+        after = []
+        for j, (of_one, _) in enumerate(columns):
+            name, index = of_one[-1].target
+            if index is None and j not in stored and self._last.get(name, -1) >= end:
+                before.append(f"{self._of.type} last{j} = 0;")
+                texts.append(f"last{j} = w{j};")
+                after.append(f"{_VALUES}[{self.values}] = last{j};")
+                self._places[name] = self.values
+                self.values += 1
+        for (j, _), k in carried.items():
+            source = self._text([s.target for s in columns[j][0]], table) if j in stored else f"w{j}"
+            texts.append(f"{k} = {source};")
+        self.runs.append([len(self.cases), block.repeats])
+        self.cases.append(Case(tuple(texts), len(table), tuple(before), tuple(after)))
+        self.numbers += [index for row in zip(*table, strict=True) for index in row]
+
+    def _stored(
+        self,
+        columns: Sequence[_Column],
+        readers: Sequence[Sequence[_Maker | None]],
+        made: Mapping[str, tuple[int, int]],
+        end: int,
+    ) -> set[int]:
+        """Return the statements of a block whose values of all repeats have places.
+
+        Others read them behind the block, apart from the last one, or at uneven distances in it.
+        """
+        stored = {
+            j
+            for j, (of_one, _) in enumerate(columns)
+            for s in of_one[:-1]
+            if s.target[1] is None and self._last.get(s.target[0], -1) >= end
+        }
+        for (_, operands), makers in zip(columns, readers, strict=True):
+            for operand, maker in zip(operands, makers, strict=True):
+                if maker is None:
+                    stored.update(made[name][1] for name, index in operand if index is None and name in made)
+        return stored
 
     def _text(self, places: Sequence[Place], columns: list[list[int]]) -> str:
         """Return the places of an operand in all rows, as a term in ``row`` or a column of the table."""

@@ -27,8 +27,9 @@ from symgen.errors import BuildError, SlowBackendWarning, check_known
 #: Contraction is off so that results are reproducible bit for bit.
 FLAGS = ("-std=c11", "-Og", "-ffp-contract=off")
 DEFAULT = ("-Og",)
-#: Instead of ``-Og`` where sines and cosines dominate: sine and cosine of an angle share one call.
-OF_FUNCTIONS = ("-O1",)
+#: Instead of ``-Og`` where sines and cosines dominate, as sine and cosine of an angle share one call, and for
+#: kernels as loops, which take a sixth less time.
+OF_OPTIMISED = ("-O1",)
 #: Instead of ``-Og`` for batches of states: SIMD lanes call functions in loops, which need inlining, and
 #: a square root is a single instruction only if it need not set errno.
 OF_LANES = ("-O3", "-fno-math-errno")

@@ -19,8 +19,8 @@ from symgen.toolchain.cache import Cache, key
 from symgen.toolchain.compiler import (
     DEFAULT,
     OF_CORE,
-    OF_FUNCTIONS,
     OF_LANES,
+    OF_OPTIMISED,
     Compilation,
     Compiler,
     find_compiler,
@@ -115,6 +115,8 @@ class Tools:
         self, program: Program, sources: tuple[SourceFile, ...], folder: Path, lanes: bool = False
     ) -> AbstractContextManager[Compilation | None]:
         """Write the sources and start compiling those in C; the context ends the compiler on exit."""
+        from symgen.codegen.source import LOOPS
+
         try:
             for source in sources:
                 (folder / source.name).write_text(source.text, encoding="utf-8")
@@ -123,7 +125,8 @@ class Tools:
         if self.compiler is None:
             return nullcontext()
         in_c = [folder / s.name for s in sources if s.name.endswith(".c")]
-        instead = OF_LANES if lanes else OF_FUNCTIONS if program.calls_functions else DEFAULT
+        optimised = program.calls_functions or any(file.name.endswith(LOOPS) for file in in_c)
+        instead = OF_LANES if lanes else OF_OPTIMISED if optimised else DEFAULT
         return self.compiler.start(in_c, folder / _LIBRARY, instead, self.precision.libraries)
 
     def opened(self, folder: Path, description: Described, compilation: Compilation | None = None) -> Library:

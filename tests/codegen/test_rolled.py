@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.codegen import rolled
+from symgen.codegen import rolled, tables
 from symgen.codegen.emit import emit
 from symgen.codegen.target import Target
 from symgen.errors import InitialStateError
@@ -46,35 +46,48 @@ def test_loops_give_the_bits_of_straight_line_code(name, tmp_path, monkeypatch):
             np.testing.assert_array_equal(np.asarray(a), np.asarray(b))
 
 
-def test_statements_that_repeat_are_a_loop_of_their_own(tmp_path, monkeypatch):
-    """Pivots of a tridiagonal matrix of n rows, each from the one before, and the sum of their reciprocals."""
-    n, half = 100, Constant("0.5")
+@pytest.mark.parametrize("straight", [1_000, 0])
+def test_statements_that_repeat_are_a_loop_of_their_own(straight, tmp_path, monkeypatch):
+    """Pivots d of a tridiagonal matrix, r = 1/d and the fading sum e = e/2 + r.
+
+    A loop reads r and e of the repeat before, and d of the one before that; behind it are read the last e and
+    every r.
+    """
+    n, half, one = 100, Constant("0.5"), Constant("1")
     named, stores = [], []
     for i in range(n):
-        q, before = Reference(f"q[{i}]"), Reference(f"r{i - 1}")
-        pivot = Sum((q, Negative(Product((before, Reference(f"u[{i}]"), Reference(f"u[{i}]")))))) if i else q
+        q, d, r = Reference(f"q[{i}]"), Reference(f"d{i}"), Reference(f"r{i}")
+        off = Product((Reference(f"r{i - 1}"), Reference(f"u[{i}]"), Reference(f"u[{i}]")))
+        faded = Product((half, Reference(f"e{i - 1}")))
         named += [
-            Assignment(f"d{i}", pivot),
-            Assignment(f"r{i}", Quotient(Constant("1"), Reference(f"d{i}"))),
+            Assignment(d.name, Sum((q, Negative(off))) if i else q),
+            Assignment(r.name, Quotient(one, d)),
+            Assignment(f"e{i}", Sum((faded, r)) if i else Product((half, r))),
         ]
-        stores.append(Store("out", i, Reference(f"d{i}")))
+        stores.append(Store("out", i, Sum((d, Reference(f"d{i - 2}"))) if i > 1 else d))
     stores.append(Store("out", n, Sum(tuple(Product((half, Reference(f"r{i}"))) for i in range(n)))))
-    out = (Block("pivots", 0, (n + 1, 1), "1", "pivots, and half the trace of their inverse"),)
+    stores.append(Store("out", n + 1, Reference(f"e{n - 1}")))
+    out = (Block("pivots", 0, (n + 2, 1), "1", "sums of pivots, and of their inverse"),)
     kernel = Kernel("pivots", "pivots", (("q", n), ("u", n)), tuple(named), tuple(stores), out)
     made = Program("tridiagonal", "", (), (kernel,), 0, "0", (), ())
     q, u = np.random.default_rng(1).uniform((3.0,), (4.0,), (2, n))
-    expected = np.zeros(n + 1)
+    pivots, expected = np.zeros(n), np.zeros(n + 2)
     for i in range(n):
-        expected[i] = q[i] - (1.0 / expected[i - 1] * u[i] * u[i] if i else 0.0)
-        expected[n] = expected[n] + 0.5 * (1.0 / expected[i])
+        pivots[i] = q[i] - (1.0 / pivots[i - 1] * u[i] * u[i] if i else 0.0)
+        expected[i] = pivots[i] + (pivots[i - 2] if i > 1 else 0.0)
+        expected[n] = expected[n] + 0.5 * (1.0 / pivots[i])
+        expected[n + 1] = 0.5 * expected[n + 1] + 1.0 / pivots[i] if i else 0.5 * (1.0 / pivots[i])
     monkeypatch.setattr(rolled, "STRAIGHT", 0)
     monkeypatch.setattr(rolled, "LEAST", 50)
+    monkeypatch.setattr(tables, "_STRAIGHT", straight)
     for source in emit(made, Target("c", FLOAT64, False), ""):
         (tmp_path / source.name).write_text(source.text)
     loops = tmp_path / "tridiagonal_rolled.c"
-    assert loops.read_text().count("double w") == 1  # the pivot is local, its reciprocal read by the next row
+    text = loops.read_text()
+    assert "double last" in text and "double k" in text
+    assert ("out[x[0]]" in text) == (not straight)
     find_compiler().start([loops], tmp_path / "kernels.so").finish()
-    found = np.full(n + 1, np.nan)
+    found = np.full(n + 2, np.nan)
     to_c = [
         ctypes.c_void_p(a.ctypes.data if a is not None else None) for a in (None, q, u, None, None, found)
     ]
