@@ -30,7 +30,7 @@ def calls_of(kernel: Kernel, precision: Precision) -> tuple[CallView, ...]:
     values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
     found = calls(values if kernel.counts.call else ())
     one = Printer(C_FUNCTIONS, precision)
-    changing = _of_states(kernel, values) if found else ()
+    changing = _of_states(kernel, values) if 1 in found.values() else ()
     return tuple(
         CallView(name, one.name(name), arguments, arguments == 1 and name not in changing)
         for name, arguments in sorted(found.items())

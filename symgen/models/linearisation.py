@@ -149,7 +149,7 @@ def _equations(model: RodsModel) -> tuple[list[Rows], list[sp.Symbol]]:
     bound = [model.multipliers[c.name] for c in model.constraints]
     work = [*(x for p in model.free for x in model.a[p]), *bound]
     names = [x.name for x in bound]
-    rates = [model.constraint_rate(c) for c in model.constraints]
+    rates = model.constraint_rates
     return [
         ("residual", [x.name for x in work], residual(model), "slopes of the equations of motion"),
         ("rates", names, rates, "slopes of dPhi/dt"),

@@ -87,12 +87,17 @@ class Calculus:
                 if known.get(rest):
                     yield rest, coefficient
                 continue
-            powers = [factor.as_base_exp() for factor in sp.Mul.make_args(rest)]
-            monomial = all(base.is_Symbol and exponent.is_Integer for base, exponent in powers)
+            factors = sp.Mul.make_args(rest)
+            powers = dict(factor.as_base_exp() for factor in factors)
+            monomial = all(base.is_Symbol and exponent.is_Integer for base, exponent in powers.items())
             for s in sorted(term.free_symbols, key=lambda s: str(s.name)):
-                if known.get(s):
-                    exponent = rest.as_powers_dict()[s] if monomial else ZERO
-                    yield s, coefficient * exponent * rest / s if monomial else partial(term, s)
+                if not known.get(s):
+                    continue
+                if monomial:
+                    others = (f for f, base in zip(factors, powers, strict=True) if base != s)
+                    yield s, sp.Mul(coefficient * powers[s], *others, s ** (powers[s] - 1))
+                else:
+                    yield s, partial(term, s)
 
     def jacobian(self, expressions: Sequence[sp.Expr]) -> sp.ImmutableMatrix:
         """Return the matrix d(expressions)/d(coordinates)."""

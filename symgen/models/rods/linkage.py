@@ -13,7 +13,7 @@ import sympy as sp
 from symgen.errors import SceneError
 from symgen.loads.measure import Gradient
 from symgen.mechanics.rods.particles import Vector, cross, dot, end_mass
-from symgen.models.rods.constraints import ConstrainedPoints, Constraint
+from symgen.models.rods.constraints import ConstrainedPoints
 from symgen.models.rods.joint_forces import JointForces
 from symgen.models.rods.loads import product
 from symgen.scene.rods.linkage import TIME, RigidLink
@@ -165,15 +165,18 @@ class RodsModel(ConstrainedPoints):
             c.motion.gradient if c.motion else self.calculus.gradient(c.expression) for c in self.constraints
         ]
 
-    def constraint_rate(self, row: Constraint) -> sp.Expr:
-        """Return the rate of a constraint row."""
-        return row.motion.rate if row.motion else self.calculus.rate(row.expression)
+    @cached_property
+    def constraint_rates(self) -> list[sp.Expr]:
+        """Rates of the constraint rows."""
+        return [c.motion.rate if c.motion else self.calculus.rate(c.expression) for c in self.constraints]
 
     @cached_property
     def acceleration_rhs(self) -> list[sp.Expr]:
         """Right-hand side gamma of J a = gamma: minus the velocity and ground terms of the second rate."""
-        rate = self.calculus.rate
-        second = [c.motion.second_rate if c.motion else rate(rate(c.expression)) for c in self.constraints]
+        second = [
+            c.motion.second_rate if c.motion else self.calculus.rate(rate)
+            for c, rate in zip(self.constraints, self.constraint_rates, strict=True)
+        ]
         ground = [
             (q, a)
             for p in self.ground

@@ -34,6 +34,7 @@ class Points:
         self.axes, self.shown_axes = linkage.axes, linkage.shown_axes
         self.parts: tuple[Part, ...] = (*linkage.links, *linkage.bodies)
         self.ground = [p.name for p in linkage.points if p.ground]
+        self._held = frozenset(self.ground)
         self.carrier, self.shared = _carriers(self.parts, self.ground)
         self.free = [p.name for p in linkage.points if not p.ground and p.name not in self.carrier]
         names = [*self.free, *self.ground]
@@ -43,10 +44,11 @@ class Points:
         self.calculus = Calculus(
             [x for p in names for x in self.q[p]], [x for p in names for x in self.u[p]], TIME.symbol
         )
-        self.rods = [k for k in linkage.links if not (self.is_fixed(k.start) and self.is_fixed(k.end))]
-        self.idle = [k.name for k in linkage.links if k not in self.rods]
+        fixed = [self.is_fixed(k.start) and self.is_fixed(k.end) for k in linkage.links]
+        self.rods = [k for k, held in zip(linkage.links, fixed, strict=True) if not held]
+        self.idle = [k.name for k, held in zip(linkage.links, fixed, strict=True) if held]
         #: Moving links, and those between fixed points that have weight.
-        self.massive = [k for k in linkage.links if k in self.rods or k.mass != 0]
+        self.massive = [k for k, held in zip(linkage.links, fixed, strict=True) if not held or k.mass != 0]
         self._along: dict[str, Vector] = {}
 
     def _per_point(
@@ -92,7 +94,7 @@ class Points:
 
     def is_fixed(self, point: str) -> bool:
         """Return whether only ground points place a point."""
-        return all(s in self.ground for s in self.supports(point))
+        return all(s in self._held for s in self.supports(point))
 
     @cached_property
     def tree(self) -> Tree:

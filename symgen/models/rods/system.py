@@ -182,7 +182,7 @@ def bonds(model: RodsModel) -> list[NamedMatrix]:
         named(
             model,
             "velocity_constraints",
-            [model.constraint_rate(c) for c in model.constraints],
+            model.constraint_rates,
             rate_unit,
             "rate of Phi",
             rows=rows,

@@ -291,17 +291,25 @@ class Linkage:
         """Value of every tunable parameter in the scene."""
         return {p.quantity.symbol: p.default for p in self.parameters}
 
+    @cached_property
+    def _points(self) -> Mapping[str, PlacedPoint]:
+        return {p.name: p for p in self.points}
+
+    @cached_property
+    def _links(self) -> Mapping[str, RigidLink]:
+        return {k.name: k for k in self.links}
+
     def number(self, expression: sp.Expr) -> float:
         """Return the value of an expression at the scene's own parameters and t = 0."""
         return number(expression, self.defaults)
 
     def point(self, name: str) -> PlacedPoint:
         """Return the point called ``name``."""
-        return next(p for p in self.points if p.name == name)
+        return self._points[name]
 
     def link(self, name: str) -> RigidLink:
         """Return the link called ``name``."""
-        return next(k for k in self.links if k.name == name)
+        return self._links[name]
 
     def measure(self, load: str) -> Measure | None:
         """Return where the load with this name acts first; None where no load is called so."""

@@ -50,11 +50,14 @@ def _joined(linkage: Linkage) -> list[set[str]]:
     for measure in (m for load in linkage.loads for m in load.measures(len(linkage.axes)) if m.joins):
         links = [of_link[name] if name else ground for _, name in measure.links]
         sets.append({p for _, p in measure.points}.union(*links) if all(links) else set())
-    groups: list[set[str]] = []
-    for points in filter(None, sets):
-        apart = [g for g in groups if not g & points]
-        groups = [*apart, points.union(*(g for g in groups if g & points))]
-    return groups
+    group_of: dict[str, set[str]] = {}
+    for points in sets:
+        parts = [points, *(group_of[p] for p in points if p in group_of)]
+        largest = max(parts, key=len)
+        for part in parts:
+            largest |= part
+            group_of.update(dict.fromkeys(part, largest))
+    return list({id(group): group for group in group_of.values()}.values())
 
 
 def _of_hertz(scene: Scene) -> Iterator[str]:

@@ -32,6 +32,8 @@ Floats = list[float]
 
 def spatial_bodies(read: Reader, links: Sequence[RigidLink]) -> tuple[SpatialBody, ...]:
     """Return the bodies in space of a scene, and add their hidden points to those of the reader."""
+    if not any(map(read.is_spatial_body, read.scene.links)):
+        return ()
     rigid: Pairs = set()
     for link in links:
         if link.as_drawn:
