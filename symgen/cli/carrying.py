@@ -98,7 +98,10 @@ class Request:
             raise ModelError(f"{selected} selects what a plot shows: give --plot FILE")
         if path and (names or over):
             raise ModelError("give --xy, or --of and --over, not both")
-        others = {str(file): load_result(file) for file in files or ()}
+        stems = [file.stem for file in files or ()]
+        others = {
+            str(file) if stems.count(file.stem) > 1 else file.stem: load_result(file) for file in files or ()
+        }
         with kept_of_a_failure(out):
             result = self.result(verb, **self.arguments(verb), **more)
         if out:

@@ -254,7 +254,7 @@ OF_ANALYSES: dict[str, Any] = {
         list[Path],
         "--compare",
         "FILE",
-        "A saved result to plot as well, dashed. May be repeated.",
+        "A saved result to plot as well, by the name of its file, dashed or dotted. May be repeated.",
         _OUTPUT,
     ),
     "film": maybe(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ResultError
@@ -41,7 +42,7 @@ def plot(
     over
         Output or component on the horizontal axis; by default the coordinate of the result.
     compare
-        Further results by the labels of their curves, which are dashed; they need the same outputs.
+        Further results by the labels of their curves, which are dashed or dotted; they need the same outputs.
 
     Raises
     ------
@@ -75,7 +76,8 @@ def plot(
 
 def _curves(result: Result, compare: Mapping[str, Result]) -> list[tuple[str, Result, str]]:
     """Return the results of a plot with what their labels end with and their line style."""
-    return [("", result, "-"), *((f", {label}", other, "--") for label, other in compare.items())]
+    styles = cycle(("--", ":", "-."))
+    return [("", result, "-"), *((f", {of}", other, next(styles)) for of, other in compare.items())]
 
 
 def _along(result: Result, name: str) -> tuple[Any, str]:
