@@ -182,7 +182,10 @@ def free_unknowns(basis):
 
 
 def compare(found, compiled, case, t, **options):
-    """All of M, C, K, Q, R, R', R'' of the unknowns that are left, to 1e-12 of the largest entry."""
+    """All of M, C, K, Q, R, R', R'' of the unknowns that are left, to 1e-12 of the largest entry.
+
+    Terms of R'' that are as large as R' times the speed of the crank may cancel.
+    """
     status, *made, basis = compiled.matrices(t, options.get("rest", False))
     assert status == 0
     left = None if basis is None else free_unknowns(basis)
@@ -191,8 +194,11 @@ def compare(found, compiled, case, t, **options):
         made, exact = made[:3], exact[:3]  # the loads of a structure at rest are not asked for
     elif basis is not None and not options.get("thesis"):
         made, exact = [*made, *basis], [*exact, *own]
-    for a, b in zip(made, exact, strict=True):
-        assert np.abs(a - b).max() <= 1e-12 * np.abs(b).max()
+    sizes = [np.abs(b).max() for b in exact]
+    if len(exact) == 7:
+        sizes[6] = max(sizes[6], abs(found.speed) * sizes[5])
+    for a, b, size in zip(made, exact, sizes, strict=True):
+        assert np.abs(a - b).max() <= 1e-12 * size
 
 
 @pytest.mark.parametrize("options", [{}, {"thesis": True}, {"rest": True}], ids=["exact", "thesis", "rest"])
@@ -257,4 +263,8 @@ def test_random_six_bars(name, seed):
     squares = [eigh(k, m, eigvals_only=True) for k, m in ((stiffness, mass), (exact[2], exact[0]))]
     assert np.abs(squares[0] / squares[1] - 1)[:6].max() < 1e-9
     bent = [np.linalg.solve(k, load) for k in (stiffness, exact[2])]
-    assert np.abs(bent[0] - bent[1]).max() < 1e-9 * np.abs(bent[1]).max()
+    # Round-off of the entries, by the condition of the matrix of unit diagonal: some poses hardly hold a link.
+    sizes = np.sqrt(np.diag(exact[2]))
+    round_off = 100 * np.finfo(float).eps * np.linalg.cond(exact[2] / np.outer(sizes, sizes))
+    assert round_off < 1e-8
+    assert np.abs(bent[0] - bent[1]).max() < round_off * np.abs(bent[1]).max()

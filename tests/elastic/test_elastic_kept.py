@@ -56,9 +56,9 @@ RUNS = [
 @pytest.mark.parametrize(
     ("name", "method", "asked"),
     [
-        *(("thesis_four_bar", *run) for run in (RUNS[0], RUNS[2])),
+        ("thesis_four_bar", *RUNS[2]),
         ("elastic_slider_crank", *RUNS[0]),
-        *(full("thesis_four_bar", *run) for run in (RUNS[1], *RUNS[3:])),
+        *(full("thesis_four_bar", *run) for run in (*RUNS[:2], *RUNS[3:])),
         *(full("elastic_slider_crank", *run) for run in RUNS[1:]),
     ],
 )

@@ -10,6 +10,7 @@ import pytest
 import shared.elastic_golden as golden
 from shared.elastic_reference import LINKS, RIG, Elastic, Element, stiff_limit
 from shared.elastic_rigid import dot, left, unit
+from shared.full import full_unless
 
 ANGLES = np.radians(golden.DEGREES)
 
@@ -117,7 +118,10 @@ def test_transient():
         np.testing.assert_allclose(found, expected, atol=1e-4 * expected[-1])
 
 
-@pytest.mark.parametrize(("crank", "form", "axial", "geometric"), golden.FLOQUET)
+@pytest.mark.parametrize(
+    ("crank", "form", "axial", "geometric"),
+    full_unless(lambda crank, form, axial, geometric: geometric or not axial, golden.FLOQUET),
+)
 def test_floquet(crank, form, axial, geometric):
     linkage = Elastic(crank=crank, form=form, axial=axial, geometric=geometric)
     found = abs(linkage.multipliers(2048)[0])

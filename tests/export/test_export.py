@@ -69,7 +69,7 @@ def folders(tmp_path_factory):
     ("name", "compiler"),
     [
         pytest.param("vertical_rods", "gcc", marks=needs("gcc")),
-        pytest.param("vertical_rods", "clang", marks=needs("clang")),
+        pytest.param("vertical_rods", "clang", marks=(needs("clang"), pytest.mark.full)),
         pytest.param("screw_jack", "clang", marks=needs("clang")),
         pytest.param("elastic_slider_crank", "gcc", marks=needs("gcc")),
     ],

@@ -32,7 +32,7 @@ def said(command, **more):
 
 @pytest.mark.parametrize("times", [1, full(20)])
 @pytest.mark.parametrize(
-    ("scene", "steps"), [("parallelogram", 20000), ("cssp", 20000), ("elastic_slider_crank", 3000)]
+    ("scene", "steps"), [("parallelogram", 20000), full("cssp", 20000), ("elastic_slider_crank", 3000)]
 )
 def test_killed_at_a_random_moment_and_resumed(scene, steps, times, tmp_path):
     code, out, err = said([sys.executable, str(KILLED_RUNS), scene, str(tmp_path), str(times)])

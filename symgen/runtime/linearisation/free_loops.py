@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
-from symgen.runtime.linearisation.loops import RANK, LoopPose, null_space
+from symgen.runtime.linearisation.loops import RANK, LoopPose, check_poles, null_space
 from symgen.runtime.linearisation.record import Linearisation
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State
@@ -256,7 +256,10 @@ def check_closed(loop: LoopKernels, state: State) -> None:
     off = (state.u[loop.inputs] - prescribed[:, 1]) / columns[loop.inputs]
     speed = max(float(np.max(np.abs(state.u / columns))), 1e-300)
     rate = max(float(np.max(np.abs(opening))), *np.abs(off), 0.0)
-    if not (defect <= max(_CLOSED, 2.0 * loop.tolerance) and rate <= _CLOSED * speed):
+    closed = defect <= max(_CLOSED, 2.0 * loop.tolerance)
+    if closed and rate > _CLOSED * speed:
+        check_poles(loop, state.t, state.q)
+    if not (closed and rate <= _CLOSED * speed):
         raise ModelError(
             f"the state at t = {state.t:g} s does not close {d.name}: by {defect:.1e} (rotation in rad, "
             f"displacement over {d.size:.4g} m), and its rates by {rate:.1e} 1/s\n"

@@ -58,6 +58,17 @@ def sensitivity(
     return found
 
 
+def check_poles(loop: LoopKernels, t: float, q: Array) -> None:
+    """Raise ModelError where the angles of a ball joint have a pole."""
+    if names := ball_pole(loop, t, q):
+        raise ModelError(
+            f"{loop.description.name} at {loop.value_at(t)}: the angles {', '.join(names)} of a ball joint "
+            "have a pole there, a property of these angles and not of the loop\n"
+            "  Take another pose, or turn the axes of the rows next to the ball (theta, alpha) so that its "
+            "pole lies elsewhere."
+        )
+
+
 class LoopPose:
     """A pose in motion, and tangents at it."""
 
@@ -82,13 +93,7 @@ class LoopPose:
         self.screws = (screws * columns)[:, self.dependent]
         values = np.linalg.svd(self.screws, compute_uv=False)
         if np.count_nonzero(values > RANK * values.max(initial=0.0)) < len(self.dependent):
-            if names := ball_pole(loop, t, q):
-                raise ModelError(
-                    f"{d.name} at {loop.value_at(t)}: the angles {', '.join(names)} of a ball joint have a "
-                    "pole there, a property of these angles and not of the loop\n"
-                    "  Take another pose, or turn the axes of the rows next to the ball (theta, alpha) so "
-                    "that its pole lies elsewhere."
-                )
+            check_poles(loop, t, q)
             raise ModelError(
                 f"{d.name} is at a singular position at {loop.value_at(t)}: its inputs and free "
                 "variables do not determine how it moves"
