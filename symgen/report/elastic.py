@@ -17,6 +17,8 @@ from symgen.runtime.result.speed_response import SpeedResponse
 
 #: Maximum number of times for which every value is printed; otherwise the range.
 _FEW = 6
+#: A smaller damping ratio is round-off.
+_UNDAMPED = 1e-12
 
 
 def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Console) -> None:
@@ -29,7 +31,7 @@ def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Cons
         columns.append([f"{x:.6g}" for x in p.frequencies])
         if np.any(p.ratios):
             head.append("damping ratio")
-            columns.append([f"{x:.3g}" for x in p.ratios])
+            columns.append([_damped(x) for x in p.ratios])
         if moving:
             head.append("growth [1/s]")
             columns.append([f"{x:.3g}" for x in p.growth])
@@ -75,6 +77,11 @@ def print_speed_response(result: SpeedResponse, _: Any, console: Console) -> Non
         console.print(f"note: {note}")
 
 
+def _damped(ratio: float) -> str:
+    """Return a damping ratio; 0 for round-off."""
+    return f"{ratio:.3g}" if abs(ratio) > _UNDAMPED else "0"
+
+
 def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> None:
     """Print the outputs at a few times, or the range of each, and the errors of the run."""
     along, label = result.over
@@ -87,7 +94,7 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
         title = f"{result.title}: {result.headline}; range over {coordinate}"
         console.print(outputs.extremes(title, along, unit))
     if ratios := result.statistics.get("damping_ratios"):
-        shown = ", ".join(f"{x:.2g}" for x in ratios)
+        shown = ", ".join(map(_damped, ratios))
         console.print(f"damping ratios of the lowest modes of the linkage at the start: {shown}")
     if shares := result.statistics.get("second_order"):
         link = max(shares, key=shares.__getitem__)

@@ -62,11 +62,14 @@ def test_modes_of_a_pinned_bar_decay_by_their_ratios(tmp_path):
     bars.pinned(tmp_path, ", elements = 8")
     scene = next(tmp_path.glob("*.toml")).read_text()
     file.write_text(scene + "\n" + damped([0.02, 0.1]))
-    found = decays(symgen.build(str(file)))[:3]
+    model = symgen.build(str(file))
+    found = decays(model)[:3]
     exact = (np.pi * np.arange(1, 4)) ** 2 * BENT
     ratios = np.array([0.02, 0.1, 0.0])
     assert found.real == pytest.approx(-ratios * exact, rel=1e-5, abs=1e-5)
     assert found.imag == pytest.approx(np.sqrt(1 - ratios**2) * exact, rel=1e-5)
+    printed = model.simulate(steps=90, samples=3).statistics["damping_ratios"]
+    assert printed[:3] == pytest.approx(ratios, rel=1e-9, abs=1e-12)
 
 
 def test_free_vibration_of_a_bar_decays_by_its_ratio(tmp_path):

@@ -116,8 +116,8 @@ class MeshedMotion(ElasticMotion):
 
     @cached_property
     def damping_ratios(self) -> list[float]:
-        """Damping ratios of the lowest modes at the start, where links have one of their own; else empty."""
-        if not any(made.properties.ratio for made in self.beams):
+        """Damping ratios of the lowest modes at the start, where links or modes have one; else empty."""
+        if self.modal_damping[0] is None and not any(made.properties.ratio for made in self.beams):
             return []
         try:
             modes = elastic_modes(self, self.equations(), 0.0)

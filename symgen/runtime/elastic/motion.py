@@ -165,7 +165,7 @@ class ElasticMotion(ABC):
     @property
     @abstractmethod
     def damping_ratios(self) -> list[float]:
-        """Damping ratios of the lowest modes at the start, where links have one of their own; else empty."""
+        """Damping ratios of the lowest modes at the start, where links or modes have one; else empty."""
 
     @abstractmethod
     def unreduced(self) -> ElasticMotion | None:
