@@ -21,7 +21,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 #: Exit codes, which ``symgen --help`` lists; ``symgen.cli`` maps errors to them by class.
 FAULT, USAGE, SCENE, RUN, INTERRUPTED = 1, 2, 3, 4, 130
 _CODES = (
-    "Exit codes: 0 success; 1 internal fault, or a check that does not hold; 2 wrong usage; 3 wrong scene; "
+    "Exit codes: 0 success; 1 internal fault, or a failed check; 2 wrong usage; 3 invalid scene; "
     "4 a run that cannot continue; 130 interrupted by Ctrl-C."
 )
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def scenes(
     name: Annotated[
         str | None,
-        typer.Argument(help="A shipped scene to print, as the file that it is; default: all names."),
+        typer.Argument(help="A shipped scene whose file is printed; default: list all names."),
     ] = None,
 ) -> None:
     """List the shipped scenes, or print one of them."""
@@ -38,10 +38,10 @@ def scenes(
 def new(
     file: Annotated[Path, typer.Argument(help="The scene file to write: .toml.")],
     source: Annotated[
-        str, typer.Option("--from", metavar="SCENE", help="The shipped scene to begin with.")
+        str, typer.Option("--from", metavar="SCENE", help="The shipped scene to copy.")
     ] = "four_bar",
 ) -> None:
-    """Write a scene of one's own, a copy of a shipped one to change."""
+    """Copy a shipped scene to a file that you can edit."""
     from symgen.atomic import writable, write_text
     from symgen.errors import ResultError
     from symgen.scene.loading import shipped_scene
@@ -56,7 +56,7 @@ def new(
 
 @command("symgen units")
 def units() -> None:
-    """List the units of scenes, of which products and powers can be written: lbf/in, kg*m^2."""
+    """List the units of scenes. Products and powers are permitted: lbf/in, kg*m^2."""
     from symgen.report.tables import table
     from symgen.scene.units import units as known
 
@@ -232,9 +232,7 @@ _SOURCE = "A scene, a Python file with a function system(), or a building block.
 @command('symgen diff four_bar four_bar --set links.crank.mass="2 kg"')
 def diff(
     before: Annotated[str, typer.Argument(help=_SOURCE)],
-    after: Annotated[
-        str, typer.Argument(help="The second one, or the first again with --set, which changes it.")
-    ],
+    after: Annotated[str, typer.Argument(help="The second one, or the first again, changed by --set.")],
     set_: o.Set = None,
     form: o.Difference = "text",
     as_json: o.Json = False,

@@ -59,7 +59,7 @@ def animate(
     t_end: o.TEnd = None,
     samples: o.Samples = None,
     mode: Annotated[
-        int | None, typer.Option(metavar="N", help="A mode of vibration in place of the motion, from 1.")
+        int | None, typer.Option(metavar="N", help="Show this mode of vibration (from 1), not the motion.")
     ] = None,
     at: Annotated[
         str | None,
@@ -69,9 +69,9 @@ def animate(
     ] = None,
     set_: o.Set = None,
 ) -> None:
-    """Write an HTML page on which the mechanism moves, or a GIF or MP4 of the same picture.
+    """Write an animation of the mechanism as an HTML page, a GIF or an MP4.
 
-    The page plays, pauses and scrubs the motion next to plots of the scene's outputs; it works offline.
+    The page has controls for playback and plots of the scene's outputs; it works offline.
     """
     from symgen.errors import ModelError
     from symgen.inspection.film import FRAMES, film_of, film_of_mode
@@ -113,7 +113,7 @@ def live(
     samples: o.Samples = None,
     set_: o.Set = None,
 ) -> None:
-    """Write an HTML page that computes the motion anew when a slider moves.
+    """Write an HTML page that recomputes the motion when a slider moves.
 
     The page holds the scene's own kernels, compiled to WebAssembly, and works offline. The extra "live"
     of symgen installs the compiler, Zig.

@@ -46,7 +46,7 @@ def synthesise(
         Path, typer.Argument(help="TOML file whose table \\[synthesis] has the prescribed properties.")
     ],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for one scene for each linkage, four_bar_1.toml and so on.")
+        Path | None, typer.Option(help="Folder for the linkages as scenes: four_bar_1.toml and so on.")
     ] = None,
     page: o.Page = None,
     as_json: o.Json = False,
