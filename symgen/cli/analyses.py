@@ -118,7 +118,7 @@ def equilibrium(ctx: typer.Context) -> None:
 def modes(ctx: typer.Context) -> None:
     """Find frequencies and shapes of small vibrations.
 
-    They refer to the static equilibrium, or to poses of elastic links.
+    Linkages vibrate about the static equilibrium, elastic links about poses of the crank.
     """
     request = Request(ctx)
     arguments = request.arguments("modes")
@@ -175,7 +175,7 @@ def linearise(ctx: typer.Context) -> None:
 def sensitivity(ctx: typer.Context) -> None:
     """Compute exact derivatives of outputs with respect to tunable parameters.
 
-    An equilibrium stays one as a parameter varies. At another state, drives and coordinates are held.
+    An equilibrium moves with the parameters. At another state, drives and coordinates are held.
     """
     request = Request(ctx)
     about = request.options.pop("at", "start")

@@ -22,12 +22,12 @@ def bench(
     ] = "float64",
     t_end: Annotated[
         float | None,
-        typer.Option(help="End time [s]; default: the scene's. Shorten it for chaotic motion."),
+        typer.Option(help="End time \\[s]; default: the scene's. Shorten it for chaotic motion."),
     ] = None,
     samples: Annotated[int, typer.Option(help="Number of times at which errors are evaluated.")] = 21,
     repeats: Annotated[int, typer.Option(help="Number of timed runs per setting.")] = 5,
     longest: Annotated[
-        float, typer.Option(help="End a sweep of settings with the first run longer than this [s].")
+        float, typer.Option(help="End a series of settings after the first run longer than this \\[s].")
     ] = 0.5,
     peers: Annotated[
         bool, typer.Option("--peers", help="Include other programs, for planar open chains of rods.")

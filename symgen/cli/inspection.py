@@ -56,7 +56,7 @@ def new(
 
 @command("symgen units")
 def units() -> None:
-    """List the units of scenes. Products and powers are permitted: lbf/in, kg*m^2."""
+    """List the units of scenes, which may be combined as in lbf/in and kg*m^2."""
     from symgen.report.tables import table
     from symgen.scene.units import units as known
 

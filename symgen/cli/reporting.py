@@ -157,7 +157,7 @@ def draw(
     unit: Annotated[
         str | None,
         typer.Option(
-            help="Unit of length of DXF and of the scale bar; default: that of the scene's [units], else m."
+            help="Unit of length of DXF and of the scale bar; default: that of the scene's \\[units], else m."
         ),
     ] = None,
     out: Annotated[
