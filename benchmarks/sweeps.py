@@ -45,12 +45,13 @@ OUTPUTS = ["crank.torque", "crank.O.force", "crank.A.force", "coupler.B.force", 
 #: Wall time of all on two processors [s], memory [MiB], time of NumPy for ours, error over the largest peak.
 MOST_WALL, MOST_MEMORY, FASTER, LARGEST_ERROR = 60.0, 1024.0, 10.0, 1e-9
 #: Sweeps that are killed: their number, runs, runs of a chunk, and the longest life after the start [s].
-KILLED, VICTIMS, CHUNK, LONGEST = 10, 8192, 256, 2.0
+KILLED, VICTIMS, CHUNK, LONGEST = 10, 8192, 256, 4.0
 
 
 def main() -> int:
     """Measure, print, and return the exit code; as a process to be killed, carry out a sweep."""
     if sys.argv[1:2] == ["victim"]:
+        _model()
         print("begins", flush=True)
         _sweep(Path(sys.argv[2]), VICTIMS, 2, CHUNK)
         return 0

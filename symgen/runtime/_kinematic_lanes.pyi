@@ -30,6 +30,7 @@ class KinematicLanes:
         times: Array,
         recorded: NDArray[np.uint8],
         starts: NDArray[np.intp],
+        wanted: NDArray[np.uint8],
         links: NDArray[np.intp],
         turn: float,
     ) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]: ...

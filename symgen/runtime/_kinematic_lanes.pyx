@@ -18,13 +18,14 @@ cdef extern from "core/kinematic_lanes.h" nogil:
         kernel_t closure, gamma, setup, points, balance, joints, setup_forces
 
     cdef struct kinematic_lane_sizes:
-        Py_ssize_t n, m, work, out, parameters, derived, derived_forces, joint_forces, coordinates
+        Py_ssize_t n, m, work, out, parameters, derived, derived_forces, joint_forces, coordinates, links
         double rank_tolerance
 
     cdef struct kinematic_lane_extremes:
         const unsigned char *recorded
         const Py_ssize_t *starts
         Py_ssize_t vectors
+        const unsigned char *wanted
         const Py_ssize_t *links
         Py_ssize_t link_count
         double turn
@@ -96,7 +97,7 @@ cdef class KinematicLanes:
         given.setup, given.points = kernel_of(own, "setup"), kernel_of(own, "points")
         given.balance = given.joints = given.setup_forces = NULL
         called = [d.kernel("closure"), d.kernel("acceleration_rhs"), d.kernel("points")]
-        self.sizes.coordinates = called[2].out_size // 2
+        self.sizes.coordinates, self.sizes.links = called[2].out_size // 2, len(d.links)
         if forces is not None:
             f, loads = forces
             given.balance, given.joints = kernel_of(loads.addresses, "balance"), kernel_of(loads.addresses, "joint_forces")
@@ -178,7 +179,7 @@ cdef class KinematicLanes:
 
     def extremes(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
                  const double[::1] times, const unsigned char[::1] recorded, const Py_ssize_t[::1] starts,
-                 const Py_ssize_t[:, ::1] links, double turn):
+                 const unsigned char[::1] wanted, const Py_ssize_t[:, ::1] links, double turn):
         """Follow a linkage as :meth:`follow` does, and return extremes of its joint forces instead of all values.
 
         Parameters
@@ -187,6 +188,8 @@ cdef class KinematicLanes:
             Flag of each time; one is set at least.
         starts
             First number of each vector of joint forces, and behind the last the end.
+        wanted
+            Which extremes of each vector are asked: the sum of 2**number of each; the others are undefined.
         links
             Two points of every link of the plane, by their first coordinates.
         turn
@@ -210,6 +213,8 @@ cdef class KinematicLanes:
             raise ValueError(f"expected {count} flags, starts of vectors, and pairs of points")
         if np.min(starts) < 0 or np.max(starts) > forces or np.any(np.diff(starts) < 1):
             raise ValueError(f"expected increasing starts of vectors up to {forces}")
+        if wanted.shape[0] != starts.shape[0] - 1 or links.shape[0] > self.sizes.links:
+            raise ValueError(f"expected flags of {starts.shape[0] - 1} vectors, and at most {self.sizes.links} links")
         if links.shape[0] and not 0 <= np.min(links) <= np.max(links) <= self.sizes.coordinates - 2:
             raise ValueError(f"expected points among {self.sizes.coordinates} coordinates")
         rows, violation = np.empty((padded, 4, forces)), np.empty(padded)
@@ -221,6 +226,7 @@ cdef class KinematicLanes:
         cdef double none = 0.0
         task.t, task.times, task.count, task.extremes = t, &times[0], count, &e
         e.recorded, e.starts, e.vectors = &recorded[0], &starts[0], starts.shape[0] - 1
+        e.wanted = &wanted[0] if e.vectors else NULL
         e.links, e.link_count, e.turn = &links[0, 0] if links.shape[0] else NULL, links.shape[0], turn
         with nogil:
             while first < padded:

@@ -187,7 +187,7 @@ def test_links_that_turn_far_between_nodes_leave_the_extremes(tuned):
         runs = compiled_runs(tuned, first, columns, None, {"samples": samples})
         _, q, lengths = Starts(*start_of(tuned.evaluator)).poses(runs.given)
         rows, kept = np.arange(4), [None] * 4
-        left = runs._by_extremes(runs.given, q, lengths, rows, Keep(["crank.torque"], "peak"), kept)
+        left = runs._by_extremes(runs.given, q, lengths, rows, Keep(["crank.torque"], "peak"), kept, 0)
         assert left.tolist() == ([] if steady else rows.tolist())
         assert all((k is not None) == steady for k in kept)
 

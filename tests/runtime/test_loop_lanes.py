@@ -40,7 +40,7 @@ def in_lanes(loop, columns, **arguments):
     compiled = compiled_runs(loop, loop.inverse_dynamics(**arguments), columns, None, arguments)
     runs = compiled(0, len(next(iter(columns.values()))), Keep(None, None))
     assert None not in runs
-    return runs[0].along.values, {v.name: np.array([v.values[k.row] for k in runs]) for v in runs[0].samples}
+    return runs[0].along.values, {v.name: v.values for v in runs[0].samples}
 
 
 @pytest.mark.parametrize(

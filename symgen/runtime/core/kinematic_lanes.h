@@ -20,8 +20,12 @@ struct kinematic_lane_sizes {
     ptrdiff_t parameters, derived;         /* of the kernels of motion; behind them the rank tolerance */
     ptrdiff_t derived_forces, joint_forces; /* of those of forces; numbers that `joints` writes, 0 without it */
     ptrdiff_t coordinates;                 /* of all points: half of the numbers that `points` writes */
+    ptrdiff_t links;
     double rank_tolerance;
 };
+
+/* Rows of extremes. */
+enum { GREATEST = 1, LEAST = 2, LONGEST_VECTOR = 4, LAST = 8 };
 
 /* Extremes of the forces of joints over recorded times, instead of the values at all times: four rows of `joint_forces`
  * numbers for each lane, the greatest, the least, those where a vector is longest, and the last. */
@@ -29,6 +33,7 @@ struct kinematic_lane_extremes {
     const unsigned char *recorded; /* flag of each time */
     const ptrdiff_t *starts;       /* first number of each vector of forces, and behind the last the end */
     ptrdiff_t vectors;
+    const unsigned char *wanted;   /* rows of each vector that are asked, as flags; the others remain undefined */
     const ptrdiff_t *links;        /* first coordinates of two points of each link of the plane */
     ptrdiff_t link_count;
     double turn;                   /* rotation of a link from one time to the next that counts as small [rad] */

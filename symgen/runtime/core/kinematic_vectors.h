@@ -16,7 +16,8 @@ struct kinematic_lanes {
     wide *q, *past, *next;    /* coordinates, rates and second rates: here, a stride before, after the next step */
     wide *change, *still, *phi, *weight, *solved, *work, *closure, *out, *values, *inverse;
     wide *extremes, *lengths;      /* rows of forces, and the square of the longest value of each vector of forces */
-    wide *here, *before, violation; /* positions and velocities of points, at this and at the last time */
+    wide *here, *before, violation; /* positions and velocities of points now, positions at the last time */
+    wide *rates;                   /* magnitudes of the rates of links at the last time */
     wide passed;                   /* the last time; not a number before the first */
     mask *swaps, steady;
 };
@@ -43,7 +44,8 @@ static size_t place(struct kinematic_lanes *k, const struct kinematic_lane_sizes
         ARENA_ARRAY(k->extremes, 4 * s->joint_forces),
         ARENA_ARRAY(k->lengths, s->joint_forces),
         ARENA_ARRAY(k->here, 2 * s->coordinates),
-        ARENA_ARRAY(k->before, 2 * s->coordinates),
+        ARENA_ARRAY(k->before, s->coordinates),
+        ARENA_ARRAY(k->rates, s->links),
     };
     return ARENA_PLACE(arrays, memory);
 }
@@ -89,6 +91,13 @@ static inline void solve_pair(const wide *a, const mask *swaps, const wide *inve
 }
 
 static void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
+    if (n == 2) {
+        b[0] /= a[0];
+        b[1] = (b[1] - a[1] * b[0]) / a[3];
+        b[0] -= a[2] * b[1];
+        exchange(swaps[0] != 0, b, b + 1, 1);
+        return;
+    }
     substitute_transposed(n, a, b);
     for (ptrdiff_t k = n - 1; k >= 0; k--)
         for (ptrdiff_t i = k + 1; i < n; i++)
@@ -219,6 +228,13 @@ static void take_parameters(struct kinematic_lanes *k, const real *rows, kernel 
         call(setup, NULL, NULL, NULL, p, NULL, p + parameters);
 }
 
+/* The numbers of times that lanes have reached. */
+static inline mask counts(const struct kinematic_lane_task *task) {
+    mask reached;
+    memcpy(&reached, task->reached, sizeof reached);
+    return reached;
+}
+
 /* Write a number of each lane that has arrived to the place of its next time. */
 static void store(const struct kinematic_lane_task *task, mask arrived, const wide *values, ptrdiff_t count, real *rows) {
     for (int lane = 0; lane < WIDTH; lane++)
@@ -229,9 +245,9 @@ static void store(const struct kinematic_lane_task *task, mask arrived, const wi
         }
 }
 
-/* Whether links turn little since the last time: an angle is less than its tangent, and the rotation differs from that of
+/* Whether links turn little since the last time, and their rates now in lanes that have arrived: an angle is less than its tangent, and the rotation differs from that of
  * the greater rate by less than both together. */
-static mask turns_little(struct kinematic_lanes *k, const struct kinematic_lane_extremes *e) {
+static mask turns_little(struct kinematic_lanes *k, const struct kinematic_lane_extremes *e, mask arrived) {
     const ptrdiff_t rates = k->sizes.coordinates;
     const wide step = magnitude(k->t - k->passed);
     mask little = ~(mask){0};
@@ -239,10 +255,10 @@ static mask turns_little(struct kinematic_lanes *k, const struct kinematic_lane_
         const ptrdiff_t i = e->links[2 * link], j = e->links[2 * link + 1];
         const wide *p = k->here, *o = k->before;
         const wide x = p[j] - p[i], y = p[j + 1] - p[i + 1], x0 = o[j] - o[i], y0 = o[j + 1] - o[i + 1];
-        const wide *v = p + rates, *v0 = o + rates;
-        const wide rate = (x * (v[j + 1] - v[i + 1]) - y * (v[j] - v[i])) / (x * x + y * y);
-        const wide rate0 = (x0 * (v0[j + 1] - v0[i + 1]) - y0 * (v0[j] - v0[i])) / (x0 * x0 + y0 * y0);
-        const wide fastest = step * larger(magnitude(rate), magnitude(rate0)), along = x0 * x + y0 * y;
+        const wide *v = p + rates;
+        const wide rate = magnitude(x * (v[j + 1] - v[i + 1]) - y * (v[j] - v[i])) / (x * x + y * y);
+        const wide fastest = step * larger(rate, k->rates[link]), along = x0 * x + y0 * y;
+        k->rates[link] = chosen(arrived, rate, k->rates[link]);
         little &= (along > 0) & (magnitude(x0 * y - y0 * x) < (R(e->turn) - 2 * fastest) * along);
     }
     return little;
@@ -258,10 +274,7 @@ static mask recorded(const struct kinematic_lane_task *task) {
     const unsigned char *flags = task->extremes->recorded;
     const ptrdiff_t first = task->reached[0];
     mask flagged = {0};
-    int together = first < task->count;
-    for (int lane = 1; lane < WIDTH; lane++)
-        together &= task->reached[lane] == first;
-    if (together)
+    if (first < task->count && !any(counts(task) != first))
         return flagged - flags[first];
     for (int lane = 0; lane < WIDTH; lane++)
         flagged[lane] = -(long long)(task->reached[lane] < task->count && flags[task->reached[lane]]);
@@ -271,13 +284,14 @@ static mask recorded(const struct kinematic_lane_task *task) {
 /* Add the pose in lanes that have just come to a time to their extremes; `k->out` has its forces. */
 static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *task, mask arrived) {
     const struct kinematic_lane_extremes *e = task->extremes;
-    const ptrdiff_t count = k->sizes.joint_forces, m = k->sizes.m, both = 2 * k->sizes.coordinates;
+    const ptrdiff_t count = k->sizes.joint_forces, m = k->sizes.m, places = k->sizes.coordinates;
     wide *greatest = k->extremes, *least = greatest + count, *longest = least + count, *last = longest + count;
     call(k->kernels.points, &k->t, k->q, k->q + k->sizes.n, k->p, k->work, k->here);
-    k->steady &= ~arrived | (k->passed != k->passed) | turns_little(k, e);
+    const mask little = turns_little(k, e, arrived);
+    k->steady &= ~arrived | (k->passed != k->passed) | little;
     for (ptrdiff_t i = 0; i < count; i++) /* the caller finds out what is not finite, from all values */
         k->steady &= ~arrived | finite(k->out[i]);
-    copy_where(arrived, k->here, both, k->before);
+    copy_where(arrived, k->here, places, k->before);
     k->passed = chosen(arrived, k->t, k->passed);
     arrived &= recorded(task);
     if (!any(arrived))
@@ -288,14 +302,20 @@ static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *
     }
     for (ptrdiff_t v = 0; v < e->vectors; v++) {
         const ptrdiff_t begin = e->starts[v], end = e->starts[v + 1];
+        const int wanted = e->wanted[v];
         wide square = all(0);
         for (ptrdiff_t i = begin; i < end; i++) {
             const wide value = k->out[i];
-            greatest[i] = chosen(arrived & beyond(value, greatest[i]), value, greatest[i]);
-            least[i] = chosen(arrived & beyond(-value, -least[i]), value, least[i]);
-            last[i] = chosen(arrived, value, last[i]);
+            if (wanted & GREATEST)
+                greatest[i] = chosen(arrived & beyond(value, greatest[i]), value, greatest[i]);
+            if (wanted & LEAST)
+                least[i] = chosen(arrived & beyond(-value, -least[i]), value, least[i]);
+            if (wanted & LAST)
+                last[i] = chosen(arrived, value, last[i]);
             square += value * value;
         }
+        if (!(wanted & LONGEST_VECTOR))
+            continue;
         const mask longer = arrived & beyond(square, k->lengths[v]);
         k->lengths[v] = chosen(longer, square, k->lengths[v]);
         copy_where(longer, k->out + begin, end - begin, longest + begin);
@@ -339,8 +359,8 @@ static void record(struct kinematic_lanes *k, const struct kinematic_lane_task *
         else
             store(task, arrived, k->out, k->sizes.joint_forces, task->forces);
     }
-    for (int lane = 0; lane < WIDTH; lane++)
-        task->reached[lane] += arrived[lane] != 0;
+    const mask reached = counts(task) - arrived; /* -1 in a lane that has */
+    memcpy(task->reached, &reached, sizeof reached);
 }
 
 /* Begin at the starts; returns the lanes whose start is regular. */
@@ -363,10 +383,7 @@ static mask begin(struct kinematic_lanes *k, const struct kinematic_lane_task *t
 /* Give lanes that have just come to a time their next one; those without one end. */
 static wide renewed(const struct kinematic_lane_task *task, mask fresh, wide target, mask *alive) {
     const ptrdiff_t first = task->reached[0];
-    int together = first < task->count;
-    for (int lane = 0; lane < WIDTH; lane++)
-        together &= fresh[lane] && task->reached[lane] == first;
-    if (together)
+    if (first < task->count && !any(~fresh | (counts(task) != first)))
         return all(task->times[first]);
     for (int lane = 0; lane < WIDTH; lane++)
         if (fresh[lane]) {

@@ -56,12 +56,25 @@ static inline void exchange(mask which, wide *a, wide *b, ptrdiff_t count) {
     }
 }
 
+/* Where one is not a number, the first; so do the instructions with their second operand. */
 static inline wide larger(wide a, wide b) {
+#if defined(__AVX512F__) && WIDTH == 8
+    return (wide)_mm512_max_pd((__m512d)b, (__m512d)a);
+#elif defined(__AVX__) && WIDTH == 4
+    return (wide)_mm256_max_pd((__m256d)b, (__m256d)a);
+#else
     return chosen(b > a, b, a);
+#endif
 }
 
 static inline wide smaller(wide a, wide b) {
+#if defined(__AVX512F__) && WIDTH == 8
+    return (wide)_mm512_min_pd((__m512d)b, (__m512d)a);
+#elif defined(__AVX__) && WIDTH == 4
+    return (wide)_mm256_min_pd((__m256d)b, (__m256d)a);
+#else
     return chosen(b < a, b, a);
+#endif
 }
 
 /* The largest magnitude of each lane; not a number where one of them is none. */

@@ -72,7 +72,9 @@ class Compiled:
         variables = continued(shaped(info, out), d.turns, turned) if info else ()
         drift = dict(zip(("constraint", "energy"), drifts.T, strict=True))
         done = regular & ~self.single[rows]
-        return keep.of_rows(variables, along, None, drift, d.shown_axes, done.tolist())
+        return keep.of_rows(
+            variables, along, None, drift, d.shown_axes, done.tolist(), np.arange(first, last)
+        )
 
     def _runs(self) -> Runs:
         chosen, start = self.chosen, start_of(self.evaluator, self.chosen.rate)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ BLOCK = 32
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """Samples of one run that are kept.
+    """Samples of one run that are kept, or of a block of runs, which share the record.
 
     Attributes
     ----------
@@ -40,8 +41,8 @@ class Kept:
         Names of the components of vectors.
     error
         Message of a failed run, which has nothing else.
-    row
-        Number of the run, where ``samples`` and ``single`` hold those of a block of runs.
+    runs
+        Increasing numbers of the runs of a block, whose ``samples`` and ``single`` have a row for each.
     """
 
     along: Coordinate | None = None
@@ -50,7 +51,7 @@ class Kept:
     single: tuple[Variable, ...] = ()
     axes: tuple[str, ...] = ()
     error: str = ""
-    row: int | None = None
+    runs: NDArray[np.intp] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,15 +77,16 @@ class Keep:
         drift: Mapping[str, float | Array],
         axes: tuple[str, ...],
         row: int | None = None,
+        runs: NDArray[np.intp] | None = None,
     ) -> Kept:
         """Return the selected outputs of one run, or their reductions, and its drift.
 
-        With ``row``, variables and drift hold those of a block of runs.
+        With ``row``, variables and drift hold those of a block of ``runs``.
         """
         samples = chosen(variables, self.outputs)
         strayed = _drifts(drift)
         if self.reduce is None:
-            return Kept(along, times, samples, strayed, axes, row=row)
+            return Kept(along, times, samples, strayed, axes, runs=runs)
         if row is not None:
             samples, strayed = (
                 tuple(replace(v, values=v.values[row]) for v in block) for block in (samples, strayed)
@@ -108,14 +110,15 @@ class Keep:
         drift: Mapping[str, Array],
         axes: tuple[str, ...],
         done: Sequence[bool],
+        runs: NDArray[np.intp],
     ) -> list[Kept | None]:
         """Return what is kept of each run of a block that is done, None for the others."""
         if self.reduce is not None:
             return [
                 self(variables, along, times, drift, axes, i) if own else None for i, own in enumerate(done)
             ]
-        block = self(variables, along, times, drift, axes)
-        return [replace(block, row=i) if own else None for i, own in enumerate(done)]
+        block = self(variables, along, times, drift, axes, runs=runs)
+        return [block if own else None for own in done]
 
     def of_block(
         self,
@@ -124,6 +127,7 @@ class Keep:
         axes: tuple[str, ...],
         along: Array,
         reduction: Callable[[Variable, str, Array], Variable],
+        runs: NDArray[np.intp],
     ) -> list[Kept]:
         """Return the reductions of runs with samples along their coordinate, (runs, samples) or (samples,).
 
@@ -133,7 +137,7 @@ class Keep:
         size, weights = np.full(len(drift), float(along.shape[-1])), mean_weights(along)
         made = tuple(reduction(v, name, weights) for name in self.names for v in samples)
         single = (*made, *_drifts({"constraint": drift}), _recorded(size))
-        return [Kept(single=single, axes=axes, row=i) for i in range(len(drift))]
+        return [Kept(single=single, axes=axes, runs=runs)] * len(runs)
 
 
 def _drifts(drift: Mapping[str, float | Array]) -> tuple[Variable, ...]:
@@ -199,15 +203,19 @@ def dataset_of(
     """Return all runs in one dataset, with nan where a run has no value; ``columns`` are their parameters."""
     import xarray
 
-    count = len(kept)
-    model_of = max((k for k in kept if not k.error), key=lambda k: k.along.values.size if k.along else 0)
+    count, errors = len(kept), np.full(len(kept), "", dtype=object)
+    blocks: list[_Block] = []
+    for runs, one in _shared(kept):
+        errors[runs] = one.error
+        if not one.error:
+            blocks.append(_Block(runs, one))
+    model_of = max((b.one for b in blocks), key=lambda k: k.along.values.size if k.along else 0)
     along, size = model_of.along, model_of.along.values.size if model_of.along else 0
-    places = [None if k.error else _places(k.along, along) for k in kept]
-    blocks, whole = list(_blocks(kept)), all(isinstance(p, slice) and p == slice(None) for p in places)
-    errors = np.array([k.error for k in kept], dtype=object)
+    places = [_places(b.one.along, along) for b in blocks]
+    whole = sum(b.runs.stop - b.runs.start for b in blocks) == count
+    whole &= all(isinstance(p, slice) and p == slice(None) for p in places)
     data: dict[str, Any] = {"error": ("run", errors, {"long_name": "why the run failed"})}
-    own = {id(k.along): (k.along, p) for k, p in zip(kept, places, strict=True) if p is not None}
-    shared = all(_agree(of_run, along, p) for of_run, p in own.values())
+    shared = all(_agree(b.one.along, along, p) for b, p in zip(blocks, places, strict=True))
     over = (along.name if shared else "sample",) if along else ()
     for sampled, variables in ((True, model_of.samples), (False, model_of.single)):
         for k, v in enumerate(variables):
@@ -215,21 +223,21 @@ def dataset_of(
             values = np.empty(shape, v.values.dtype)
             if not whole:
                 values[:] = "" if v.values.dtype == object else np.nan
-            for runs, rows, one in blocks:
+            for block, place in zip(blocks, places, strict=True):
                 if sampled:
-                    values[runs, places[runs.start]] = one.samples[k].values[rows]
+                    values[block.runs, place] = block.one.samples[k].values[block.rows]
                 else:
-                    values[runs] = one.single[k].values[rows]
+                    values[block.runs] = block.one.single[k].values[block.rows]
             dims = ("run", *(over if sampled else ()), *(("axis",) if v.components else ()))
             data[v.name] = (dims, values, {"units": v.unit, "long_name": v.about})
     coordinates: dict[str, Any] = {"run": np.arange(count)}
     if along:
         labels = {"units": along.unit, "long_name": along.about}
-        of_runs = [k.along.values if k.along else None for k in kept]
-        apart = (("run", *over), _rows(of_runs, places, size))
+        values_of = [b.one.along.values if b.one.along else None for b in blocks]
+        apart = (("run", *over), _rows(count, size, blocks, values_of, places))
         coordinates[along.name] = (*((over, along.values) if shared else apart), labels)
     if model_of.times is not None:
-        times = _rows([k.times for k in kept], places, size)
+        times = _rows(count, size, blocks, [b.one.times for b in blocks], places)
         coordinates["time"] = (("run", *over), times, {"units": "s", "long_name": "time"})
     if any("axis" in dims for dims, *_ in data.values()):
         coordinates["axis"] = list(model_of.axes)
@@ -242,32 +250,38 @@ def dataset_of(
     return xarray.Dataset(data, coords=coordinates, attrs={"title": title})
 
 
-def _blocks(kept: Sequence[Kept]) -> Iterator[tuple[slice, Any, Kept]]:
-    """Yield runs that did not fail, those of a block together, their rows in its samples, and one of them."""
+class _Block(NamedTuple):
+    """Neighbouring runs that did not fail and share a record."""
+
+    runs: slice
+    one: Kept
+
+    @property
+    def rows(self) -> slice | None:
+        """Rows of the runs in the values of the record; None for a record of one run, without rows."""
+        if self.one.runs is None:
+            return None
+        first = int(np.searchsorted(self.one.runs, self.runs.start))
+        return slice(first, first + self.runs.stop - self.runs.start)
+
+
+def _shared(kept: Sequence[Kept]) -> Iterator[tuple[slice, Kept]]:
+    """Yield neighbouring runs with the same record, together, and the record."""
     first = 0
-    while first < len(kept):
-        one, last = kept[first], first + 1
-        if one.row is not None:
-            while last < len(kept) and _continues(one, kept[last], last - first):
-                last += 1
-        if not one.error:
-            rows = None if one.row is None else slice(one.row, one.row + last - first)
-            yield slice(first, last), rows, one
-        first = last
+    for _, same in groupby(kept, id):
+        count = sum(1 for _ in same)
+        yield slice(first, first + count), kept[first]
+        first += count
 
 
-def _continues(one: Kept, other: Kept, runs: int) -> bool:
-    """Return whether another run stands behind a run in the same block, by so many rows."""
-    same = other.row is not None and other.row == (one.row or 0) + runs
-    return same and (other.samples or other.single)[0].values is (one.samples or one.single)[0].values
-
-
-def _rows(of_runs: Sequence[Array | None], places: Sequence[Any], size: int) -> Array:
+def _rows(
+    count: int, size: int, blocks: Sequence[_Block], values: Sequence[Array | None], places: Sequence[Any]
+) -> Array:
     """Return a row of samples per run, with nan where a run has none."""
-    rows = np.full((len(of_runs), size), np.nan)
-    for i, (values, place) in enumerate(zip(of_runs, places, strict=True)):
-        if place is not None:
-            rows[i, place] = values
+    rows = np.full((count, size), np.nan)
+    for block, of_runs, place in zip(blocks, values, places, strict=True):
+        if of_runs is not None:
+            rows[block.runs, place] = of_runs
     return rows
 
 

@@ -40,7 +40,7 @@ Kernels = tuple["Description", "Library"]
 #: Number of starts from which kernels that assemble in lanes are compiled.
 _MANY = 128
 #: Most runs of one call without samples.
-_REDUCED = 256
+_REDUCED = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class Driven:
             lengths = np.array([extent(v, own) for v, own in zip(variants, q, strict=True)])
         runs = np.flatnonzero(regular & ~is_stored(evaluator, given, self.states))
         if self.reduces(keep) and len(runs):
-            runs = self._by_extremes(given, q, lengths, runs, keep, kept)
+            runs = self._by_extremes(given, q, lengths, runs, keep, kept, first)
         if not len(runs):
             return kept
         states, joints, done = self._followed(given[runs], q[runs], lengths[runs])
@@ -128,15 +128,19 @@ class Driven:
         if keep.names:
             sampled = [v for v in made if v.name != self.drive]
             over = next((v.values for v in made if v.name == self.drive), times)
-            _placed(runs, keep.of_block(sampled, missed, d.axes, over, partial(reduced, axis=1)), kept)
+            _placed(
+                runs,
+                keep.of_block(sampled, missed, d.axes, over, partial(reduced, axis=1), first + runs),
+                kept,
+            )
             return kept
         driven = [v.values for v in made if v.name == self.drive]
         if all(np.array_equal(x, np.broadcast_to(x[:1], x.shape)) for x in driven):
             one = [replace(v, values=v.values[0]) if v.name == self.drive else v for v in made]
             along, own = coordinate_of(times, one, self.drive)
-            of_time = None if along.name == "time" else times
-            drift = {"constraint": missed}
-            _placed(runs, keep.of_rows(tuple(own), along, of_time, drift, d.axes, [True] * len(runs)), kept)
+            of_time, drift = None if along.name == "time" else times, {"constraint": missed}
+            every = [True] * len(runs)
+            _placed(runs, keep.of_rows(tuple(own), along, of_time, drift, d.axes, every, first + runs), kept)
             return kept
         for i, run in enumerate(runs.tolist()):
             along, own = coordinate_of(times, [replace(v, values=v.values[i]) for v in made], self.drive)
@@ -161,12 +165,15 @@ class Driven:
         runs: NDArray[np.intp],
         keep: Keep,
         kept: list[Kept | None],
+        first: int,
     ) -> NDArray[np.intp]:
         """Enter the reductions of some runs; return those whose links may turn far between nodes."""
         d, flags = self.model.description, np.zeros(len(self.nodes), dtype=np.uint8)
         flags[self.asked] = True
         number = {name: 2 * i for i, name in enumerate(d.points)}
         ends = [[number[p] for p in points[:2]] for points in d.links.values()] if len(d.axes) == 2 else []
+        asked = [{k for name in keep.names for k in EXTREMES[name][vector]} for vector in (False, True)]
+        wanted = [sum(1 << k for k in numbers) for numbers in asked]
         rows, missed, done, steady = self._lanes().extremes(
             self.t,
             given[runs],
@@ -175,12 +182,14 @@ class Driven:
             self.nodes,
             flags,
             np.array([c[0] for _, c in self.unknowns] + [self._width]),
+            np.array([wanted[len(c) > 1] for _, c in self.unknowns], dtype=np.uint8),
             np.array(ends, dtype=np.intp).reshape(-1, 2),
             TURN,
         )
         good = done & steady
         made = [of_unknown(u, d.axes, rows[good][..., columns]) for u, columns in self.unknowns]
-        found = keep.of_block(made, missed[good], d.axes, self.nodes[self.asked], of_extremes)
+        along = self.nodes[self.asked]
+        found = keep.of_block(made, missed[good], d.axes, along, of_extremes, first + runs[good])
         _placed(runs[good], found, kept)
         return runs[done & ~steady]
 

@@ -85,14 +85,14 @@ class DrivenLoops:
             block = [replace(v, values=v.values[runs]) for v in chosen(made, keep.outputs)]
             missed = drift["constraint"][runs]
             values = times[runs] if self.along is None else self.along.values
-            found = keep.of_block(block, missed, _AXES, values, partial(reduced, axis=1))
+            found = keep.of_block(block, missed, _AXES, values, partial(reduced, axis=1), first + runs)
             for i, one in zip(runs.tolist(), found, strict=True):
                 kept[i] = one
             return kept
         for i in runs.tolist():
             along = over_time(times[i]) if self.along is None else self.along
             of_time = None if self.along is None else times[i]
-            kept[i] = keep(made, along, of_time, drift, _AXES, i)
+            kept[i] = keep(made, along, of_time, drift, _AXES, i, np.arange(first, last))
         return kept
 
 

@@ -165,17 +165,21 @@ def carried_out(
     def carry_out(first: int, last: int) -> int:
         found = compiled(first, last, keep) if compiled else [None] * (last - first)
         for i, one in enumerate(found, first):
+            if one is not None:
+                kept[i] = one
+                continue
             if ended.is_set():
                 break
             try:
-                kept[i] = runs.kept(runs.result(i), keep) if one is None else one
+                kept[i] = runs.kept(runs.result(i), keep)
             except FAILURES as error:
                 kept[i] = Kept(error=str(error))
         return last - first
 
     grain = compiled.grain if compiled else 1
     most = compiled.most(keep) if compiled else BLOCK
-    block = grain * -(-min(most, max(1, count // (4 * workers))) // grain)
+    share = count if workers == 1 else max(1, count // (4 * workers))
+    block = grain * -(-min(most, share) // grain)
     blocks = [(first, min(first + block, count)) for first in range(done, count, block)]
     for finished in _in_threads(carry_out, blocks, workers, ended):
         done += finished
