@@ -7,6 +7,7 @@ Each docstring states the remedy.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 #: Maximum number of characters of one part of a message; texts in a scene may be of any length.
@@ -167,8 +168,12 @@ class ArgumentError(ModelError):
     """
 
     def __init__(self, argument: str, *, before: str, after: str, call: str = "") -> None:
-        self.argument, self._before, self._after = argument, before, after
+        self.argument, self._before, self._after, self._call = argument, before, after, call
         super().__init__(f"{call}{': ' if call else ''}{self.named(argument)}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        made = partial(type(self), before=self._before, after=self._after, call=self._call)
+        return made, (self.argument,), self.__dict__
 
     def named(self, argument: str) -> str:
         """Return the message without the call, with the argument under another name."""

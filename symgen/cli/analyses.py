@@ -185,13 +185,16 @@ def sensitivity(ctx: typer.Context) -> None:
 
 def _state(request: Request, about: str) -> dict[str, Any]:
     """Return the argument ``at`` for a state on the command line: start, equilibrium or a time."""
-    from symgen.inspection.values import of_time
+    from symgen.inspection.values import of_times
 
     if about == "start":
         return {}
     if about == "equilibrium":
         return {"at": request.result("equilibrium")}
-    return {"at": of_time(about, "--at", "start, equilibrium")}
+    times = of_times([about], "--at", "start, equilibrium or a time")
+    if len(times) > 1:
+        raise ModelError(f"expected one time after --at, got {about!r}")
+    return {"at": times[0]}
 
 
 @analysis(

@@ -108,9 +108,9 @@ class Request:
             result.save(out)
         if plot:
             result.plot(*(names or ()), file=plot, xy=path or "", over=over or "", compare=others)
+        self.show(verb, result)
         if film:
             result.animate(film)
-        self.show(verb, result)
         for file in (out, plot, film):
             if file and not self.as_json:
                 console().print(f"wrote {file}", soft_wrap=True)

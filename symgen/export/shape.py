@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.errors import SymgenError
 from symgen.export.view import Table, doubles, indices
 from symgen.lowering.kernel import Slot
 from symgen.runtime import _core
@@ -38,8 +39,8 @@ KINDS = {"row": 0, "across_x": 1, "across_y": 2, "place": 3, "displacement": 4, 
 _UNSTABLE = 40
 #: Number of times of the comparison.
 _COMPARED = 13
-#: A parameter is multiplied by it to see whether constants of links depend on it.
-_CHANGED = 1.01
+#: A parameter is multiplied by them, or takes them if it is 0, to see whether constants of links change.
+_CHANGED = (1.01, 1e-3, 0.1, 0.5, 2.0, 10.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,10 +112,18 @@ def _changing(model: ElasticModel, motion: MeshedMotion) -> list[str]:
     own = _constants(motion)
     for p in model.description.tunable:
         value = model.parameters[p.name]
-        other = model.with_parameters(**{p.name: _CHANGED * value if value else _CHANGED})
-        if not np.array_equal(own, _constants(MeshedMotion(other.rigid))):
+        others = [c for x in _CHANGED if (c := _constants_at(model, p.name, x * (value or 1.0))) is not None]
+        if not others or not all(np.array_equal(own, other) for other in others):
             found.append(p.name)
     return found
+
+
+def _constants_at(model: ElasticModel, name: str, value: float) -> Array | None:
+    """Return the constants of links with another value of a parameter; None if there is no such linkage."""
+    try:
+        return _constants(MeshedMotion(model.with_parameters(**{name: value}).rigid))
+    except SymgenError:
+        return None
 
 
 def _constants(motion: MeshedMotion) -> Array:

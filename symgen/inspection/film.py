@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, ResultError, SymgenError, check_known
-from symgen.inspection.values import of_time
+from symgen.inspection.values import of_times
 from symgen.inspection.view import Drawn, bare, drawn_scene
 from symgen.methods import load, method_of
 from symgen.pipeline.build import build_asked
@@ -215,8 +215,7 @@ def poses_of(texts: Sequence[str], option: str) -> Poses:
 
     def read(model: Any) -> tuple[Sequence[float], str]:
         if "kinematics" not in model.capabilities:
-            parts = [part for text in texts for part in text.split(",")]
-            return [of_time(part, option, "a time") for part in parts], "time"
+            return of_times(texts, option), "time"
         values: tuple[Sequence[float], str] = load(method_of(model).commands["kinematics"].values)(
             model, texts, option
         )

@@ -230,8 +230,8 @@ class ElasticView(RodsView):
         return found
 
     def repeated(self, model: ElasticModel, verb: str, given: Mapping[str, Any], result: Result) -> Result:
-        """Return the run of the elastic links, or the motion of the rigid ones where its links rotate far."""
-        if verb != "large_rotation":
+        """Return the run of the elastic links, or the motion of rigid ones without deflections to draw."""
+        if verb not in ("large_rotation", "inverse_dynamics"):
             return View.repeated(self, model, verb, given, result)
         return model.kinematics(at=result.time, over="time", of=model.description.points)
 

@@ -14,6 +14,8 @@ from symgen.scene.units import ANGULAR_RATE, LENGTH, NUMBER, TIME, parse_quantit
 #: Numbers in SI units [s, rad, m], and their variable: ``time`` or ``input``.
 Values = tuple[list[float], str]
 _DEGREES = math.radians(1.0), "input"
+#: Digits that a count of values has fewer of.
+_DIGITS = 8
 
 
 def of_input(model: Any, texts: Sequence[str], option: str) -> Values:
@@ -64,13 +66,9 @@ def of_crank(_: Any, texts: Sequence[str], option: str) -> Values:
     return _read(texts, _DEGREES, {NUMBER: "input"}, expected)
 
 
-def of_time(text: str, option: str, others: str) -> float:
-    """Return a time [s]; raise ModelError for other text. ``others`` names other accepted values."""
-    expected = f'{others} or a time after {option}, such as "0.3 s"'
-    found, _ = _read([text], (1.0, "time"), {TIME: "time"}, expected)
-    if len(found) > 1:
-        raise ModelError(f"expected {expected}, got {text!r}")
-    return found[0]
+def of_times(texts: Sequence[str], option: str, expected: str = "times") -> list[float]:
+    """Return times [s]; raise ModelError for other text. ``expected`` names what is accepted."""
+    return _read(texts, (1.0, "time"), {TIME: "time"}, f'{expected} after {option}, such as "0.3 s"')[0]
 
 
 def crank_speeds(text: str) -> list[float]:
@@ -82,7 +80,8 @@ def crank_speeds(text: str) -> list[float]:
         For other text, and for a speed of zero.
     """
     expected = (
-        'crank speeds after --speeds, such as "20:400:39" (rpm from, to, count) or "60,95", none of them zero'
+        'crank speeds after --speeds, such as "20:400:39" (rpm from, to, count) or "60,95", not in Hz, '
+        "none of them zero"
     )
     found, _ = _read([text], (math.pi / 30, "speed"), {ANGULAR_RATE: "speed"}, expected)
     if 0.0 in found or "Hz" in text:  # turns or radians per second?
@@ -97,9 +96,9 @@ def _read(texts: Sequence[str], bare: tuple[float, str], units: Mapping[Any, str
     for text in (part.strip() for group in texts for part in group.split(",")):
         *ends, count = text.split(":") if text.count(":") == 2 else (text, "1")
         values, variables = zip(*(_value(end, bare, units) for end in ends), strict=True)
-        many = int(count) if count.strip().isdecimal() else 0
+        many = int(count) if count.strip().isdecimal() and len(count) < _DIGITS else 0
         if not (all(variables) and all(map(math.isfinite, values)) and many >= len(ends)):
-            raise ModelError(f"expected {expected}, got {text!r}")
+            raise ModelError(f"expected {expected}, or FROM:TO:COUNT, got {text[:60]!r}")
         found += np.linspace(values[0], values[-1], many).tolist()
         over |= set(variables)
     if len(over) > 1:

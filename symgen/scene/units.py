@@ -112,7 +112,7 @@ KEPT = (
 UNITS = Path(__file__).with_name("units.json")
 _NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: 1e-3*a is no 1 of a unit e-3*a
 _QUANTITY = re.compile(
-    rf"\s*(?P<number>{_NUMBER})(?:\s*/\s*(?P<over>\d++))?\s*"
+    rf"\s*(?P<number>{_NUMBER})(?:\s*/\s*(?P<over>\d++)(?![.eE][-+]?\d))?\s*"
     r"(?P<unit>(?:1\s*/\s*)?[A-Za-zµ][A-Za-z0-9_µ*/^() +-]*)?\s*",
     re.ASCII,
 )

@@ -224,8 +224,14 @@ def path(task: PathTask) -> Found:
                         linkages.append(_cognate(other))
                         turned = crank_directions(other, own_poses)
                         poses.append(np.column_stack([own_poses[:, :2], turned - turned[0]]))
-        linkages = [_exchanged(k) if k.lengths["crank"] > k.lengths["rocker"] else k for k in linkages]
+        linkages = [_exchanged(k) if _is_turned(k, size) else k for k in linkages]
     return Found(*_distinct(linkages, poses, size, size), found)
+
+
+def _is_turned(linkage: FourBar, size: float) -> bool:
+    """Return whether the crank is longer than the rocker or, if equal, pinned further right or above."""
+    more = [linkage.lengths["crank"] - linkage.lengths["rocker"], *(linkage.O - linkage.C)]
+    return next((x > 0.0 for x in more if abs(x) > _ONE_LINK * size), False)
 
 
 def _exchanged(linkage: FourBar) -> FourBar:

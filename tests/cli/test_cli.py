@@ -165,6 +165,10 @@ def test_an_analysis_is_animated(tmp_path, entry):
     assert said.endswith(f"wrote {file}\n")
     film = json.loads(re.search(r'id="data"[^>]*>(.*?)</script>', file.read_text())[1])
     assert len(film["frames"]) == 7 and film["along"]["values"][-1] == pytest.approx(360)
+    said = call("inverse-dynamics", "elastic_four_bar", "--samples", "5", "--animate", file)
+    assert "crank.torque" in said and said.endswith(f"wrote {file}\n")
+    code, out, said = entry("kinematics", "crank_rocker", "--at", "30", "--animate", file)
+    assert code != 0 and "B.position" in out and "nothing moves" in said
     code, _, said = entry("run", "four_bar", "--animate", tmp_path / "film.png")
     assert code == 2 and "for the moving picture" in said
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from symgen.errors import ModelError
-from symgen.inspection.values import crank_speeds, of_crank, of_drive, of_input
+from symgen.inspection.values import crank_speeds, of_crank, of_drive, of_input, of_times
 
 RPM = math.pi / 30
 SLIDER = SimpleNamespace(
@@ -43,7 +43,8 @@ def test_ranges_of_other_values():
 
 
 @pytest.mark.parametrize(
-    "text", ["0:90:1", "0:90:-2", "0:90", "0:90:4:5", "0:90:4.0", "0:inf:3", "0:1 m:3", ":9:3"]
+    "text",
+    ["0:90:1", "0:90:-2", "0:90", "0:90:4:5", "0:90:4.0", "0:90:" + "9" * 5000, "0:inf:3", "0:1 m:3", ":9:3"],
 )
 def test_faulty_ranges(text):
     with pytest.raises(ModelError, match='expected angles after --at, such as "45"'):
@@ -54,6 +55,10 @@ def test_faulty_ranges(text):
 def test_faulty_speeds(text):
     with pytest.raises(ModelError, match="expected crank speeds after --speeds, such as"):
         crank_speeds(text)
+
+
+def test_ranges_of_times():
+    assert of_times(["0 s:0.3 s:4,1"], "--at") == pytest.approx([0.0, 0.1, 0.2, 0.3, 1.0])
 
 
 def test_times_and_angles_are_not_mixed():

@@ -9,6 +9,7 @@ import pytest
 from shared.full import full
 
 import symgen
+from symgen.errors import SimulationError
 from symgen.runtime._beams import BeamSteps
 from symgen.runtime.beams.methods import BEAM_METHODS
 from symgen.runtime.beams.pieces import pieces, transformed, whole
@@ -190,3 +191,9 @@ def test_elements_of_an_inextensible_link_add_up_to_the_whole():
     ):
         exact = getattr(one, field)
         assert np.max(np.abs(getattr(total, field) - exact)) <= 1e-13 * np.max(np.abs(exact)), field
+
+
+def test_a_motion_whose_powers_overflow_is_refused():
+    """Displacements of 1e197 are finite, and their squares are not."""
+    with pytest.raises(SimulationError, match="grows without bound"):
+        symgen.build("elastic_slider_crank").simulate(method="rk4", steps=600, revolutions=0.2, samples=3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from PIL import Image
 
 from symgen.errors import ModelError
 from symgen.inspection.film import film_of
-from symgen.report.page.movie import film_file, save
+from symgen.report.page.drawing import Paper
+from symgen.report.page.movie import _Forces, film_file, save
 from symgen.scene.loading import override, read_scene
 
 
@@ -77,3 +79,12 @@ def test_an_mp4_is_written(tmp_path):
     file = tmp_path / "film.mp4"
     save(film_of(override(read_scene("crank_rocker"), {"title": "A title " * 20}), 5), file)
     assert file.read_bytes()[4:8] == b"ftyp" and file.stat().st_size > 2000
+
+
+def test_a_force_just_below_a_power_of_ten_has_a_scale(tmp_path):
+    film = film_of(read_scene("crank_rocker"), 3)
+    force = next(v for v in film.result.variables if v.name == "C.reaction")
+    largest = np.tile([84.32, 53.76], (3, 1))  # of 99.99999999999999 N
+    changed = replace(film, result=replace(film.result, variables=(replace(force, values=largest),)))
+    save(changed, tmp_path / "film.gif")
+    assert _Forces.of(changed, Paper.of(film.sketches)).label == "100 N"

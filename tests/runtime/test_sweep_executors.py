@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import CapabilityError, ModelError, SimulationError
+from symgen.errors import ArgumentError, CapabilityError, ModelError, SimulationError
 from symgen.runtime.sweeps import executors
 from symgen.runtime.sweeps.stores import Zarr, opened
 from symgen.runtime.sweeps.sweep import Sweep
@@ -95,9 +95,40 @@ def test_errors_of_a_chunk_end_the_sweep_and_workers_of_other_versions_are_refus
         with monkeypatch.context() as patch, pytest.raises(ModelError, match="histories have equal lengths"):
             patch.setattr(Sweep, "arrays", wrong)
             model.sweep(OF, executor=pool, **WANTED)
-        monkeypatch.setattr(executors, "_packed", lambda *sweep: pickle.dumps(("0.0", "other", *sweep)))
+        monkeypatch.setattr(
+            executors, "_packed", lambda *_: pickle.dumps(("0.0", "other", b"of a later one"))
+        )
         with pytest.raises(CapabilityError, match=r"from symgen 0\.0 differ"):
             model.sweep(OF, executor=pool, **WANTED)
+
+
+def test_a_sweep_that_fails_here_cancels_what_it_submitted(model):
+    class First(Executor):
+        """Carries out its first task only."""
+
+        def __init__(self):
+            self.made = []
+
+        def submit(self, task, *given):
+            self.made.append(Future())
+            if len(self.made) == 1:
+                self.made[0].set_result(task(*given))
+            return self.made[-1]
+
+    def tell(_):
+        raise ValueError("no more")
+
+    executor = First()
+    with pytest.raises(ValueError, match="no more") as kept:
+        model.sweep(OF, executor=executor, chunk=1, progress=tell, **WANTED)
+    assert kept.traceback and len(executor.made) > 1
+    assert all(future.cancelled() for future in executor.made[1:])
+
+
+def test_errors_of_arguments_come_back_from_processes():
+    error = ArgumentError("samples", before="expected ", after=" of at least 2", call="simulate")
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.named("n")) == (str(error), "expected n of at least 2")
 
 
 def test_processes_end_with_the_one_that_started_them(tmp_path):

@@ -63,6 +63,8 @@ def test_kept_answers_are_pints():
         "2 __import__",
         "2 m m m^x",
         "4/0 s",
+        "4/3e2 s",
+        "4/2.5 s",
         "4/-3 s",
         "x" * 999,
     ],

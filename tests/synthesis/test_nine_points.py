@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from symgen.synthesis import precision
+from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.tasks import read_task
 
 #: Problem 3 of Wampler, Morgan and Sommese (1992): 64 of its 1442 linkages are real, each with two cognates.
@@ -42,3 +44,10 @@ def test_linkages_through_nine_points_come_with_their_cognates():
             ratio = np.linalg.norm(k.P - end) / k.lengths["coupler"]
             likeness = np.abs(every / (ratio * np.array(sorted(k.lengths.values()))) - 1).max(axis=1)
             assert likeness.min() < 1e-7
+
+
+@pytest.mark.parametrize("more", [-1e-16, 0.0, 1e-16])
+def test_one_linkage_with_equal_crank_and_rocker_is_written_in_one_way(more):
+    o, a, b, c = (np.array(x) for x in ([0.0, 0.0], [0.0, 0.9 + more], [0.5, 0.9], [0.5, 0.0]))
+    linkage = FourBar(o, a, b, c, np.array([0.2, 1.5]), 0.0)
+    assert not precision._is_turned(linkage, 1.0) and precision._is_turned(precision._exchanged(linkage), 1.0)

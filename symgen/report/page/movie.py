@@ -141,7 +141,7 @@ class _Forces:
         per = _REACH * paper.height / largest
         at = np.array([[paper(s.nodes[f["node"]].at) for s in film.sketches] for f in forces])
         power = 10.0 ** math.floor(math.log10(largest))
-        shown = next(x for x in (5, 2, 1) if x * power <= largest) * power
+        shown = next((x for x in (5, 2) if x * power <= largest), 1) * power
         unit = forces[0]["parts"][0]["unit"]
         return cls(at, (values @ paper.view) * per * (1.0, -1.0), shown * per, f"{shown:g} {unit}")
 

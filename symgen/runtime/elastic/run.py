@@ -61,6 +61,8 @@ Progress = Callable[[float], None]
 
 #: Steps a revolution with which explicit runs are repeated, implicitly, on finer elements.
 _EXPLICIT = 512
+#: Displacements [m], rotations [rad] and their rates beyond it are none, and their powers overflow.
+_BOUND = 1e30
 #: How near one a multiplier may come: double ones, of a free crank, are split by the root of round-off.
 _UNIT = 1e-4
 
@@ -114,7 +116,7 @@ def run(
             found = explicit(motion, equations, task, times, progress, keeping, begun)
     except OutOfTime as stop:
         raise _out_of_time(motion, equations, task, times[:count], stop, passes, pace) from None
-    if not np.all(np.isfinite(found.displacements)):
+    if not all(np.all(np.abs(x) < _BOUND) for x in (found.displacements, found.rates) if x is not None):
         raise SimulationError(
             f"{motion.rigid.name}: the motion grows without bound: the step is too long for "
             f"{task.method}, or the motion is unstable\n"

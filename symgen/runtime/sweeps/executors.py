@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -30,7 +30,9 @@ _HELD = 2**28
 _ENDED = 3
 
 
-def submitted(sweep: Any, layout: Layout, spans: Sequence[Span], executor: Any) -> Iterator[Found]:
+def submitted(
+    sweep: Any, layout: Layout, spans: Sequence[Span], executor: Any
+) -> Generator[Found, None, None]:
     """Yield the results of chunks as they are there, in any order.
 
     Parameters
@@ -123,19 +125,22 @@ def _by(pool: Executor, work: bytes, spans: Sequence[Span], most: int) -> Iterat
 
 def _packed(sweep: Any, layout: Layout) -> bytes:
     """Return a sweep for other processes: its model as a scene with the hash of its equations, no binary."""
-    return pickle.dumps((__version__, sweep.model.description.equations, sweep, layout))
+    return pickle.dumps((__version__, sweep.model.description.equations, pickle.dumps((sweep, layout))))
 
 
 @lru_cache(maxsize=4)
 def _unpacked(work: bytes) -> tuple[Any, Layout]:
     """Return a sweep whose kernels come from the cache of this machine, or are compiled for its processor."""
-    version, equations, sweep, layout = pickle.loads(work)  # noqa: S301 - as any executor does
-    if (version, equations) != (__version__, sweep.model.description.equations):
+    version, equations, inner = pickle.loads(work)  # noqa: S301 - as any executor does
+    found: tuple[Any, Layout] | None = None
+    if version == __version__:
+        found = pickle.loads(inner)  # noqa: S301
+    if found is None or equations != found[0].model.description.equations:
         raise CapabilityError(
             f"the equations of a sweep from symgen {version} differ in its worker, which has {__version__}\n"
             "  Install the same version for all workers."
         )
-    return sweep, layout
+    return found
 
 
 def _chunk(work: bytes, first: int, last: int) -> dict[str, NDArray[Any]]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -187,15 +188,16 @@ def carry_out(
         if progress:
             progress((finished + part) / len(own))
 
-    found: Iterator[Found]
+    found: Generator[Found, None, None]
     if executor is None:
         found = ((first, sweep.arrays(layout, first, last, within)) for first, last in missing)
     else:
         found = submitted(sweep, layout, missing, executor)
-    for first, arrays in found:
-        store.write(first, arrays)
-        finished += 1
-        within(0.0)
+    with closing(found):  # which ends the work of an executor when writing or progress fails
+        for first, arrays in found:
+            store.write(first, arrays)
+            finished += 1
+            within(0.0)
     if progress:
         progress(1.0)
     return store.dataset()

@@ -55,6 +55,8 @@ def _joined(linkage: Linkage) -> list[set[str]]:
         parts = [points, *(group_of[p] for p in points if p in group_of)]
         largest = max(parts, key=len)
         for part in parts:
+            if part is largest and part is not points:
+                continue
             largest |= part
             group_of.update(dict.fromkeys(part, largest))
     return list({id(group): group for group in group_of.values()}.values())
