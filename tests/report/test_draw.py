@@ -149,6 +149,6 @@ def test_the_command_draws(tmp_path, monkeypatch, entry):
     expected = [point for angle in (math.pi / 3, 0.5) for point in four_bar(angle)]
     assert np.array(centres) == pytest.approx(np.array(expected), abs=1e-9)
     code, _, said = entry("draw", "four_bar", "--at", "20 mm")
-    assert code == 2 and "time after --at" in said
+    assert code == 2 and "times after --at" in said
     code, _, said = entry("draw", "four_bar", "--path", "B", "--no-paths")
     assert code == 2 and "not both" in said
