@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median, quantiles
+from textwrap import fill
 from time import perf_counter, process_time
 from typing import Any
 
@@ -248,11 +249,15 @@ def _write(page: Path, name: str, measured: Measurement, lines: Sequence[Sequenc
     text = [
         _markdown(columns, rows),
         _markdown(_LINES, _required_rows(lines)),
-        "\n".join(f"{note.rstrip('.')}." for note in measured.notes),
-        f"Measured on: {_of_machine()}.",
+        "\n".join(_wrapped(f"{note.rstrip('.')}.") for note in measured.notes),
+        _wrapped(f"Measured on: {_of_machine()}."),
     ]
     written = "\n\n".join(filter(None, text))
     page.write_text(f"{head}{begin}\n{written}\n\n{end}{tail}", encoding="utf-8")
+
+
+def _wrapped(text: str) -> str:
+    return fill(text, 138, break_long_words=False, break_on_hyphens=False)
 
 
 def _markdown(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
