@@ -39,7 +39,7 @@ def main() -> int:
     if symgen.build(SCENES[0]).backend != "c":
         print("this benchmark needs compiled kernels: install a C compiler", file=sys.stderr)
         return 1
-    return report_repeats(partial(measured, options.slack), repeats=options.repeats, as_json=options.json)
+    return report_repeats(partial(measured, options.slack), options)
 
 
 def measured(slack: float) -> Measurement:

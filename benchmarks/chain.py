@@ -54,9 +54,7 @@ FLOPS = {"plane": 90, "space": 180}
 def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__, slack=True)
-    return report_repeats(
-        lambda: measured(options.slack), repeats=options.repeats, as_json=options.json, page=options.page
-    )
+    return report_repeats(lambda: measured(options.slack), options)
 
 
 def measured(slack: float) -> Measurement:

@@ -62,9 +62,7 @@ NAMES = (
 def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__, slack=True)
-    return report_repeats(
-        lambda: measured(options.slack), repeats=options.repeats, as_json=options.json, page=options.page
-    )
+    return report_repeats(lambda: measured(options.slack), options)
 
 
 def measured(slack: float) -> Measurement:

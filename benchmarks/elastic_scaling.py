@@ -189,9 +189,7 @@ def measured(slack: float, short: bool) -> Measurement:
 def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__, short=True, slack=True)
-    return report_repeats(
-        lambda: measured(options.slack, options.short), repeats=options.repeats, as_json=options.json
-    )
+    return report_repeats(lambda: measured(options.slack, options.short), options)
 
 
 if __name__ == "__main__":

@@ -149,11 +149,8 @@ def _cpu() -> str:
     return next(named, platform.processor() or platform.machine())
 
 
-def arguments(description: str | None, *, short: bool = False, slack: bool = False) -> argparse.Namespace:
-    """Parse the command-line arguments shared by all benchmarks.
-
-    ``short`` adds an option for a reduced measurement, ``slack`` one that relaxes ratios of times.
-    """
+def parser_of(description: str | None) -> argparse.ArgumentParser:
+    """Return a parser of the command-line arguments that ``report_repeats`` reads."""
     parser = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.add_argument(
@@ -165,6 +162,15 @@ def arguments(description: str | None, *, short: bool = False, slack: bool = Fal
         default=3,
         help="maximum number of repeats while a criterion on times is not met",
     )
+    return parser
+
+
+def arguments(description: str | None, *, short: bool = False, slack: bool = False) -> argparse.Namespace:
+    """Parse the command-line arguments of a benchmark.
+
+    ``short`` adds an option for a reduced measurement, ``slack`` one that relaxes ratios of times.
+    """
+    parser = parser_of(description)
     if short:
         parser.add_argument("--short", action="store_true", help="reduced measurement")
     if slack:
@@ -177,13 +183,7 @@ def arguments(description: str | None, *, short: bool = False, slack: bool = Fal
     return parser.parse_args()
 
 
-def report_repeats(
-    measured: Callable[[], Measurement],
-    *,
-    repeats: int = 3,
-    as_json: bool = False,
-    page: Path | None = None,
-) -> int:
+def report_repeats(measured: Callable[[], Measurement], options: argparse.Namespace) -> int:
     """Measure, print every repeat, and return the exit code: 1 if a criterion is not met, else 0.
 
     A criterion on times is met if it is met in one repeat, because other load on the machine only increases
@@ -193,25 +193,24 @@ def report_repeats(
     ----------
     measured
         Function that performs one measurement.
-    repeats
-        Maximum number of repeats.
-    as_json
-        Print ``{machine, rows, required}`` as one JSON object instead of the tables.
-    page
-        A page in Markdown whose lines between ``<!-- NAME -->`` and ``<!-- /NAME -->``, for a benchmark
-        NAME.py, are replaced by the last tables.
+    options
+        What :func:`parser_of` parses. With ``json``, ``{machine, rows, required}`` is printed as one JSON
+        object instead of the tables. With ``page``, the lines of that page in Markdown between
+        ``<!-- NAME -->`` and ``<!-- /NAME -->``, for a benchmark NAME.py, are replaced by the last tables.
     """
-    found: list[Measurement] = []
-    while len(found) < repeats:
+    name, found = Path(sys.argv[0]).stem, list[Measurement]()
+    if options.page:
+        _place(options.page, name)  # which a page must have before anything is measured
+    while len(found) < options.repeats:
         found.append(measured())
-        if not as_json:
+        if not options.json:
             _print_rows(found[-1], len(found))
         if all(_holds(lines) for lines in _by_name(found)) or not all(
             r.holds for r in found[-1].required if not r.timed
         ):
             break
     lines = _by_name(found)
-    if as_json:
+    if options.json:
         content = {
             "machine": machine(),
             "rows": [
@@ -232,19 +231,26 @@ def report_repeats(
         print(json.dumps(content, allow_nan=False))
     else:
         _print_required(lines, found[-1].notes)
-    if page:
-        _write(page, Path(sys.argv[0]).stem, found[-1], lines)
+    if options.page:
+        _write(options.page, name, found[-1], lines)
     return 0 if all(map(_holds, lines)) else 1
+
+
+def _place(page: Path, name: str) -> tuple[str, str]:
+    """Return what a page has before and after the tables of a benchmark, marks included."""
+    begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->\n"
+    head, found, rest = page.read_text(encoding="utf-8").partition(begin)
+    _, closed, tail = rest.partition(end)
+    if not found or not closed:
+        raise SystemExit(
+            f"{page} has no place for {name}: write {begin.strip()} and {end.strip()}, a line each"
+        )
+    return head + begin, end + tail
 
 
 def _write(page: Path, name: str, measured: Measurement, lines: Sequence[Sequence[Required]]) -> None:
     """Replace the lines of a benchmark on a page by its tables."""
-    head, begin, rest = page.read_text(encoding="utf-8").partition(f"<!-- {name} -->\n")
-    _, end, tail = rest.partition(f"<!-- /{name} -->\n")
-    if not begin or not end:
-        raise SystemExit(
-            f"{page} has no place for {name}: write <!-- {name} --> and <!-- /{name} -->, a line each"
-        )
+    before, after = _place(page, name)
     columns, rows = list(measured.rows[0]), [list(row.values()) for row in measured.rows]
     text = [
         _markdown(columns, rows),
@@ -253,7 +259,7 @@ def _write(page: Path, name: str, measured: Measurement, lines: Sequence[Sequenc
         _wrapped(f"Measured on: {_of_machine()}."),
     ]
     written = "\n\n".join(filter(None, text))
-    page.write_text(f"{head}{begin}\n{written}\n\n{end}{tail}", encoding="utf-8")
+    page.write_text(f"{before}\n{written}\n\n{after}", encoding="utf-8")
 
 
 def _wrapped(text: str) -> str:
@@ -261,7 +267,8 @@ def _wrapped(text: str) -> str:
 
 
 def _markdown(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    lines = [columns, ["---"] * len(columns), *([_cell(c) for c in row] for row in rows)]
+    cells = ([_cell(c).replace("|", "\\|") for c in row] for row in rows)
+    lines = [columns, ["---"] * len(columns), *cells]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
@@ -274,7 +281,8 @@ def report(
     as_json: bool = False,
 ) -> int:
     """Print one measurement; return the exit code of ``report_repeats``."""
-    return report_repeats(lambda: Measurement(title, rows, required, notes), repeats=1, as_json=as_json)
+    once = argparse.Namespace(repeats=1, json=as_json, page=None)
+    return report_repeats(lambda: Measurement(title, rows, required, notes), once)
 
 
 def _by_name(found: Sequence[Measurement]) -> list[list[Required]]:

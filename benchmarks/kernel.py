@@ -42,9 +42,7 @@ def main() -> int:
     if model.backend == "numpy":
         print("this benchmark needs compiled kernels: install a C compiler", file=sys.stderr)
         return 1
-    return report_repeats(
-        lambda: measured(model), repeats=options.repeats, as_json=options.json, page=options.page
-    )
+    return report_repeats(lambda: measured(model), options)
 
 
 def measured(model: symgen.Model) -> Measurement:

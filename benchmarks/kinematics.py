@@ -45,9 +45,7 @@ ONE_POSE, DEAREST = 0.3e-6, 3e-6
 def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__, slack=True)
-    return report_repeats(
-        partial(measured, options.slack), repeats=options.repeats, as_json=options.json, page=options.page
-    )
+    return report_repeats(partial(measured, options.slack), options)
 
 
 def measured(slack: float) -> Measurement:

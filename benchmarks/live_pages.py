@@ -78,7 +78,7 @@ def main() -> int:
     if shutil.which("node") is None:
         print("Node.js is not installed.")
         return 0
-    return report_repeats(measured, repeats=options.repeats, as_json=options.json)
+    return report_repeats(measured, options)
 
 
 def measured() -> Measurement:

@@ -52,7 +52,7 @@ MICROSECONDS, FASTER, LARGEST_ERROR = 3.0, 30.0, 1e-10
 def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__)
-    return report_repeats(measured, repeats=options.repeats, as_json=options.json, page=options.page)
+    return report_repeats(measured, options)
 
 
 def measured() -> Measurement:

@@ -52,9 +52,7 @@ BOTH = 1.8
 def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__, slack=True)
-    return report_repeats(
-        partial(measured, options.slack), repeats=options.repeats, as_json=options.json, page=options.page
-    )
+    return report_repeats(partial(measured, options.slack), options)
 
 
 def measured(slack: float) -> Measurement:

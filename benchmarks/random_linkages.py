@@ -11,7 +11,6 @@ equal linkages.
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -21,7 +20,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from harness import Measurement, Required, report_repeats
+from harness import Measurement, Required, parser_of, report_repeats
 from linkages import meeting
 from numpy.typing import NDArray
 
@@ -207,14 +206,13 @@ def measured(count: int, seed: int, processes: int) -> Measurement:
 
 def main() -> int:
     """Compare, print, and return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--count", type=int, default=11_600, help="linkages of all families together")
     parser.add_argument("--seed", type=int, default=0, help="seed of the first linkage")
     parser.add_argument("--processes", type=int, default=os.cpu_count(), help="number of processes")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
     chosen = parser.parse_args()
     run = partial(measured, chosen.count, chosen.seed, chosen.processes)
-    return report_repeats(run, repeats=1, as_json=chosen.json)
+    return report_repeats(run, chosen)
 
 
 if __name__ == "__main__":

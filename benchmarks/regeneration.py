@@ -43,7 +43,7 @@ class Spent:
 def main() -> int:
     """Measure, print and check."""
     options = arguments(__doc__, short=True)
-    return report_repeats(lambda: measured(options.short), repeats=options.repeats, as_json=options.json)
+    return report_repeats(lambda: measured(options.short), options)
 
 
 def measured(short: bool) -> Measurement:

@@ -65,7 +65,7 @@ def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__, short=True)
     sizes = SHORT_SIZES if options.short else SIZES
-    return report_repeats(lambda: measured(sizes), repeats=options.repeats, as_json=options.json)
+    return report_repeats(lambda: measured(sizes), options)
 
 
 def measured(sizes: tuple[int, ...]) -> Measurement:

@@ -46,9 +46,7 @@ def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__, short=True, slack=True)
     errors = [] if options.short else list(_errors())
-    return report_repeats(
-        lambda: _measured(errors, options.slack), repeats=options.repeats, as_json=options.json
-    )
+    return report_repeats(lambda: _measured(errors, options.slack), options)
 
 
 def _measured(errors: list[dict[str, Any]], slack: float) -> Measurement:

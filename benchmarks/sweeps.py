@@ -56,7 +56,7 @@ def main() -> int:
         _sweep(Path(sys.argv[2]), VICTIMS, 2, CHUNK)
         return 0
     options = arguments(__doc__, slack=True)
-    return report_repeats(partial(measured, options.slack), repeats=options.repeats, as_json=options.json)
+    return report_repeats(partial(measured, options.slack), options)
 
 
 def _model() -> symgen.Model:

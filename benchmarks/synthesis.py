@@ -27,7 +27,7 @@ def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__, short=True)
     count = TASKS // 10 if options.short else TASKS
-    return report_repeats(lambda: measured(count), repeats=options.repeats, as_json=options.json)
+    return report_repeats(lambda: measured(count), options)
 
 
 def measured(count: int) -> Measurement:

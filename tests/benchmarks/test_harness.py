@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import sys
+from argparse import Namespace
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,10 @@ def harness():
     del sys.modules[spec.name]
 
 
+def asked(json=False, page=None):
+    return Namespace(repeats=3, json=json, page=page)
+
+
 def outcome(harness, capsys, ratios, errors=(1e-15,) * 9):
     """Return the exit code and the JSON of measurements with these ratios of times and errors, in this order."""
     values = iter(zip(*ratios, errors, strict=False))
@@ -32,7 +37,7 @@ def outcome(harness, capsys, ratios, errors=(1e-15,) * 9):
         lines.append(harness.Required("error", error, 1e-12, False))
         return harness.Measurement("title", [{"case": "a", "time": times[0]}], lines)
 
-    code = harness.report_repeats(measured, repeats=3, as_json=True)
+    code = harness.report_repeats(measured, asked(json=True))
     return code, json.loads(capsys.readouterr().out)
 
 
@@ -41,19 +46,19 @@ def test_tables_are_written_into_their_place_on_a_page(harness, capsys, monkeypa
     page.write_text(
         "Before.\n<!-- other -->\n<!-- /other -->\n<!-- speed -->\nold\n<!-- /speed -->\nAfter.\n"
     )
-    rows = [{"case": "a", "time [s]": 0.12345}, {"case": "b", "time [s]": None}]
+    rows = [{"case": "a", "time [s]": 0.12345}, {"case": "b|c", "time [s]": None}]
     found = harness.Measurement("title", rows, [harness.Required("error", 1e-9, 1e-12, False)], ["A note."])
     monkeypatch.setattr(sys, "argv", ["benchmarks/speed.py"])
     for _ in range(2):
-        assert harness.report_repeats(lambda: found, page=page) == 1
+        assert harness.report_repeats(lambda: found, asked(page=page)) == 1
     head, _, rest = page.read_text().partition("<!-- speed -->\n")
     table, _, tail = rest.partition("<!-- /speed -->\n")
     assert (head, tail) == ("Before.\n<!-- other -->\n<!-- /other -->\n", "After.\n")
-    assert "| case | time [s] |\n| --- | --- |\n| a | 0.123 |\n| b |  |\n" in table
+    assert "| case | time [s] |\n| --- | --- |\n| a | 0.123 |\n| b\\|c |  |\n" in table
     assert "| error | 1e-09 | <= 1e-12 | NO |" in table and "\n\nA note.\n\nMeasured on: " in table
     monkeypatch.setattr(sys, "argv", ["benchmarks/kernel.py"])
     with pytest.raises(SystemExit, match="has no place for kernel: write <!-- kernel -->"):
-        harness.report_repeats(lambda: found, page=page)
+        harness.report_repeats(lambda: pytest.fail("measured"), asked(page=page))
 
 
 def test_a_line_of_times_holds_when_one_repeat_holds(harness, capsys):
@@ -92,6 +97,6 @@ def test_the_table_lists_all_repeats(harness, capsys):
         lines = [harness.Required("ratio", next(ratios), 5.0, True, timed=True)]
         return harness.Measurement("Speeds", [{"case": "a"}], lines)
 
-    assert harness.report_repeats(measured) == 0
+    assert harness.report_repeats(measured, asked()) == 0
     text = capsys.readouterr().out
     assert "4, 4.5, 6.5" in text and "repeat 3" in text
