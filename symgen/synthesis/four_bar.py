@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, cast
@@ -10,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
+from symgen.synthesis.triangle import angle
 
 if TYPE_CHECKING:
     from symgen.runtime.model.kinematic import KinematicModel
@@ -21,6 +23,8 @@ Array = NDArray[np.float64]
 
 #: Difference of the sums of lengths that counts as none, relative to them: a change-point linkage.
 _CHANGE_POINT = 1e-9
+#: Angle beyond its limit [rad] at which a crank does not count as stopped: rounding.
+_STOP = 1e-9
 #: Class of a Grashof linkage by its shortest link.
 _CLASSES = ("crank-rocker", "double-rocker", "rocker-crank", "double-crank")
 
@@ -122,30 +126,58 @@ class FourBar:
         """The compiled linkage; all four-bars share its kernels."""
         return _model().with_parameters(**self.parameters)
 
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Directions of the crank [rad] at which it stops on this branch, infinite where it turns.
+
+        Coupler and rocker are in line there: stretched or folded.
+        """
+        a, b, c, d = self.lengths.values()
+        own, towards = self.parameters["start"], float(np.arctan2(*(self.C - self.O)[::-1]))
+        from_link = math.remainder(own - towards, 2 * math.pi)
+        stretched = angle(b + c, a, d) if d + a > b + c else math.inf
+        low, high = -stretched, stretched
+        if abs(d - a) < abs(b - c):
+            folded = angle(abs(b - c), a, d)
+            # A crank that passes the direction away from the link is on neither side of it.
+            low, high = (folded, min(stretched, 2 * math.pi - folded))
+            if from_link < 0 and math.isfinite(stretched):
+                low, high = -high, -low
+            elif from_link < 0:
+                from_link += 2 * math.pi
+        return own + low - from_link, own + high - from_link
+
     def angles(self, at: ArrayLike) -> Result:
         """Return the poses at directions of the crank [rad], followed from this pose on its branch.
 
         The crank turns either way: a direction below that of this pose is in the past of the drive.
+
+        Raises
+        ------
+        SimulationError
+            When the crank stops before it has passed all directions.
         """
-        times = np.asarray(at, dtype=float) - self.parameters["start"]
-        return self.model.kinematics(at=times, over="time")
+        directions, start = np.asarray(at, dtype=float), self.parameters["start"]
+        stops = np.array(self.swing)
+        passed = [
+            np.min(directions, initial=np.inf) < stops[0] - _STOP,
+            np.max(directions, initial=-np.inf) > stops[1] + _STOP,
+        ]
+        if self.grashof != "change-point" and any(passed):
+            stop = float(stops[passed][0])
+            raise SimulationError(f"the crank stops at {np.degrees(stop) % 360.0:.6g} deg", time=stop - start)
+        return self.model.kinematics(at=directions - start, over="time")
 
     def within_reach(self, directions: ArrayLike) -> Array:
         """Return directions of the crank [rad] moved by revolutions into the range in which it swings."""
         directions = np.atleast_1d(np.asarray(directions, dtype=float))
         if not directions.size:
             return directions
-        a, b, c, d = self.lengths.values()
-        towards = float(np.arctan2(*(self.C - self.O)[::-1]))
-        from_link = np.mod(directions - towards, 2 * np.pi)
-        if d + a > b + c:  # the crank cannot point away from the rocker's ground point
-            from_link = np.where(from_link > np.pi, from_link - 2 * np.pi, from_link)
-        elif abs(d - a) >= abs(b - c):
-            from_link = np.unwrap(directions) - towards
-        own = self.parameters["start"]
-        return np.asarray(
-            from_link + towards + 2 * np.pi * np.round((own - from_link[0] - towards) / (2 * np.pi))
-        )
+        low, high = self.swing
+        if math.isinf(low):
+            directions = np.unwrap(directions)
+            return directions + 2 * np.pi * np.round((self.parameters["start"] - directions[0]) / (2 * np.pi))
+        return directions - 2 * np.pi * np.round((directions - (low + high) / 2) / (2 * np.pi))
 
 
 def _tables(linkage: FourBar) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from itertools import pairwise
 
@@ -10,9 +11,10 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import SceneError
+from symgen.errors import SceneError, SimulationError
 from symgen.report.page.study import render_study
 from symgen.report.synthesis import synthesis_page
+from symgen.synthesis.four_bar import FourBar
 
 #: Case I of the method file: swing, rocker angle folded, least transmission angle [deg]; a, b, c for d = 1.
 CASE_1 = {
@@ -230,6 +232,33 @@ def test_cranks_that_do_not_turn_pass_their_poses_either_way(given, cranks, cloc
         found = symgen.synthesise(task).designs
         own = [d for d in found if np.allclose([*d.linkage.lengths.values()], (*given, D), rtol=1e-8)]
         assert own and own[0].linkage.grashof == "triple-rocker" and not own[0].faults, task["kind"]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_crank_stops_where_circles_about_its_end_and_the_rockers_ground_no_longer_meet(seed):
+    a, b, c = np.random.default_rng(seed).uniform(0.3, 2.0, 3)
+
+    def met(crank):
+        e = abs(a * np.exp(1j * crank) - D)
+        return (e < b + c) & (e > abs(b - c))
+
+    directions = np.linspace(-np.pi, np.pi, 2001)
+    start = float(np.random.default_rng(seed).choice(directions[met(directions)]))
+    _, coupler, _ = drawn(start, a, b, c)
+    joint = a * np.array([math.cos(start), math.sin(start)])
+    end = joint + b * np.array([math.cos(coupler), math.sin(coupler)])
+    linkage = FourBar([0.0, 0.0], joint, end, [D, 0.0], end)
+    for way, stop in zip((-1, 1), linkage.swing, strict=True):
+        turned = start + way * np.linspace(0.0, 2 * np.pi, 100_001)
+        if met(turned).all():
+            assert math.isinf(stop)
+            continue
+        assert way * (stop - turned[~met(turned)][0]) == pytest.approx(0.0, abs=1e-4)
+        inside, outside = stop - way * 1e-3, stop + way * 1e-3
+        angle = linkage.angles([start, inside])["coupler.angle"].values[-1]
+        assert math.remainder(angle - drawn(inside, a, b, c)[1], 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+        with pytest.raises(SimulationError, match=re.escape(f"stops at {math.degrees(stop) % 360:.6g} deg")):
+            linkage.angles([start, outside])
 
 
 def test_a_path_and_the_faults_of_branch_and_order():

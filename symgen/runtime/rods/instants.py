@@ -77,7 +77,9 @@ def instants(
         times = reals(at, "times")
         if not len(times):
             raise ModelError("expected at least one time")
-        low, high = min(0.0, float(np.min(times))), max(end, float(np.max(times)))
+        low, high = float(np.min(times)), float(np.max(times))
+        if low == high:  # a range is longer than that
+            low, high = min(0.0, low), max(end, high)
         return Instants(low, high, samples, times.tolist(), "time")
     first, last = _ordered(0.0 if start is None else start, end if stop is None else stop, " s")
     return Instants(first, last, samples, at, "input")
