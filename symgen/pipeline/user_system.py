@@ -141,15 +141,20 @@ _KEPT = ("symgen", "sympy", "mpmath", "numpy")
 
 @contextmanager
 def _importing_beside(folder: Path) -> Iterator[list[Path]]:
-    """Let a file import modules of its folder in their current form; yield their list, then unload them."""
+    """Let a file import modules of its folder in their current form; yield their list, then unload them.
+
+    No bytecode of them is written: Python would load it for a file of the same size changed in the same second.
+    """
     away = {name: sys.modules[name] for name in sorted(sys.modules) if _is_beside(folder, name)}
     for name in away:  # imported earlier, perhaps in another form
         del sys.modules[name]
     before, found = set(sys.modules), list[Path]()
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     sys.path.insert(0, str(folder))
     try:
         yield found
     finally:
+        sys.dont_write_bytecode = writes
         if str(folder) in sys.path:
             sys.path.remove(str(folder))
         for name in sorted(set(sys.modules) - before):

@@ -126,6 +126,21 @@ def test_a_saddle_point_is_solved(model):
     assert {"accelerations", "multipliers"} <= {o.output for o in report.outputs}
 
 
+def test_a_change_within_the_second_is_read(model, monkeypatch):
+    """Bytecode is looked up by seconds and sizes of files, which such a change keeps."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    constants = model.parent / "constants.py"
+    for file in (model, constants):
+        os.utime(file, (1e9, 1e9))
+    generate(model)
+    for file, before, after in ((model, "omega**2 / 2", "omega**2 / 3"), (constants, "2", "3")):
+        file.write_text(file.read_text().replace(before, after))
+        os.utime(file, (1e9, 1e9))
+    assert {m.name for m in generate(model).change.matrices} == {"inertia", "energy"}
+    energy = symgen.build(model).equations["energy"][0, 0]
+    assert str(energy) == "-g*l*m*cos(theta) + l**3*m*omega**2/3"
+
+
 def test_generate_says_what_changed_since(model):
     assert generate(model).change is None
     again = generate(model)
