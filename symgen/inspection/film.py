@@ -54,7 +54,8 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
     model = _built(drawn)
     result = drawn.view.filmed(model, samples, **asked)
     sketches = drawn.view.sketches(drawn.resolved, model, result)
-    return Film(_shown(result, drawn.plotted), sketches, drawn.view.film_text(drawn.resolved, result))
+    words = drawn.view.film_text(drawn.resolved, result)
+    return Film(_shown(result, drawn.plotted), sketches, words, _shown(result, drawn.arrows).shown)
 
 
 def film_of_mode(text: SceneText, number: int, angle: float | None, samples: int) -> Film:
@@ -103,7 +104,8 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
     rows = np.arange(0, result.count, max(1, math.ceil((result.count - 1) / (frames - 1))))
     poses = _thinned(of.view.repeated(built, verb, given, result), rows)
     sketches = of.view.sketches(of.resolved, built, poses)
-    film = Film(_thinned(result, rows), sketches, of.view.film_text(of.resolved, poses))
+    words = of.view.film_text(of.resolved, poses)
+    film = Film(_thinned(result, rows), sketches, words, _shown(poses, of.arrows).shown)
     if file is not None:
         save(film, Path(file))
     return film

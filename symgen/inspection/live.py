@@ -59,7 +59,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
             f"expected the range of the slider of {wrong}, got other values\n"
             "  Write --vary KEY=LOW:HIGH, with units."
         )
-    text, resolved, view, places, plotted = drawn_scene(text)
+    text, resolved, view, places, plotted, arrows = drawn_scene(text)
     model = build_asked(text, backend="c")
     code = exported(text)
     entries = [slot.name.partition(" ")[0] for slot in code.outputs]
@@ -82,6 +82,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         frames=frames,
         outputs=shown,
         plotted=[k for k, name in enumerate(entries) if name in plotted],
+        arrows=[k for k, name in enumerate(entries) if name in arrows],
         drawn={place: [k for k, name in enumerate(entries) if name == place] for place in places},
         sketch=sketch,
         sliders=[_shown(s, keys_by_name, units) for s in sliders],

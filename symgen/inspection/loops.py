@@ -61,6 +61,11 @@ class LoopView(View):
         """Return the joint variables."""
         return [v.name for v in resolved.variables]
 
+    def arrows(self, resolved: Loop, plotted: Sequence[str]) -> Sequence[str]:
+        """Return the plotted joint forces, which are in frames of links, in the axes of the picture."""
+        found = (f"{name}_in_ground" for name in plotted if name.endswith(".force"))
+        return [name for name in found if name not in plotted]
+
     def moved(self, model: Any, samples: int, **asked: Any) -> Result:
         """Return the range of a driven loop, with forces if it has masses, or the motion of a free one."""
         if not model.is_driven:

@@ -65,6 +65,10 @@ class View:
         """Return the outputs that are plotted beside the picture where the scene lists none."""
         return self.drawn_outputs(resolved)
 
+    def arrows(self, resolved: Any, plotted: Sequence[str]) -> Sequence[str]:
+        """Return the outputs, besides those plotted, of forces that the picture shows as arrows."""
+        return ()
+
     def film_text(self, resolved: Any, result: Result) -> str:
         """Return the caption of the moving picture of a result."""
         return self.film_caption
@@ -158,13 +162,17 @@ class View:
 
 
 class Drawn(NamedTuple):
-    """A scene that records what its moving picture draws and plots, and the names of these outputs."""
+    """A scene that records what its moving picture draws and plots, and the names of these outputs.
+
+    ``arrows`` are forces that are drawn and not plotted.
+    """
 
     text: SceneText
     resolved: Any
     view: View
     places: Sequence[str]
     plotted: Sequence[str]
+    arrows: Sequence[str]
 
 
 def drawn_scene(text: SceneText) -> Drawn:
@@ -182,9 +190,11 @@ def drawn_scene(text: SceneText) -> Drawn:
     view = view_of(resolved)
     places = view.drawn_outputs(resolved)
     plotted = checked.analysis.outputs or view.plotted_outputs(resolved)
-    analysis = {**text.data.get("analysis", {}), "outputs": list(dict.fromkeys([*places, *plotted]))}
+    arrows = view.arrows(resolved, plotted)
+    recorded = list(dict.fromkeys([*places, *arrows, *plotted]))
+    analysis = {**text.data.get("analysis", {}), "outputs": recorded}
     text = SceneText(text.name, text.file, {**view.recorded(resolved, text.data), "analysis": analysis})
-    return Drawn(text, resolved, view, places, plotted)
+    return Drawn(text, resolved, view, places, plotted, arrows)
 
 
 def view_of(thing: Any) -> View:

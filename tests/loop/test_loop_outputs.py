@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import sympy as sp
 from shared.loops import body, planar_4r, real, slider_crank, variable
 
+import symgen
 from symgen.errors import SceneError
 from symgen.models.loop.system import loop_system
 from symgen.scene.rods.linkage import Parameter
@@ -29,6 +31,23 @@ def test_motions_alone_generate_no_dynamics():
 def test_energies_need_masses_but_no_forces():
     system = loop_system(slider_crank(outputs=["kinetic_energy", "rod.centre"]))
     assert "inverse" not in kernels(system) and "rod_binor" in system
+
+
+def test_forces_in_ground_axes_accelerate_the_rod():
+    """Newton's law in the first frame, with the acceleration of the centre by central differences."""
+    forces = ["rod.joint2.force_in_ground", "rod.joint3.force_in_ground"]
+    model = symgen.build(
+        "slider_crank", set={"analysis.outputs": [*forces, "rod.centre", "rod.joint2.force"]}
+    )
+    step, mid = 1e-4, 0.3
+    run = model.inverse_dynamics(at=mid + step * np.arange(-2, 3), over="time")
+    before, at, after = run["rod.centre"].values[[0, 2, 4]]
+    acceleration = (before - 2 * at + after) / (2 * step) ** 2
+    mass = 0.28 * np.pi * 50 / 386.4 * 175.12683525  # of a steel cylinder, from lbf s^2/in to kg
+    total = sum(run[name].values[2] for name in forces)
+    assert total == pytest.approx(mass * acceleration, abs=1e-5 * np.linalg.norm(total))
+    own, turned = run["rod.joint2.force"].values[2], run[forces[0]].values[2]
+    assert np.linalg.norm(own) == pytest.approx(np.linalg.norm(turned)) and np.ptp(own - turned) > 1.0
 
 
 def test_by_default_everything_is_recorded():

@@ -58,7 +58,7 @@ def test_the_caption_counts_the_curves_that_are_not_drawn():
 
 
 def test_arrows_of_forces_stand_at_their_joints():
-    """Forces on both links of a joint are opposite; those of loops are in frames of links and not drawn."""
+    """Forces on both links of a joint are opposite; those of loops are drawn in the axes of the ground."""
     asked = ["C.reaction", "coupler.A.force", "crank.A.force", "coupler.tension", "B.velocity"]
     text, data = page_of("crank_rocker", 5, {"analysis.outputs": asked})
     forces = {force["name"]: force for force in data["forces"]}
@@ -70,7 +70,15 @@ def test_arrows_of_forces_stand_at_their_joints():
     )
     assert one.shape == (2, 5) and one == pytest.approx(-other, rel=1e-4) and np.ptp(one) > 1
     assert "Arrows are the recorded forces" in text
-    text, data = page_of("slider_crank", samples=3)
+    plotted = {"analysis.outputs": ["slider.joint3.force"]}
+    text, data = page_of("slider_crank", 3, plotted)
+    (force,) = data["forces"]
+    assert force["name"] == "slider.joint3.force_in_ground" and "Arrows are" in text
+    assert data["nodes"][force["node"]]["name"] == "S3"
+    assert [c["name"] for c in data["curves"]] == [f"slider.joint3.force.{c}" for c in "xyz"]
+    own, turned = (np.array([c["values"] for c in of]) for of in (data["curves"], force["parts"]))
+    assert np.linalg.norm(own, axis=0) == pytest.approx(np.linalg.norm(turned, axis=0), rel=1e-4)
+    text, data = page_of("slider_crank", 3, {"analysis.outputs": ["S4"]})
     assert data["forces"] == [] and "Arrows are" not in text
 
 

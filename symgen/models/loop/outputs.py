@@ -37,6 +37,11 @@ def _force(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
     return [sign * x for x in wrench.real], "N", f"force on {link} at joint {joint}, in frame {{{joint}}}"
 
 
+def _force_in_ground(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
+    force, unit, _ = _force(model, joint, sign, link)
+    return model.frame(joint - 1).vector(force), unit, f"force on {link} at joint {joint}, in the first frame"
+
+
 def _moment(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
     wrench = model.joints[0][joint - 1]
     about = f"moment on {link} at joint {joint} about the origin of frame {{{joint}}}, in that frame"
@@ -97,6 +102,7 @@ OF_VARIABLES: dict[str, Callable[[LoopModel, int], Entries]] = {
 }
 OF_JOINTS: dict[str, Callable[[LoopModel, int, int, str], Entries]] = {
     "force": _force,
+    "force_in_ground": _force_in_ground,
     "moment": _moment,
     "position": _place,
     "axis": lambda model, joint, sign, link: (
@@ -130,7 +136,7 @@ OF_THE_WHOLE: dict[str, Callable[[LoopModel], Entries]] = {
 #: Words that hold masses, and those that hold the closing wrench, so the forces of the loop.
 INERTIAL = {"kinetic_energy", "potential_energy", "energy"}
 WRENCHES = ("force", "moment")
-DYNAMIC = {"drive", "power", *WRENCHES}
+DYNAMIC = {"drive", "power", *WRENCHES, "force_in_ground"}
 
 
 def asked(model: LoopModel) -> list[NamedMatrix]:

@@ -30,11 +30,15 @@ ARROWS = " Arrows are the recorded forces on links at their joints, and of the g
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """A mechanism at equal steps of a result, one sketch for each; the lines of all sketches correspond."""
+    """A mechanism at equal steps of a result, one sketch for each; the lines of all sketches correspond.
+
+    ``forces`` are drawn as arrows and not plotted.
+    """
 
     result: Result
     sketches: Sequence[Sketch]
     caption: str
+    forces: Sequence[Variable] = ()
 
     def _repr_html_(self) -> str:
         return self.framed(plots=True)
@@ -76,7 +80,7 @@ def animation(film: Film, *, plots: bool = True, framed: bool = False) -> str:
             for line, long in zip(lines_of(first), _long(film.sketches, size), strict=True)
         ],
         "nodes": nodes,
-        "forces": forces_of(curves, nodes),
+        "forces": forces_of([*curves, *curves_of(film.forces)], nodes),
         "frames": [_rounded(places.ravel(), size) for places in every],
         "curves": curves[:CURVES] if plots else [],
     }
@@ -114,17 +118,20 @@ def nodes_of(sketch: Sketch) -> list[dict[str, Any]]:
 
 
 def forces_of(curves: Sequence[dict[str, Any]], nodes: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the forces ``POINT.reaction`` and ``LINK.POINT.force`` among curves of components.
+    """Return the forces in the axes of the picture among curves of components.
 
-    Each has the number of its node and its curves. Forces of loops, in frames of their links, are omitted.
+    These are ``POINT.reaction`` and ``LINK.POINT.force`` of linkages, ``LINK.jointK.force_in_ground`` of
+    loops, whose nodes are their joints. Each has the number of its node and its curves.
     """
-    numbers = {node["name"]: i for i, node in enumerate(nodes)}
+    points = {node["name"]: i for i, node in enumerate(nodes)}
+    joints = {f"joint{i}": i - 1 for i in range(1, len(nodes) + 1)}
+    nodes_by_word = {"reaction": points, "force": points, "force_in_ground": joints}
     found: dict[str, dict[str, Any]] = {}
     for curve in curves:
         name, _, component = curve["name"].rpartition(".")
         owner, _, word = name.rpartition(".")
-        place = owner.rpartition(".")[2]
-        if component in ("x", "y", "z") and word in ("reaction", "force") and place in numbers:
+        place, numbers = owner.rpartition(".")[2], nodes_by_word.get(word, {})
+        if component in ("x", "y", "z") and place in numbers:
             force = found.setdefault(name, {"name": name, "node": numbers[place], "parts": []})
             force["parts"].append(curve)
     return list(found.values())

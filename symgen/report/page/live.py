@@ -48,8 +48,8 @@ class Live:
         Number of frames that it computes.
     outputs
         Names of the numbers of a frame, in its order, with unit and its size in SI.
-    plotted
-        Which of them are plotted.
+    plotted, arrows
+        Which of them are plotted, and which are components of forces that are drawn only.
     drawn
         Numbers of the outputs that the picture is linear in, by name.
     sketch
@@ -66,6 +66,7 @@ class Live:
     frames: int
     outputs: Sequence[tuple[str, str, float]]
     plotted: Sequence[int]
+    arrows: Sequence[int]
     drawn: Mapping[str, Sequence[int]]
     sketch: Callable[[Mapping[str, Array]], Sketch]
     sliders: Sequence[Slider]
@@ -84,10 +85,11 @@ def live(page: Live) -> str:
             change = (places_of(page.sketch({**none, name: one})) - constant).ravel()
             weights += [[int(v), output, float(change[v])] for v in np.flatnonzero(change)]
     nodes = nodes_of(first)
-    curves = [
-        dict(zip(("name", "unit", "size"), page.outputs[k], strict=True), output=k) for k in page.plotted
-    ]
-    forces = forces_of(curves, nodes)
+    curves, arrows = (
+        [dict(zip(("name", "unit", "size"), page.outputs[k], strict=True), output=k) for k in numbers]
+        for numbers in (page.plotted, page.arrows)
+    )
+    forces = forces_of([*curves, *arrows], nodes)
     data = {
         "code": base64.b64encode(page.code).decode("ascii"),
         "frames": page.frames,
