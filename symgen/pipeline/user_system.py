@@ -143,7 +143,7 @@ _KEPT = ("symgen", "sympy", "mpmath", "numpy")
 def _importing_beside(folder: Path) -> Iterator[list[Path]]:
     """Let a file import modules of its folder in their current form; yield their list, then unload them.
 
-    No bytecode of them is written: Python would load it for a file of the same size changed in the same second.
+    No bytecode of them is written: Python would load it for a file of equal size changed in the same second.
     """
     away = {name: sys.modules[name] for name in sorted(sys.modules) if _is_beside(folder, name)}
     for name in away:  # imported earlier, perhaps in another form
