@@ -54,7 +54,7 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "vibration": vibration_system,
     "forces": _later("symgen.models.elastic.rigid_forces:rigid_forces_system"),
     "elastic_motion": _later("symgen.models.elastic.links:motion_system"),
-    "elastic_joints": _later("symgen.models.elastic.links:joints_system"),
+    "elastic_joints": _later("symgen.models.elastic.joints:joints_system"),
     "elastic_motion_tangents": _tangents("elastic_motion", "constants", "links", "loads", "shaft"),
     "elastic_joints_tangents": _tangents("elastic_joints", "joints"),
 }

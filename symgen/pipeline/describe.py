@@ -245,7 +245,7 @@ def _shaft_alone(linkage: Linkage) -> bool:
 
 def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.elements import ELEMENTS
-    from symgen.models.elastic.couples import couples, rotations
+    from symgen.models.elastic.couples import couples, rotations, welded_to_bodies
     from symgen.models.elastic.links import loads_along, lumps
     from symgen.pipeline.user_model import definition_of
     from symgen.runtime.beams.data import BeamInfo
@@ -289,5 +289,7 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         prescribed=crank is not None and crank.prescribed,
         couples=tuple(names for *_, names in acting),
         rotations=rotations(linkage),
+        welds=tuple(kept.name for kept in linkage.kept_angles),
+        body_welds=tuple(kept.name for kept in welded_to_bodies(linkage)),
         damps_all=linkage.modal_damping is not None and linkage.modal_damping.all,
     )

@@ -141,7 +141,7 @@ BAD = {
     "one link": ({"welds": [{"point": "A", "links": ["left"]}]}, "two links or more"),
     "twice": ({"welds": [{"point": "Q", "links": ["right"]}] * 2}, "Q has two welds"),
     "elsewhere": ({"welds": [{"point": "A", "links": ["left", "right"]}]}, "A is no joint of right"),
-    "moving": ({"crank": {"link": "left", "speed": "1 rpm"}}, "frames at rest"),
+    "rigid truss": ({"crank": {"link": "left", "speed": "1 rpm"}}, "Weld no links whose angle changes"),
 }
 
 
@@ -152,8 +152,12 @@ def test_bad_welds(case):
         symgen.build(symgen.Scene(**scene(WELDS) | changes))
 
 
-def test_rigid_links_are_not_welded():
+def test_rigid_links_are_not_welded_to_the_ground():
     data = scene(WELDS)
     del data["links"]["right"]["elastic"]
-    with pytest.raises(SceneError, match="right is rigid"):
+    with pytest.raises(SceneError, match="right is rigid, and Q is welded to the ground"):
+        symgen.build(symgen.Scene(**data))
+    del data["links"]["beam"]["elastic"]
+    data["welds"] = [{"point": "B", "links": WELDS["B"]}]
+    with pytest.raises(SceneError, match="right and beam are rigid"):
         symgen.build(symgen.Scene(**data))

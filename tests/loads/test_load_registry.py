@@ -123,7 +123,7 @@ def expected_power(dimension, table, q, u):
 
 
 #: What puts loads in place of something else: a motor, or an elastic link in segments.
-MAKERS = {"scene/elastic/segments.py", "models/elastic/links.py"}
+MAKERS = {"scene/elastic/segments.py", "models/elastic/joints.py"}
 
 
 def test_no_other_module_knows_a_kind_of_load():

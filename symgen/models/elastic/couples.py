@@ -10,7 +10,7 @@ from symgen.loads.load import Load
 from symgen.loads.measure import RATE, VALUE, Term
 from symgen.mechanics.elastic.shaft import ROTATION, couple
 from symgen.models.rods.linkage import RodsModel
-from symgen.scene.rods.linkage import Linkage, state_symbol
+from symgen.scene.rods.linkage import KeptAngle, Linkage, state_symbol
 
 Renaming = Callable[[sp.Expr], sp.Expr]
 Couple = tuple[Load, Term, tuple[str, ...]]
@@ -28,8 +28,32 @@ def couples(linkage: Linkage) -> Iterator[Couple]:
 
 
 def rotations(linkage: Linkage) -> tuple[str, ...]:
-    """Return the rotations of sections on which couples act, each once."""
-    return tuple(dict.fromkeys(name for *_, names in couples(linkage) for name in names))
+    """Return the rotations of sections on which couples act, or that are welded to rigid links, each once."""
+    acted = (name for *_, names in couples(linkage) for name in names)
+    return tuple(dict.fromkeys((*acted, *(kept.point for kept in welded_to_bodies(linkage)))))
+
+
+def welded_to_bodies(linkage: Linkage) -> Iterator[KeptAngle]:
+    """Yield one kept angle of every point with elastic links welded to a rigid one, its ``other``."""
+    beams, seen = {beam.link for beam in linkage.elastic}, set[str]()
+    for kept in linkage.kept_angles:
+        if kept.other and kept.other not in beams and kept.point not in seen:
+            seen.add(kept.point)
+            yield kept
+
+
+def with_bodies(model: RodsModel, kept: KeptAngle) -> dict[sp.Symbol, sp.Expr]:
+    """Return the row n.dd - l phi = 0 by coordinate and rotation: a section rotates with a rigid link.
+
+    n is the vector across the rigid link in its rigid motion, l its length, d the vector along it. The row
+    has no terms of second order: n.(d + dd) = l sin(phi).
+    """
+    d, length = model.along[kept.other], model.linkage.link(kept.other).length
+    found: dict[sp.Symbol, sp.Expr] = {sp.Symbol(f"{kept.point}_theta"): -length}
+    for n, along in zip((-d[1], d[0]), d, strict=True):
+        for q, slope in model.calculus.gradient(along).items():
+            found[q] = found.get(q, sp.S.Zero) + n * slope / length
+    return found
 
 
 def entries(model: RodsModel, linkage: Linkage) -> Mapping[str, list[tuple[str, sp.Expr]]]:

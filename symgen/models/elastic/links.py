@@ -1,34 +1,31 @@
-"""Elastic links in a linkage: inputs from the rigid motion, and terms of the rigid components.
+"""Elastic links in a linkage: inputs from the rigid motion.
 
 The elastic motion is small and relative to the rigid motion of the rods method. Its inputs are the motion of
 every elastic link and the force on its first point (``motion_system``), and the equations of all rigid
-components, linearised about the rigid motion (``joints_system``).
+components, linearised about the rigid motion (:mod:`symgen.models.elastic.joints`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import sympy as sp
 
 from symgen.elements import ELEMENTS
 from symgen.loads.load import Load
 from symgen.loads.measure import Profile
-from symgen.loads.torque import AppliedTorque
 from symgen.mechanics.elastic.energies import LIFT, energy_weights, rate, rigid_energies
 from symgen.mechanics.elastic.hamilton import GX, GY, PX, PY, VX, VY
 from symgen.mechanics.elastic.moving_frame import local, moving_frame
 from symgen.mechanics.elastic.shaft import ROTATION, TERMS, powers, rigid_crank, shaft
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.mechanics.elastic.weights import turning_ends, weights
-from symgen.models.elastic.couples import apart, entries
-from symgen.models.rods.constraints import Constraint
-from symgen.models.rods.linearised import analysis_of, linearised
+from symgen.models.elastic.couples import apart
+from symgen.models.rods.linearised import analysis_of
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
 from symgen.scene.elastic.links import AREA_POWER, INERTIA_POWER, Crank, ElasticLink
-from symgen.scene.rods.linkage import CarriedPoint, Linkage, RigidLink, Vector, state_symbol
+from symgen.scene.rods.linkage import CarriedPoint, Linkage, Vector, state_symbol
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.names import Names
 from symgen.symbolic.system import Export, NamedMatrix, System
@@ -140,42 +137,6 @@ def motion_system(linkage: Linkage) -> System:
     return analysis_of(model, "elastic_motion", matrices, exports, names)
 
 
-def joints_system(linkage: Linkage) -> System:
-    """Return the System of all rigid components, linearised about the rigid motion.
-
-    Its kernel ``joints`` gives mass, stiffness and damping by the displacements of the joints as lists of
-    entries, the ``load`` f - M a of the rigid motion, and the rows of the constraints that elastic links
-    leave, ``jacobian``, with first and second rate along the motion.
-    """
-    model = RodsModel(_without_beams(linkage))
-    bound = _bound(model, linkage)
-    coordinates = [x.symbol for x in model.coordinates]
-    accelerations = {x.symbol: a.symbol for p in model.q for x, a in zip(model.q[p], model.a[p], strict=True)}
-    load = [
-        f
-        - sp.Add(*(model.mass_entries.get((q, other), ZERO) * accelerations[other] for other in coordinates))
-        for q, f in zip(coordinates, model.applied, strict=True)
-    ]
-    more = entries(model, linkage)
-    names, about = (
-        [s.name for s in coordinates],
-        "force less inertia in the rigid motion, couples on sections",
-    )
-    names, load = [*names, *(at for at, _ in more["load"])], [*load, *(e for _, e in more["load"])]
-    matrices = [named(model, "load", load, "N or N*m" if more["load"] else "N", about, rows=names)]
-    # The axial force of an elastic link is in its elements.
-    elastic = {b.link for b in linkage.elastic}
-    matrices += linearised(model, [c for c in bound if c.link not in elastic], more)
-    if bound:
-        matrices += _rows(model, bound, accelerations, names)
-    about = "the linkage without its elastic links, linearised about the rigid motion"
-    exports = [Export("joints", about, tuple(m.name for m in matrices))]
-    energies = {"kinetic_energy": model.kinetic_energy, "potential_energy": model.potential_energy}
-    matrices += [named(model, name, [e], "J", f"{name.replace('_', ' ')}") for name, e in energies.items()]
-    exports.append(Export("energy", "energies of the linkage without its elastic links", tuple(energies)))
-    return analysis_of(model, "elastic_joints", matrices, exports)
-
-
 def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr, sp.Expr]]:
     """Yield what is fixed to elastic links: link, distance from its first point, mass, moment of inertia.
 
@@ -196,7 +157,7 @@ def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile | CarriedPoint]
     """
     for beam in linkage.elastic:
         for _, _, load in linkage.placed_loads:
-            yield from ((beam.link, profile) for profile in _along(linkage, beam.link, load))
+            yield from ((beam.link, profile) for profile in profiles_of(linkage, beam.link, load))
         joints = [c for c in linkage.link(beam.link).carried if c.joined]
         yield from ((beam.link, c) for c in sorted(joints, key=lambda c: linkage.number(c.along)))
 
@@ -207,7 +168,8 @@ def _shape(linkage: Linkage, link: str, acting: Profile | CarriedPoint) -> Seque
     return acting.shape
 
 
-def _along(linkage: Linkage, name: str, load: Load) -> Iterator[Profile]:
+def profiles_of(linkage: Linkage, name: str, load: Load) -> Iterator[Profile]:
+    """Yield the forces of a load along an elastic link."""
     link = linkage.link(name)
     places = {c.name: c.along * link.length for c in link.carried if not c.joined}
     for term in load.terms(linkage.dimension):
@@ -335,65 +297,3 @@ def _rigid_crank(model: RodsModel, crank: Crank) -> Iterator[NamedMatrix]:
     x, y = (b - a for a, b in zip(*map(model.position, (link.start, link.end)), strict=True))
     for name, unit, row in zip(CRANK, ("1/m", "m"), rigid_crank((x, y)), strict=True):
         yield _table(model, name, [row], unit, ("x", "y"))
-
-
-def _without_beams(linkage: Linkage) -> Linkage:
-    """Return the linkage with its elastic links massless, and the motor on a crank that is rigid."""
-    beams, crank = {b.link for b in linkage.elastic}, linkage.crank
-    carried = {c.name for b in beams for c in linkage.link(b).carried if not c.joined}
-    loads = [x for x in linkage.loads if not any(any(_along(linkage, b, x)) for b in beams)]
-    loads = [x for x in loads if not any(m.section for m in x.measures(linkage.dimension))]
-    if crank and crank.link not in beams and crank.mode == "motor":
-        loads.append(AppliedTorque("motor", crank.link, (crank.torque,)))
-
-    def left(link: RigidLink) -> RigidLink:
-        return replace(link, mass=ZERO, inertia=ZERO) if link.name in beams else link
-
-    return replace(
-        linkage,
-        links=tuple(left(k) for k in linkage.links),
-        masses=tuple(m for m in linkage.masses if m.point not in carried),
-        loads=tuple(loads),
-    )
-
-
-def _bound(model: RodsModel, linkage: Linkage) -> list[Constraint]:
-    """Return the constraints that the elastic motion keeps: lengths of rigid links, guides, a held crank."""
-    stretching = {b.link for b in linkage.elastic if b.axial}
-    beams, crank = {b.link for b in linkage.elastic}, linkage.crank
-    free = {f"{crank.link}_drive"} if crank and (crank.mode != "held" or crank.link in beams) else set()
-    kept = (c for c in model.constraints if c.carrier not in beams and c.link not in stretching)
-    return [c for c in kept if c.name not in free]
-
-
-def _rows(
-    model: RodsModel,
-    bound: Sequence[Constraint],
-    accelerations: dict[sp.Symbol, sp.Symbol],
-    columns: Sequence[str],
-) -> Iterator[NamedMatrix]:
-    """Yield the Jacobian of the constraints with first and second rate; it is zero by rotations, the last."""
-    calculus = model.calculus
-    kept = [
-        {s: slope / c.scale for s, slope in gradient.items()}
-        for c, gradient in zip(model.constraints, model.jacobian, strict=True)
-        if c in bound
-    ]
-
-    def second(expression: sp.Expr) -> sp.Expr:
-        by = calculus.gradient(expression)
-        return sp.Add(
-            calculus.rate(calculus.rate(expression)), *(slope * accelerations[s] for s, slope in by.items())
-        )
-
-    rows, rotated = [c.name for c in bound], [ZERO] * (len(columns) - len(model.coordinates))
-    for name, unit, of in (
-        ("jacobian", "1", lambda e: e),
-        ("jacobian_rate", "1/s", calculus.rate),
-        ("jacobian_second_rate", "1/s^2", second),
-    ):
-        filled = [
-            e for row in kept for e in (*(of(row.get(x.symbol, ZERO)) for x in model.coordinates), *rotated)
-        ]
-        about = f"{name.replace('_', ' ')} of the constraints over their scale"
-        yield named(model, name, filled, unit, about, rows=rows, columns=columns)

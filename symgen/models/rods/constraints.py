@@ -199,6 +199,31 @@ def _drivers(model: Points) -> Iterator[Constraint]:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class AngleRow:
+    """A row of a kept angle, with its derivatives by the vectors along its links."""
+
+    constraint: Constraint
+    by_along: dict[str, Vector]
+
+
+def angle_rows(model: Points) -> Iterator[AngleRow]:
+    """|a||b| sin of the change of the angle from b to a: it is constant where links are welded."""
+    for kept in model.linkage.kept_angles:
+        (ax, ay), length = model.along[kept.link], model.linkage.link(kept.link).length
+        bx, by = model.along[kept.other] if kept.other else (_ONE, _ZERO)
+        c, s = kept.cosine, kept.sine
+        expression = c * (bx * ay - by * ax) - s * (ax * bx + ay * by)
+        label = f"the weld of {kept.link} to {kept.other or 'the ground'} at {kept.point}"
+        slopes = {kept.link: (-c * by - s * bx, c * bx - s * by)}
+        if kept.other:
+            slopes[kept.other] = (c * ay - s * ax, -c * ax - s * ay)
+            row = Constraint(kept.name, label, expression, length, "m^2")
+        else:
+            row = Constraint(kept.name, label, expression, _ONE, "m")
+        yield AngleRow(row, slopes)
+
+
 class ConstrainedPoints(Points):
     """Points of a linkage with the loads on them, their constraint rows and the multipliers of these."""
 
@@ -210,12 +235,20 @@ class ConstrainedPoints(Points):
     def constraints(self) -> list[Constraint]:
         """All constraint rows: rod lengths first, in the order of the links."""
         found = [*_lengths(self), *_shapes(self), *_shared_joints(self)]
-        return [*found, *(row.constraint for row in self.guides), *_drivers(self)]
+        found += [*(row.constraint for row in self.guides), *_drivers(self)]
+        # At rest hinges determine the pose of a frame, and welds that of what they leave free.
+        most = None if self.linkage.moves else max(0, len(self.coordinates) - len(found))
+        return [*found, *(row.constraint for row in self.kept_angles[:most])]
 
     @cached_property
     def guides(self) -> tuple[GuideRow, ...]:
         """The rows of guides."""
         return tuple(guide_rows(self))
+
+    @cached_property
+    def kept_angles(self) -> tuple[AngleRow, ...]:
+        """The rows of welds."""
+        return tuple(angle_rows(self))
 
     @cached_property
     def multipliers(self) -> dict[str, Quantity]:

@@ -158,6 +158,10 @@ def _on_along(model: ConstrainedPoints, link: RigidLink) -> Iterator[Vector]:
         if driver.link == link.name:
             row = model.multipliers[f"{link.name}_drive"].symbol
             yield (-row * sp.sin(driver.angle), row * sp.cos(driver.angle))
+    for row in model.kept_angles:
+        multiplier = model.multipliers.get(row.constraint.name)
+        if multiplier and link.name in row.by_along:
+            yield _times(multiplier.symbol, row.by_along[link.name])
     for guide in model.guides:
         if guide.link == link.name:
             yield _times(model.multipliers[guide.constraint.name].symbol, guide.by_along)

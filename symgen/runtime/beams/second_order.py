@@ -133,13 +133,14 @@ def _carried(
     forced, own, sides, stiff = np.zeros_like(kept.displacements), [], [], []
     still = np.zeros(motion.layout.unknowns)
     order = np.argsort(kept.times, kind="stable")
+    of_welds = [name in motion.info.body_welds for name in motion.constraints]
     for i in order.tolist():
         t, s, load = float(kept.times[i]), kept.displacements[i], loads[i]
         status, _, _, stiffness, rigid, basis = equations.matrices(t, _beams.QUASI_STATIC)
         motion.check(equations, status, t)
         if basis is not None:
             _, empty, rows = equations.residual(t, still, still, still, _beams.QUASI_STATIC)
-            second = violated[i] - rows @ s
+            second = np.where(of_welds, 0.0, violated[i] - rows @ s)
             forced[i] = np.linalg.lstsq(rows, -second, rcond=None)[0]
             load = load + equations.residual(t, forced[i], still, still, _beams.QUASI_STATIC)[1] - empty
         own.append(np.eye(len(still)) if basis is None else basis[0])
@@ -161,5 +162,8 @@ def _violated(motion: ElasticMotion, kept: Motion) -> Array:
     blocks = rigid.evaluator.many_blocks("constraints", kept.times, moved, still)
     first = rigid.evaluator.many_blocks("constraints", kept.times, kept.q, still)["constraints"]
     violated = (blocks["constraints"] - first) / blocks["constraint_scale"]
-    found: Array = violated[:, [d.constraints.index(name) for name in motion.constraints]]
+    found = np.zeros((len(kept.times), len(motion.constraints)))
+    for k, name in enumerate(motion.constraints):
+        if name not in motion.info.body_welds:
+            found[:, k] = violated[:, d.constraints.index(name)]
     return found

@@ -19,6 +19,8 @@ class ElasticInfo:
     ``prescribed``: the angle of the crank is a function of the time, and its speed zero.
     ``couples`` has for each couple on sections of elastic links the rotations on which it acts, one or two;
     ``rotations`` are these, each once, in the order of the kernel ``joints``.
+    ``welds`` are the names of the constraints that keep the angles of welded links; ``body_welds`` those of
+    them that weld elastic links to rigid ones, in the elastic motion.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
     """
 
@@ -35,3 +37,5 @@ class ElasticInfo:
     prescribed: bool = False
     couples: tuple[tuple[str, ...], ...] = ()
     rotations: tuple[str, ...] = ()
+    welds: tuple[str, ...] = ()
+    body_welds: tuple[str, ...] = ()

@@ -41,10 +41,12 @@ def redundant_constraints(evaluator: Evaluator, q: Array) -> tuple[int, ...]:
     rank = f"{len(d.constraints)} constraints of rank {len(d.constraints) - len(lost)}"
     name, place = d.unknown(d.coordinates + lost[-1]), d.place(lost[-1])
     drives = d.drives
+    welds = sorted(set(d.elastic.welds if d.elastic else ()) & set(d.constraints))
     for row in set(drives) & set(not_unique(evaluator, 0.0, q, len(lost))):
+        weld = f" Weld no links whose angle changes as they move: {', '.join(welds)}." if welds else ""
         raise InitialStateError(
             f"the constraints are singular at the start: {rank}; {d.labels[row]} is not independent of the "
-            "others\n  Drive each freedom of the linkage once, and start away from its dead centres.",
+            f"others\n  Drive each freedom of the linkage once, and start away from its dead centres.{weld}",
             where=d.place(row),
         )
     near = _neighbours(evaluator, q, drives)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import sympy as sp
+
 from symgen.errors import SceneError, check_joints
 from symgen.loads.measure import Term
 from symgen.scene.elastic.links import ElasticLink
+from symgen.scene.elastic.schema import Weld
 from symgen.scene.reading import Reader
-from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink
-
-_STIFF = "Give it elastic with a large E, or leave it out of the weld."
+from symgen.scene.rods.linkage import CarriedPoint, KeptAngle, Linkage, RigidLink
 
 
 def with_joints(linkage: Linkage) -> Linkage:
@@ -61,44 +62,79 @@ def _check_joints(
     check_joints(link.name, link.base, [(c.name, linkage.number(c.along)) for c in joints])
 
 
-def check_welds(read: Reader, linkage: Linkage) -> None:
-    """Check that welds hold elastic links at points of theirs, in a linkage whose rigid motion is at rest."""
-    elastic = {beam.link: linkage.link(beam.link) for beam in linkage.elastic}
+def with_welds(read: Reader, linkage: Linkage) -> Linkage:
+    """Return the linkage with the angles that its welds keep.
+
+    Raises
+    ------
+    SceneError
+        For welds of links that do not meet there, and of several rigid links.
+    """
+    kept: list[KeptAngle] = []
     for i, weld in enumerate(read.scene.welds):
         where = f"welds.{i}"
-        ground = read.known_point(weld.point, f"{where}.point").ground
-        if sum(other.point == weld.point for other in read.scene.welds) > 1:
-            raise SceneError(f"{weld.point} has two welds", where=f"{where}.point", hint="Write them as one.")
-        if len(weld.links) < (1 if ground else 2):
-            raise SceneError(
-                f"expected two links or more to be welded at {weld.point}, got {len(weld.links)}",
-                where=f"{where}.links",
-            )
-        if len(set(weld.links)) < len(weld.links):
-            raise SceneError(
-                f"a link is named twice among those welded at {weld.point}: {', '.join(weld.links)}",
-                where=f"{where}.links",
-                hint="Name each link once.",
-            )
-        for name in weld.links:
-            read.known_link(name, f"{where}.links")
-            if name not in elastic:
-                raise SceneError(
-                    f"{name} is rigid, and welds hold elastic links", where=f"{where}.links", hint=_STIFF
-                )
-            link = elastic[name]
-            if weld.point not in (*link.base, *(c.name for c in link.carried if c.joined)):
-                raise SceneError(f"{weld.point} is no joint of {name}", where=f"{where}.point")
-    crank = linkage.crank
-    rates = [c for p in linkage.points if p.ground for c in p.motion]
-    rates += [driver.angle for driver in linkage.drivers]
-    moved = any(TIME.symbol in e.free_symbols for e in rates) or (crank is not None and crank.mode == "motor")
-    if read.scene.welds and moved:
+        _check_weld(read, linkage, weld, where)
+        elastic = [name for name in weld.links if any(name == beam.link for beam in linkage.elastic)]
+        rigid = [name for name in weld.links if name not in elastic]
+        if linkage.point(weld.point).ground:
+            pairs = [(name, "") for name in elastic]
+        else:
+            first, *others = (*rigid, *elastic)
+            pairs = [(name, first) for name in others]
+        kept += [_kept(linkage, weld.point, *pair) for pair in pairs]
+    return replace(linkage, kept_angles=tuple(kept))
+
+
+def _check_weld(read: Reader, linkage: Linkage, weld: Weld, where: str) -> None:
+    """Check that a weld holds links that meet at its point, one of them rigid at most."""
+    elastic = {beam.link for beam in linkage.elastic}
+    ground = read.known_point(weld.point, f"{where}.point").ground
+    if sum(other.point == weld.point for other in read.scene.welds) > 1:
+        raise SceneError(f"{weld.point} has two welds", where=f"{where}.point", hint="Write them as one.")
+    if len(weld.links) < (1 if ground else 2):
         raise SceneError(
-            "welds hold links at the angles at which they are drawn, and the rigid motion changes these",
-            where="welds",
-            hint='Write mode = "held" and speed = "0 rpm" in [crank]: welds are for frames at rest.',
+            f"expected two links or more to be welded at {weld.point}, got {len(weld.links)}",
+            where=f"{where}.links",
         )
+    if len(set(weld.links)) < len(weld.links):
+        raise SceneError(
+            f"a link is named twice among those welded at {weld.point}: {', '.join(weld.links)}",
+            where=f"{where}.links",
+            hint="Name each link once.",
+        )
+    for name in weld.links:
+        read.known_link(name, f"{where}.links")
+        link = linkage.link(name)
+        carried = [c.name for c in link.carried if c.joined or name not in elastic]
+        if weld.point not in (*link.base, *carried):
+            raise SceneError(f"{weld.point} is no joint of {name}", where=f"{where}.point")
+    rigid = [name for name in weld.links if name not in elastic]
+    fixed = [name for name in rigid if all(linkage.point(p).ground for p in linkage.link(name).base)]
+    if fixed or (rigid and ground):
+        raise SceneError(
+            f"{(fixed or rigid)[0]} is rigid, and {weld.point} is welded to the ground",
+            where=f"{where}.links",
+            hint="Weld elastic links alone at a ground point, and links that move elsewhere.",
+        )
+    if len(rigid) > 1 or len(rigid) == len(weld.links):
+        raise SceneError(
+            f"{' and '.join(rigid)} are rigid, and welds hold elastic links and one rigid link at most",
+            where=f"{where}.links",
+            hint="Write rigid links that are welded as one body, a link with more than two points.",
+        )
+
+
+def _kept(linkage: Linkage, point: str, link: str, other: str) -> KeptAngle:
+    """Return the angle between two links as drawn; of one and the axis x where there is no other."""
+    (ax, ay), (bx, by) = (_drawn(linkage, name) if name else (sp.S.One, sp.S.Zero) for name in (link, other))
+    size = sp.sqrt((ax**2 + ay**2) * (bx**2 + by**2))
+    cosine, sine = (ax * bx + ay * by) / size, (bx * ay - by * ax) / size
+    return KeptAngle(f"{point}_weld_{link}", point, link, other, cosine, sine)
+
+
+def _drawn(linkage: Linkage, name: str) -> tuple[sp.Expr, sp.Expr]:
+    start, end = (linkage.point(p).at for p in linkage.link(name).base)
+    return end[0] - start[0], end[1] - start[1]
 
 
 def carries(link: RigidLink, term: Term) -> bool:

@@ -183,6 +183,28 @@ class Driver:
 
 
 @dataclass(frozen=True, slots=True)
+class KeptAngle:
+    """The angle between two links that are welded at a point: that of the drawing.
+
+    Attributes
+    ----------
+    name, point
+        Name of its constraint, and the point.
+    link, other
+        The links; ``other`` is empty for the direction of a link that is clamped to the ground.
+    cosine, sine
+        Of the angle from ``other``, or from the axis x, to ``link``.
+    """
+
+    name: str
+    point: str
+    link: str
+    other: str
+    cosine: sp.Expr
+    sine: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """Where ``gap``, of the time t and the state, passes zero: rising (1), falling (-1) or either way (0).
 
@@ -263,6 +285,7 @@ class Linkage:
     crank: Crank | None = None
     modal_damping: ModalDamping | None = None
     stations: tuple[Station, ...] = ()
+    kept_angles: tuple[KeptAngle, ...] = ()
     events: tuple[Event, ...] = ()
     windings: tuple[Winding, ...] = ()
     switches: tuple[Switch, ...] = ()
@@ -298,6 +321,13 @@ class Linkage:
     @cached_property
     def _links(self) -> Mapping[str, RigidLink]:
         return {k.name: k for k in self.links}
+
+    @property
+    def moves(self) -> bool:
+        """Whether ground, drives or a motor move it in the rigid motion of its elastic links."""
+        given = [c for p in self.points if p.ground for c in p.motion] + [d.angle for d in self.drivers]
+        driven = self.crank is not None and self.crank.mode == "motor"
+        return driven or any(TIME.symbol in e.free_symbols for e in given)
 
     def number(self, expression: sp.Expr) -> float:
         """Return the value of an expression at the scene's own parameters and t = 0."""

@@ -1,0 +1,125 @@
+"""Rigid components of a linkage with elastic links, linearised about the rigid motion: ``joints_system``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import sympy as sp
+
+from symgen.loads.torque import AppliedTorque
+from symgen.models.elastic.couples import entries, welded_to_bodies, with_bodies
+from symgen.models.elastic.links import profiles_of
+from symgen.models.rods.constraints import Constraint
+from symgen.models.rods.linearised import analysis_of, linearised
+from symgen.models.rods.linkage import RodsModel
+from symgen.models.rods.matrix import named
+from symgen.scene.rods.linkage import Linkage, RigidLink
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.system import Export, NamedMatrix, System
+
+
+def joints_system(linkage: Linkage) -> System:
+    """Return the System of all rigid components, linearised about the rigid motion.
+
+    Its kernel ``joints`` gives mass, stiffness and damping by the displacements of the joints as lists of
+    entries, the ``load`` f - M a of the rigid motion, and the rows of the constraints that elastic links
+    leave, ``jacobian``, with first and second rate along the motion.
+    """
+    model = RodsModel(_without_beams(linkage))
+    bound = _bound(model, linkage)
+    coordinates = [x.symbol for x in model.coordinates]
+    accelerations = {x.symbol: a.symbol for p in model.q for x, a in zip(model.q[p], model.a[p], strict=True)}
+    load = [
+        f
+        - sp.Add(*(model.mass_entries.get((q, other), ZERO) * accelerations[other] for other in coordinates))
+        for q, f in zip(coordinates, model.applied, strict=True)
+    ]
+    more = entries(model, linkage)
+    names, about = (
+        [s.name for s in coordinates],
+        "force less inertia in the rigid motion, couples on sections",
+    )
+    names, load = [*names, *(at for at, _ in more["load"])], [*load, *(e for _, e in more["load"])]
+    matrices = [named(model, "load", load, "N or N*m" if more["load"] else "N", about, rows=names)]
+    # The axial force of an elastic link is in its elements.
+    elastic = {b.link for b in linkage.elastic}
+    matrices += linearised(model, [c for c in bound if c.link not in elastic], more)
+    rows = _rows(model, linkage, bound)
+    if rows:
+        matrices += _jacobians(model, rows, accelerations, names)
+    about = "the linkage without its elastic links, linearised about the rigid motion"
+    exports = [Export("joints", about, tuple(m.name for m in matrices))]
+    energies = {"kinetic_energy": model.kinetic_energy, "potential_energy": model.potential_energy}
+    matrices += [named(model, name, [e], "J", f"{name.replace('_', ' ')}") for name, e in energies.items()]
+    exports.append(Export("energy", "energies of the linkage without its elastic links", tuple(energies)))
+    return analysis_of(model, "elastic_joints", matrices, exports)
+
+
+def _without_beams(linkage: Linkage) -> Linkage:
+    """Return the linkage with its elastic links massless, and the motor on a crank that is rigid."""
+    beams, crank = {b.link for b in linkage.elastic}, linkage.crank
+    carried = {c.name for b in beams for c in linkage.link(b).carried if not c.joined}
+    loads = [x for x in linkage.loads if not any(any(profiles_of(linkage, b, x)) for b in beams)]
+    loads = [x for x in loads if not any(m.section for m in x.measures(linkage.dimension))]
+    if crank and crank.link not in beams and crank.mode == "motor":
+        loads.append(AppliedTorque("motor", crank.link, (crank.torque,)))
+
+    def left(link: RigidLink) -> RigidLink:
+        return replace(link, mass=ZERO, inertia=ZERO) if link.name in beams else link
+
+    return replace(
+        linkage,
+        links=tuple(left(k) for k in linkage.links),
+        masses=tuple(m for m in linkage.masses if m.point not in carried),
+        loads=tuple(loads),
+    )
+
+
+def _bound(model: RodsModel, linkage: Linkage) -> list[Constraint]:
+    """Return the constraints that the elastic motion keeps: lengths of rigid links, guides, a held crank."""
+    stretching = {b.link for b in linkage.elastic if b.axial}
+    beams, crank = {b.link for b in linkage.elastic}, linkage.crank
+    free = {f"{crank.link}_drive"} if crank and (crank.mode != "held" or crank.link in beams) else set()
+    free |= {row.constraint.name for row in model.kept_angles}
+    kept = (c for c in model.constraints if c.carrier not in beams and c.link not in stretching)
+    return [c for c in kept if c.name not in free]
+
+
+def _rows(
+    model: RodsModel, linkage: Linkage, bound: Sequence[Constraint]
+) -> dict[str, dict[sp.Symbol, sp.Expr]]:
+    """Return the rows that hold the elastic motion by name: constraints, and welds to rigid links."""
+    rows = {
+        c.name: {s: slope / c.scale for s, slope in gradient.items()}
+        for c, gradient in zip(model.constraints, model.jacobian, strict=True)
+        if c in bound
+    }
+    return rows | {kept.name: with_bodies(model, kept) for kept in welded_to_bodies(linkage)}
+
+
+def _jacobians(
+    model: RodsModel,
+    rows: Mapping[str, Mapping[sp.Symbol, sp.Expr]],
+    accelerations: dict[sp.Symbol, sp.Symbol],
+    columns: Sequence[str],
+) -> Iterator[NamedMatrix]:
+    """Yield the Jacobian of the rows, by coordinates and rotations, with first and second rate."""
+    calculus = model.calculus
+
+    def second(expression: sp.Expr) -> sp.Expr:
+        by = calculus.gradient(expression)
+        return sp.Add(
+            calculus.rate(calculus.rate(expression)), *(slope * accelerations[s] for s, slope in by.items())
+        )
+
+    rates: tuple[tuple[str, str, Callable[[sp.Expr], sp.Expr]], ...] = (
+        ("jacobian", "1, m", lambda e: e),
+        ("jacobian_rate", "1/s", calculus.rate),
+        ("jacobian_second_rate", "1/s^2", second),
+    )
+    for name, unit, of in rates:
+        by_name = [{s.name: of(e) for s, e in row.items()} for row in rows.values()]
+        filled = [row.get(column, ZERO) for row in by_name for column in columns]
+        about = f"{name.replace('_', ' ')} of the constraints over their scale"
+        yield named(model, name, filled, unit, about, rows=list(rows), columns=columns)
