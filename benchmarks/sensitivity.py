@@ -6,8 +6,8 @@ Central differences at three steps are extrapolated to the sixth order. The erro
 the largest derivative of each direction. Coordinates are the places that the constraints determine least.
 
 The cost is the ratio of processor times of calls of ``sensitivity`` and of ``simulate`` with equal options:
-of a four-bar linkage with 10 parameters, all places differentiated forward, and with 100 parameters, one
-place differentiated backward.
+of a four-bar linkage, and of a loop of joints (the scene ``cssp``), with 10 parameters, all places
+differentiated forward, and with 100 parameters, one place differentiated backward.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ from symgen.scene.loading import SHIPPED, read_scene
 Array = NDArray[np.float64]
 
 #: Duration of the runs that are compared, over that of the scene, and of those that are timed [s].
-PART, LONG = 0.05, 60.0
+PART, LONG, LONG_LOOP = 0.05, 60.0, 20.0
+#: The coordinate of the four-bar.
+CRANK = ["crank.angle"]
 #: Largest relative error, and largest costs in runs: forward and backward.
 LARGEST, FORWARD, BACKWARD = 1e-9, 5.0, 10.0
 #: Parameters that contradict redundant constraints: ``sensitivity`` refuses them by name.
@@ -52,21 +54,22 @@ def main() -> int:
 def _measured(errors: list[dict[str, Any]], slack: float) -> Measurement:
     required = [Required(f"{row['linkage']}: relative error", row["error"], LARGEST, False) for row in errors]
     rows = [*errors]
-    for count, limit, outputs, how in (
-        (10, FORWARD, ["A.position", "B.position"], "forward"),
-        (100, BACKWARD, ["B.position.x"], "backward"),
+    for of, build, end, count, limit, outputs, options in (
+        ("four-bar", _four_bar, LONG, 10, FORWARD, ["A.position", "B.position"], {"coordinates": CRANK}),
+        ("four-bar", _four_bar, LONG, 100, BACKWARD, ["B.position.x"], {"coordinates": CRANK}),
+        ("loop", _pump, LONG_LOOP, 10, FORWARD, ["theta1", "S1", "S4"], {}),
+        ("loop", _pump, LONG_LOOP, 100, BACKWARD, ["S4"], {}),
     ):
-        ratio = _cost(count, outputs)
-        name = f"four-bar, {count} parameters, {how}"
+        ratio = _cost(build(count), end, outputs, options)
+        name = f"{of}, {count} parameters, {'forward' if count == 10 else 'backward'}"
         rows.append({"linkage": name, "directions": count, "error": None, "runs": ratio})
         required.append(Required(f"{name}: cost in runs", ratio, limit * slack, False, True))
     return Measurement("Derivatives along runs", rows, required)
 
 
-def _cost(count: int, outputs: list[str]) -> float:
-    model = _four_bar(count)
-    options = {"t_end": LONG, "rtol": 1e-10}
-    asked = {"coordinates": ["crank.angle"], "parameters": [*model.parameters], **options}
+def _cost(model: symgen.Model, end: float, outputs: list[str], more: dict[str, Any]) -> float:
+    options = {"t_end": end, "rtol": 1e-10}
+    asked = {"parameters": [*model.parameters], **options, **more}
     timings = measure(
         {
             "run": Case(lambda: model.simulate(samples=2, **options), 1),
@@ -106,6 +109,21 @@ def _four_bar(count: int) -> symgen.Model:
             gravity={"acceleration": [0, "-g"]},
         )
     )
+
+
+def _pump(count: int) -> symgen.Model:
+    """Return the loop ``cssp`` with so many tunable parameters: sizes, masses, and springs at its slider."""
+    data = dict(read_scene(SHIPPED / "cssp.toml").data)
+    parameters, loop = dict(data["parameters"]), dict(data["loop"])
+    for name in ("rod", "offset", "m_crank", "m_rod", "m_slider"):
+        parameters[name] = {"value": parameters[name], "tunable": True}
+    more = (count - 10) // 2
+    for i in range(more):
+        parameters[f"k{i}"] = {"value": f"{1 + 0.1 * i:.1f} N/m", "tunable": True}
+        parameters[f"s{i}"] = {"value": f"{0.3 + 0.01 * i:.2f} m", "tunable": True}
+    springs = "".join(f" - k{i}*(S4 - s{i})" for i in range(more))
+    loop["drives"] = loop["drives"] | {"S4": loop["drives"]["S4"] + springs}
+    return symgen.build(symgen.Scene(**{**data, "parameters": parameters, "loop": loop}))
 
 
 def _errors() -> Any:

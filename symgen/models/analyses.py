@@ -62,6 +62,7 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
 OF_LOOPS: dict[str, Callable[[Loop], System]] = {
     "loop_sensitivity": _later("symgen.models.loop.tangents:tangent_system"),
     "loop_linearisation": _later("symgen.models.loop.tangents:tangent_system", balanced=True),
+    "loop_variation": _later("symgen.models.loop.tangents:variation_system"),
 }
 
 

@@ -215,7 +215,9 @@ def loop_model(made: Made) -> LoopModel:
     text, base, description = made.text, made.tools.in_float64, made.description
 
     analyses = cache(
-        lambda kind, outputs: kernels_of_analysis(text, base, description, kind, outputs, resolved)
+        lambda kind, outputs, lanes=False: kernels_of_analysis(
+            text, base, description, kind, outputs, resolved, lanes=lanes
+        )
     )
 
     def resolved() -> Loop:

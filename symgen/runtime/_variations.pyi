@@ -6,13 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._core import Equations
+from symgen.runtime._loop import LoopEquations
 from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.kernels.library import Library
 
 Array = NDArray[np.float64]
 
 class Variations:
     sums: Array
+    def forward(
+        self, t: Array, y: Array, references: Array, moved: Array, summed: Array
+    ) -> tuple[int, int]: ...
+    def backward(
+        self, t: Array, y: Array, references: Array, seed: Array, weights: Array, gradient: Array
+    ) -> tuple[int, int]: ...
+
+class LinkageVariations(Variations):
     def __init__(
         self,
         equations: Equations,
@@ -21,9 +32,14 @@ class Variations:
         places: Sequence[NDArray[np.int_]],
         columns: int,
     ) -> None: ...
-    def forward(
-        self, t: Array, y: Array, references: Array, moved: Array, summed: Array
-    ) -> tuple[int, int]: ...
-    def backward(
-        self, t: Array, y: Array, references: Array, seed: Array, weights: Array, gradient: Array
-    ) -> tuple[int, int]: ...
+
+class LoopVariations(Variations):
+    def __init__(
+        self,
+        equations: LoopEquations,
+        method: Method,
+        description: LoopDescription,
+        library: Library,
+        width: int,
+        directions: Sequence[int],
+    ) -> None: ...

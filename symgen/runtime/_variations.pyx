@@ -7,7 +7,9 @@ from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
 
 from symgen.calls import raise_failure
-from symgen.runtime._core cimport Equations, Scheme, at_least, equations, kernel_of, kernel_t, scheme as scheme_t
+from symgen.runtime._core cimport (
+    Equations, Integrable, Scheme, at_least, equations, kernel_of, kernel_t, scheme as scheme_t,
+)
 
 
 cdef extern from "core/variations.h" nogil:
@@ -15,12 +17,14 @@ cdef extern from "core/variations.h" nogil:
         SLOPES_OF
 
     cdef struct variation_kernels:
-        kernel_t stage, closing, integrands, integrand_slopes, setup
+        kernel_t stage, closing, integrands, integrand_slopes, setup, rates, prescribed
 
     cdef struct variation_sizes:
         Py_ssize_t columns, integrals, parameters, derived, work, out
         Py_ssize_t entries[SLOPES_OF]
         const long *places[SLOPES_OF]
+        Py_ssize_t width
+        const long *directions
 
     cdef struct variations:
         double *moved
@@ -38,25 +42,14 @@ cdef extern from "core/variations.h" nogil:
         int (*backward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
 
 
+# Alignment of vectors.
+cdef size_t LINE = 64
+
+
 cdef class Variations:
-    """Derivatives along explicit steps by some directions: parameters, and numbers that set the initial state.
+    """Derivatives along explicit steps by some directions: parameters, and numbers that set the initial state."""
 
-    Parameters
-    ----------
-    equations
-        The :class:`~symgen.runtime._core.Equations` of the run, in doubles, without the work of loads.
-    method
-        The explicit integrator of the run.
-    evaluator
-        The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of the analysis ``variation``.
-    places
-        Row, column and place (entries, 3) of the slopes of the residual, Phi, dPhi/dt and the integrands; columns are
-        (q, u), (a, lambda), then the directions.
-    columns
-        Number of directions.
-    """
-
-    cdef Equations equations
+    cdef Integrable equations
     cdef Scheme scheme
     cdef object library, kept
     cdef variation_sizes sizes
@@ -65,44 +58,33 @@ cdef class Variations:
     cdef variations *core
     cdef void *memory
 
-    def __init__(self, Equations equations, method, evaluator, places, Py_ssize_t columns):
-        cdef long[:, ::1] of
-        cdef Py_ssize_t i
+    cdef int take(self, Integrable equations, method, description, library, Py_ssize_t parameters, Py_ssize_t columns) except -1:
+        """Note equations, method and kernels."""
         if equations.of.api.real_bytes != sizeof(double) or equations.extra:
             raise ValueError("expected equations in double precision without the work of loads")
         if method.kind != "explicit":
             raise ValueError("expected an explicit method")
-        self.equations, self.scheme, self.library = equations, equations.of.scheme(method), evaluator.library
+        self.equations, self.scheme, self.library = equations, equations.of.scheme(method), library
         addresses = self.library.addresses
         self.given.stage, self.given.closing = kernel_of(addresses, "stage"), kernel_of(addresses, "closing")
-        self.given.integrands = kernel_of(addresses, "integrands")
-        self.given.integrand_slopes = kernel_of(addresses, "integrand_slopes")
         self.given.setup = kernel_of(addresses, "setup")
-        if equations.m and self.given.closing == NULL:
-            raise ValueError("expected the kernel 'closing' of a model with constraints")
-        self.sizes.columns = columns
-        self.sizes.parameters, self.sizes.derived = len(evaluator.given), self.library.derived
-        for info in evaluator.description.kernels:
+        self.sizes.columns, self.sizes.width = columns, 1
+        self.sizes.parameters, self.sizes.derived = parameters, library.derived
+        for info in description.kernels:
             self.sizes.work = max(self.sizes.work, info.work_size)
             self.sizes.out = max(self.sizes.out, info.out_size)
-            if info.name == "integrands":
-                self.sizes.integrals = len(info.blocks)
-        whole = equations.n + equations.m
-        rows = whole, equations.m, equations.m, self.sizes.integrals
-        self.kept = [np.ascontiguousarray(each, dtype="l").reshape(-1, 3) for each in places]
-        for i in range(SLOPES_OF):
-            of = self.kept[i]
-            limits = rows[i], 2 * equations.n + whole + columns, self.sizes.out
-            if of.shape[0] and ((self.kept[i] < 0).any() or (self.kept[i] >= limits).any()):
-                raise ValueError(f"expected (row, column, place) below {limits} for each slope")
-            self.sizes.entries[i] = of.shape[0]
-            self.sizes.places[i] = &of[0, 0] if of.shape[0] else NULL
-        self.api = <const variation_table *>equations.of.api.variations
-        self.core = <variations *>calloc(1, self.api.variations_struct)
-        self.memory = calloc(1, self.api.bytes(equations.core, &self.scheme.filled, &self.sizes))
+        return 0
+
+    cdef int made(self, const variation_table *api) except -1:
+        """Set up the core."""
+        self.api = api
+        self.core = <variations *>calloc(1, api.variations_struct)
+        self.memory = calloc(1, api.bytes(self.equations.core, &self.scheme.filled, &self.sizes) + LINE)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
-        self.api.bind(self.core, equations.core, &self.scheme.filled, &self.sizes, &self.given, self.memory)
+        api.bind(self.core, self.equations.core, &self.scheme.filled, &self.sizes, &self.given,
+                 <void *>((<size_t>self.memory + LINE - 1) // LINE * LINE))
+        return 0
 
     def __dealloc__(self):
         free(self.core)
@@ -165,3 +147,76 @@ cdef class Variations:
     def sums(self):
         """The integrals along all steps taken, (integrals,)."""
         return self.array(self.core.sums, (self.sizes.integrals,)).copy()
+
+
+cdef class LinkageVariations(Variations):
+    """Derivatives along runs of linkages.
+
+    Parameters
+    ----------
+    equations
+        The :class:`~symgen.runtime._core.Equations` of the run, in doubles, without the work of loads.
+    method
+        The explicit integrator of the run.
+    evaluator
+        The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of the analysis ``variation``.
+    places
+        Row, column and place (entries, 3) of the slopes of the residual, Phi, dPhi/dt and the integrands; columns are
+        (q, u), (a, lambda), then the directions.
+    columns
+        Number of directions.
+    """
+
+    def __init__(self, Equations equations, method, evaluator, places, Py_ssize_t columns):
+        cdef long[:, ::1] of
+        cdef Py_ssize_t i
+        self.take(equations, method, evaluator.description, evaluator.library, len(evaluator.given), columns)
+        addresses = self.library.addresses
+        self.given.integrands = kernel_of(addresses, "integrands")
+        self.given.integrand_slopes = kernel_of(addresses, "integrand_slopes")
+        if equations.m and self.given.closing == NULL:
+            raise ValueError("expected the kernel 'closing' of a model with constraints")
+        for info in evaluator.description.kernels:
+            if info.name == "integrands":
+                self.sizes.integrals = len(info.blocks)
+        whole = equations.n + equations.m
+        rows = whole, equations.m, equations.m, self.sizes.integrals
+        self.kept = [np.ascontiguousarray(each, dtype="l").reshape(-1, 3) for each in places]
+        for i in range(SLOPES_OF):
+            of = self.kept[i]
+            limits = rows[i], 2 * equations.n + whole + columns, self.sizes.out
+            if of.shape[0] and ((self.kept[i] < 0).any() or (self.kept[i] >= limits).any()):
+                raise ValueError(f"expected (row, column, place) below {limits} for each slope")
+            self.sizes.entries[i] = of.shape[0]
+            self.sizes.places[i] = &of[0, 0] if of.shape[0] else NULL
+        self.made(<const variation_table *>equations.of.api.variations)
+
+
+cdef class LoopVariations(Variations):
+    """Derivatives along runs of loops of joints.
+
+    Parameters
+    ----------
+    equations
+        The :class:`~symgen.runtime._loop.LoopEquations` of the run, in doubles, without the work of loads.
+    method
+        The explicit integrator of the run.
+    description, library
+        Of the kernels of the analysis ``loop_variation``.
+    width
+        Numbers of the vectors that these take.
+    directions
+        Number of the parameter that each direction changes; -1 where it changes none.
+    """
+
+    def __init__(self, Integrable equations, method, description, library, Py_ssize_t width, directions):
+        cdef long[::1] of = np.array([*directions, -1], dtype="l")
+        self.take(equations, method, description, library, equations.core.sizes.parameters, of.shape[0] - 1)
+        addresses = self.library.addresses
+        self.given.rates, self.given.prescribed = kernel_of(addresses, "rates"), kernel_of(addresses, "prescribed")
+        if self.given.stage == NULL or self.given.closing == NULL or self.given.rates == NULL:
+            raise ValueError("expected the kernels 'stage', 'closing' and 'rates'")
+        if any(not -1 <= i < self.sizes.parameters for i in directions):
+            raise ValueError(f"expected numbers of parameters below {self.sizes.parameters}, got {[*directions]}")
+        self.kept, self.sizes.directions, self.sizes.width = of, &of[0], width
+        self.made(<const variation_table *>equations.of.api.loop_variations)

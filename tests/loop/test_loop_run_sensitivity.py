@@ -46,6 +46,8 @@ def test_derivatives_of_a_run_are_those_of_lagranges_equations(model):
         assert found.values[k] == pytest.approx(exact[k][:, 0], rel=1e-9)
         assert found.derivatives[k] == pytest.approx(exact[k][:, 1:], rel=1e-9)
     assert found["S4", "rod"][1] == found.derivatives[1, 2, 5] and found.units["theta1'"] == "rad/s"
+    transposed = model.sensitivity(["S4"], NAMES, t_end=0.12, rtol=1e-12)  # one output by many: backwards
+    assert transposed.derivatives[0, 0] == pytest.approx(exact[1][2, 1:], rel=1e-9)
 
 
 def test_without_an_end_they_are_those_at_the_state(model):
@@ -124,6 +126,8 @@ def test_prescribed_motions_change_with_their_parameters(precision, rtol, exact)
     found = symgen.build(moved).sensitivity(
         ["theta1", "S4", "theta1.acceleration"], ["way", "speed"], t_end=0.1, rtol=1e-12
     )
+    every = [*symgen.build(moved).parameters, "theta1'"]  # of one output: steps are transposed
+    transposed = symgen.build(moved).sensitivity(["S4"], every, t_end=0.1, rtol=1e-12)
     fine = symgen.build(moved, precision=precision)
 
     def end(**given):
@@ -136,6 +140,7 @@ def test_prescribed_motions_change_with_their_parameters(precision, rtol, exact)
         for k in (1, 2):
             slopes = [(4**k * b - a) / (4**k - 1) for a, b in pairwise(slopes)]
         assert found.derivatives[0, :, j] == pytest.approx(slopes[0], rel=exact)
+        assert transposed["S4", name][0] == pytest.approx(slopes[0][1], rel=exact)
 
 
 def test_runs_without_derivatives_are_refused_by_name(model):

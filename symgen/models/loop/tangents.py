@@ -19,8 +19,9 @@ from symgen.models.forward_mode import Tangents
 from symgen.models.loop import outputs
 from symgen.models.loop.derivation import REFERENCE, LoopModel
 from symgen.models.loop.system import groups
+from symgen.models.reverse_mode import Gradients
 from symgen.scene.rods.linkage import TIME
-from symgen.symbolic.quantity import AXES
+from symgen.symbolic.quantity import AXES, quantity
 from symgen.symbolic.system import Export, NamedMatrix, System
 
 if TYPE_CHECKING:
@@ -50,21 +51,7 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
     forces = balanced or any("forces" in of_one for of_one in needs)
     if balanced:
         model.check_masses("the motion of free variables")
-    turn, origin = model.paths.closure.turn, model.paths.closure.origin
-    rotation = [(turn[k, j] - turn[j, k]) / 2 for j, k in ((1, 2), (2, 0), (0, 1))]
-    count = len(model.variables)
-    screws = model.paths.columns(model.paths.screws, count)
-    drift = model.paths.columns(model.paths.screw_rates(), count) * sp.Matrix(model.rates)
-    inputs = [v.motion for v in loop.having("input")]
-    time = TIME.symbol
-    of = {"prescribed": [x for m in inputs for x in (m, sp.diff(m, time), sp.diff(m, time, 2))]}
-    of = (of if inputs else {}) | {
-        "closure": [*rotation, *origin],
-        "motion": [*(screws * sp.Matrix(model.rates)), *(screws * sp.Matrix(model.second) + drift)],
-    }
-    if forces:
-        pairs = zip(model.joints[1], model.given_efforts, strict=True)
-        of["efforts"] = [effort - given for effort, given in pairs]
+    of = _equations(model, forces)
     given = [*(v.quantity for v in model.variables), *(v.rate for v in model.variables)]
     given += [*(v.acceleration for v in model.variables), *model.closing]
     given += [p.quantity for p in model.loop.parameters]
@@ -90,6 +77,73 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
         definitions=(*model.names.definitions, *tangents.definitions),
         references=(REFERENCE,),
     )
+
+
+def variation_system(loop: Loop) -> System:
+    """Return the System of gradients of a loop's equations, from which runs are differentiated.
+
+    Its kernels give gradients of sums with weights, which lie in ``work`` behind accelerations and closing
+    wrench: ``stage``, of accelerations of closure (6 weights) and efforts less the known ones (one weight per
+    variable) by variables, rates, accelerations of inputs and parameters; ``closing``, of rotation and
+    translation of closure by variables and parameters; ``rates``, of sums of screws by rates by variables,
+    rates and parameters. ``prescribed`` gives the slopes of values, rates and accelerations of inputs by
+    parameters. Of inputs there are no efforts.
+    """
+    model = LoopModel(loop)
+    model.check_masses("the motion of free variables")
+    of = _equations(model, forces=True)
+    inputs = loop.having("input")
+    parameters = [p.quantity for p in loop.parameters]
+    variables, rates = ([getattr(v, x) for v in model.variables] for x in ("quantity", "rate"))
+    names = [*(f"closure{i}" for i in range(6)), *(f"effort{i}" for i in range(len(variables)))]
+    weights = [quantity(f"weight_{name}", "SI", f"weight of {name}") for name in names]
+    symbols = [x.symbol for x in weights]
+    efforts = [0 if v in inputs else x for v, x in zip(model.variables, of["efforts"], strict=True)]
+    accelerations = [v.acceleration for v in inputs]
+    matrices, exports, definitions = [], [], list(model.names.definitions)
+    for kernel, sums, by in (
+        ("stage", [*of["motion"][6:], *efforts], [*variables, *rates, *accelerations, *parameters]),
+        ("closing", of["closure"], [*variables, *parameters]),
+        ("rates", of["motion"][:6], [*variables, *rates, *parameters]),
+    ):
+        gradients = Gradients(by, model.names.definitions)
+        entries = [*gradients.of(kernel, sums, symbols[: len(sums)]).values()]
+        matrices.append(_column(f"{kernel}_gradient", entries, f"gradient of {kernel}"))
+        exports.append(Export(kernel, f"gradient of {kernel}", (f"{kernel}_gradient",)))
+        definitions += gradients.definitions
+    if inputs and parameters:
+        slopes = [sp.diff(x, p.symbol) for x in of["prescribed"] for p in parameters]
+        matrices.append(_column("prescribed_slopes", slopes, "slopes of prescribed motions by parameters"))
+        exports.append(Export("prescribed", "slopes of prescribed motions", ("prescribed_slopes",)))
+    own = groups(model)
+    return System(
+        name=f"{loop.name}_variation",
+        title=f"{loop.title}: gradients of its equations",
+        groups=(*own[:-1], replace(own[-1], quantities=(*own[-1].quantities, *weights))),
+        matrices=tuple(matrices),
+        exports=tuple(exports),
+        definitions=tuple(definitions),
+        references=(REFERENCE,),
+    )
+
+
+def _equations(model: LoopModel, forces: bool) -> dict[str, list[sp.Expr]]:
+    """Return the equations that are differentiated, by the name of their kernel; see the systems."""
+    turn, origin = model.paths.closure.turn, model.paths.closure.origin
+    rotation = [(turn[k, j] - turn[j, k]) / 2 for j, k in ((1, 2), (2, 0), (0, 1))]
+    count, time = len(model.variables), TIME.symbol
+    screws = model.paths.columns(model.paths.screws, count)
+    drift = model.paths.columns(model.paths.screw_rates(), count) * sp.Matrix(model.rates)
+    inputs = [v.motion for v in model.loop.having("input")]
+    of = {"prescribed": [x for m in inputs for x in (m, sp.diff(m, time), sp.diff(m, time, 2))]}
+    of = (of if inputs else {}) | {
+        "closure": [*rotation, *origin],
+        "motion": [*(screws * sp.Matrix(model.rates)), *(screws * sp.Matrix(model.second) + drift)],
+    }
+    if forces:
+        pairs = zip(model.joints[1], model.given_efforts, strict=True)
+        of["efforts"] = [effort - given for effort, given in pairs]
+    return of
 
 
 def _component(model: LoopModel, name: str) -> NamedMatrix:

@@ -156,6 +156,7 @@ const struct core_api symgen_core = {
     .start = &symgen_start,
     .lane_runs = &symgen_lane_runs,
     .variations = &symgen_variations,
+    .loop_variations = &symgen_loop_variations,
     .widen = widen,
     .narrow = narrow,
     .call_rows = call_rows,

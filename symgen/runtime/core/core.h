@@ -25,7 +25,7 @@
 #endif
 
 /* Of another number than this, a compiled core does not belong to the binding. */
-#define CORE_VERSION 14L
+#define CORE_VERSION 15L
 
 /* A run in doubles. */
 struct report {
@@ -52,7 +52,7 @@ struct core_api {
     const struct kinematics_api *kinematics;
     const struct start_api *start;
     const struct lane_api *lane_runs;
-    const struct variation_api *variations;
+    const struct variation_api *variations, *loop_variations;
 
     /* Numbers to the core's type: high + low, low may be NULL; and back, low gets the rest when it is not NULL. */
     void (*widen)(long count, const double *high, const double *low, void *reals);

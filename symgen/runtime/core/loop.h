@@ -62,6 +62,7 @@ struct loop {
     const unsigned char *is_length;
     long free;
     int follows; /* closing keeps a variable that the pose leaves undetermined as predicted */
+    int near;    /* the last accelerations were found in other angles than those in use, near a pole */
     real size;
     double soundest; /* largest part that the least pivot had so far, in a run */
     const struct ball *balls;
@@ -132,6 +133,10 @@ int loop_follow(struct loop *l, real *t, real *q, const real *times, long count,
  * first one, `part` the least effect that counts, over that of a unit wrench. */
 void loop_undetermined(struct loop *l, const real *times, const real *states, long row, long count, real least,
                        real part, unsigned char *found);
+
+/* After the accelerations of free motion at (t, y): write their change (n rows of ROWS + n) by unit errors of the
+ * accelerations of closure, then of the efforts of all variables. */
+void loop_answer(struct loop *l, real t, const real *y, real *answer);
 
 /* See struct behaviour. */
 int loop_rewrite(struct equations *e, const real *seen, real *y, int back);

@@ -133,12 +133,46 @@ static void accelerate_here(struct equations *e, real t, const real *y) {
 /* The same anywhere: near a pole of the angles of a ball by way of others. */
 static void accelerate_loop(struct equations *e, real t, const real *y) {
     struct loop *l = of(e);
-    if (!loop_turn_near(l, y)) {
+    l->near = loop_turn_near(l, y);
+    if (!l->near) {
         accelerate_here(e, t, y);
         return;
     }
     accelerate_here(e, t, l->near_y);
     loop_turn_back(l, e->out);
+}
+
+void loop_answer(struct loop *l, real t, const real *y, real *answer) {
+    const long n = l->sizes.n, d = l->free, row = ROWS + n;
+    if (l->near)
+        accelerate_here(&l->base, t, y);
+    memset(answer, 0, (size_t)(n * row) * sizeof(real));
+    for (long c = 0; c < row; c++) {
+        real b[ROWS] = {0}, x[MOST], *change = l->step, *push = l->efforts, *found = l->reduced + d * d;
+        memset(change, 0, (size_t)n * sizeof(real));
+        memset(push, 0, (size_t)n * sizeof(real));
+        if (c < ROWS) {
+            b[c] = R(-1);
+            loop_solve(l, b, x);
+            for (long k = 0; k < l->sizes.solved; k++)
+                change[l->solved[k]] = x[k];
+            multiply_dense(n, n, 1, l->mass, n, change, push);
+        } else {
+            push[c - ROWS] = 1;
+        }
+        for (long i = 0; i < d; i++) {
+            found[i] = 0;
+            for (long j = 0; j < n; j++)
+                found[i] -= l->basis[(n + 1) * i + j] * push[j];
+        }
+        solve_positive(d, l->reduced, found);
+        for (long k = 0; k < l->sizes.solved; k++) {
+            const ptrdiff_t j = l->solved[k];
+            for (long i = 0; i < d; i++)
+                change[j] += l->basis[(n + 1) * i + j] * found[i];
+            answer[j * row + c] = change[j];
+        }
+    }
 }
 
 /* The rate of closure (6) that rates v of all variables give, with the last screws. */

@@ -1,12 +1,9 @@
 /* Derivatives of runs with explicit Runge-Kutta steps: the tangent of every step, and its transpose.
  *
  * The states between the steps of a run are its checkpoints: the stages of a step are evaluated again from the state
- * before it. With the residual R(q, u, p; w) of the equations of motion and its solution w = (a, lambda),
- *
- *     [M J^T; J 0] dw = R_q dq + R_u du + R_p dp
- *
- * at every stage, with the factorisation that its accelerations left. The projection at the end of a step is
- * differentiated as the mass-weighted projection of (dq, du) onto dPhi = 0 and d(dPhi/dt) = 0. */
+ * before it. The equations of motion are differentiated implicitly at every stage, and the projection at the end of a
+ * step as that of (dq, du) onto dPhi = 0 and d(dPhi/dt) = 0: for linkages in rod_variations.c, for loops of joints in
+ * loop_variations.c. */
 #ifndef SYMGEN_VARIATIONS_H
 #define SYMGEN_VARIATIONS_H
 
@@ -17,13 +14,16 @@
 /* Lists of slopes: of the residual, of Phi, of dPhi/dt and of the integrands. */
 enum slopes_of { OF_RESIDUAL, OF_PLACES, OF_RATES, OF_INTEGRANDS, SLOPES_OF };
 
-/* Kernels of the analysis `variation`; those that a model does not have are NULL. */
+/* Kernels of the analysis `variation` of linkages, or `loop_variation`; those that a model does not have are NULL. */
 struct variation_kernels {
-    kernel stage;      /* slopes of the residual, with w in work, as all below */
-    kernel closing;    /* slopes of Phi and dPhi/dt */
+    /* Slopes of the residual, with w in work, as all below; of loops the gradient of accelerations of closure and efforts,
+     * times weights behind accelerations and wrench. */
+    kernel stage;
+    kernel closing;    /* slopes of Phi and dPhi/dt; of loops the gradient of closure, and `rates` that of its rate */
     kernel integrands; /* values */
     kernel integrand_slopes;
     kernel setup;
+    kernel rates, prescribed; /* of loops alone; the latter: slopes of values, rates and accelerations of inputs by p */
 };
 
 struct variation_sizes {
@@ -34,28 +34,64 @@ struct variation_sizes {
     ptrdiff_t entries[SLOPES_OF];
     /* of each slope its row, its column and its place in the kernel's results: columns are (q, u), w, directions */
     const long *places[SLOPES_OF];
+    ptrdiff_t width;        /* of loops: numbers of the vectors that kernels take */
+    const long *directions; /* of loops: which parameter each direction changes, -1: none */
+};
+
+struct variations;
+
+/* Implicit differentiation of the equations of one kind. */
+struct variation_behaviour {
+    /* Take the parameters of the equations, which those of a step have. */
+    void (*begin)(struct variations *v);
+    /* After the accelerations at a state: leave their tangents along v->by_stage in the first rows of v->solved. */
+    void (*stage)(struct variations *v, real t, const real *state);
+    /* Add the integrands there, and their tangents, times a weight; NULL where there are none. */
+    void (*integrate)(struct variations *v, real t, const real *state, real weight);
+    /* Project v->moved onto the tangent space of the constraints at y. */
+    int (*close)(struct variations *v, real t, const real *y);
+    /* The transposes. `keep` notes what that of stage s needs; it takes a seed of dy/dt, adds that of (q, u) to `back`,
+     * and that of the directions to v->gradient; integrands count with the weight. */
+    void (*keep)(struct variations *v, long s, real t, const real *state);
+    void (*stage_back)(struct variations *v, long s, real t, const real *seed, real weight, real *back);
+    int (*open)(struct variations *v, real t, const real *y);
 };
 
 struct variations {
+    const struct variation_behaviour *of;
     struct equations *e;
     struct scheme scheme;
     struct variation_kernels kernels;
     struct variation_sizes sizes;
-    real *p, *work, *out;
-    real *still;             /* zeros in the place of w, which closing does not depend on */
+    real *p, *work, *out;    /* of the kernels */
     real *rates;             /* dy/dt of the stages, a row of 2n each */
     real *state;             /* of a stage */
     /* forward: rows of so many columns */
     real *moved;             /* d(q, u), 2n rows */
     real *by_stage, *turned; /* of a stage; d(dy/dt) of all stages */
-    real *right, *solved;    /* right-hand sides, and dw, n + m rows */
-    real *inverse;           /* rows of the inverse of [M J^T; J 0] */
+    real *solved;            /* dw, n + m rows */
     real *sums, *summed;     /* integrals; their derivatives, a row each */
     /* transposed */
     real *seed;              /* of (q, u) */
     real *weights, *gradient; /* of the integrals; by the directions */
-    real *states, *solutions, *factors, *back; /* of all stages: (q, u), w, factorisation, seed */
+    real *states, *factors, *back; /* of all stages: (q, u), what `keep` notes, seed */
+    /* of linkages */
+    real *still;             /* zeros in the place of w, which closing does not depend on */
+    real *right, *inverse;   /* right-hand sides; rows of the inverse of [M J^T; J 0] */
+    real *solutions;         /* w of all stages */
+    /* of loops */
+    real *t, *q, *u;         /* arguments of kernels, in vectors as p, work and out are */
+    real *answer;            /* changes of accelerations, or of variables, by equations that are not met: n rows */
+    real *slopes;            /* of accelerations, or of what is projected, by (q, u) and directions: n rows */
+    real *prescribed;        /* slopes of the inputs' values, rates and accelerations by the directions: a row each */
 };
+
+/* Place the arrays that all kinds have; return their bytes. */
+size_t variations_place(struct variations *v, const struct equations *e, void *memory);
+int variations_forward(struct variations *v, long steps, const double *t, const void *y, const double *references,
+                       long *taken);
+int variations_backward(struct variations *v, long steps, const double *t, const void *y, const double *references,
+                        long *taken);
 
 /* Interface of variations: see core.h. Each takes so many steps between steps + 1 times and states, rows of 2n reals;
  * `references` are those of angles in loads in each step, a row each. Both return DONE or NOT_FINITE or SINGULAR, with
@@ -73,6 +109,6 @@ struct variation_api {
                     long *taken);
 };
 
-extern const struct variation_api symgen_variations;
+extern const struct variation_api symgen_variations, symgen_loop_variations;
 
 #endif

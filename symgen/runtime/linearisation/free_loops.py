@@ -51,9 +51,9 @@ class FreePose(LoopPose):
         #: Directions of the accelerations that are not prescribed, and of the closing wrench.
         accelerating = units[self.moving]
         # rank must not depend on masses: the largest effort by an acceleration is the unit of efforts
-        self.effort = max((float(np.max(np.abs(self._efforts(x)))) for x in accelerating), default=0.0) or 1.0
+        self.effort = float(np.max(np.abs(self._efforts(accelerating)), initial=0.0)) or 1.0
         self.unknowns = np.vstack([accelerating, self.wrenches])
-        self.matrix = np.array([self._equations(x) for x in self.unknowns]).T
+        self.matrix = self._equations(self.unknowns).T
         undetermined, count = null_space(self.matrix), len(self.moving)
         if np.max(np.abs(undetermined[:, :count]), initial=0.0) > 1e-6:
             raise ModelError(
@@ -72,18 +72,18 @@ class FreePose(LoopPose):
         self.wrench = solved[self.places[2] : self.places[3]]
 
     def _equations(self, direction: Array) -> Array:
-        """Return the tangents of accelerations of closure and of known efforts, scaled."""
-        closure = self.along("motion", direction)[6:] / self.lengths
-        return np.concatenate([closure, self._efforts(direction) / self.effort])
+        """Return the tangents of accelerations of closure and of known efforts, scaled, in rows for many."""
+        closure = self.along("motion", direction)[..., 6:] / self.lengths
+        return np.concatenate([closure, self._efforts(direction) / self.effort], axis=-1)
 
     def _efforts(self, direction: Array) -> Array:
         """Return the tangents of known efforts [N m]."""
-        efforts: Array = (self.along("efforts", direction) * self.columns)[self.known]
+        efforts: Array = (self.along("efforts", direction) * self.columns)[..., self.known]
         return efforts
 
     def _solved(self, left: Array) -> Array:
         """Return the direction of accelerations and wrench that changes the equations by minus these."""
-        found: Array = -np.linalg.lstsq(self.matrix, left, rcond=RANK)[0] @ self.unknowns
+        found: Array = -np.linalg.lstsq(self.matrix, left.T, rcond=RANK)[0].T @ self.unknowns
         return found
 
     def _direction(self, order: int, variable: int) -> Array:
@@ -113,11 +113,11 @@ class FreePose(LoopPose):
         return direction
 
     def _prescribe(self, direction: Array) -> None:
-        """Set the tangents of prescribed motions by the parameters of a direction."""
+        """Set the tangents of prescribed motions by the parameters of a direction, or of each in rows."""
         if self.inputs:
-            n, prescribed = len(self.q), self.along("prescribed", direction).reshape(-1, 3)
+            n, prescribed = len(self.q), self.along("prescribed", direction)
             for order in range(3):
-                direction[order * n + np.array(self.inputs)] = prescribed[:, order]
+                direction[..., order * n + np.array(self.inputs)] = prescribed[..., order::3]
 
     def by_state(self, moved: Array, parameters: Sequence[str], seeds: Array) -> Array:
         """Return the tangents of outputs (outputs, columns) along tangents of the state and of parameters.
@@ -130,16 +130,11 @@ class FreePose(LoopPose):
             Tangents of the parameters, (parameters, columns).
         """
         names = [p.name for p in self.loop.description.parameters]
-        found = []
-        for of_state, of_parameters in zip(moved.T, seeds.T, strict=True):
-            direction = np.zeros(self.size)
-            direction[self.places[-1] + np.array([names.index(x) for x in parameters], dtype=int)] = (
-                of_parameters
-            )
-            self._prescribe(direction)
-            direction[: len(of_state)] = of_state
-            found.append(direction + self._solved(self._equations(direction)))
-        return self._outputs(np.array(found))
+        directions = np.zeros((moved.shape[1], self.size))
+        directions[:, self.places[-1] + np.array([names.index(x) for x in parameters], dtype=int)] = seeds.T
+        self._prescribe(directions)
+        directions[:, : len(moved)] = moved.T
+        return self._outputs(directions + self._solved(self._equations(directions)))
 
     def _driven(self, name: str) -> Array:
         """Return the direction of accelerations and wrench by an input of the scene."""
@@ -234,8 +229,9 @@ class FreePose(LoopPose):
 
     def _outputs(self, directions: Array) -> Array:
         """Return the tangents of outputs along directions, (outputs, directions)."""
-        found = [self.along("slopes", x) for x in directions] if self.outputs else []
-        return np.array(found).reshape(len(directions), len(self.outputs)).T
+        if not self.outputs:
+            return np.zeros((0, len(directions)))
+        return self.along("slopes", directions).T
 
 
 def check_closed(loop: LoopKernels, state: State) -> None:

@@ -100,19 +100,25 @@ class LoopPose:
             )
 
     def along(self, kernel: str, direction: Array) -> Array:
-        """Return the tangents that a kernel gives along a direction."""
+        """Return the tangents that a kernel gives along a direction, or along each of some, in rows."""
         name = "outputs" if kernel == "slopes" else kernel
-        return self.called(kernel, direction)[f"{name}_tangent"].ravel()
+        rows = np.atleast_2d(direction)
+        work = np.zeros((len(rows), self.tangents.work_size + 1))
+        work[:, : self.places[3] - self.places[1]] = np.concatenate([self.acceleration, self.wrench])
+        work[:, self.places[3] - self.places[1] :][:, : self.size] = rows
+        states = np.tile(np.concatenate([self.q, self.u, [0.0]]), (len(rows), 1))
+        found = self.tangents.many(kernel, np.full(len(rows), self.t), states, work)[f"{name}_tangent"]
+        return found.reshape(*np.shape(direction)[:-1], -1)
 
     def called(self, kernel: str, direction: Array) -> dict[str, Array]:
-        """Return all that a kernel gives along a direction, by name."""
+        """Return all results of a kernel along a direction, by name."""
         work = np.concatenate([self.acceleration, self.wrench, direction])
         return self.tangents(kernel, self.t, self.q, self.u, work)
 
     @cached_property
     def by_wrench(self) -> Array:
         """Slopes of the known efforts by the closing wrench (known, 6), all in units of moments."""
-        slopes = np.array([self.along("efforts", x) for x in self.wrenches])[:, self.known].T
+        slopes = self.along("efforts", self.wrenches)[:, self.known].T
         return np.asarray(slopes * self.columns[self.known, None])
 
     @property
@@ -164,8 +170,7 @@ class LoopPose:
         """Raise ModelError for an output that changes along any of some directions (directions, tangents)."""
         if not len(free) or not self.outputs:
             return
-        by = np.array([self.along("slopes", x) for x in self.wrenches])
-        found = np.array([self.along("slopes", x) for x in free])
+        by, found = self.along("slopes", self.wrenches), self.along("slopes", free)
         changed = np.max(np.abs(found), axis=0) > _LEFT * np.max(np.abs(by), axis=0)
         for name in (name for name, moves in zip(self.outputs, changed, strict=True) if moves):
             raise ModelError(
@@ -191,7 +196,7 @@ class _Driven(LoopPose):
         """Return the derivatives of all outputs by parameters."""
         if self.tangents.has("efforts"):
             self.check_determined(null_space(self.by_wrench) @ self.wrenches)
-        slopes = np.array([self.along("slopes", self._direction(name)) for name in parameters]).T
+        slopes = self.along("slopes", np.array([self._direction(name) for name in parameters])).T
         units = {p.name: p.unit for p in self.loop.description.tunable}
         return finite(
             Sensitivity(

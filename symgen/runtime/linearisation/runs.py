@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
-from symgen.runtime._variations import Variations
+from symgen.runtime._variations import LinkageVariations, Variations
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -214,13 +214,15 @@ def at_run(
 
     def along(columns: int) -> Variations:
         entries = _places(kernels, integrands, parameters[:columns], start)
-        return Variations(equations, chosen.method, kernels, entries, columns)
+        return LinkageVariations(equations, chosen.method, kernels, entries, columns)
 
-    rows = len(shown) + len(integrands)
-    if rows * len(ends) * _DIRECTIONS < len(names):
-        found, integrals = _backward(path, along, slopes, len(integrands), first)
+    if fewer((len(shown) + len(integrands)) * len(ends), len(names)):
+        found = carried_back(path, along(len(names)), slopes, len(integrands), first)
+        _, integrals = carried_forward(path, along(0), first[:, :0], len(integrands))
     else:
-        found, integrals = _forward(path, along(len(names)), slopes, len(integrands), first)
+        moved, integrals = carried_forward(path, along(len(names)), first, len(integrands))
+        ended = zip(slopes, moved, strict=True)
+        found = [np.vstack([by_state @ x + direct, summed]) for (by_state, direct), (x, summed) in ended]
     order = [names.index(name) for name in by]
     of_outputs = [[end.slopes.values[name] for name in shown] for end in ends]
     integral_names = tuple(f"integral of {name}" for name in integrands)
@@ -295,42 +297,48 @@ def _check(status: int, t: Array, taken: int) -> None:
         raise SimulationError(f"no derivatives of the run from t = {at:.9g} s on: {cause}", time=at)
 
 
-def _forward(
-    path: Path, along: Variations, slopes: Sequence[tuple[Array, Array]], integrals: int, first: Array
-) -> tuple[list[Array], Array]:
+def fewer(outputs: int, directions: int) -> bool:
+    """Return whether transposed steps, one after the other for each output, cost less than all tangents."""
+    return outputs * _DIRECTIONS < directions
+
+
+def carried_forward(
+    path: Path, along: Variations, first: Array, integrals: int = 0
+) -> tuple[list[tuple[Array, Array]], Array]:
+    """Return derivatives of state and integrals by all directions, and the integrals, at all ends."""
     moved, summed = np.ascontiguousarray(first), np.zeros((integrals, first.shape[1]))
     begin, found, sums = 0, [], []
-    for end, (by_state, direct) in zip(path.ends, slopes, strict=True):
+    for end in path.ends if first.shape[1] or integrals else ():
         part = _slices(path, begin, end)
         status, taken = along.forward(*part, moved, summed)
         _check(status, part[0], taken)
-        found.append(np.vstack([by_state @ moved + direct, summed]))
+        found.append((moved.copy(), summed.copy()))
         sums.append(along.sums)
         begin = end
-    return found, np.array(sums)
+    return found, np.reshape(sums, (len(path.ends), integrals))
 
 
-def _backward(
+def carried_back(
     path: Path,
-    along: Callable[[int], Variations],
+    along: Variations,
     slopes: Sequence[tuple[Array, Array]],
     integrals: int,
     first: Array,
-) -> tuple[list[Array], Array]:
-    directions = first.shape[1]
-    transposed, found = along(directions), []
+) -> list[Array]:
+    """Return derivatives of outputs and integrals at all ends from transposed steps, each output by itself.
+
+    ``slopes`` are those of outputs at each end by the state, and by the directions at a held state.
+    """
+    found = []
     for end, (by_state, direct) in zip(path.ends, slopes, strict=True):
         part = _slices(path, 0, end)
         rows = []
         for seed, weights, gradient in _seeds(by_state, direct, integrals):
-            status, taken = transposed.backward(*part, seed, weights, gradient)
+            status, taken = along.backward(*part, seed, weights, gradient)
             _check(status, part[0][::-1], taken)
             rows.append(gradient + seed @ first)
         found.append(np.array(rows))
-    if not integrals:
-        return found, np.zeros((len(path.ends), 0))
-    _, sums = _forward(path, along(0), [(x[:0], y[:0, :0]) for x, y in slopes], integrals, first[:, :0])
-    return found, sums
+    return found
 
 
 def _seeds(by_state: Array, direct: Array, integrals: int) -> Iterator[tuple[Array, Array, Array]]:

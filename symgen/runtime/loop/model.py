@@ -30,6 +30,7 @@ from symgen.runtime.result.turn import Turn
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
+    from symgen.runtime.kernels.library import Library
     from symgen.runtime.linearisation.free_loops import FreePose
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.result.result import Result
@@ -236,7 +237,7 @@ class LoopModel(Model):
         """Return derivatives along a run under forces; without an end those at the state."""
         from symgen.runtime.integrate.options import options
         from symgen.runtime.linearisation.free_loops import FreePose
-        from symgen.runtime.linearisation.loop_runs import at_run, follow
+        from symgen.runtime.linearisation.loop_runs import at_run, follow, steps_of
         from symgen.runtime.linearisation.runs import MOST_STEPS, Path
 
         d, rank = self.description, self.closed_start().rank
@@ -253,7 +254,7 @@ class LoopModel(Model):
         if t_end is None and t_eval is None:
             y = np.concatenate([start.q, start.u])[None]
             only = Path(np.array([start.t]), y, np.zeros((1, 0)), (0,))
-            return at_run(only, pose, self.kernels, rank, by)
+            return at_run(only, pose, self.kernels, None, by)
         pose(start)
         times = reals(t_end, "t_end") if t_eval is None else reals(t_eval, "t_eval")
         if not len(times):
@@ -263,7 +264,8 @@ class LoopModel(Model):
         last = float(times[-1]) if t_end is None else t_end
         chosen = options(last, method, rtol, atol, step, 2, most, max_step=max_step)
         path = follow(self.kernels, rank, start, chosen, times)
-        return at_run(path, pose, self.kernels, rank, by, chosen)
+        of_steps = self._kernels_of("loop_variation", (), lanes=True)
+        return at_run(path, pose, self.kernels, steps_of(self.kernels, of_steps, rank, chosen), by)
 
     def state(
         self,
@@ -351,9 +353,16 @@ class LoopModel(Model):
 
     def _tangents(self, kind: str, outputs: Sequence[str]) -> LoopKernels:
         """Return the kernels of an analysis by tangents, of each output once."""
+        return LoopKernels(*self._kernels_of(kind, tuple(dict.fromkeys(outputs))), self.given)
+
+    def _kernels_of(
+        self, kind: str, outputs: tuple[str, ...], lanes: bool = False
+    ) -> tuple[LoopDescription, Library]:
+        """Return the kernels of an analysis; in ``lanes`` compiled ones take vectors."""
         if self._analyses is None:
             raise ModelError(f"{self.name} was made without its scene: build it with symgen.build")
-        return LoopKernels(*self._analyses(kind, tuple(dict.fromkeys(outputs))), self.given)
+        found: tuple[LoopDescription, Library] = self._analyses(kind, outputs, lanes)
+        return found
 
     @takes(Run)
     def _simulate(self, asked: Run) -> Result:
