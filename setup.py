@@ -2,10 +2,12 @@
 
 import json
 import os
+from hashlib import sha256
 from pathlib import Path
 
 from Cython.Build import cythonize
 from setuptools import Extension, find_packages, setup
+from setuptools.command.build_ext import build_ext
 from setuptools.command.editable_wheel import editable_wheel
 
 MODELS = json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))["models"]
@@ -15,7 +17,13 @@ def flags(optimisation):
     """Return the compiler flags: no contraction, so that all processors give the same bits."""
     if os.name == "nt":
         return []
-    return [f"-O{optimisation}", "-std=c11", "-ffp-contract=off", "-Werror=implicit-function-declaration"]
+    return [
+        f"-O{optimisation}",
+        "-g0",  # Python's own flags ask for debugging symbols, a third of the time of compilation
+        "-std=c11",
+        "-ffp-contract=off",
+        "-Werror=implicit-function-declaration",
+    ]
 
 
 # What Cython's arrays need, compiled once instead of into each module: most of what there is to compile.
@@ -55,11 +63,44 @@ extensions = [
             f"symgen.generated.{name}",
             [f"generated/{file}" for file in sorted(model["sources"]) if file.endswith((".pyx", ".c"))],
             include_dirs=["generated"],
+            depends=[f"generated/{file}" for file in sorted(model["sources"]) if file.endswith(".h")],
             extra_compile_args=flags(model["optimisation"]),
         )
         for name, model in sorted(MODELS.items())
     ),
 ]
+
+
+class BuildExt(build_ext):
+    """In a checkout, compiles an extension only if its sources, headers or compiler arguments changed.
+
+    Their digest is kept with the binary. Times of files would not do: each installation brings new copies of
+    Cython's files, on which all sources in C then seem to depend.
+    """
+
+    KEPT = "build/in_place"
+
+    def finalize_options(self):
+        """Keep binaries, which an editable installation builds in a temporary folder."""
+        super().finalize_options()
+        if self.inplace:
+            self.build_lib = self.KEPT
+
+    def build_extension(self, ext):
+        """Compile an extension, unless it is there already."""
+        if self.build_lib != self.KEPT:
+            super().build_extension(ext)
+            return
+        digest = sha256(repr((self.compiler.compiler_so, ext.extra_compile_args)).encode())
+        for path in (*ext.sources, *ext.depends):
+            digest.update(Path(path).read_bytes())
+        binary = Path(self.get_ext_fullpath(ext.name))
+        record = binary.with_name(f"{binary.name}.sha256")
+        if not (binary.exists() and record.exists() and record.read_text() == digest.hexdigest()):
+            record.unlink(missing_ok=True)
+            self.force = True
+            super().build_extension(ext)
+            record.write_text(digest.hexdigest())
 
 
 class EditableWheel(editable_wheel):
@@ -79,9 +120,12 @@ class EditableWheel(editable_wheel):
 
 setup(
     packages=[*find_packages(include=["symgen", "symgen.*"]), "symgen.generated", "symgen.templates"],
-    cmdclass={"editable_wheel": EditableWheel},
+    cmdclass={"build_ext": BuildExt, "editable_wheel": EditableWheel},
     ext_modules=cythonize(
-        extensions, build_dir="build/cython", language_level=3, shared_utility_qualified_name=SHARED
+        extensions,
+        build_dir="build/cython",
+        language_level=3,
+        shared_utility_qualified_name=SHARED,
     ),
     options={"build_ext": {"parallel": os.cpu_count()}},
 )
