@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import errno
 import gc
+import logging
 import os
 import sys
 import warnings
@@ -109,7 +110,18 @@ def main() -> None:
     gc.disable()  # a short process: garbage collection would only delay its start and its end
     atexit.register(gc.freeze)
     warnings.showwarning = lambda message, *_, **__: console(stderr=True).print(f"symgen: {message}")
+    if sys.stderr.isatty():
+        own = logging.getLogger("symgen")
+        own.addHandler(_Progress())
+        own.setLevel(logging.INFO)
     raise SystemExit(_ended())
+
+
+class _Progress(logging.Handler):
+    """Prints what takes time, such as a first build, where somebody waits for it."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(f"symgen: {record.getMessage()}", file=sys.stderr)
 
 
 def _ended() -> int:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from symgen.report.extremes import Components, texts
+from symgen.report.extremes import FEW, Components, texts
 from symgen.report.tables import MODES, table
 from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.records import converted, converters
@@ -19,11 +19,16 @@ from symgen.runtime.rods.modes import Modes
 
 
 def print_motion(motion: Motion, _: Any, console: Console) -> None:
-    """Print the range of every recorded output, and the intervals that the linkage cannot reach."""
-    along, unit = motion.over[0], motion.shown_in[0]
-    span = f"{along.min():g} {unit} to {along.max():g} {unit}"
+    """Print outputs at a few poses or their range over many, and intervals out of reach of the linkage."""
+    along, label = motion.over
+    unit = motion.shown_in[0]
     outputs = Components(motion.shown, motion.count)
-    console.print(outputs.extremes(f"{motion.title}: {motion.count} poses, {span}", along, unit))
+    if motion.count <= FEW:
+        heads = [f"{x:.6g}" for x in along]
+        console.print(outputs.values(f"{motion.title}: outputs over {label}", heads))
+    else:
+        span = f"{along.min():g} {unit} to {along.max():g} {unit}"
+        console.print(outputs.extremes(f"{motion.title}: {motion.count} poses, {span}", along, unit))
     for pose in motion.singular_poses:
         console.print(pose.describe())
     for low_end, high_end in motion.unassemblable:

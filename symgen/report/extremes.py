@@ -13,6 +13,8 @@ from symgen.runtime.result.records import Variable, columns
 
 Array = NDArray[np.float64]
 
+#: Maximum number of poses of a linkage for which every value is printed; otherwise the extremes.
+FEW = 12
 #: Values below this fraction of the largest value of their unit are round-off.
 _ROUND_OFF = 1e-12
 #: Angles are compared with one radian, even if all angles in a table are small.

@@ -8,19 +8,16 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from symgen.report.extremes import Components
+from symgen.report.extremes import FEW, Components
 from symgen.report.tables import table
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.records import columns
-
-#: Maximum number of poses for which every value is printed; otherwise the extremes.
-_FEW = 12
 
 
 def print_forces(found: Forces, _: Any, console: Console) -> None:
     """Print forces at a few poses, or the least and greatest of many and where they occur."""
     along, label = found.over
-    if len(along) <= _FEW:
+    if len(along) <= FEW:
         rows = [(v.name, v.unit, *v.values) for v in columns(found.shown)]
         head = ("output", "unit", *(f"{x:.9g}" for x in along))
         console.print(table(f"{found.title}: forces over {label}", head, rows, keys=2))

@@ -44,7 +44,7 @@ def print_linearisation(found: Linearisation, model: Any, console: Console) -> N
 
 
 def _state_of(found: Linearisation | Sensitivity) -> str:
-    return "the equilibrium" if found.balanced else f"t = {found.t:g} s"
+    return "the equilibrium" if found.at_equilibrium else f"t = {found.t:g} s"
 
 
 def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from symgen.symbolic.system import System
 
 BACKENDS = ("auto", "c", "numpy", "mpmath")
+_log = logging.getLogger(__name__)
 #: Default number of digits of the backend mpmath.
 DIGITS = 40
 GET_A_COMPILER = (
@@ -213,6 +215,8 @@ class Tools:
             if found:
                 return found
             with store.building(name, lambda f: graph.keep(f, name, graph.needs(read()))) as folder:
+                what = kind.partition("-")[0].replace("_", " ") or "equations of motion"
+                _log.info("%s: deriving and compiling %s; later calls use the cache", text.name, what)
                 description, library = make(folder)
                 try:
                     (folder / _DESCRIPTION).write_text(description.to_json(), encoding="utf-8")

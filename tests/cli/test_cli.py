@@ -159,6 +159,21 @@ def test_animate_a_mode(tmp_path, entry):
     assert code == 2 and said == "symgen: --at selects the pose of a mode: give --mode N\n"
 
 
+def test_kinematics_at_a_few_angles_prints_every_value():
+    """The tip of a crank of 10 cm, on a circle; over many angles, the extremes."""
+    line = "kinematics", "crank_rocker", "--of", "A.position"
+    lines = call(*line, "--at", "0:90:4").splitlines()
+    assert lines[0].endswith("outputs over crank.angle [deg]") and lines[1].split()[2:] == [
+        "0",
+        "30",
+        "60",
+        "90",
+    ]
+    found = [float(x) for x in lines[3].split()[2:]]
+    assert found == pytest.approx([0.1, 0.1 * np.cos(np.pi / 6), 0.05, 0.0], abs=1e-6)
+    assert "least" in call(*line, "--at", "0:90:13")
+
+
 def test_an_analysis_is_animated(tmp_path, entry):
     file = tmp_path / "steady.html"
     said = call("periodic", "elastic_slider_crank", "--samples", "7", "--rtol", "1e-2", "--animate", file)

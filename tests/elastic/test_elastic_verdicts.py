@@ -171,3 +171,11 @@ def test_links_too_stiff_for_an_explicit_method_are_said_to_be():
     stiff = symgen.build("thesis_four_bar", set={"E": "1e24 Pa"})
     with pytest.raises(SimulationError, match="too stiff for this method.*\n.*gauss"):
         stiff.simulate(method="dop853")
+
+
+def test_a_speed_beyond_the_range_of_numbers_is_refused():
+    model = symgen.build("elastic_four_bar").with_parameters(speed=1e200)
+    with pytest.raises(
+        SimulationError, match="forces of the rigid motion exceed the range of numbers at t = 0"
+    ):
+        model.quasi_static()

@@ -29,6 +29,15 @@ def entries(folder: Path) -> list[str]:
     return sorted(p.name for p in folder.iterdir())
 
 
+def test_the_logger_reports_a_build_and_no_later_call(cache, caplog):
+    caplog.set_level("INFO", "symgen")
+    symgen.build("four_bar")
+    (line,) = caplog.messages
+    assert line == "four_bar: deriving and compiling equations of motion; later calls use the cache"
+    symgen.build("four_bar")
+    assert caplog.messages == [line]
+
+
 @pytest.mark.parametrize("count", [3, full(8)])
 def test_processes_build_one_entry_at_once(cache, count):
     running = [

@@ -118,6 +118,12 @@ def _no_shape(
             f"{motion.rigid.name}: the structure can move without being strained, so that loads alone do "
             'not determine its shape\n  Hold the crank: mode = "held" under [crank].'
         )
+    if not np.all(np.isfinite(loaded)):
+        return SimulationError(
+            f"{motion.rigid.name}: forces of the rigid motion exceed the range of numbers at t = {t:g} s\n"
+            "  Take a lower speed or load.",
+            time=t,
+        )
     # Buckling under p times the axial forces: (K + p K_N) x = 0.
     change = stiffness - loaded
     largest = float(eigh((change + change.T) / 2, (stiffness + stiffness.T) / 2, eigvals_only=True)[-1])

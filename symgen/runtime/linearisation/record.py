@@ -37,7 +37,7 @@ class Linearisation:
         Time [s], state, inputs and outputs about which it is linearised.
     rates
         dx/dt there: zero at an equilibrium.
-    balanced
+    at_equilibrium
         Whether that state is an equilibrium that was found as such.
     """
 
@@ -54,7 +54,12 @@ class Linearisation:
     u: Array
     y: Array
     rates: Array
-    balanced: bool = False
+    at_equilibrium: bool = False
+
+    def __repr__(self) -> str:
+        where = "an equilibrium" if self.at_equilibrium else f"t = {self.t:g} s"
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"<Linearisation at {where}: {sizes}; A, B, C, D, poles, state_space>"
 
     @property
     def state_space(self) -> StateSpace:
@@ -111,7 +116,7 @@ class Sensitivity:
         Unit of every output and parameter by name.
     t
         Time [s]; an array (times,) of several.
-    balanced
+    at_equilibrium
         Whether the state is an equilibrium, which moves with the parameters.
     """
 
@@ -121,7 +126,7 @@ class Sensitivity:
     values: Array
     units: dict[str, str]
     t: float | Array
-    balanced: bool = False
+    at_equilibrium: bool = False
 
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers: what ``symgen sensitivity --json`` prints."""

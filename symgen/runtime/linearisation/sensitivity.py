@@ -92,7 +92,7 @@ def at_equilibrium(
     multipliers = (tangents.bound.T @ (by_q @ dq + force[:, by])) / tangents.scale[:, None]
     still = np.zeros_like(dq)
     found = _of_outputs(tangents, outputs, parameters, dq, still, np.vstack([still, multipliers]))
-    found = replace(found, balanced=True)
+    found = replace(found, at_equilibrium=True)
     if vibration is None:
         return found
     values, derivatives = frequencies(tangents, vibration, np.vstack([dq, multipliers]), parameters)

@@ -89,13 +89,13 @@ class PlaneModel(RodModel):
         coordinates: Sequence[str] | None = None,
         **options: Any,
     ) -> Linearisation:
-        balanced = at is not None and not isinstance(at, State)
+        at_equilibrium = at is not None and not isinstance(at, State)
         state = at if at is None or isinstance(at, State) else at.state
         if coordinates is None:
             found = super()._linearise(self._own(state), **options)
         else:
             found = self.in_space._linearise(self._whole(state), coordinates=coordinates, **options)
-        return replace(found, balanced=balanced)
+        return replace(found, at_equilibrium=at_equilibrium)
 
     def _sensitivity(  # type: ignore[override]
         self, outputs: Sequence[str], at: State | Equilibrium | float | None = None, **options: Any

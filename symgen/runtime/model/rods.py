@@ -193,7 +193,7 @@ class RodModel(LinkageModel):
         values = [self.parameters[name] for name in chosen]
         given = dict(zip(chosen, values, strict=True))
         found = state_space(tangents, names, coordinates is not None, given, shown)
-        return replace(found, balanced=at is not None and not isinstance(at, State))
+        return replace(found, at_equilibrium=at is not None and not isinstance(at, State))
 
     def _sensitivity(
         self,

@@ -62,6 +62,9 @@ class Equilibrium:
     units: dict[str, str]
     linearised: Linearised
 
+    def __repr__(self) -> str:
+        return f"<Equilibrium, {self.stability}: state, reactions, outputs; unbalanced {self.residual:.1e} N>"
+
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers: what ``symgen equilibrium --json`` prints."""
         return {

@@ -67,6 +67,11 @@ class Modes:
     equilibrium: Equilibrium
     modes: tuple[Mode, ...]
 
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:3])
+        more = ", ..." if len(self) > 3 else ""
+        return f"<Modes, {self.equilibrium.stability} equilibrium: {shown}{more} Hz, {len(self)} modes>"
+
     def __len__(self) -> int:
         return len(self.modes)
 
