@@ -5,9 +5,11 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import symgen
-from symgen.errors import ModelError, SceneError
+from symgen.errors import SceneError
+from symgen.runtime.elastic.large.linkage import LargeLinkage
 
 LENGTH, WIDTH, THICKNESS, E, RHO = 0.8, 0.02, 0.01, 210e9, 7850.0
 BENDING, LINE = E * WIDTH * THICKNESS**3 / 12, RHO * WIDTH * THICKNESS
@@ -133,7 +135,23 @@ def test_refused(case):
         symgen.build(symgen.Scene(**cantilever() | changes))
 
 
-def test_large_rotation_has_it_in_segments_alone():
-    model = symgen.build(symgen.Scene(**cantilever()))
-    with pytest.raises(ModelError, match="moments of inertia"):
-        model.large_rotation(elements=2)
+def test_frequencies_in_large_rotation():
+    """Of the straight beam at rest, by differences of the residual of elements in large rotation."""
+    linkage = LargeLinkage(symgen.build(symgen.Scene(**cantilever()))._motion(True), 8)
+    q, n, h = linkage.start().q, linkage.unknowns, 1e-7
+
+    def forces(q, a):
+        states = (x[None] for x in (q, np.zeros(n), a, np.zeros(linkage.multipliers)))
+        return linkage.residual(np.zeros(1), *states)[0]
+
+    unit, still = np.eye(n), np.zeros(n)
+    mass = np.array([forces(q, e) - forces(q, still) for e in unit])
+    stiffness = np.array([forces(q + h * e, still) - forces(q - h * e, still) for e in unit]) / (2 * h)
+    link = linkage.links[0]
+    held = {*link.places[0].tolist()}
+    free = [k for k in range(n) if k not in held]
+    bent = [k for k in free if k in set(link.places[:, 1:].ravel().tolist())]
+    squares = eigh(stiffness[np.ix_(bent, bent)], mass[np.ix_(bent, bent)], eigvals_only=True)
+    mass_of_tip, inertia = (float(TIP[name].split()[0]) for name in ("mass", "inertia"))
+    expected = frequencies(mass_of_tip, inertia, 3)
+    assert np.sqrt(squares[:3]) / (2 * np.pi) == pytest.approx(expected, rel=1e-4)

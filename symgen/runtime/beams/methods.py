@@ -96,6 +96,8 @@ def _gauss(name: str, stages: int) -> BeamMethod:
 
 #: Of a high order, since a linkage vibrates much faster than its crank revolves.
 GAUSS = _gauss("gauss", 6)
+#: Of elements in large rotation.
+GAUSS8 = _gauss("gauss8", 4)
 _METHODS = (
     GAUSS,
     _gauss("gauss4", 2),

@@ -1,38 +1,32 @@
-"""A linkage whose elastic links are beam elements in large rotation: its equations, assembled and stepped.
+"""A linkage whose elastic links are beam elements in large rotation: its equations, assembled.
 
 The unknowns are the coordinates of the linkage's free points and, for every elastic link, positions and
-rotations of its nodes; nodes at free points share their coordinates. Rigid links, guides, ends on the ground
-and the direction of a held crank are constraints with multipliers.
+rotations of its nodes; nodes at free points share their coordinates. Rigid links, guides, ends on the ground,
+welds and the direction of a held crank are constraints with multipliers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
-from functools import cached_property
-from itertools import pairwise
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SimulationError
-from symgen.runtime.beams.elements import meshed
+from symgen.errors import ModelError
+from symgen.runtime._beams import APPLIED, MOTION
 from symgen.runtime.beams.layout import entries_of
-from symgen.runtime.beams.methods import BEAM_METHODS
-from symgen.runtime.elastic.large.links import LargeLink, Moment, cross, element_properties
+from symgen.runtime.elastic.large.attached import Posed, Section, forces_along, lumps_of
+from symgen.runtime.elastic.large.collocation import Moment, Pattern, Slopes, pairs_of
+from symgen.runtime.elastic.large.links import cross
+from symgen.runtime.elastic.large.supports import Supports, divided, gravity_of, section_of
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.integrate.pace import OutOfTime, Pace
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Newton's method ends with a correction this small over the lengths of the links, and rotations in radians.
-_CLOSE, _MOST = 1e-7, 12
-#: Matrices that the kernel ``joints`` gives, in the order of weights from the last: M, C, K.
+#: Matrices that the kernel ``joints`` gives: M, C, K.
 _SLOPES = ("mass_matrix", "damping", "stiffness")
-_METHOD = BEAM_METHODS["generalized-alpha"]
 
 
 class LargeLinkage:
@@ -49,192 +43,261 @@ class LargeLinkage:
     def __init__(self, motion: ElasticMotion, elements: int) -> None:
         _check(motion)
         d = motion.rigid.description
-        self.motion, self._points = motion, d.coordinates
+        self.name, self.motion, self._points = motion.rigid.name, motion, d.coordinates
         self._rigid, self._joints = motion.rigid.evaluator, motion._joints
-        names = motion.constraints
-        self._rows = np.array([d.constraints.index(name) for name in names], dtype=np.intp)
-        gravity = self._gravity()
-        self.links: list[LargeLink] = []
-        size = d.coordinates
-        #: Ends on the ground: their two unknowns and their point.
-        self._pins: list[tuple[int, str]] = []
-        for beam in motion.beams:
-            info = meshed(replace(beam.info, elements=elements, nodes=()), beam.properties.length, (), ())
-            count = info.elements + 1
-            places = np.arange(size, size + 3 * count, dtype=np.intp).reshape(count, 3)
-            for node, point in zip(info.joint_nodes, info.points, strict=True):
-                if point in d.free:
-                    k = 2 * d.free.index(point)
-                    places[node, :2] = k, k + 1
-                else:
-                    self._pins.append((int(places[node, 0]), point))
-            nodes = tuple(info.node(k) for k in range(count))
-            self.links.append(
-                LargeLink(beam, nodes, places, element_properties(beam.properties, nodes, gravity))
-            )
-            size += 3 * count
-        self._used(size)
-        held = (k for k in self.links if motion.info.mode == "held" and k.beam.info.link == motion.info.crank)
-        self._shaft = next((int(link.places[0, 2]) for link in held), None)
+        elastic = {beam.info.link for beam in motion.beams}
+        # Elements stretch: the lengths of elastic links are not constrained.
+        self._names = [name for name in motion.constraints if name not in elastic]
+        self._kept = [motion.constraints.index(name) for name in self._names]
+        self._rows = np.array([d.constraints.index(name) for name in self._names], dtype=np.intp)
+        gravity = gravity_of(motion)
+        self.links, pins, self.unknowns = divided(motion, elements, gravity)
+        self._lumps = lumps_of(motion, self.links, gravity)
+        self._along = [(x, self._chord(x.link)) for x in forces_along(motion, self.links)]
+        self._sections = {name: section_of(self.links, *name.split(".")) for name in motion.info.rotations}
+        self._couples = [Posed(motion, self._acting(name)) for name in motion.info.rotations]
+        crank = next((k for k in self.links if k.beam.info.link == motion.info.crank), None)
+        self._motor: Posed | None = None
+        if motion.info.mode == "motor" and crank:
+            shaft = section_of(self.links, motion.info.crank, crank.beam.info.start)
+            self._motor = Posed(motion, [shaft])
         of_joints = {b.name: b for b in self._joints.info("joints").blocks}
-        labels = [f"{p}_{axis}" for p in d.free for axis in d.axes]
-        place = {label: i for i, label in enumerate(labels)}
+        place = {f"{p}_{axis}": 2 * k + i for k, p in enumerate(d.free) for i, axis in enumerate(d.axes)}
+        place |= {f"{name}_theta": section.place for name, section in self._sections.items()}
         self._entries = {
             name: np.array(entries_of(of_joints, name, place), dtype=np.intp).reshape(-1, 2)
             for name in _SLOPES
         }
         y = motion._start[: self._points]
-        found = self._rigid.blocks("constraints", 0.0, y, np.zeros_like(y)) if names else {}
-        self._sizes = found["constraint_scale"][self._rows] if names else np.ones(0)
-        self.multipliers = len(self._rows) + 2 * len(self._pins) + (self._shaft is not None)
-        #: Entries of the constraint Jacobian that are one; those of rigid parts follow.
-        self._fixed = np.zeros((self.multipliers, self.unknowns))
-        rows, columns = self._bound
-        self._fixed[rows, columns] = rows >= len(self._rows)
-        self._of_elements = [link.elements for link in self.links]
-        self.scale = np.ones(self.unknowns)
-        self.scale[self._lengths] = max(link.beam.properties.length for link in self.links)
-
-    def _used(self, size: int) -> None:
-        """Renumber the unknowns without those that nodes at free points do not have."""
-        used = np.zeros(size, dtype=bool)
-        used[: self._points] = True
+        found = self._rigid.blocks("constraints", 0.0, y, np.zeros_like(y)) if self._names else {}
+        self._sizes = found["constraint_scale"][self._rows] if self._names else np.ones(0)
+        held = crank and motion.info.mode == "held"
+        self._shaft = int(crank.places[0, 2]) if crank and held else None
+        self._supports = Supports(motion, self.links, pins, self._shaft, self._straight()[0])
+        self.multipliers = len(self._rows) + len(self._supports.rows)
+        self.scale = np.full(self.unknowns, max(link.beam.properties.length for link in self.links))
         for link in self.links:
-            used[link.places] = True
-        new = np.cumsum(used) - 1
-        self.links = [replace(link, places=new[link.places]) for link in self.links]
-        self._pins = [(int(new[k]), point) for k, point in self._pins]
-        self.unknowns = int(np.sum(used))
-        self._lengths = np.ones(self.unknowns, dtype=bool)
-        for link in self.links:
-            self._lengths[link.places[:, 2]] = False
+            self.scale[link.places[:, 2]] = 1.0
 
-    def _gravity(self) -> Array:
-        """Return the acceleration of free fall [m/s^2], which the kernels have in the axes of the links."""
-        y, kernels_of = self.motion._start, self.motion._motion
-        q, u = y[: self._points], y[self._points :]
-        columns = next(b.columns for b in kernels_of.info("energies").blocks if b.name == "energies")
-        at = [columns.index(f"potential_load_{axis}") for axis in "xy"]
-        along, across = -np.atleast_2d(kernels_of.blocks("energies", 0.0, q, u)["energies"])[0][at]
-        cosine, sine = np.atleast_2d(kernels_of.blocks("links", 0.0, q, u)["links"])[0][:2]
-        return np.array([cosine * along - sine * across, sine * along + cosine * across])
+    def _chord(self, number: int) -> Posed:
+        """Return the calls of kernels with a link of undeformed length along the line between its ends."""
+        beam = self.links[number].beam
+        line = Section(beam.info.link, beam.info.start, beam.info.end, beam.properties.length)
+        free = self.motion.rigid.description.free
+        return Posed(self.motion, [line] if {line.start, line.end} & set(free) else [])
+
+    def _acting(self, name: str) -> list[Section]:
+        """Return the sections on whose rotations the couples on one of them depend, this one first."""
+        among = (other for couple in self.motion.info.couples if name in couple for other in couple)
+        return [self._sections[other] for other in dict.fromkeys((name, *among))]
 
     def start(self) -> Moment:
-        """Return the motion at t = 0: straight links that move as rigid ones."""
+        """Return places and rates at t = 0: straight links that move as rigid ones."""
+        q, v = self._straight()
+        return Moment(0.0, q, v, np.zeros(self.unknowns), np.zeros(self.multipliers))
+
+    def _straight(self) -> Array:
+        """Return places and rates of straight links that move as rigid ones, (2, unknowns)."""
         y = np.asarray(self.motion._start)
         n = self._points
         q, u = y[:n], y[n:]
-        found = np.zeros((3, self.unknowns))
-        solution = self._rigid("accelerations", 0.0, q, u)
-        for row, part in zip(found, (q, u, solution[:n]), strict=True):
-            row[:n] = part
+        found = np.zeros((2, self.unknowns))
+        found[0, :n], found[1, :n] = q, u
         d = self.motion.rigid.description
         points = self._rigid.blocks("points", 0.0, q, u)
-        second = self._rigid.blocks("point_accelerations", 0.0, q, u, solution)["point_accelerations"]
-        moved = np.array([points["positions"], points["velocities"], second])
+        moved = np.array([points["positions"], points["velocities"]])
         for link in self.links:
             info = link.beam.info
             first, last = (moved[:, list(d.points).index(p)] for p in (info.start, info.end))
             apart = last - first
-            # d x d' = omega d.d and d x d'' = alpha d.d, for d keeps its length.
-            rate, second_rate = (cross(apart[0], x) / float(apart[0] @ apart[0]) for x in apart[1:])
+            # d x d' = omega d.d, for d keeps its length.
+            rate = cross(*apart) / float(apart[0] @ apart[0])
             angle = math.atan2(apart[0, 1], apart[0, 0])
             if self._shaft in link.places[:, 2]:
                 angle = float(self.motion.angle_at(np.array(0.0)))
             for node, share in zip(link.places, link.nodes, strict=True):
                 found[:, node[:2]] = (1 - share) * first + share * last
-                found[:, node[2]] = angle, rate, second_rate
-        return Moment(0.0, found[0], found[1], *self._settled(*found))
+                found[:, node[2]] = angle, rate
+        return found
 
-    def _settled(self, q: Array, v: Array, rigid: Array) -> list[Array]:
-        """Return second rates and multipliers of straight links with the constraints of the rigid motion."""
-        zero = np.zeros(self.multipliers)
-        still = np.zeros(self.unknowns)
-        residual = self.system(0.0, q, v, still, zero, (1.0, 0.0, 0.0))[0]
-        matrix = self.system(0.0, q, v, still, zero, (0.0, 0.0, 1.0))[1]
-        right = np.concatenate([-residual[: self.unknowns], self._constraints(0.0, q)[0] @ rigid])
-        return np.split(solved(matrix, right), [self.unknowns])
+    @property
+    def loaded(self) -> bool:
+        """Whether forces, couples or a motor act on elastic links, whose work is not accounted for."""
+        return bool(self._along or self._couples or self._motor)
 
-    def system(
-        self,
-        t: float,
-        q: Array,
-        v: Array,
-        a: Array,
-        multipliers: Array,
-        weights: tuple[float, float, float],
-    ) -> tuple[Array, Any]:
-        """Return (w r, Phi) and its sparse slope [k K + c C + m M, J^T; J, 0], where r is the residual.
-
-        r = M a + internal forces - f + J^T lambda, and Phi are the constraints in metres and radians.
-        ``weights`` are k, which is also w, c and m.
-        """
-        scale = weights[0]
-        factors = np.array(weights[::-1])
-        found, values = np.zeros(self.unknowns), []
+    def residual(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
+        """Return M a + internal forces - f + J^T lambda, (times, unknowns), of states (times, unknowns)."""
+        n = self._points
+        forces = []
         for link in self.links:
             at = link.elements
-            place, rates = q[at], np.hstack([v[at], a[at]])
-            found += np.bincount(at.ravel(), link.call("residual", place, rates).ravel(), self.unknowns)
-            tangents = link.call("tangent", place, rates).reshape(-1, 3, 36)
-            values.append((factors @ tangents).ravel())
+            rates = np.concatenate([v[:, at], a[:, at]], axis=2)
+            forces.append(link.call("residual", q[:, at], rates).reshape(len(t), -1))
+        apart = self.unknowns * np.arange(len(t))[:, None] + self._slots
+        of_elements = np.concatenate(forces, axis=1)
+        summed = np.bincount(apart.ravel(), of_elements.ravel(), q.size)
+        found: Array = np.asarray(summed, dtype=float).reshape(q.shape)
         parts = self._parts(t, q, v, a, multipliers)
-        found[: self._points] -= parts["load"]
-        for name, factor in zip(_SLOPES, factors, strict=True):
-            if name in parts:
-                values.append(factor * parts[name].ravel())
-        jacobian, phi = self._constraints(t, q)
-        found += jacobian.T @ multipliers
-        of_constraints = jacobian[self._bound]
-        slots, matrix = self._pattern
-        data = np.concatenate([*values, of_constraints, of_constraints])
-        matrix.data[:] = np.bincount(slots, data, len(matrix.data))
-        return np.concatenate([scale * found, phi]), matrix
+        found[:, :n] -= parts["load"][:, :n]
+        if len(self._rows):
+            jacobian = parts["jacobian"][:, self._kept, :n]
+            found[:, :n] += np.einsum("kij,ki->kj", jacobian, multipliers[:, : len(self._rows)])
+        found += multipliers[:, len(self._rows) :] @ self._supports.rows
+        if self._lumps:
+            self._lumps.add(found, a)
+        self._add_along(found, t, q, v)
+        for k, (name, posed) in enumerate(zip(self._sections, self._couples, strict=True)):
+            moved = posed(partial(self._ground, t), q, v)
+            loads = self._joints.many_blocks("joints", t, *moved)["load"]
+            found[:, self._sections[name].place] -= loads[:, n + k]
+        if self._motor:
+            place = self._motor.moves[0][0].place
+            terms = self._shaft_terms(self._motor, t, q, v)
+            found[:, place] += terms[:, 0] * a[:, place] - terms[:, 3]
+        return found
+
+    def _add_along(self, found: Array, t: Array, q: Array, v: Array) -> None:
+        """Subtract the forces along links, whose kernels read links of undeformed length."""
+        columns = [APPLIED.index(f"load_force_{axis}") for axis in "xy"]
+        for along, posed in self._along:
+            moved = posed(partial(self._ground, t), q, v)
+            loads, links = (
+                self.motion._motion.many_blocks(name, t, *moved)[name] for name in ("loads", "links")
+            )
+            forward, across = loads.reshape(len(t), -1, len(APPLIED))[:, along.row, columns].T
+            cosine, sine = links.reshape(len(t), -1, len(MOTION))[:, along.link, :2].T
+            fixed = np.stack([cosine * forward - sine * across, sine * forward + cosine * across], axis=1)
+            along.add(found, q, fixed)
+
+    def _shaft_terms(self, motor: Posed, t: Array, q: Array, v: Array) -> Array:
+        """Return inertia, damping, stiffness and torque of a motor at its rotation, (times, 4)."""
+        places, rates = motor(partial(self._ground, t), q, v)
+        section, point = motor.moves[0]
+        work = np.zeros((len(t), self.motion._motion.info("shaft").work_size))
+        # The acceleration of a point that moves on its circle at a constant rate.
+        at = 2 * self.motion.rigid.description.free.index(point)
+        angle, rate = q[:, section.place], v[:, section.place]
+        inward = -section.length * rate**2
+        work[:, at], work[:, at + 1] = inward * np.cos(angle), inward * np.sin(angle)
+        return self.motion._motion.many("shaft", t, places, rates, work)
+
+    def _ground(self, t: Array, point: str) -> Array:
+        """Return the places of a point of the ground at times, (times, 2)."""
+        y = np.broadcast_to(self.motion._start[: self._points], (len(t), self._points))
+        number = self.motion.rigid.description.points.index(point)
+        found: Array = self._rigid.many_blocks("points", t, y, np.zeros_like(y))["positions"][:, number]
+        return found
+
+    def rates(self, t: Array, q: Array, v: Array) -> Array:
+        """Return the rates of the constraints, J v + Phi_t, (times, multipliers) [m/s, rad/s]."""
+        n, found = self._points, np.zeros((len(t), self.multipliers))
+        if len(self._rows):
+            rows = self._rigid.many("velocity_constraints", t, q[:, :n], v[:, :n])
+            found[:, : len(self._rows)] = rows[:, self._rows] / self._sizes
+        found[:, len(self._rows) :] = v @ self._supports.rows.T - self._supports.values(t)[1]
+        return found
+
+    def errors(self, t: float, q: Array) -> Array:
+        """Return the errors of the constraints Phi, (multipliers,) [m, rad]."""
+        found, n = np.zeros(self.multipliers), self._points
+        if len(self._rows):
+            rows = self._rigid.blocks("constraints", t, q[:n], np.zeros(n))["constraints"]
+            found[: len(self._rows)] = rows[self._rows] / self._sizes
+        found[len(self._rows) :] = self._supports.rows @ q - self._supports.values(np.array([t]))[0][0]
+        return found
+
+    def slopes(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> Slopes:
+        """Return the slopes of the residual and of the constraints, over the entries of the matrix.
+
+        Slopes of forces along links, and of couples by the lines between the ends of links, are left out.
+        """
+        values: list[list[Array]] = [[], [], []]
+        for link in self.links:
+            at = link.elements
+            tangents = link.call("tangent", q[at], np.hstack([v[at], a[at]])).reshape(-1, 3, 36)
+            for own, tangent in zip(values, np.moveaxis(tangents, 1, 0), strict=True):
+                own.append(tangent.ravel())
+        time = np.array([t])
+        parts = self._parts(time, q[None], v[None], a[None], multipliers[None])
+        extra = self._diagonal(time, q[None], v[None])
+        for own, of, diagonal in zip(values, _SLOPES, extra, strict=True):
+            own += [parts[name][0] if of == name else np.zeros(len(self._entries[name])) for name in _SLOPES]
+            own.append(diagonal)
+        jacobian = np.zeros((self.multipliers, self.unknowns))
+        jacobian[len(self._rows) :] = self._supports.rows
+        if len(self._rows):
+            jacobian[: len(self._rows), : self._points] = parts["jacobian"][0][self._kept, : self._points]
+        mass, damping, stiffness = (np.concatenate(own) for own in values)
+        return Slopes(mass, damping, stiffness, jacobian)
 
     @cached_property
-    def _bound(self) -> tuple[Indices, Indices]:
-        """Rows and columns of the entries of the constraint Jacobian that may not be zero."""
-        rigid, pins = len(self._rows), 2 * len(self._pins)
-        rows = np.concatenate([np.repeat(np.arange(rigid), self._points), rigid + np.arange(pins)])
-        places = [k + axis for k, _ in self._pins for axis in range(2)]
-        columns = np.concatenate([np.tile(np.arange(self._points), rigid), places])
-        if self._shaft is not None:
-            rows, columns = np.append(rows, rigid + pins), np.append(columns, self._shaft)
-        return rows.astype(np.intp), columns.astype(np.intp)
+    def pattern(self) -> Pattern:
+        """The places of the entries of slopes."""
+        pairs = [pairs_of(link.elements) for link in self.links]
+        pairs += [self._entries[name].T for name in _SLOPES]
+        pairs.append(np.stack([self._own, self._own]))
+        bound = np.zeros((self.multipliers, self.unknowns), dtype=bool)
+        bound[: len(self._rows), : self._points] = True
+        bound[len(self._rows) :] = self._supports.rows != 0.0
+        return Pattern(np.concatenate(pairs, axis=1), bound)
+
+    def _diagonal(self, t: Array, q: Array, v: Array) -> list[Array]:
+        """Return mass, damping and stiffness of masses on links and of the motor, at ``_own``."""
+        found = [np.zeros(len(self._own)) for _ in _SLOPES]
+        if self._lumps:
+            found[0][: self._lumps.places.size] = self._lumps.diagonal.ravel()
+        if self._motor:
+            for own, term in zip(found, self._shaft_terms(self._motor, t, q, v)[0], strict=False):
+                own[-1] = term
+        return found
 
     @cached_property
-    def _pattern(self) -> tuple[Indices, Any]:
-        """The place of every contribution among the entries of the sparse matrix, and that matrix."""
-        from scipy.sparse import csc_array
+    def _own(self) -> Indices:
+        """Unknowns with entries of their own on the diagonal: masses on links, the shaft of a motor."""
+        places = [self._lumps.places.ravel()] if self._lumps else []
+        places += [np.array([self._motor.moves[0][0].place])] if self._motor else []
+        return np.concatenate(places) if places else np.zeros(0, dtype=np.intp)
 
-        pairs = [np.stack(np.broadcast_arrays(k[:, :, None], k[:, None, :])) for k in self._of_elements]
-        joined = [pair.reshape(2, -1) for pair in pairs]
-        joined += [self._entries[name].T for name in _SLOPES]
-        rows, columns = self._bound
-        rows = rows + self.unknowns
-        joined += [np.stack([rows, columns]), np.stack([columns, rows])]
-        size = self.unknowns + self.multipliers
-        row, column = np.concatenate(joined, axis=1)
-        order, slots = np.unique(column * size + row, return_inverse=True)
-        starts = np.searchsorted(order, np.arange(size + 1) * size)
-        return slots, csc_array((np.zeros(len(order)), order % size, starts), shape=(size, size))
+    @cached_property
+    def _slots(self) -> Indices:
+        """Unknowns of all elements of all links in one row."""
+        return np.concatenate([link.elements.ravel() for link in self.links])
 
-    def _parts(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> dict[str, Array]:
-        """Return load and slopes of rigid links, particles and loads at their places, by name."""
+    def _parts(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> dict[str, Array]:
+        """Return load, slopes and Jacobian of rigid links, particles and loads at states, by name."""
         n = self._points
-        work = np.zeros(self._joints.work_size + n + len(self.motion.rigid.description.constraints))
-        work[:n] = a[:n]
-        work[n + self._rows] = multipliers[: len(self._rows)] / self._sizes
-        return self._joints.blocks("joints", t, q[:n], v[:n], work)
+        count = len(self.motion.rigid.description.constraints)
+        work = np.zeros((len(t), n + count))
+        work[:, :n] = a[:, :n]
+        work[:, n + self._rows] = multipliers[:, : len(self._rows)] / self._sizes
+        found = self._joints.many_blocks("joints", t, q[:, :n], v[:, :n], work)
+        none = np.zeros((len(t), 0))
+        return dict.fromkeys(_SLOPES, none) | found
+
+    def dissipated(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return the power that the damping of links takes [W], (times,)."""
+        found = np.zeros(len(t))
+        for link in self.links:
+            if link.beam.properties.stiffness_damping:
+                at = link.elements
+                rates = np.concatenate([v[:, at], a[:, at]], axis=2)
+                forces = (of.call("residual", q[:, at], rates) for of in (link, link.undamped))
+                found += np.sum(np.subtract(*forces) * v[:, at], axis=(1, 2))
+        return found
 
     def energies(self, moment: Moment) -> Array:
         """Return kinetic, strain and potential energy [J] and the power dissipated by links [W]."""
-        q, v, n, found, dissipated = moment.q, moment.v, self._points, np.zeros(3), 0.0
+        q, v, n, found = moment.q, moment.v, self._points, np.zeros(3)
         for link in self.links:
             at = link.elements
             found += np.sum(link.call("energies", q[at], np.hstack([v[at], moment.a[at]])), axis=0)
-            damping = link.end_forces(moment) - link.undamped.end_forces(moment)
-            dissipated += float(np.sum(damping * v[at]))
+        if self._lumps:
+            found += self._lumps.energies(q, v)
+        time = np.array([moment.t])
+        if self._motor:
+            place = self._motor.moves[0][0].place
+            found[0] += self._shaft_terms(self._motor, time, q[None], v[None])[0, 0] * v[place] ** 2 / 2
+        dissipated = float(self.dissipated(time, q[None], v[None], moment.a[None])[0])
         kinetic, potential = self._joints("energy", moment.t, q[:n], v[:n])[:2]
         return np.append(found + np.array([kinetic, 0.0, potential]), dissipated)
 
@@ -242,121 +305,30 @@ class LargeLinkage:
         """Return the torque of the shaft on a held crank [N m], counter-clockwise; None if it is not held."""
         if self._shaft is not None:
             return -float(moment.multipliers[-1])
+        if self._motor:
+            return float(
+                self._shaft_terms(self._motor, np.array([moment.t]), moment.q[None], moment.v[None])[0, 3]
+            )
         info, d = self.motion.info, self.motion.rigid.description
         drive = f"{info.crank}_drive"
-        if drive not in self.motion.constraints:
+        if drive not in self._names:
             return None
-        row = self.motion.constraints.index(drive)
-        slopes = self._constraints(moment.t, moment.q)[0][row, : self._points].reshape(-1, 2)
+        row = self._names.index(drive)
+        state = (x[None] for x in (moment.q, moment.v, moment.a, moment.multipliers))
+        jacobian = self._parts(np.array([moment.t]), *state)["jacobian"][0]
+        slopes = jacobian[self._kept[row], : self._points].reshape(-1, 2)
         places = self._rigid.blocks("points", moment.t, moment.q[: self._points], np.zeros(self._points))
         shaft = next(p for p in d.links[info.crank][:2] if p not in d.free)
         arms = moment.q[: self._points].reshape(-1, 2) - places["positions"][d.points.index(shaft)]
         # The power of J^T lambda at the unit rate of the crank.
         return -float(moment.multipliers[row] * np.sum(slopes * np.stack([-arms[:, 1], arms[:, 0]], axis=1)))
 
-    def _constraints(self, t: float, q: Array) -> tuple[Array, Array]:
-        """Return the constraint Jacobian, (multipliers, unknowns), and Phi, in metres and radians."""
-        n, d = self._points, self.motion.rigid.description
-        jacobian, phi, rigid = self._fixed.copy(), np.zeros(self.multipliers), len(self._rows)
-        still = np.zeros(n)
-        if rigid:
-            found = self._rigid.blocks("constraints", t, q[:n], still)["constraints"]
-            phi[:rigid] = found[self._rows] / self._sizes
-            found = self._rigid.blocks("constraint_jacobian", t, q[:n], still)["constraint_jacobian"]
-            jacobian[:rigid, :n] = found.reshape(-1, n)[self._rows] / self._sizes[:, None]
-        if self._pins:
-            places = self._rigid.blocks("points", t, q[:n], still)["positions"]
-            for i, (k, point) in enumerate(self._pins):
-                row = rigid + 2 * i
-                phi[row : row + 2] = q[k : k + 2] - places[d.points.index(point)]
-        if self._shaft is not None:
-            phi[-1] = q[self._shaft] - float(self.motion.angle_at(np.array(t)))
-        return jacobian, phi
-
-
-def moved(
-    linkage: LargeLinkage,
-    times: Array,
-    steps: int,
-    pace: Pace,
-    progress: Callable[[float], None] | None = None,
-) -> list[Moment]:
-    """Return the motion at times, by so many steps of the generalized-alpha method between two of them.
-
-    Of second order, also in the multipliers; the spectral radius at infinite frequency is 0.9, so that
-    vibrations that steps do not resolve decay. Applied to constraints of index 3 as by Arnold and Bruels,
-    Convergence of the generalized-alpha scheme for constrained mechanical systems, Multibody System Dynamics
-    18 (2007).
-
-    Raises
-    ------
-    SimulationError
-        Where Newton's method does not converge.
-    OutOfTime
-        When the wall time is spent.
-    """
-    now = linkage.start()
-    found, auxiliary = [now], now.a
-    for start, end in pairwise(times.tolist()):
-        if pace.spent(start):
-            raise OutOfTime(start, found, np.arange(len(found)))
-        for k in range(steps):
-            h = (end - start) / steps
-            now, auxiliary = _step(linkage, now, auxiliary, start + (k + 1) * h, h)
-        found.append(now)
-        if progress is not None:
-            progress(end / float(times[-1]))
-    return found
-
-
-def _step(linkage: LargeLinkage, at: Moment, auxiliary: Array, t: float, h: float) -> tuple[Moment, Array]:
-    """Return the motion one step on, and the auxiliary accelerations of the method there."""
-    alpha_m, alpha_f = _METHOD.inertia[0], 1 - _METHOD.at
-    gamma, beta = _METHOD.gamma, _METHOD.beta
-    to_a, to_v = (1 - alpha_m) / (h * h * beta * (1 - alpha_f)), gamma / (h * beta)
-
-    def advanced(a: Array) -> Array:
-        return (alpha_f * at.a + (1 - alpha_f) * a - alpha_m * auxiliary) / (1 - alpha_m)
-
-    a, after = at.a, advanced(at.a)
-    q = at.q + h * at.v + h * h * ((0.5 - beta) * auxiliary + beta * after)
-    v = at.v + h * ((1 - gamma) * auxiliary + gamma * after)
-    multipliers, n = at.multipliers, linkage.unknowns
-    for _ in range(_MOST):
-        residual, matrix = linkage.system(t, q, v, a, multipliers, (1 / to_a, to_v / to_a, 1.0))
-        change = -solved(matrix, residual)
-        dq = change[:n]
-        if not np.all(np.isfinite(dq)):
-            break
-        q, v, a = q + dq, v + to_v * dq, a + to_a * dq
-        multipliers = multipliers + to_a * change[n:]
-        if np.max(np.abs(dq) / linkage.scale) < _CLOSE:
-            return Moment(t, q, v, a, multipliers), advanced(a)
-    raise SimulationError(
-        f"{linkage.motion.rigid.name}: Newton's method does not converge in a step of {h:.3g} s", time=at.t
-    )
-
-
-def solved(matrix: Any, right: Array) -> Array:
-    """Return the solution of a sparse system; nan where the matrix is singular."""
-    from scipy.sparse.linalg import splu
-
-    try:
-        found: Array = splu(matrix).solve(right)
-    except RuntimeError:
-        return np.full(len(right), math.nan)
-    return found
-
 
 def _check(motion: ElasticMotion) -> None:
     """Refuse what elements in large rotation do not support."""
     name, info = motion.rigid.name, motion.info
     refused = {
-        "a crank with a motor": info.mode == "motor",
-        "couples on sections of elastic links": bool(info.couples),
-        "welds": any(beam.welds for beam in info.beams),
-        "moments of inertia on elastic links, or masses between their ends": bool(info.lumps),
-        "forces along elastic links": not all(info.joints),
+        "couples on welds": any("." not in name for name in info.rotations),
         "loads by angles counted over revolutions": bool(motion.rigid.description.windings),
     }
     for what, given in refused.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.beams.data import Properties
-from symgen.runtime.beams.elements import SHAPES, Segment, integral, kernels
 from symgen.runtime.beams.elements import at as value_at
+from symgen.runtime.beams.elements import integral, kernels
 from symgen.runtime.beams.links import Beam
+from symgen.runtime.elastic.large.collocation import Moment
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -29,17 +30,6 @@ _EQUAL = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
-    """Places, rates, second rates (unknowns,) and multipliers at a time [s]."""
-
-    t: float
-    q: Array
-    v: Array
-    a: Array
-    multipliers: Array
-
-
-@dataclass(frozen=True, slots=True)
 class LargeLink:
     """One elastic link in elements.
 
@@ -51,6 +41,14 @@ class LargeLink:
     nodes: tuple[float, ...]
     places: Indices
     properties: Array
+    #: Whether all elements are the same, and are computed in one call.
+    uniform: bool = field(init=False)
+    #: Unknowns of each element, (elements, 6).
+    elements: Indices = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "uniform", not np.any(self.properties != self.properties[0]))
+        object.__setattr__(self, "elements", np.hstack([self.places[:-1], self.places[1:]]))
 
     @property
     def undamped(self) -> LargeLink:
@@ -59,28 +57,25 @@ class LargeLink:
         properties[:, _DAMPING] = 0.0
         return replace(self, properties=properties)
 
-    @property
-    def elements(self) -> Indices:
-        """Unknowns of each element, (elements, 6)."""
-        return np.hstack([self.places[:-1], self.places[1:]])
-
     def call(self, kernel: str, q: Array, rates: Array | None = None) -> Array:
-        """Return the output of a kernel for every element, (elements, numbers)."""
-        rows = np.zeros((len(q), 18))
-        rows[:, :6] = q
+        """Return the output of a kernel for every element, (..., elements, numbers), at states before it."""
+        shape, count = q.shape[:-1], len(self.properties)
+        rows = np.zeros((q.size // 6, 18))
+        rows[:, :6] = q.reshape(-1, 6)
         if rates is not None:
-            rows[:, 6:] = rates
-        out = np.empty((len(q), _WRITTEN[kernel]))
+            rows[:, 6:] = rates.reshape(-1, 12)
+        out = np.empty((len(rows), _WRITTEN[kernel]))
         address, sizes = kernels(_BLOCK).ADDRESSES[kernel], (0, *_READ, 0, _WRITTEN[kernel])
-        # One call for all elements of the same section.
-        each = 1 if np.any(self.properties != self.properties[0]) else len(q)
-        none = np.zeros((len(q), 1))
-        for k in range(0, len(q), each):
-            part = slice(k, k + each)
-            _core.call_many(
-                address, sizes, none[part, 0], rows[part], 6, self.properties[k], none[part], out[part]
-            )
-        return out
+        none = np.zeros((len(rows), 1))
+        if self.uniform:
+            _core.call_many(address, sizes, none[:, 0], rows, 6, self.properties[0], none, out)
+        else:
+            for k, row in enumerate(self.properties):
+                own, few = np.empty((len(rows) // count, out.shape[1])), none[: len(rows) // count]
+                states = np.ascontiguousarray(rows[k::count])
+                _core.call_many(address, sizes, few[:, 0], states, 6, row, few, own)
+                out[k::count] = own
+        return out.reshape(*shape, -1)
 
     def at(self, fraction: float) -> tuple[int, float]:
         """Return the element at a fraction of the length, and the fraction of the element."""
@@ -119,7 +114,8 @@ class LargeLink:
         first, second = q[self.places[k, :2]], q[self.places[k + 1, :2]]
         _, *rotations, _, _ = self.call("strains", q[self.elements])[k]
         chord = second - first
-        bow = float(_cubic(x) @ rotations)
+        _, first_slope, _, second_slope = hermite(x)
+        bow = first_slope * rotations[0] + second_slope * rotations[1]
         place = first + x * chord + bow * np.array([-chord[1], chord[0]])
         start, end = q[self.places[0, :2]], q[self.places[-1, :2]]
         return float(cross(end - start, place - start) / np.linalg.norm(end - start))
@@ -141,12 +137,9 @@ def element_properties(properties: Properties, nodes: Sequence[float], gravity: 
     return np.where(np.abs(found - found[0]) <= _EQUAL * np.abs(found[0]), found[0], found)
 
 
-def _cubic(x: float) -> Array:
-    """Return the deflections at x by the slopes of both ends, of a cubic element of length one."""
-    length_one = np.eye(1, 20)[0]
-    rows = Segment("cubic", "element_cubic", 0.0, 1.0, tuple(range(6)), length_one).shape(x)
-    slopes: Array = rows[SHAPES.index("w"), [2, 5]]
-    return slopes
+def hermite(x: float) -> tuple[float, float, float, float]:
+    """Return Hermite's cubics at x of an element of length one: end and slope of the first, of the second."""
+    return 2 * x**3 - 3 * x**2 + 1, x**3 - 2 * x**2 + x, 3 * x**2 - 2 * x**3, x**3 - x**2
 
 
 def _axis(angle: float) -> Array:

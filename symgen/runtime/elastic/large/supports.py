@@ -1,0 +1,138 @@
+"""The mesh of elastic links in large rotation, and the constraints of their nodes alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.beams.elements import meshed
+from symgen.runtime.elastic.large.attached import Section
+from symgen.runtime.elastic.large.links import LargeLink, element_properties
+from symgen.runtime.elastic.motion import ElasticMotion
+
+Array = NDArray[np.float64]
+
+#: Part of the length of a run over which a prescribed angle is differentiated.
+_PART = 1e-4
+#: Unknowns of an end on the ground, and its point.
+Pin = tuple[tuple[int, int], str]
+
+
+def divided(motion: ElasticMotion, elements: int, gravity: Array) -> tuple[list[LargeLink], list[Pin], int]:
+    """Return the elastic links in elements, their ends on the ground, and the number of all unknowns.
+
+    The first unknowns are the coordinates of free points, which nodes there share.
+    """
+    d = motion.rigid.description
+    links, pins, size = list[LargeLink](), list[Pin](), d.coordinates
+    for beam in motion.beams:
+        name, length = beam.info.link, beam.properties.length
+        info = replace(beam.info, elements=elements, nodes=())
+        info = meshed(info, length, motion.lumps(name), motion.profiles(name))
+        at = dict(zip(info.joint_nodes, info.points, strict=True))
+        places = np.zeros((info.elements + 1, 3), dtype=np.intp)
+        for node, row in enumerate(places):
+            point = at.get(node)
+            shared = point is not None and point in d.free
+            own = [2 * d.free.index(point), 2 * d.free.index(point) + 1] if point and shared else []
+            row[:] = [*own, *range(size, size + 3 - len(own))]
+            size += 3 - len(own)
+            if point is not None and not shared:
+                pins.append(((int(row[0]), int(row[1])), point))
+        nodes = tuple(info.node(k) for k in range(info.elements + 1))
+        properties = element_properties(beam.properties, nodes, gravity)
+        links.append(LargeLink(replace(beam, info=info), nodes, places, properties))
+    return links, pins, size
+
+
+def gravity_of(motion: ElasticMotion) -> Array:
+    """Return the acceleration of free fall [m/s^2], which the kernels have in the axes of the links."""
+    kernels_of = motion._motion
+    q, u = np.split(motion._start, 2)
+    columns = next(b.columns for b in kernels_of.info("energies").blocks if b.name == "energies")
+    at = [columns.index(f"potential_load_{axis}") for axis in "xy"]
+    along, across = -np.atleast_2d(kernels_of.blocks("energies", 0.0, q, u)["energies"])[0][at]
+    cosine, sine = np.atleast_2d(kernels_of.blocks("links", 0.0, q, u)["links"])[0][:2]
+    return np.array([cosine * along - sine * across, sine * along + cosine * across])
+
+
+def section_of(links: Sequence[LargeLink], link: str, point: str) -> Section:
+    """Return the section of a link at one of its joints."""
+    own = next(k for k in links if k.beam.info.link == link)
+    info = own.beam.info
+    place = int(own.places[info.joint_nodes[info.points.index(point)], 2])
+    return Section(link, info.start, info.end, own.beam.properties.length, place)
+
+
+class Supports:
+    """Linear constraints of nodes: ends on the ground, welds, and the direction of a held crank.
+
+    Attributes
+    ----------
+    rows
+        (constraints, unknowns): times the unknowns they are the values that are given. The last row is that
+        of a held crank.
+    """
+
+    def __init__(
+        self,
+        motion: ElasticMotion,
+        links: Sequence[LargeLink],
+        pins: Sequence[Pin],
+        shaft: int | None,
+        start: Array,
+    ) -> None:
+        self._motion = motion
+        d = motion.rigid.description
+        self._pins = [d.points.index(point) for _, point in pins]
+        rows: list[dict[int, float]] = [{k: 1.0} for places, _ in pins for k in places]
+        drawn: list[float] = []
+        for point in dict.fromkeys(p for link in links for p in link.beam.info.welds):
+            welded = [link.beam.info.link for link in links if point in link.beam.info.welds]
+            first, *others = (section_of(links, name, point).place for name in welded)
+            if point not in d.free and first != shaft:
+                rows.append({first: 1.0})
+                drawn.append(start[first])
+            for place in others:
+                rows.append({place: 1.0, first: -1.0})
+                drawn.append(start[place] - start[first])
+        self._drawn, self._held = np.array(drawn), shaft is not None
+        if shaft is not None:
+            rows.append({shaft: 1.0})
+        self.rows = np.zeros((len(rows), len(start)))
+        for row, entries in zip(self.rows, rows, strict=True):
+            row[list(entries)] = list(entries.values())
+        self._kept = np.zeros(0), (self.rows, self.rows)
+
+    def values(self, t: Array) -> tuple[Array, Array]:
+        """Return the given values of the rows [m, rad] and their rates, (times, rows) each.
+
+        Those at the times of the last call are kept: all corrections of a step need them.
+        """
+        if np.array_equal(t, self._kept[0]):
+            return self._kept[1]
+        values, rates = np.zeros((2, len(t), len(self.rows)))
+        count = 2 * len(self._pins)
+        if count:
+            start = self._motion._start
+            y = np.broadcast_to(start[: len(start) // 2], (len(t), len(start) // 2))
+            points = self._motion.rigid.evaluator.many_blocks("points", t, y, np.zeros_like(y))
+            values[:, :count] = points["positions"][:, self._pins].reshape(len(t), -1)
+            rates[:, :count] = points["velocities"][:, self._pins].reshape(len(t), -1)
+        values[:, count : count + len(self._drawn)] = self._drawn
+        if self._held:
+            values[:, -1], rates[:, -1] = self._motion.angle_at(t), self._speed(t)
+        self._kept = np.array(t), (values, rates)
+        return values, rates
+
+    def _speed(self, t: Array) -> Array:
+        """Return the rate of the direction of a held crank [rad/s]."""
+        if not self._motion.info.prescribed:
+            return np.full(len(t), self._motion.speed)
+        h = _PART * self._motion.rigid.description.t_end
+        before, less, more, after = (self._motion.angle_at(t + k * h) for k in (-2, -1, 1, 2))
+        found: Array = (before - 8 * less + 8 * more - after) / (12 * h)
+        return found
