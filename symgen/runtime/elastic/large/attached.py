@@ -76,14 +76,14 @@ class Along:
 class Section:
     """A section of an elastic link: the link, its ends, its length [m], and the unknown of its rotation.
 
-    Without an unknown it stands for the line between the ends.
+    Without an unknown, -1, it stands for the line between the ends.
     """
 
     link: str
     start: str
     end: str
     length: float
-    place: int | None = None
+    place: int = -1
 
 
 class Posed:
@@ -118,7 +118,7 @@ class Posed:
                 base, velocity = places[:, k : k + 2], rates[:, k : k + 2]
             else:
                 base, velocity = ground(other), np.zeros_like(places[:, :2])
-            if section.place is None:
+            if section.place < 0:
                 apart, rate = sign * (places[:, at : at + 2] - base), rates[:, at : at + 2] - velocity
                 size = np.linalg.norm(apart, axis=1)[:, None]
                 direction, speed = apart / size, sign * np.sum(_left(apart) * rate, axis=1)[:, None] / size**2

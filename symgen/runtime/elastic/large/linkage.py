@@ -45,8 +45,8 @@ class LargeLinkage:
         d = motion.rigid.description
         self.name, self.motion, self._points = motion.rigid.name, motion, d.coordinates
         self._rigid, self._joints = motion.rigid.evaluator, motion._joints
-        elastic = {beam.info.link for beam in motion.beams}
-        # Elements stretch: the lengths of elastic links are not constrained.
+        # Elements stretch, and welds hold their nodes: these constraints of the rigid motion are not theirs.
+        elastic = {beam.info.link for beam in motion.beams} | set(motion.info.welds)
         self._names = [name for name in motion.constraints if name not in elastic]
         self._kept = [motion.constraints.index(name) for name in self._names]
         self._rows = np.array([d.constraints.index(name) for name in self._names], dtype=np.intp)
@@ -328,6 +328,7 @@ def _check(motion: ElasticMotion) -> None:
     """Refuse what elements in large rotation do not support."""
     name, info = motion.rigid.name, motion.info
     refused = {
+        "welds to rigid links": bool(info.body_welds),
         "couples on welds": any("." not in name for name in info.rotations),
         "loads by angles counted over revolutions": bool(motion.rigid.description.windings),
     }

@@ -95,10 +95,10 @@ class Supports:
             first, *others = (section_of(links, name, point).place for name in welded)
             if point not in d.free and first != shaft:
                 rows.append({first: 1.0})
-                drawn.append(start[first])
+                drawn.append(float(start[first]))
             for place in others:
                 rows.append({place: 1.0, first: -1.0})
-                drawn.append(start[place] - start[first])
+                drawn.append(float(start[place] - start[first]))
         self._drawn, self._held = np.array(drawn), shaft is not None
         if shaft is not None:
             rows.append({shaft: 1.0})
