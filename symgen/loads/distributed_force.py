@@ -27,9 +27,10 @@ class DistributedForce(table.Table):
     end: table.Vector | None = Field(
         None, description="Per length, at its second point, linear between them."
     )
-    axes: Literal["fixed", "link"] = Field(
+    axes: Literal["fixed", "link", "section"] = Field(
         "fixed",
-        description="fixed: components along x and y; link: along the link and to its left.",
+        description="fixed: components along x and y; link: along the link and to its left; "
+        "section: the same of each section of an elastic link.",
     )
 
 
@@ -37,8 +38,8 @@ class DistributedForce(table.Table):
 class DistributedLoad(Load):
     """A force per length [N/m] on a link, linear between its values at the link's first two points.
 
-    Its components are fixed in space, or, where ``turning``, along the link and to its left. They may depend
-    on the time t and the state.
+    Its components are fixed in space, or, where ``turning``, along the link and to its left, with
+    ``with_sections`` of each section of an elastic link. They may depend on the time t and the state.
     """
 
     noun, plural, schema, named = "distributed force", "distributed forces", DistributedForce, False
@@ -47,6 +48,7 @@ class DistributedLoad(Load):
     start: Vector = expression("polar")
     end: Vector = expression("polar")
     turning: bool = False
+    with_sections: bool = False
 
     @classmethod
     def read(cls, read: Reading, table: DistributedForce, name: str, where: str) -> DistributedLoad:
@@ -61,10 +63,10 @@ class DistributedLoad(Load):
         read.moving_link(table.link, f"{where}.link")
         start = read.vector(table.force, units.STIFFNESS, f"{where}.force", names)
         end = start if table.end is None else read.vector(table.end, units.STIFFNESS, f"{where}.end", names)
-        return cls(name, table.link, start, end, table.axes == "link")
+        return cls(name, table.link, start, end, table.axes != "fixed", table.axes == "section")
 
     def terms(self, dimension: int) -> Iterator[Term]:
-        yield Term(Span(self.link, self.turning), force=(*self.start, *self.end))
+        yield Term(Span(self.link, self.turning, self.with_sections), force=(*self.start, *self.end))
 
     def on_segments(self, link: str, rods: Sequence[str], nodes: Sequence[sp.Expr]) -> Iterator[Load]:
         """Yield the force on each rod; one that turns does so with each of them."""

@@ -81,7 +81,8 @@ class Measure:
     ``integrable``: energies are functions of positions that are differentiated as they are; the energy of an
     angle is not, for its gradient is that of the angle, without an arc tangent. ``balanced``: its forces on
     points have no resultant and no moment. ``joins``: it ties what it acts on together. ``section``: the
-    point at whose sections of elastic links a couple acts; "" for rigid links.
+    point at whose sections of elastic links a couple acts; "" for rigid links. ``follows``: the link with
+    which its force rotates, at a place with the section of an elastic link; "" where it does not.
     """
 
     __slots__ = ()
@@ -89,6 +90,10 @@ class Measure:
     balanced = False
     joins = False
     section: str = ""
+
+    @property
+    def follows(self) -> str:
+        return ""
 
     @property
     def points(self) -> tuple[tuple[str, str], ...]:
@@ -202,3 +207,9 @@ def components(geometry: Geometry, force: Vector, place: Vector) -> Iterator[Wor
     for f, c in zip(force, place, strict=False):
         if f != 0:
             yield f, geometry.calculus.gradient(c), geometry.calculus.rate(c)
+
+
+def on_fixed_axes(geometry: Geometry, link: str, force: Vector) -> Vector:
+    """Return a force with components along a link and to its left on fixed axes (plane)."""
+    (x, y), length = geometry.along(link), geometry.link_length(link)
+    return (x * force[0] - y * force[1]) / length, (y * force[0] + x * force[1]) / length

@@ -19,6 +19,7 @@ from symgen.loads.measure import (
     Vector,
     Work,
     components,
+    on_fixed_axes,
 )
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import AXES
@@ -132,11 +133,16 @@ class Span(Measure):
     """The points of a link (plane): a force per length [N/m], linear between its ends.
 
     Its four components are those at the first and at the second point of the link, along fixed axes or, where
-    ``turning``, along the link and to its left.
+    ``turning``, along the link and to its left, with ``with_sections`` of each section of an elastic link.
     """
 
     link: str
     turning: bool
+    with_sections: bool = False
+
+    @property
+    def follows(self) -> str:
+        return self.link if self.with_sections else ""
 
     @property
     def links(self) -> tuple[tuple[str, str], ...]:
@@ -159,10 +165,7 @@ class Span(Measure):
 
     def fixed(self, geometry: Geometry, force: Vector) -> Vector:
         """Return a force per length on fixed axes."""
-        if not self.turning:
-            return force
-        (x, y), length = geometry.along(self.link), geometry.link_length(self.link)
-        return (x * force[0] - y * force[1]) / length, (y * force[0] + x * force[1]) / length
+        return on_fixed_axes(geometry, self.link, force) if self.turning else force
 
     def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
         return "is spread along a link of the plane"

@@ -21,6 +21,7 @@ from symgen.loads.measure import (
     Vector,
     Work,
     components,
+    on_fixed_axes,
 )
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.quantity import AXES
@@ -30,13 +31,22 @@ _SQUARE = sp.Symbol("value^2", real=True)
 
 @dataclass(frozen=True, slots=True)
 class Position(Measure):
-    """The position of a point [m]; the force on it has the same axes."""
+    """The position of a point [m]; the force on it has the same axes, or those of a link that it follows."""
 
     point: str
+    link: str = ""
 
     @property
     def points(self) -> tuple[tuple[str, str], ...]:
         return (("point", self.point),)
+
+    @property
+    def follows(self) -> str:
+        return self.link
+
+    @property
+    def links(self) -> tuple[tuple[str, str], ...]:
+        return (("link", self.link),) if self.link else ()
 
     def value(self, geometry: Geometry) -> Vector:
         return geometry.position(self.point)
@@ -45,11 +55,16 @@ class Position(Measure):
         return geometry.velocity(self.point)
 
     def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
-        yield from components(geometry, self.put(geometry, force), self.value(geometry))
+        force = self.fixed(geometry, self.put(geometry, force))
+        yield from components(geometry, force, self.value(geometry))
 
     def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
-        total = self.put(geometry, term.total)
-        yield PointForce(self.point, (*total, *[ZERO] * (len(self.value(geometry)) - len(total))))
+        total = self.fixed(geometry, self.put(geometry, term.total))
+        own = self.link if self.link and self.point in geometry.link_ends(self.link) else ""
+        yield PointForce(self.point, (*total, *[ZERO] * (len(self.value(geometry)) - len(total))), own)
+
+    def fixed(self, geometry: Geometry, force: Vector) -> Vector:
+        return on_fixed_axes(geometry, self.link, force) if self.link else force
 
     def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
         k = plane.across
@@ -65,7 +80,7 @@ class Position(Measure):
     def along(
         self, link: str, length: sp.Expr, places: Mapping[str, sp.Expr], force: Vector
     ) -> Iterator[Profile]:
-        if self.point in places:
+        if self.point in places and self.link in ("", link):
             yield Profile(self, (places[self.point], ZERO, ZERO), force)
 
 

@@ -104,7 +104,7 @@ class Term:
     Attributes
     ----------
     part
-        ``inertia``, ``elastic`` or ``geometric``: the energy of its origin.
+        ``inertia``, ``elastic`` or ``geometric``: the energy of its origin; ``follower``, which has none.
     test, trial
         Fields of ``FIELDS`` without rates: of the variation, and of the motion; "" for a load.
     order
@@ -153,6 +153,7 @@ class _Link:
     stretching: sp.Expr
     gravity: sp.Expr
     applied: sp.Expr
+    follower: tuple[sp.Expr, sp.Expr]
 
 
 @lru_cache(maxsize=1)
@@ -163,11 +164,14 @@ def derive() -> Derivation:
         "inertia": _inertia(link),
         "elastic": {k: sp.diff(link.strain, _F[k]) for k in ("u_x", "phi_x", "gamma")},
         "geometric": {"w_x": sp.diff(link.stretching, _F["w_x"])},
+        "follower": dict(zip("uw", (-e for e in link.follower), strict=True)),
     }
     terms = tuple(
         term for part, rows in parts.items() for test, e in rows.items() for term in _collect(part, test, e)
     )
-    weak_form = {k: e for part in parts.values() for k, e in part.items()}
+    weak_form: dict[str, sp.Expr] = {}
+    for k, e in (row for part in parts.values() for row in part.items()):
+        weak_form[k] = weak_form.get(k, sp.Integer(0)) + e
     return Derivation((*_energies(link), *_variation(link, weak_form), *_collected(terms)), terms)
 
 
@@ -191,6 +195,10 @@ def _link() -> _Link:
         stretching=force * _F["w_x"] ** 2 / 2,
         gravity=mu * (GX.symbol * place[0] + GY.symbol * place[1]),
         applied=PROFILE.symbol * (PX.symbol * place[0] + PY.symbol * place[1]),
+        follower=(
+            -PROFILE.symbol * PY.symbol * _F["phi"],
+            PROFILE.symbol * PX.symbol * _F["phi"],
+        ),
     )
 
 
@@ -254,6 +262,10 @@ def _energies(link: _Link) -> tuple[Step, ...]:
         Step(
             "applied_work", ("W_p",), (link.applied,), "J/m", "work per length of a force along the link",
             "not in the thesis",
+        ),
+        Step(
+            "follower_force", ("u", "w"), link.follower, "N/m",
+            "change of a force per length that rotates with the section, to first order", "not in the thesis",
         ),
     )  # fmt: skip
 

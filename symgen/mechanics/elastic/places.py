@@ -23,6 +23,7 @@ SHAPES = {
 #: Constants of a link to which a mass, a force or an axial force at one place contributes.
 AT_A_PLACE = (
     "mass", "gyroscopic", "geometric0", "load_x", "load_y", "load_out", "load_turn", "force_x", "force_y",
+    "follower_x", "follower_y",
 )  # fmt: skip
 #: Those to which a moment of inertia at one place contributes.
 ROTATING = ("mass", "load_turn")

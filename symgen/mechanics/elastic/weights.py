@@ -80,6 +80,8 @@ CONSTANTS = {
     "geometric1": _constant("geometric", 0, AX.symbol),
     "geometric2": _constant("geometric", 0, OMEGA.symbol**2, -1),
     "geometric_force": _constant("geometric", 0, PX.symbol),
+    "follower_x": _constant("follower", 0, PX.symbol),
+    "follower_y": _constant("follower", 0, PY.symbol),
     "load_x": _constant("inertia", None, AX.symbol),
     "load_y": _constant("inertia", None, AY.symbol),
     "load_out": _constant("inertia", None, OMEGA.symbol**2, -1),

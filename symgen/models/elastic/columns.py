@@ -37,9 +37,9 @@ COLUMNS = {
         ("load_x", "load_y", "load_out", "load_turn"),
     ),
     "SPREAD": (
-        "of a force along a link behind them: two vectors and a matrix",
+        "of a force along a link behind them: two vectors and three matrices",
         "of_",
-        ("force_x", "force_y", "force_axial"),
+        ("force_x", "force_y", "force_axial", "follower_x", "follower_y"),
     ),
 }
 

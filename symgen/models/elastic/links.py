@@ -24,6 +24,7 @@ from symgen.models.elastic.couples import apart
 from symgen.models.rods.linearised import analysis_of
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
+from symgen.scene.elastic.joints import places_along
 from symgen.scene.elastic.links import AREA_POWER, INERTIA_POWER, Crank, ElasticLink
 from symgen.scene.rods.linkage import CarriedPoint, Linkage, Vector, state_symbol
 from symgen.symbolic.calculus import ZERO
@@ -41,8 +42,8 @@ MOTION = (
 )
 #: Columns of ``loads``.
 APPLIED = tuple(w.name for w in _WEIGHTS if w.applied)
-#: Those of them that load the link, and do not stiffen it.
-_LOADING = tuple(w.name for w in _WEIGHTS if w.applied and w.into == "load")
+#: Those of them that a joint force does not have: it changes the axial force alone.
+_OF_LOADS = tuple(w.name for w in _WEIGHTS if w.applied and w.constant != "geometric_force")
 #: Columns of ``energies``: factors of the constants of a link in its energies, those of its rigid motion, and
 #: the rates of all.
 ENERGIES = tuple(
@@ -50,6 +51,8 @@ ENERGIES = tuple(
     for name in (*(w.name for w in energy_weights()), "kinetic_rigid", "potential_rigid")
     for ending in ("", "_rate")
 )
+#: Columns of ``profiles``: see :class:`symgen.runtime.beams.data.Profile`.
+_PROFILE = ("at", "even", "slope", "follows")
 #: Matrices of a rigid crank.
 CRANK = ("rotation", "arm")
 #: Columns of ``properties``: see :class:`symgen.runtime.beams.links.Properties`.
@@ -99,7 +102,7 @@ def motion_system(linkage: Linkage) -> System:
         ("modal_damping", [[ratio] for ratio in damping.ratios] if damping else [], "1", ("ratio",)),
         ("stations", _stations(linkage), "1, m", ("at", "fibre")),
         ("lumps", [own for _, *own in lumps(linkage)], "m, kg, kg*m^2", ("at", "mass", "inertia")),
-        ("profiles", [_shape(linkage, *x) for x in along], "m, 1, 1/m", ("at", "even", "slope")),
+        ("profiles", [_shape(linkage, *x) for x in along], "m, 1, 1/m, 1", _PROFILE),
     ):
         if rows:
             matrices.append(_table(model, name, rows, unit, columns))
@@ -114,7 +117,7 @@ def motion_system(linkage: Linkage) -> System:
             cosine, sine = (moving[link][q.symbol] for q in (COSINE, SINE))
             if isinstance(acting, CarriedPoint):
                 # Links joined there share its displacements: their force changes the axial force alone.
-                force, omitted = model.joint_forces.on(link, acting.name), _LOADING
+                force, omitted = model.joint_forces.on(link, acting.name), _OF_LOADS
             else:
                 force, omitted = _on_fixed_axes(model, acting), ()
             own = local(force, cosine, sine)
@@ -164,16 +167,15 @@ def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile | CarriedPoint]
 
 def _shape(linkage: Linkage, link: str, acting: Profile | CarriedPoint) -> Sequence[sp.Expr]:
     if isinstance(acting, CarriedPoint):
-        return acting.along * linkage.link(link).length, ZERO, ZERO
-    return acting.shape
+        return acting.along * linkage.link(link).length, ZERO, ZERO, ZERO
+    return *acting.shape, sp.Integer(bool(acting.on.follows))
 
 
 def profiles_of(linkage: Linkage, name: str, load: Load) -> Iterator[Profile]:
     """Yield the forces of a load along an elastic link."""
     link = linkage.link(name)
-    places = {c.name: c.along * link.length for c in link.carried if not c.joined}
     for term in load.terms(linkage.dimension):
-        yield from term.on.along(name, link.length, places, term.total)
+        yield from term.on.along(name, link.length, places_along(link, term.on), term.total)
 
 
 def _on_fixed_axes(model: RodsModel, profile: Profile) -> Vector:
@@ -190,7 +192,7 @@ _ABOUT = {
     "modal_damping": "damping ratios of the modes of the structure",
     "stations": "where strains are asked for: fraction of the length, fibre",
     "lumps": "masses on elastic links: distance from the first point, mass, moment of inertia",
-    "profiles": "where forces along elastic links act: distance from the first point, or factors of 1 and x",
+    "profiles": "where forces along elastic links act, or factors of 1 and x; 1 where they follow sections",
     "loads": "weights of the loads and geometric stiffness by forces along elastic links",
     CRANK[0]: "rotation of a rigid crank by the displacement of its end",
     CRANK[1]: "displacement of the end of a rigid crank by its rotation",

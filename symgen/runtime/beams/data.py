@@ -59,16 +59,26 @@ class Lump:
     inertia: float = 0.0
 
 
+#: Columns of the weights of forces along links by the matrices of :class:`Piece` that they multiply.
+STIFFNESS_OF_FORCES = {
+    "stiffness_geometric_force": "force_axial",
+    "stiffness_follower_x": "follower_x",
+    "stiffness_follower_y": "follower_y",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Profile:
     """How a force lies along a link: per length ``even + slope*x``, x [m] from the first point of the link.
 
-    Where both are zero it is one force, ``at`` metres from the first point.
+    Where both are zero it is one force, ``at`` metres from the first point. With ``follows``, it rotates with
+    the sections.
     """
 
     at: float
     even: float = 0.0
     slope: float = 0.0
+    follows: float = 0.0
 
     @property
     def is_point(self) -> bool:
@@ -205,6 +215,9 @@ class Piece:
         components of the force along and across the link.
     force_axial
         (k, n, n): integrals of Nw' Nw'^T times that of p before x: times minus the component along the link.
+    follower_x, follower_y
+        (k, n, n): integrals of p Nw Nphi^T and p Nu Nphi^T of forces that follow sections, else zero: times
+        minus the component along, and times that across the link.
     """
 
     at: tuple[int, ...]
@@ -223,6 +236,8 @@ class Piece:
     force_x: Array
     force_y: Array
     force_axial: Array
+    follower_x: Array
+    follower_y: Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ _CURVATURE = "kappa"
 #: Results of the kernel ``point`` of ``elastic_place``.
 AT_A_PLACE = (
     "mass", "gyroscopic", "geometric0", "load_x", "load_y", "load_out", "load_turn", "force_x", "force_y",
-    "rotary_mass", "rotary_load_turn",
+    "follower_x", "follower_y", "rotary_mass", "rotary_load_turn",
 )  # fmt: skip
 
 
@@ -100,7 +100,7 @@ def point(x: float) -> dict[str, Array]:
     By name, (6, 6) or (6,) over the rows ``SHAPES``: see :mod:`symgen.mechanics.elastic.places`.
     """
     n, found = len(SHAPES), _evaluated("elastic_place", "point", np.array([x]))
-    squares = {"mass", "gyroscopic", "geometric0", "rotary_mass"}
+    squares = {"mass", "gyroscopic", "geometric0", "follower_x", "follower_y", "rotary_mass"}
     shapes = {name: (n, n) if name in squares else (n,) for name in AT_A_PLACE}
     parts = np.split(found, np.cumsum([math.prod(shape) for shape in shapes.values()])[:-1])
     return {name: part.reshape(shapes[name]) for name, part in zip(AT_A_PLACE, parts, strict=True)}

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _beams
-from symgen.runtime._beams import BeamEquations
-from symgen.runtime.beams.data import Piece
+from symgen.runtime._beams import APPLIED, BeamEquations
+from symgen.runtime.beams.data import STIFFNESS_OF_FORCES, Piece
 from symgen.runtime.beams.frames import Frames, frames
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
@@ -32,7 +32,7 @@ class Motion:
     links
         Motion of the elastic links, (times, links, columns).
     loads
-        Weights of forces along elastic links, (times, forces, 3).
+        Weights of forces along elastic links, (times, forces, columns).
     displacements, rates
         (times, unknowns); ``rates`` is None where the elastic motion itself adds nothing: quasi-static.
     thesis
@@ -134,17 +134,19 @@ def _piece(
 ) -> Array:
     """Return M s'' + C s' + K s - Q of a superelement on the link's axes, (times, n).
 
-    Static is K s - Q, with the axial forces in K. ``forces`` are weights of forces along it, (times, 3).
+    Static is K s - Q, with the axial forces in K. ``forces`` are weights of forces along it, by column.
     """
     load = axes.load(piece.load_x, piece.load_y, piece.load_out, piece.load_turn)
-    for (x, y, _), shape_x, shape_y in zip((f.T for f in forces), piece.force_x, piece.force_y, strict=True):
-        load += np.outer(x, shape_x) + np.outer(y, shape_y)
+    by_name = [dict(zip(APPLIED, f.T, strict=True)) for f in forces]
+    for f, shape_x, shape_y in zip(by_name, piece.force_x, piece.force_y, strict=True):
+        load += np.outer(f["load_force_x"], shape_x) + np.outer(f["load_force_y"], shape_y)
     found: Array = s @ piece.stiffness.T - load
     found += axes.stiffness_geometric0[:, None] * (s @ piece.axial0.T)
     found += axes.stiffness_geometric1[:, None] * (s @ piece.axial1.T)
     found += axes.stiffness_geometric2[:, None] * (s @ piece.axial2.T)
-    for weights, stiffness in zip(forces, piece.force_axial, strict=True):
-        found += weights[:, 2:] * (s @ stiffness.T)
+    for weight, of_force in STIFFNESS_OF_FORCES.items():
+        for f, stiffness in zip(by_name, getattr(piece, of_force), strict=True):
+            found += f[weight][:, None] * (s @ stiffness.T)
     if static:
         return found
     found += a @ piece.mass.T + v @ piece.damping.T

@@ -40,10 +40,15 @@ def pieces(
         ]  # of whole elements
         found.append(_piece(part, properties, own, before, rotary, stiffening))
         spread = [_spread(part, profile, segment_at(parts, profile.at)[0]) for profile in profiles]
-        shape = (len(profiles), len(part.dofs))
-        x, y = (np.reshape([s[i] for s in spread], shape) for i in range(2))
-        axial = np.reshape([s[2] * stiffening for s in spread], (*shape, shape[1]))
-        found[-1] = replace(found[-1], force_x=x, force_y=y, force_axial=axial)
+        n = len(part.dofs)
+        of_forces = {
+            name: np.reshape(
+                [s[name] for s in spread], (len(profiles), *(n,) * (1 if name in SPREAD[:2] else 2))
+            )
+            for name in SPREAD
+        }
+        of_forces["force_axial"] = of_forces["force_axial"] * stiffening
+        found[-1] = replace(found[-1], **of_forces)
     return tuple(found)
 
 
@@ -77,7 +82,7 @@ def _piece(
         fields["load_turn"] = fields["load_turn"] + lump.inertia * (there["rotary_load_turn"] @ shape)
     axial = _stiffening(part, properties, own, before) if stiffening else np.zeros((3, n, n))
     fields.update(zip(("axial0", "axial1", "axial2"), axial, strict=True))
-    fields.update(zip(SPREAD, (np.zeros((0, n)), np.zeros((0, n)), np.zeros((0, n, n))), strict=True))
+    fields.update({name: np.zeros((0, *(n,) * (1 if name in SPREAD[:2] else 2))) for name in SPREAD})
     return Piece(part.dofs, **fields)
 
 
@@ -97,25 +102,35 @@ def _stiffening(part: Segment, properties: Properties, own: Sequence[Lump], befo
     return found
 
 
-def _spread(part: Segment, profile: Profile, owner: Segment) -> tuple[Array, Array, Array]:
-    """Return the loads of a profile along and across the link, and its geometric stiffness, of an element."""
+def _spread(part: Segment, profile: Profile, owner: Segment) -> dict[str, Array]:
+    """Return what a force along the link with a profile adds to an element, by the names ``SPREAD``."""
+    n = len(part.dofs)
     if profile.is_point:
         place = profile.at - part.start
-        x, y = _force(part, profile.at) if owner is part else np.zeros((2, len(part.dofs)))
-        behind = np.zeros((len(part.dofs), len(part.dofs)))
+        found = _force(part, profile.at) if owner is part else {}
+        behind = np.zeros((n, n))
         if owner.start.real <= part.start.real:
             behind = stiffened(part, place if owner is part else 0.0)
-        return x, y, behind
-    places, weights = _gauss(part, 0.0)
-    there = weights * (profile.even + profile.slope * places)
-    x, y = np.tensordot(there, [_force(part, place) for place in places.tolist()], axes=1)
-    return x, y, stiffened(part, 0.0, profile.before)
+    else:
+        places, weights = _gauss(part, 0.0)
+        there = weights * (profile.even + profile.slope * places)
+        each = [_force(part, place) for place in places.tolist()]
+        found = {name: np.tensordot(there, [one[name] for one in each], axes=1) for name in each[0]}
+        behind = stiffened(part, 0.0, profile.before)
+    none = {name: np.zeros(n) if name in SPREAD[:2] else np.zeros((n, n)) for name in SPREAD}
+    if not profile.follows:
+        found = {name: found[name] for name in SPREAD[:2] if name in found}
+    return none | found | {"force_axial": behind}
 
 
-def _force(part: Segment, x: float) -> Array:
-    """Return the loads of unit forces along and across the link at x [m] from its first point, (2, n)."""
+def _force(part: Segment, x: float) -> dict[str, Array]:
+    """Return the loads of unit forces along and across the link at x [m] from its first point, (n,).
+
+    And the stiffness of forces that follow the section there, (n, n).
+    """
     shape, there = part.shape(x - part.start), point(x)
-    return np.array([there["force_x"] @ shape, there["force_y"] @ shape])
+    found = {name: there[name] @ shape for name in SPREAD[:2]}
+    return found | {name: shape.T @ there[name] @ shape for name in ("follower_x", "follower_y")}
 
 
 def _gauss(part: Segment, start: float) -> tuple[Array, Array]:
@@ -144,7 +159,7 @@ def whole(found: Sequence[Piece], n: int) -> Piece:
     fields: dict[str, Array] = {name: np.zeros((n, n), kind) for name in MATRICES}
     fields.update({name: np.zeros(n, kind) for name in VECTORS})
     fields.update({name: np.zeros((count, n), kind) for name in SPREAD[:2]})
-    fields[SPREAD[2]] = np.zeros((count, n, n), kind)
+    fields.update({name: np.zeros((count, n, n), kind) for name in SPREAD[2:]})
     for piece in found:
         at = np.array(piece.at)
         for name in MATRICES:
@@ -153,7 +168,8 @@ def whole(found: Sequence[Piece], n: int) -> Piece:
             fields[name][at] += getattr(piece, name)
         fields["force_x"][:, at] += piece.force_x
         fields["force_y"][:, at] += piece.force_y
-        fields["force_axial"][:, at[:, None], at] += piece.force_axial
+        for name in SPREAD[2:]:
+            fields[name][:, at[:, None], at] += getattr(piece, name)
     return Piece(tuple(range(n)), **fields)
 
 
@@ -162,7 +178,7 @@ def transformed(piece: Piece, basis: Array) -> Piece:
     fields: dict[str, Any] = {name: basis.T @ getattr(piece, name) @ basis for name in MATRICES}
     fields.update({name: basis.T @ getattr(piece, name) for name in VECTORS})
     fields.update(force_x=piece.force_x @ basis, force_y=piece.force_y @ basis)
-    fields["force_axial"] = basis.T @ piece.force_axial @ basis
+    fields.update({name: basis.T @ getattr(piece, name) @ basis for name in SPREAD[2:]})
     return replace(piece, at=tuple(range(basis.shape[1])), **fields)
 
 

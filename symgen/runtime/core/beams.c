@@ -184,13 +184,17 @@ static void in_link_axes(const struct beams *b, ptrdiff_t k, real *m, real *d, r
     for (ptrdiff_t i = 0; i < n; i++)
         q[i] = load_x * vectors[OF_LOAD_X * n + i] + load_y * vectors[OF_LOAD_Y * n + i] +
                load_out * vectors[OF_LOAD_OUT * n + i] + load_turn * vectors[OF_LOAD_TURN * n + i];
-    for (ptrdiff_t e = x->loads_at[link]; e < x->loads_at[link + 1]; e++, force += OF_FORCE_AXIAL * n + nn) {
-        const real *f = b->motion->loads + APPLIED * e;
+    const ptrdiff_t vectors_of_force = OF_FORCE_AXIAL * n;
+    for (ptrdiff_t e = x->loads_at[link]; e < x->loads_at[link + 1]; e++) {
+        const real *f = b->motion->loads + APPLIED * e, *axial = force + vectors_of_force;
+        const real *follower_x = axial + nn, *follower_y = follower_x + nn;
         const real force_x = f[LOAD_FORCE_X], force_y = f[LOAD_FORCE_Y], pull = f[STIFFNESS_GEOMETRIC_FORCE];
+        const real along = f[STIFFNESS_FOLLOWER_X], across = f[STIFFNESS_FOLLOWER_Y];
         for (ptrdiff_t i = 0; i < n; i++)
             q[i] += force_x * force[OF_FORCE_X * n + i] + force_y * force[OF_FORCE_Y * n + i];
         for (ptrdiff_t i = 0; i < nn; i++)
-            g[i] += pull * force[OF_FORCE_AXIAL * n + i];
+            g[i] += pull * axial[i] + along * follower_x[i] + across * follower_y[i];
+        force = follower_y + nn;
     }
 }
 

@@ -17,10 +17,10 @@ enum {
 
 /* a row of the kernel `loads`: weights of a force along a link. */
 enum {
-    LOAD_FORCE_X, LOAD_FORCE_Y, STIFFNESS_GEOMETRIC_FORCE, APPLIED
+    LOAD_FORCE_X, LOAD_FORCE_Y, STIFFNESS_FOLLOWER_X, STIFFNESS_FOLLOWER_Y, STIFFNESS_GEOMETRIC_FORCE, APPLIED
 };
 #define APPLIED_NAMES \
-    "load_force_x load_force_y stiffness_geometric_force"
+    "load_force_x load_force_y stiffness_follower_x stiffness_follower_y stiffness_geometric_force"
 
 /* the kernel `shaft`: terms of the rotation of an elastic crank with a motor. */
 enum {
@@ -51,11 +51,11 @@ enum {
 #define VECTORS_NAMES \
     "load_x load_y load_out load_turn"
 
-/* of a force along a link behind them: two vectors and a matrix. */
+/* of a force along a link behind them: two vectors and three matrices. */
 enum {
-    OF_FORCE_X, OF_FORCE_Y, OF_FORCE_AXIAL, SPREAD
+    OF_FORCE_X, OF_FORCE_Y, OF_FORCE_AXIAL, OF_FOLLOWER_X, OF_FOLLOWER_Y, SPREAD
 };
 #define SPREAD_NAMES \
-    "force_x force_y force_axial"
+    "force_x force_y force_axial follower_x follower_y"
 
 #endif

@@ -209,7 +209,7 @@ def _gap(coarse: Array, fine: Array, besides: Array | float = 0.0) -> float:
 
 
 def _loads_of_poses(motion: ElasticMotion, k: int) -> tuple[Array, Array]:
-    """Return the weights of a link and those of forces along links (poses, forces, 3) in some poses."""
+    """Return the weights of a link and those of forces along links (poses, forces, columns) in some poses."""
     end = motion.period if motion.speed else motion.rigid.description.t_end
     moved = motion.moved()
     links, loads = [], []

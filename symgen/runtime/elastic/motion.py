@@ -296,8 +296,8 @@ class ElasticMotion(ABC):
         """Return the rigid motion at times.
 
         Coordinates and rates (times, coordinates) [m, m/s], and accelerations followed by the multipliers;
-        then the weights of links (times, links, columns) and of forces along links (times, forces, 3): see
-        :mod:`symgen.runtime.beams.frames`.
+        then the weights of links (times, links, columns) and of forces along links (times, forces, columns):
+        see :mod:`symgen.runtime.beams.frames`.
         """
         order = np.argsort(times, kind="stable")
         status, *found = equations.motion.along(np.ascontiguousarray(times[order]))

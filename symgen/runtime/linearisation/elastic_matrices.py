@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._beams import AT_REST, IN_MOTION
-from symgen.runtime.beams.data import Piece
+from symgen.runtime._beams import APPLIED, AT_REST, IN_MOTION
+from symgen.runtime.beams.data import STIFFNESS_OF_FORCES, Piece
 from symgen.runtime.beams.frames import Frames, frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.beams.pieces import whole
@@ -53,7 +53,7 @@ def assembled(
     motion
         The motion with its links.
     rows, loads
-        Weights of the links (links, columns) and of the forces along them (forces, 3).
+        Weights of the links (links, columns) and of the forces along them (forces, columns).
     joined
         Blocks of the kernel of joints.
     analysis
@@ -76,10 +76,11 @@ def assembled(
             stiff += axes.stiffness_geometric0 * own.axial0 + axes.stiffness_geometric1 * own.axial1
             stiff += axes.stiffness_geometric2 * own.axial2
             along = [i for i, name in enumerate(motion.info.loads) if name == link.info.link]
-            spread = zip(own.force_x, own.force_y, own.force_axial, strict=True)
-            for (x, y, pull), (by_x, by_y, axial) in zip(loads[along], spread, strict=True):
-                forces = forces + x * by_x + y * by_y
-                stiff += pull * axial
+            for i, row in enumerate(loads[along]):
+                f = dict(zip(APPLIED, row, strict=True))
+                forces = forces + f["load_force_x"] * own.force_x[i] + f["load_force_y"] * own.force_y[i]
+                for weight, of_force in STIFFNESS_OF_FORCES.items():
+                    stiff += f[weight] * getattr(own, of_force)[i]
         if analysis == IN_MOTION:
             of_rates, of_places = _turning(own, axes, link.joints)
             damped, stiff = damped + of_rates, stiff + of_places

@@ -8,7 +8,7 @@ from dataclasses import replace
 import sympy as sp
 
 from symgen.errors import SceneError, check_joints
-from symgen.loads.measure import Term
+from symgen.loads.measure import Measure, Term
 from symgen.scene.elastic.links import ElasticLink
 from symgen.scene.elastic.schema import Weld
 from symgen.scene.reading import Reader
@@ -137,7 +137,13 @@ def _drawn(linkage: Linkage, name: str) -> tuple[sp.Expr, sp.Expr]:
     return end[0] - start[0], end[1] - start[1]
 
 
+def places_along(link: RigidLink, on: Measure) -> dict[str, sp.Expr]:
+    """Return the points [m] of a link at which a force acts along it; a follower force may act at joints."""
+    ends = {link.start: sp.S.Zero, link.end: link.length} if on.follows == link.name else {}
+    carried = {c.name: c.along * link.length for c in link.carried if ends or not c.joined}
+    return ends | carried
+
+
 def carries(link: RigidLink, term: Term) -> bool:
     """Return whether a term is a force along an elastic link."""
-    places = {c.name: c.along * link.length for c in link.carried if not c.joined}
-    return any(term.on.along(link.name, link.length, places, term.total))
+    return any(term.on.along(link.name, link.length, places_along(link, term.on), term.total))

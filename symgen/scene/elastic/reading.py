@@ -257,6 +257,13 @@ def check_loads(linkage: Linkage) -> None:
                 _check_section(linkage, measure, f"{table}.{i}")
                 continue
             for key, name in measure.links:
+                if name in elastic and measure.follows:
+                    (_, point), *_ = measure.points
+                    raise SceneError(
+                        f"the force rotates with the section of {name} at {point}, which is no point of it",
+                        where=f"{table}.{i}.point",
+                        hint='Place the point on the link: P = { on = "link", fraction = 0.5 }.',
+                    )
                 if name in elastic:
                     where = f"{table}.{i}.{key}"
                     raise SceneError(_NO_COUPLE.format(name), where=where, hint=_hint(where))

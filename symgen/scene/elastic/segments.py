@@ -93,6 +93,12 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
         raise ModelError(
             f"{linkage.name}: a couple acts on a section of {bent[0]}, and rods have no sections"
         )
+    following = {m.follows for k in linkage.loads for m in k.measures(2) if m.points}
+    for beam in linkage.elastic:
+        if beam.link in following:
+            raise ModelError(
+                f"{linkage.name}: a force follows a section of {beam.link}, and rods have no sections"
+            )
     parts = [_segments(linkage, beam, count) for beam in linkage.elastic]
     cut = {part.link.name for part in parts}
     crank = linkage.crank

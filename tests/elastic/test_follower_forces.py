@@ -1,0 +1,107 @@
+"""Forces that rotate with sections of elastic links, or with rigid links: closed forms and published loads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, fsolve
+
+import symgen
+from symgen.errors import ModelError, SceneError
+
+#: A cantilever of unit length, bending stiffness and mass per length.
+COLUMN = {
+    "title": "Column under a follower load",
+    "parameters": {"P": {"value": "1 N", "tunable": True}},
+    "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "tip": {"at": ["1 m", "0 m"]}},
+    "links": {
+        "beam": {
+            "points": ["O", "tip"],
+            "mass_per_length": "1 kg/m",
+            "section": {"area": "1 m^2", "second_moment": "1e-6 m^4", "fibre": "0.01 m"},
+            "elastic": {"E": "1e6 Pa", "elements": 6},
+        }
+    },
+    "crank": {"link": "beam", "speed": "0 rad/s"},
+    "analysis": {"t_end": "1 s"},
+}
+BECK = COLUMN | {"forces": [{"point": "tip", "force": ["-P", "0 N"], "link": "beam"}]}
+
+
+def characteristic(load, frequency):
+    """Beck's characteristic equation, with solutions w = sum of sin, cos, sinh, cosh and a free tip."""
+    root = np.sqrt(load**2 / 4 + frequency**2)
+    a, b = np.sqrt(root - load / 2), np.sqrt(root + load / 2)
+    trigonometric = 2 * frequency**2 * np.cosh(a) * np.cos(b) + load * frequency * np.sinh(a) * np.sin(b)
+    return load**2 + 2 * frequency**2 + trigonometric
+
+
+def grows(model, load):
+    """Whether a mode of the column grows under a load; round-off leaves 1e-11."""
+    return model.with_parameters(P=load).modes(moving=True).growth.max() > 1e-4
+
+
+def critical(model, low, high):
+    return brentq(lambda load: 1.0 if grows(model, load) else -1.0, low, high, xtol=1e-7)
+
+
+def test_column_of_beck():
+    """M. Beck, ZAMP 3 (1952) 225: frequencies, and flutter at 20.05 EI/l^2 where the first two meet."""
+    model = symgen.build(symgen.Scene(**BECK))
+    found = 2 * np.pi * model.with_parameters(P=10.0).modes(moving=True).frequencies
+    for k, (low, high) in enumerate(((4.0, 6.0), (17.0, 20.0))):
+        assert found[k] == pytest.approx(brentq(lambda w: characteristic(10.0, w), low, high), rel=1e-6)
+
+    def double(x):
+        rate = (characteristic(x[0], x[1] + 1e-5) - characteristic(x[0], x[1] - 1e-5)) / 2e-5
+        return characteristic(*x), rate
+
+    load = fsolve(double, (20.0, 11.0), xtol=1e-12)[0]
+    assert load == pytest.approx(20.05, abs=5e-3)
+    assert critical(model, 19.0, 21.0) == pytest.approx(load, rel=1e-5)
+
+
+def test_column_of_leipholz():
+    """Tangential load of constant density: flutter at 40.05 EI/l^3 (H. Leipholz, Stability of Elastic Systems)."""
+    load = {"link": "beam", "force": ["-P", "0 N/m"], "axes": "section"}
+    parameters = {"P": {"value": "1 N/m", "tunable": True}}
+    model = symgen.build(symgen.Scene(**COLUMN | {"parameters": parameters, "distributed_forces": [load]}))
+    assert critical(model, 35.0, 45.0) == pytest.approx(40.05, abs=6e-3)
+
+
+def test_a_force_that_keeps_its_direction_buckles_the_column():
+    """Euler's load pi^2/4: without rotation of the force the lowest frequency vanishes there."""
+    fixed = BECK | {"forces": [{"point": "tip", "force": ["-P", "0 N"]}]}
+    model = symgen.build(symgen.Scene(**fixed))
+    limit = np.pi**2 / 4
+    assert not grows(model, limit - 1e-3)
+    assert grows(model, limit + 1e-3)
+
+
+def test_a_force_that_rotates_with_a_rigid_link():
+    """A thrust across a bar about its pivot, F l = I theta'', however far it turns."""
+    scene = symgen.Scene(
+        title="Thruster",
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["0.5 m", "0 m"]}},
+        links={"bar": {"points": ["O", "A"], "mass": "3 kg"}},
+        forces=[{"point": "A", "force": ["7 N", "2 N"], "link": "bar"}],
+        analysis={"outputs": ["bar.angle", "O.reaction"]},
+    )
+    run = symgen.build(scene).simulate(1.0, rtol=1e-11)
+    assert run["bar.angle"].values[-1] == pytest.approx(0.5 * 2.0 * 0.5 / (3 * 0.5**2 / 3), rel=1e-9)
+    # The pull along the bar is carried by the pivot, with the centrifugal force of the bar.
+    angle, rate = run["bar.angle"].values[-1], 4.0
+    along = run["O.reaction"].values[-1] @ [np.cos(angle), np.sin(angle)]
+    assert along == pytest.approx(-7.0 - 3 * 0.25 * rate**2, rel=1e-8)
+
+
+def test_what_is_refused():
+    elsewhere = BECK["points"] | {"X": {"at": ["0.5 m", "0.1 m"], "ground": True}}
+    load = [{"point": "X", "force": ["1 N", "0 N"], "link": "beam"}]
+    with pytest.raises(SceneError, match="no point of it"):
+        symgen.build(symgen.Scene(**BECK | {"points": elsewhere, "forces": load}))
+    model = symgen.build(symgen.Scene(**BECK))
+    with pytest.raises(ModelError, match="rods have no sections"):
+        model.large_rotation(segments=4)
+    with pytest.raises(ModelError, match="do not support forces along elastic links"):
+        model.large_rotation(elements=4)
