@@ -41,7 +41,7 @@ def pieces(
         found.append(_piece(part, properties, own, before, rotary, stiffening))
         spread = [_spread(part, profile, segment_at(parts, profile.at)[0]) for profile in profiles]
         n = len(part.dofs)
-        of_forces = {
+        of_forces: dict[str, Any] = {
             name: np.reshape(
                 [s[name] for s in spread], (len(profiles), *(n,) * (1 if name in SPREAD[:2] else 2))
             )
