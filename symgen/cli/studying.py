@@ -86,7 +86,7 @@ def synthesise(
 @analysis(
     "symgen sweep slider_crank --vary a4=0in:30in:7 --output theta1.drive --out offsets.zarr",
     "vary list_ sobol latin_hypercube random seed analysis outputs reduce samples t_end chunk part threads "
-    "processes dask set_ out plot page as_json backend",
+    "processes dask dry_run set_ out plot page as_json backend",
     page=o.Page,
     vary=o.maybe(
         list[str],
@@ -114,7 +114,12 @@ def synthesise(
     threads=o.maybe(int, "--threads", "N", "Number of threads; default: all processors."),
     processes=o.maybe(int, "--processes", "N", "Carry out chunks in N processes, of one thread by default."),
     dask=o.maybe(str, "--dask", "ADDRESS", "Carry out chunks on the Dask cluster of this scheduler."),
-    out=o.maybe(Path, "--out", "FILE", "Zarr store of the results; continued if there.", "Output"),
+    dry_run=Annotated[
+        bool, o.option("--dry-run", group="Run", help="Print the number of runs and the time.")
+    ],
+    out=o.maybe(
+        Path, "--out", "FILE", "Zarr store of the results; continued if there. Or a table: .csv.", "Output"
+    ),
 )
 def sweep(ctx: typer.Context) -> None:
     r"""Carry out an analysis over many values of parameters.
@@ -155,6 +160,9 @@ def sweep(ctx: typer.Context) -> None:
         writable(page, (".html",), "page")
     model, own["vary"] = varied(scene, own["vary"], set=changes(asked["set_"]), backend=asked["backend"])
     own |= {"file": out, "part": _part(asked["part"]), "threads": asked["threads"]}
+    if asked["dry_run"]:
+        _estimated(model, own, asked["as_json"])
+        return
     dask, processes = asked["dask"], asked["processes"]
     if dask and processes is not None:
         raise ModelError("give --processes or --dask, not both")
@@ -174,6 +182,24 @@ def sweep(ctx: typer.Context) -> None:
     for file in (out, plot, page):
         if file:
             console().print(f"wrote {file}", soft_wrap=True)
+
+
+def _estimated(model: Any, own: dict[str, Any], as_json: bool) -> None:
+    """Print the number of runs of a sweep, and the time of all by that of the first."""
+    from symgen.runtime.sweeps.designs import design_of
+    from symgen.runtime.sweeps.sweep import estimate, sweep_of
+
+    given = {key: value for key, value in own.items() if key not in ("file", "part")}
+    named = ("sampling", "count", "seed", "analysis", "outputs", "reduce", "threads", "chunk")
+    sampling, count, seed, analysis, outputs, reduce, threads, chunk = (given.pop(k, None) for k in named)
+    design = design_of(given.pop("vary"), sampling, count, seed or 0)
+    sweep = sweep_of(model, analysis, design, outputs, reduce or "peak", given, threads)
+    chunks, time = estimate(sweep, chunk)
+    if as_json:
+        about = {"runs": design.count, "chunks": chunks, "seconds": time}
+        print_json({"scene": model.name, "kind": "sweep_estimate", "analysis": sweep.analysis, **about})
+        return
+    console().print(f"{design.count} runs of {sweep.analysis} in {chunks} chunks: about {time:.2g} s")
 
 
 def _part(text: str | None) -> tuple[int, int]:

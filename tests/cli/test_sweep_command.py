@@ -165,6 +165,14 @@ def test_plots_of_one_parameter_of_samples_and_of_failures():
         plot(runs([1.0], [1.0], [1.0]), "G.peak")
 
 
+def test_a_dry_run_counts_the_runs_and_writes_nothing(scene, tmp_path):
+    out = tmp_path / "runs.csv"
+    found = json.loads(command(scene, "--dry-run", "--json", "--out", out))
+    assert (found["runs"], found["chunks"], found["analysis"]) == (6, 1, "inverse_dynamics")
+    assert 0.0 < found["seconds"] < 60.0 and not out.exists()
+    assert "6 runs of inverse_dynamics in 1 chunks: about" in command(scene, "--dry-run")
+
+
 def test_the_page_has_extremes_and_a_plot(scene, tmp_path):
     """The moment at the start is mass*g*length/2, greatest for the heaviest and longest."""
     page = tmp_path / "sweep.html"

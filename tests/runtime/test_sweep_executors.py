@@ -56,6 +56,22 @@ def test_threads_of_an_executor_write_the_same_bytes(model, whole, tmp_path):
     assert held["crank.torque.peak"].equals(opened(whole)["crank.torque.peak"].compute())
 
 
+def test_a_task_has_the_parameters_of_its_own_runs(model, monkeypatch):
+    class Measuring(Executor):
+        def submit(self, task, *given):
+            sizes.append(len(pickle.dumps(given)))
+            done: Future = Future()
+            done.set_exception(OSError("no worker is left"))
+            return done
+
+    sizes: list[int] = []
+    for count in (100, 100_000):
+        of = {"a": [0.1] * count, "b": [0.35] * count}
+        with pytest.raises(SimulationError, match="no worker is left"):
+            model.sweep(of, executor=Measuring(), chunk=64, **WANTED)
+    assert max(sizes) - min(sizes) < 64 * 2 * 8
+
+
 def test_processes_write_the_same_bytes_and_are_replaced_when_killed(model, whole, tmp_path, monkeypatch):
     """One of two processes is killed when the first chunk has been written."""
     write, written = Zarr.write, []

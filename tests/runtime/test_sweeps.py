@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import re
@@ -177,7 +178,7 @@ def test_a_latin_hypercube_and_a_sobol_sequence_have_one_sample_in_each_interval
         ({"a": [0.1]}, {"part": (3, 2), "file": "x.zarr"}, "expected a part from 1 to 2, got 3"),
         ({"a": [0.1]}, {"part": (1, 2)}, "parts of a sweep are written to one store"),
         ({"a": [0.1]}, {"chunk": 0}, "expected a chunk of one run or more"),
-        ({"a": [0.1]}, {"analysis": "modes"}, "there are no sweeps of 'modes'"),
+        ({"a": [0.1]}, {"analysis": "assemblies"}, "there are no sweeps of 'assemblies'"),
         ({"a": [0.1]}, {"outputs": ["D.position"]}, "no output 'D.position'"),
         ({"a": [0.1]}, {"no_such": 1}, "no argument 'no_such'"),
         ({"a": [0.1]}, {"chunk": "x"}, "Model.sweep: expected a whole number for chunk"),
@@ -215,6 +216,44 @@ def test_equilibria_are_swept(tmp_path):
     assert runs["P.position"].values == pytest.approx(np.array([[0.0, -0.5], [0.0, -2.0]]), abs=1e-9)
     assert runs["stability"].values.tolist() == ["stable", "stable"]
     assert json.loads((tmp_path / "hanging.zarr" / ".zgroup").read_text()) == {"zarr_format": 2}
+    modes = model.sweep({"length": [0.5, 2.0]}, "modes")  # of a slender rod about its end
+    exact = np.sqrt(1.5 * 9.81 / np.array([0.5, 2.0])) / (2 * math.pi)
+    assert modes["frequency.1"].values == pytest.approx(exact, rel=1e-9)
+    assert modes["frequency.1"].attrs["units"] == "Hz" and "frequency.2" not in modes
+    with pytest.raises(ModelError, match="no output 'frequency.2'"):
+        model.sweep({"length": [0.5]}, "modes", outputs=["frequency.2"])
+
+
+def test_steady_states_of_a_sweep_have_their_floquet_multiplier():
+    """It is the decay of the rod's first mode over a revolution.
+
+    The damping is proportional to the stiffness, with a ratio of 0.01 of the first mode of a beam with free ends,
+    whose frequency is that of one on two pins times (4.730/pi)**2.
+    """
+    model = symgen.build("elastic_slider_crank", backend="c")
+    speeds = np.array([900.0, 1200.0]) * math.pi / 30
+    runs = model.sweep({"speed": speeds}, "periodic", outputs=[])
+    first = model.sweep({"speed": speeds[:1]}, "modes")["frequency.1"].item()
+    ratio = 0.01 * (math.pi / 4.730041) ** 2
+    exact = np.exp(-ratio * 2 * math.pi * first * 2 * math.pi / speeds)
+    assert runs["floquet"].values == pytest.approx(exact, rel=0.02)
+
+
+def test_a_table_has_a_row_per_run_and_is_read_again(model, tmp_path):
+    file = tmp_path / "runs.csv"
+    model.sweep({"a": [0.1, 2.0]}, reduce=["peak", "greatest"], file=file, **OPTIONS)
+    with file.open(newline="") as stream:
+        good, failed = csv.DictReader(stream)
+    assert (good["run"], good["a [m]"], good["error"]) == ("0", "0.1", "")
+    assert float(good["A.position.peak [m]"]) == pytest.approx(0.1, rel=1e-12)
+    assert float(good["A.position.greatest.x [m]"]) == pytest.approx(0.1, rel=1e-12)
+    assert failed["A.position.peak [m]"] == "nan" and failed["error"]
+    with pytest.raises(ModelError, match="one row per run"):
+        model.sweep({"a": [0.1]}, reduce=["history"], file=file, **OPTIONS)
+    with pytest.raises(ModelError, match="parts of a sweep are written to one store"):
+        model.sweep({"a": [0.1]}, part=(1, 2), file=file, **OPTIONS)
+    with pytest.raises(ResultError, match="there is no folder"):
+        model.sweep({"a": [0.1]}, file=tmp_path / "no" / "x.csv", **OPTIONS)
 
 
 def test_the_examples_of_the_page_run(monkeypatch):

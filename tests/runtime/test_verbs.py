@@ -29,7 +29,7 @@ KINEMATIC = {"analysis.kind": "kinematics", "analysis.outputs": []}
 
 
 #: Analyses of which many runs are carried out in a call.
-IN_MANY = {"simulate", "kinematics", "inverse_dynamics", "equilibrium", "periodic", "quasi_static"}
+IN_MANY = {"simulate", "kinematics", "inverse_dynamics", "equilibrium", "modes", "periodic", "quasi_static"}
 
 
 def with_many(analyses):

@@ -8,17 +8,16 @@
 #define STRIDES R(1.5)
 
 /* Defines PARABOLA, the change by the state where the step begins, and QUINTIC, what the polynomial through both states
- * adds to it; of numbers, or of vectors of them. h: the step; g: the stride before; q, u, a: coordinate, rate and second
+ * adds to it; of numbers, or of vectors of them. h: the step; g: the stride before; s = h / g; q, u, a: coordinate, rate and second
  * rate where the step begins, q0, u0, a0 where the stride began. */
 #define EXTRAPOLATION(NUMBER, PARABOLA, QUINTIC)                                                                        \
     static inline NUMBER PARABOLA(NUMBER h, NUMBER u, NUMBER a) {                                                       \
         return h * (u + R(0.5) * h * a);                                                                                \
     }                                                                                                                   \
-    static inline NUMBER QUINTIC(NUMBER h, NUMBER g, NUMBER q, NUMBER u, NUMBER a, NUMBER q0, NUMBER u0, NUMBER a0) {   \
+    static inline NUMBER QUINTIC(NUMBER s, NUMBER g, NUMBER q, NUMBER u, NUMBER a, NUMBER q0, NUMBER u0, NUMBER a0) {   \
         const NUMBER e0 = q0 - q + g * (u - R(0.5) * g * a);                                                            \
         const NUMBER e1 = g * (u0 - u + g * a), e2 = g * g * (a0 - a);                                                  \
         const NUMBER c3 = R(-0.5) * (e2 + 20 * e0 + 8 * e1), c5 = e1 + 4 * e0 + c3, c4 = e0 + c3 + c5;                  \
-        const NUMBER s = h / g;                                                                                         \
         return s * s * s * (c3 + s * (c4 + s * c5));                                                                    \
     }
 
@@ -28,7 +27,7 @@ EXTRAPOLATION(real, parabola, quintic)
 static inline real extrapolated(real h, real g, real q, real u, real a, real q0, real u0, real a0) {
     const real change = parabola(h, u, a);
     const int near = g * h > 0 && real_fabs(h) <= STRIDES * real_fabs(g);
-    return near ? change + quintic(h, g, q, u, a, q0, u0, a0) : change;
+    return near ? change + quintic(h / g, g, q, u, a, q0, u0, a0) : change;
 }
 
 #endif

@@ -14,7 +14,7 @@ struct kinematic_lanes {
     wide t, stride, length;
     mask sign;                /* of the determinant of dPhi/dq: all bits where it is negative */
     wide *q, *past, *next;    /* coordinates, rates and second rates: here, a stride before, after the next step */
-    wide *change, *still, *phi, *weight, *solved, *work, *closure, *out, *values, *inverse;
+    wide *change, *still, *phi, *scale, *weight, *solved, *work, *closure, *out, *values, *inverse;
     wide *extremes, *lengths;      /* rows of forces, and the square of the longest value of each vector of forces */
     wide *here, *before, violation; /* positions and velocities of points now, positions at the last time */
     wide *rates;                   /* magnitudes of the rates of links at the last time */
@@ -33,6 +33,7 @@ static size_t place(struct kinematic_lanes *k, const struct kinematic_lane_sizes
         ARENA_ARRAY(k->change, s->n),
         ARENA_ARRAY(k->still, s->n),
         ARENA_ARRAY(k->phi, s->m),
+        ARENA_ARRAY(k->scale, s->m),
         ARENA_ARRAY(k->weight, s->m),
         ARENA_ARRAY(k->solved, s->n),
         ARENA_ARRAY(k->work, s->work),
@@ -59,6 +60,8 @@ static void bind(struct kinematic_lanes *k, const struct kinematic_lane_sizes *s
                  const struct kinematic_lane_kernels *kernels, const struct kinematic_groups *groups, void *memory) {
     place(k, sizes, groups, memory);
     k->sizes = *sizes, k->kernels = *kernels, k->groups = *groups;
+    for (ptrdiff_t i = 0; i < sizes->m; i++)
+        k->scale[i] = all(REAL_INFINITY) - all(REAL_INFINITY);
 }
 
 /* -- systems of equations: as in kinematics.c and linear.c ----------------------------------------------- */
@@ -67,7 +70,10 @@ static wide missed(struct kinematic_lanes *k, wide t, const wide *q) {
     const ptrdiff_t m = k->sizes.m;
     call(k->kernels.closure, &t, q, k->still, k->p, k->work, k->closure);
     for (ptrdiff_t i = 0; i < m; i++) {
-        k->weight[i] = 1 / k->closure[m + i];
+        if (any(k->closure[m + i] != k->scale[i])) { /* most scales are lengths of links */
+            k->scale[i] = k->closure[m + i];
+            k->weight[i] = 1 / k->scale[i];
+        }
         k->phi[i] = k->closure[i] * k->weight[i];
     }
     return largest_in(k->phi, m);
@@ -186,19 +192,16 @@ static mask moved(struct kinematic_lanes *k, const wide *t, const wide *q, wide 
 
 EXTRAPOLATION(wide, wide_parabola, wide_quintic)
 
-static inline wide predicted(wide h, wide g, wide q, wide u, wide a, wide q0, wide u0, wide a0) {
-    const wide change = wide_parabola(h, u, a);
-    const mask near = (g * h > 0) & (magnitude(h) <= STRIDES * magnitude(g));
-    return chosen(near, change + wide_quintic(h, g, q, u, a, q0, u0, a0), change);
-}
-
 /* Go to `next` in one step in some lanes; returns in which the prediction held. Those near a singular pose are taken out of
  * `alive`. */
 static mask attempt(struct kinematic_lanes *k, mask which, wide next, mask *alive) {
     const ptrdiff_t n = k->sizes.n;
-    const wide h = next - k->t, *q = k->q, *past = k->past;
+    const wide h = next - k->t, g = k->stride, s = h / g, *q = k->q, *u = q + n, *a = u + n;
+    const wide *q0 = k->past, *u0 = q0 + n, *a0 = u0 + n;
+    const mask near = (g * h > 0) & (magnitude(h) <= STRIDES * magnitude(g));
     for (ptrdiff_t j = 0; j < n; j++) {
-        k->change[j] = predicted(h, k->stride, q[j], q[n + j], q[2 * n + j], past[j], past[n + j], past[2 * n + j]);
+        const wide change = wide_parabola(h, u[j], a[j]);
+        k->change[j] = chosen(near, change + wide_quintic(s, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]), change);
         k->next[j] = k->q[j] + k->change[j];
     }
     const wide way = largest_in(k->change, n);
@@ -211,8 +214,13 @@ static mask attempt(struct kinematic_lanes *k, mask which, wide next, mask *aliv
     mask sign;
     const mask sound = moved(k, &next, k->next, k->next + n, k->next + 2 * n, &sign) & ~(sign ^ k->sign);
     *alive &= ~which | sound;
-    copy_where(which, k->q, 3 * n, k->past);
-    copy_where(which, k->next, 3 * n, k->q);
+    if (any(~which)) {
+        copy_where(which, k->q, 3 * n, k->past);
+        copy_where(which, k->next, 3 * n, k->q);
+    } else {
+        wide *oldest = k->past;
+        k->past = k->q, k->q = k->next, k->next = oldest;
+    }
     k->stride = chosen(which, h, k->stride);
     k->t = chosen(which, next, k->t);
     return which;
@@ -289,17 +297,17 @@ static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *
     call(k->kernels.points, &k->t, k->q, k->q + k->sizes.n, k->p, k->work, k->here);
     const mask little = turns_little(k, e, arrived);
     k->steady &= ~arrived | (k->passed != k->passed) | little;
-    for (ptrdiff_t i = 0; i < count; i++) /* the caller finds out what is not finite, from all values */
-        k->steady &= ~arrived | finite(k->out[i]);
+    k->steady &= ~arrived | finite(largest_in(k->out, count)); /* else the caller finds out, from all values */
     copy_where(arrived, k->here, places, k->before);
     k->passed = chosen(arrived, k->t, k->passed);
     arrived &= recorded(task);
     if (!any(arrived))
         return;
-    for (ptrdiff_t i = 0; i < m; i++) {
-        const wide violation = magnitude(k->closure[i] / k->closure[m + i]);
-        k->violation = chosen(arrived & beyond(violation, k->violation), violation, k->violation);
-    }
+    if (any(arrived & beyond(largest_in(k->phi, m) * (1 + 4 * REAL_EPSILON), k->violation))) /* a quotient, but for round-off */
+        for (ptrdiff_t i = 0; i < m; i++) {
+            const wide violation = magnitude(k->closure[i] / k->closure[m + i]);
+            k->violation = chosen(arrived & beyond(violation, k->violation), violation, k->violation);
+        }
     for (ptrdiff_t v = 0; v < e->vectors; v++) {
         const ptrdiff_t begin = e->starts[v], end = e->starts[v + 1];
         const int wanted = e->wanted[v];

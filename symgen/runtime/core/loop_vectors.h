@@ -321,7 +321,8 @@ EXTRAPOLATION(wide, wide_parabola, wide_quintic)
  * out of `alive`. */
 static mask attempt(struct loop_lanes *l, mask which, wide next, real least, mask *alive) {
     const long n = l->sizes.n, solved = l->sizes.solved;
-    const wide h = next - l->t, g = l->stride, *q = l->q, *u = q + n, *a = u + n, *q0 = l->past, *u0 = q0 + n, *a0 = u0 + n;
+    const wide h = next - l->t, g = l->stride, s = h / g, *q = l->q, *u = q + n, *a = u + n;
+    const wide *q0 = l->past, *u0 = q0 + n, *a0 = u0 + n;
     const mask near = (g * h > 0) & (magnitude(h) <= STRIDES * magnitude(g));
     wide *new = l->next, way = all(0), astray = way;
     for (long k = 0; k < n; k++)
@@ -329,7 +330,7 @@ static mask attempt(struct loop_lanes *l, mask which, wide next, real least, mas
     for (long k = 0; k < solved; k++) {
         const long j = l->solved[k];
         const wide change = wide_parabola(h, u[j], a[j]);
-        l->change[k] = chosen(near, change + wide_quintic(h, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]), change);
+        l->change[k] = chosen(near, change + wide_quintic(s, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]), change);
         way = larger(way, magnitude(l->change[k]) / l->scale[j]);
         new[j] += l->change[k];
     }

@@ -77,14 +77,20 @@ static inline wide smaller(wide a, wide b) {
 #endif
 }
 
-/* The largest magnitude of each lane; not a number where one of them is none. */
+/* The largest magnitude of each lane; not a number where one of them is none. As integers, numbers without signs are in their
+ * order, behind which stand those that are none. */
 static inline wide largest_in(const wide *values, ptrdiff_t count) {
-    wide largest = all(0);
+    mask largest = {0};
     for (ptrdiff_t i = 0; i < count; i++) {
-        const wide size = magnitude(values[i]);
-        largest = chosen((size <= largest) | (largest != largest), largest, size);
+        const mask size = (mask)magnitude(values[i]);
+#if defined(__AVX512F__) && WIDTH == 8
+        largest = (mask)_mm512_max_epi64((__m512i)size, (__m512i)largest);
+#else
+        const mask greater = size > largest;
+        largest = (greater & size) | (~greater & largest);
+#endif
     }
-    return largest;
+    return (wide)largest;
 }
 
 static inline wide root(wide x) {

@@ -122,6 +122,7 @@ class ManyRuns:
     kinematics_many = Many("kinematics")
     inverse_dynamics_many = Many("inverse_dynamics")
     equilibrium_many = Many("equilibrium")
+    modes_many = Many("modes")
     periodic_many = Many("periodic")
     quasi_static_many = Many("quasi_static")
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import xarray
 
     from symgen.runtime.kernels.description import Described
-    from symgen.runtime.rods.equilibrium import Equilibrium
 
 Array = NDArray[np.float64]
 #: Name of the number of samples of each run, next to reductions.
@@ -151,29 +150,6 @@ def _drifts(drift: Mapping[str, float | Array]) -> tuple[Variable, ...]:
 def _recorded(size: Array) -> Variable:
     """Return the number of samples, which is smaller for runs that end at a dead centre or an event."""
     return Variable(RECORDED, "1", "number of samples that the run recorded", (), size)
-
-
-def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:
-    """Return outputs, positions, ground reactions and stability of an equilibrium."""
-    named = {name: (found.units[name], "output", values) for name, values in found.outputs.items()}
-    for name, place in found.state.positions.items():
-        named.setdefault(f"{name}.position", ("m", "position", place))
-    for name, force in found.reactions.items():
-        named.setdefault(f"{name}.reaction", ("N", "force of the ground on the linkage", force))
-    single = tuple(
-        Variable(
-            name,
-            unit,
-            about,
-            axes if np.size(v) > 1 else (),
-            np.asarray(v).reshape(np.shape(v)[: np.size(v) > 1]),
-        )
-        for name, (unit, about, v) in named.items()
-    )
-    stability = Variable(
-        "stability", "1", "stable, neutral or unstable", (), np.array(found.stability, dtype=object)
-    )
-    return Kept(single=(*chosen(single, outputs), stability), axes=axes)
 
 
 def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tuple[Variable, ...]:

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, check_known, shown
 from symgen.runtime.many.compiled import compiled_runs
-from symgen.runtime.many.dataset import BLOCK, Keep, Kept, at_one_pose
+from symgen.runtime.many.dataset import BLOCK, Keep, Kept
 from symgen.runtime.many.driven import Driven, driven_runs
+from symgen.runtime.many.poses import at_one_pose, of_modes, with_stability
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -114,12 +115,15 @@ class Runs:
 
     def kept(self, result: Any, keep: Keep) -> Kept:
         """Return the samples of a result that are kept."""
-        if self.analysis != "equilibrium":
-            measured = result.drift.measured
-            return keep(result.variables, result.coordinate, result.times, measured, result.axes)
-        if keep.reduce is not None:
-            raise ModelError("equilibrium_many does not accept reduce: an equilibrium has no samples")
-        return at_one_pose(result, self.model.description.shown_axes, keep.outputs)
+        if self.analysis in ("equilibrium", "modes"):
+            if keep.reduce is not None:
+                raise ModelError(f"{self.analysis}_many does not accept reduce: a pose has no samples")
+            if self.analysis == "modes":
+                return of_modes(result, keep.outputs)
+            return at_one_pose(result, self.model.description.shown_axes, keep.outputs)
+        measured = result.drift.measured
+        kept = keep(result.variables, result.coordinate, result.times, measured, result.axes)
+        return with_stability(kept, result.statistics) if self.analysis == "periodic" else kept
 
 
 def carried_out(

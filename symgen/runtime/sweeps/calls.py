@@ -44,7 +44,7 @@ class Sweeps:
             Tunable parameters by name: values in SI units, or a distribution, ``Uniform(low, high)`` or
             ``Normal(mean, deviation)``.
         analysis
-            ``simulate``, ``kinematics``, ``inverse_dynamics``, ``equilibrium``, ``periodic`` or
+            ``simulate``, ``kinematics``, ``inverse_dynamics``, ``equilibrium``, ``modes``, ``periodic`` or
             ``quasi_static``; inverse dynamics when absent, where a model supports it, else the simulation.
         sampling
             ``grid`` (every combination, those of the last parameter change fastest) or ``list`` (one
@@ -57,7 +57,8 @@ class Sweeps:
             Names of reductions: see :class:`.ManyRuns`.
         file
             A Zarr store, a name that ends in ``.zarr``. It is written chunk by chunk and can be read at any
-            time; where it is there, the sweep continues with the missing chunks. In memory when absent.
+            time; where it is there, the sweep continues with the missing chunks. Or a table, ``.csv``, which
+            is written at the end. In memory when absent.
         chunk
             Runs of a chunk of a new store; by default 1/64 of all runs, but 64 to 1024.
         part

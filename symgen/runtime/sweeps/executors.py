@@ -13,9 +13,11 @@ from functools import lru_cache
 from multiprocessing import connection, get_context, parent_process
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import CapabilityError, ModelError, SimulationError, SymgenError, shown
+from symgen.runtime.sweeps.designs import Design, Listed
 from symgen.version import __version__
 
 if TYPE_CHECKING:
@@ -50,10 +52,11 @@ def submitted(
     SimulationError
         When processes end without a result, or the executor fails.
     """
-    work = _packed(replace(sweep, threads=sweep.threads or 1), layout)
+    design, none = sweep.design, np.zeros((0, len(sweep.design.names)))
+    work = _packed(replace(sweep, design=Listed(design.names, none), threads=sweep.threads or 1), layout)
     most = max(2, _HELD // (layout.row * max(last - first for first, last in spans))) if spans else 2
     if isinstance(executor, int) and not isinstance(executor, bool) and executor >= 1:
-        yield from _in_processes(executor, work, spans, most)
+        yield from _in_processes(executor, work, design, spans, most)
         return
     pool = executor.get_executor() if hasattr(executor, "get_executor") else executor
     if not isinstance(pool, Executor):
@@ -62,7 +65,7 @@ def submitted(
             f"distributed.Client, got {shown(executor)}"
         )
     try:
-        yield from _by(pool, work, spans, most)
+        yield from _by(pool, work, design, spans, most)
     except SymgenError:
         raise
     except Exception as error:  # of the executor: chunks have errors of symgen only
@@ -72,13 +75,15 @@ def submitted(
         ) from error
 
 
-def _in_processes(count: int, work: bytes, spans: Sequence[Span], most: int) -> Iterator[Found]:
+def _in_processes(
+    count: int, work: bytes, design: Design, spans: Sequence[Span], most: int
+) -> Iterator[Found]:
     """Yield the results of chunks from new processes, which are replaced where one ends."""
     missing, ended = dict(spans), 0
     while missing:
         with ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_follow) as pool:
             try:
-                for first, arrays in _by(pool, work, [*missing.items()], most):
+                for first, arrays in _by(pool, work, design, [*missing.items()], most):
                     yield first, arrays
                     del missing[first]
                     ended = 0
@@ -104,13 +109,16 @@ def _follow() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _by(pool: Executor, work: bytes, spans: Sequence[Span], most: int) -> Iterator[Found]:
-    """Yield the results of chunks from an executor, to which ``most`` of them are submitted at a time."""
+def _by(pool: Executor, work: bytes, design: Design, spans: Sequence[Span], most: int) -> Iterator[Found]:
+    """Yield the results of chunks from an executor, to which ``most`` of them are submitted at a time.
+
+    A task has the parameter values of its own runs only.
+    """
     waiting, running = iter(spans), dict[Future[Any], int]()
     try:
         while True:
             for first, last in waiting:
-                running[pool.submit(_chunk, work, first, last)] = first
+                running[pool.submit(_chunk, work, design.values(first, last))] = first
                 if len(running) >= most:
                     break
             if not running:
@@ -143,10 +151,10 @@ def _unpacked(work: bytes) -> tuple[Any, Layout]:
     return found
 
 
-def _chunk(work: bytes, first: int, last: int) -> dict[str, NDArray[Any]]:
-    """Return the results of one chunk: the task of an executor."""
+def _chunk(work: bytes, rows: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
+    """Return the results of the runs of one chunk by their parameters: the task of an executor."""
     sweep, layout = _unpacked(work)
-    return sweep.arrays(layout, first, last)
+    return sweep.arrays(layout, rows)
 
 
 def dask_client(address: str) -> Any:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from symgen.runtime.sweeps.designs import Design
 from symgen.runtime.sweeps.executors import Found, submitted
 from symgen.runtime.sweeps.layout import Layout, layout_of
 from symgen.runtime.sweeps.stores import ENDING, Memory, Zarr, needed
+from symgen.runtime.sweeps.tables import table_at, write_table
 from symgen.version import __version__
 
 if TYPE_CHECKING:
@@ -29,15 +31,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 #: Analyses that a sweep carries out.
-ANALYSES = ("simulate", "kinematics", "inverse_dynamics", "equilibrium", "periodic", "quasi_static")
+ANALYSES = (
+    "simulate", "kinematics", "inverse_dynamics", "equilibrium", "modes", "periodic", "quasi_static"
+)  # fmt: skip
+#: Analyses of one pose, whose runs have no samples to reduce.
+_OF_A_POSE = ("equilibrium", "modes")
 #: Largest size of a chunk: runs, and bytes of results.
-_RUNS, _BYTES = 1024, 2**26
+_RUNS, _BYTES = 1024, 2**23
 #: Largest size of results in memory [bytes].
 _HELD = 2**32
 #: Chunks of a sweep of any size, runs of a chunk at least, and the multiple of runs that fills SIMD lanes.
 _CHUNKS, _LEAST, _LANES = 64, 64, 8
 #: Runs that are tried for the layout of the results where the model's own parameters fail.
 _TRIED = 64
+#: Most runs of an estimate, and the time after which no more are timed [s].
+_TIMED, _PATIENCE = 1024, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,10 +119,9 @@ class Sweep:
         return Runs(self.model, self.analysis, *variants(self.model, columns, None), self.arguments)
 
     def arrays(
-        self, layout: Layout, first: int, last: int, progress: Callable[[float], None] | None = None
+        self, layout: Layout, rows: Array, progress: Callable[[float], None] | None = None
     ) -> dict[str, Array]:
-        """Return the results of the runs first to last - 1."""
-        rows = self.design.values(first, last)
+        """Return the results of runs with values of the parameters, (runs, parameters)."""
         columns = {name: rows[:, i] for i, name in enumerate(self.design.names)}
         runs = self._runs(columns)  # the layout has accepted the arguments
         kept = carried_out(runs, self.keep, self.threads, progress, some=False, accepted=True)
@@ -157,7 +164,7 @@ def sweep_of(
     getattr(model, f"{verb}_many")  # raises the reason where the model does not support it
     if not hasattr(model.description, "equations"):
         raise CapabilityError(f"{model.name} does not support sweeps")
-    names = None if verb == "equilibrium" else reductions(reduce)
+    names = None if verb in _OF_A_POSE else reductions(reduce)
     return Sweep(model, verb, design, Keep(outputs, names), dict(arguments), threads)
 
 
@@ -171,13 +178,14 @@ def carry_out(
 ) -> xarray.Dataset:
     """Carry out the missing chunks of a sweep, or of one part of them; see :meth:`symgen.Model.sweep`."""
     number, parts = part
+    table = table_at(file, sweep.keep)
     if not 1 <= number <= parts:
         raise ModelError(f"expected a part from 1 to {parts}, got {number}")
-    if parts > 1 and file is None:
-        raise ModelError("parts of a sweep are written to one store: give its file")
+    if parts > 1 and (file is None or table):
+        raise ModelError("parts of a sweep are written to one store: give its file, NAME.zarr")
     if chunk is not None and chunk < 1:
         raise ModelError(f"expected a chunk of one run or more, got {chunk}")
-    store, layout = _store(sweep, file, chunk)
+    store, layout = _store(sweep, None if table else file, chunk)
     count = sweep.design.count
     own = [(first, min(first + store.chunk, count)) for first in range(0, count, store.chunk)]
     own = own[number - 1 :: parts]
@@ -190,7 +198,9 @@ def carry_out(
 
     found: Generator[Found, None, None]
     if executor is None:
-        found = ((first, sweep.arrays(layout, first, last, within)) for first, last in missing)
+        found = (
+            (first, sweep.arrays(layout, sweep.design.values(first, last), within)) for first, last in missing
+        )
     else:
         found = submitted(sweep, layout, missing, executor)
     with closing(found):  # which ends the work of an executor when writing or progress fails
@@ -200,7 +210,22 @@ def carry_out(
             within(0.0)
     if progress:
         progress(1.0)
-    return store.dataset()
+    runs = store.dataset()
+    if table:
+        write_table(runs, table)
+    return runs
+
+
+def estimate(sweep: Sweep, chunk: int | None = None) -> tuple[int, float]:
+    """Return the number of chunks of a sweep, and its time [s] by that of its first runs."""
+    layout, count, spent, done = sweep.layout(), sweep.design.count, 0.0, 0
+    while done < min(count, _TIMED) and spent < _PATIENCE:
+        last = min(2 * done + 1, count)
+        begun = perf_counter()
+        sweep.arrays(layout, sweep.design.values(done, last))
+        spent, done = perf_counter() - begun + spent, last
+    size = chunk or sweep.chunk(layout)
+    return -(-count // size), spent / done * count
 
 
 def _store(

@@ -1,0 +1,69 @@
+"""Values of runs that have no samples: equilibria, natural frequencies, stability of steady states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symgen.runtime.many.dataset import Kept, chosen
+from symgen.runtime.result.modes import ElasticModes
+from symgen.runtime.result.records import Variable
+
+if TYPE_CHECKING:
+    from symgen.runtime.rods.equilibrium import Equilibrium
+    from symgen.runtime.rods.modes import Modes
+
+#: Most natural frequencies of a run.
+_FREQUENCIES = 6
+
+
+def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:
+    """Return outputs, positions, ground reactions and stability of an equilibrium."""
+    named = {name: (found.units[name], "output", values) for name, values in found.outputs.items()}
+    for name, place in found.state.positions.items():
+        named.setdefault(f"{name}.position", ("m", "position", place))
+    for name, force in found.reactions.items():
+        named.setdefault(f"{name}.reaction", ("N", "force of the ground on the linkage", force))
+    single = tuple(
+        Variable(
+            name,
+            unit,
+            about,
+            axes if np.size(v) > 1 else (),
+            np.asarray(v).reshape(np.shape(v)[: np.size(v) > 1]),
+        )
+        for name, (unit, about, v) in named.items()
+    )
+    stability = Variable(
+        "stability", "1", "stable, neutral or unstable", (), np.array(found.stability, dtype=object)
+    )
+    return Kept(single=(*chosen(single, outputs), stability), axes=axes)
+
+
+def of_modes(found: Modes | ElasticModes, outputs: Sequence[str] | None) -> Kept:
+    """Return the lowest natural frequencies [Hz], ``frequency.1`` and so on; nan where nothing oscillates.
+
+    Of elastic links in motion there is also ``growth`` [1/s], the fastest growth of a mode.
+    """
+    if isinstance(found, ElasticModes):
+        frequencies, growth = found.frequencies, found.growth
+    else:
+        frequencies, growth = np.full(found.equilibrium.linearised.freedoms, np.nan), np.zeros(0)
+        frequencies[: len(found.frequencies)] = found.frequencies[: len(frequencies)]
+    single = [
+        Variable(f"frequency.{i}", "Hz", f"natural frequency {i}", (), np.array(value))
+        for i, value in enumerate(frequencies[:_FREQUENCIES], 1)
+    ]
+    if growth.size:
+        single.append(Variable("growth", "1/s", "fastest growth of a mode", (), np.array(np.max(growth))))
+    return Kept(single=chosen(tuple(single), outputs))
+
+
+def with_stability(kept: Kept, statistics: Mapping[str, Any]) -> Kept:
+    """Return the values of a steady state with ``floquet``, the largest magnitude of a Floquet multiplier."""
+    largest = max((abs(complex(*z)) for z in statistics["floquet"]), default=np.nan)
+    about = "largest magnitude of a Floquet multiplier"
+    return replace(kept, single=(*kept.single, Variable("floquet", "1", about, (), np.array(largest))))
