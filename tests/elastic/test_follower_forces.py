@@ -103,5 +103,5 @@ def test_what_is_refused():
     model = symgen.build(symgen.Scene(**BECK))
     with pytest.raises(ModelError, match="rods have no sections"):
         model.large_rotation(segments=4)
-    with pytest.raises(ModelError, match="do not support forces along elastic links"):
+    with pytest.raises(ModelError, match="do not support forces that rotate with sections"):
         model.large_rotation(elements=4)

@@ -329,6 +329,9 @@ def _check(motion: ElasticMotion) -> None:
     name, info = motion.rigid.name, motion.info
     refused = {
         "welds to rigid links": bool(info.body_welds),
+        "forces that rotate with sections": any(
+            profile.follows for beam in info.beams for profile in motion.profiles(beam.link)
+        ),
         "couples on welds": any("." not in name for name in info.rotations),
         "loads by angles counted over revolutions": bool(motion.rigid.description.windings),
     }
