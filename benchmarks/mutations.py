@@ -58,7 +58,8 @@ LOOPS = "tests/loop/test_loop_kernels.py"
 HAMILTON, WEIGHTS = "tests/mechanics/test_hamilton.py", "tests/elastic/test_weights.py"
 LARGE, ENERGIES = "tests/elastic/test_corotational.py", "tests/elastic/test_elastic_energies.py"
 ROTATING = "tests/elastic/test_rotor.py"
-SYNTHESIS = "tests/synthesis/test_four_bar_synthesis.py"
+SYNTHESIS, NINE = "tests/synthesis/test_four_bar_synthesis.py", "tests/synthesis/test_nine_points.py"
+SLIDERS, SPHERES = "tests/synthesis/test_slider_cranks.py", "tests/synthesis/test_spherical.py"
 FAULTS = (
     Fault("end masses exchanged", "rods/particles.py", "EndMass(about_end / squared, between / squared, about_start / squared", "EndMass(about_start / squared, between / squared, about_end / squared", "rods", PARTICLES),
     Fault("inertia in the coupling of ends", "rods/particles.py", "centre * rest - across - inertia", "centre * rest - across + inertia", "rods", PARTICLES),
@@ -130,6 +131,13 @@ FAULTS = (
     Fault("cosine rule", "synthesis/limits.py", "b**2 + c**2 - 2 * b * c", "b**2 + c**2 - b * c", "limits", SYNTHESIS),
     Fault("rotation of the coupler reversed", "synthesis/points.py", "sin * joint[0] + cos * joint[1]", "cos * joint[1] - sin * joint[0]", "motion", SYNTHESIS),
     Fault("Freudenstein's ratios exchanged", "synthesis/points.py", "first * sp.cos(rocker) - second * sp.cos(crank)", "second * sp.cos(rocker) - first * sp.cos(crank)", "function", SYNTHESIS),
+    Fault("time ratio inverted", "synthesis/limits.py", '(sp.pi + more) - x["time_ratio"] * (sp.pi - more)', '(sp.pi - more) - x["time_ratio"] * (sp.pi + more)', "ratio", SLIDERS),
+    Fault("offset of the guide halved", "synthesis/limits.py", 'sp.sin(x[f"crank_{pose}"]) - e', 'sp.sin(x[f"crank_{pose}"]) - e / 2', "ratio", SLIDERS),
+    Fault("slider across its guide", "synthesis/points.py", "sp.cos(angle) * y - sp.sin(angle) * x", "sp.cos(angle) * y + sp.sin(angle) * x", "slide", SLIDERS),
+    Fault("slider's closure", "synthesis/points.py", "offset - crank * sp.sin(angle)", "offset + crank * sp.sin(angle)", "slider", SLIDERS),
+    Fault("arc of a spherical dyad", "synthesis/points.py", "- sp.cos(arc)", "- sp.sin(arc)", "sphere", SPHERES),
+    Fault("crank on a sphere turns backwards", "synthesis/points.py", "sp.rot_axis3(-crank)", "sp.rot_axis3(crank)", "spherical", SPHERES),
+    Fault("rotation eliminated by a wrong sign", "synthesis/points.py", "turned * back - common**2", "turned * back + common**2", "nine", NINE),
 )  # fmt: skip
 
 #: Shipped scenes that are run for faults.
@@ -147,6 +155,29 @@ TASKS = {
     "motion": {
         "kind": "motion", "points": [["0 m", "0 m"], ["0.1 m", "0.2 m"], ["0.3 m", "0.3 m"]], "angles": [0.0, 0.2, 0.5],
         "ground_x": ["0 m", "1 m"], "ground_y": ["-1 m", "-1 m"],
+    },
+    "ratio": {"kind": "limits", "linkage": "slider-crank", "time_ratio": 1.2, "stroke": "0.2 m", "coupler": "0.4 m"},
+    "slide": {
+        "kind": "motion", "linkage": "slider-crank", "points": [["0 m", "0 m"], ["0.1 m", "0.2 m"], ["0.3 m", "0.3 m"]],
+        "angles": [0.0, 0.2, 0.5], "ground_x": "0 m", "ground_y": "-1 m", "guide_angle": 0.2,
+    },
+    "slider": {
+        "kind": "function", "linkage": "slider-crank", "input": [0.3, 1.0, 1.7], "output": ["1 m", "0.8 m", "0.5 m"],
+        "crank_start": 0, "slider_start": "0 m",
+    },
+    "sphere": {
+        "kind": "motion", "linkage": "spherical", "rotations": [[0, 0, 0], [0.2, 0.1, 0.4], [0.1, 0.5, 0.9]],
+        "ground_azimuth": [0, 0], "ground_elevation": ["80 deg", "5 deg"],
+    },
+    "spherical": {
+        "kind": "function", "linkage": "spherical", "input": [0.3, 1.0, 1.7, 2.3], "output": [1.2, 1.5, 1.9, 2.1],
+        "crank_start": 0, "rocker_start": 0,
+    },
+    "nine": {
+        "kind": "path",
+        "points": [[f"{x} m", f"{y} m"] for x, y in (
+            (0.25, 0.00), (0.52, 0.10), (0.80, 0.70), (1.20, 1.00), (1.40, 1.30), (1.10, 1.48), (0.70, 1.40), (0.20, 1.00), (0.02, 0.40)
+        )],
     },
 }  # fmt: skip
 

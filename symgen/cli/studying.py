@@ -51,9 +51,10 @@ def synthesise(
     page: o.Page = None,
     as_json: o.Json = False,
 ) -> None:
-    r"""Find all planar four-bars with prescribed properties.
+    r"""Find all four-bars, slider-cranks or spherical four-bars with prescribed properties.
 
-    The task has a kind: limits (limit positions and transmission angles), function (of the crank's angle),
+    The task has a linkage (four-bar, slider-crank or spherical) and a
+    kind: limits (limit positions and transmission angles), function (of the crank's angle),
     path (points of the coupler) or motion (poses of the coupler), such as \[synthesis] kind = "motion",
     points = \[\["0 m", "0 m"], \["4 cm", "3 cm"], ...], angles = \["0 deg", "20 deg", ...].
     Each linkage is run, and faults of its motion are listed.
@@ -72,7 +73,8 @@ def synthesise(
     if page:
         write_text(page, render_study(synthesis_page(result, task.stem)))
     if out:
-        write(out, {f"four_bar_{i}.toml": d.linkage.toml().encode() for i, d in enumerate(result.designs, 1)})
+        stem = {"spherical": "spherical_four_bar"}.get(result.linkage, result.linkage.replace("-", "_"))
+        write(out, {f"{stem}_{i}.toml": d.linkage.toml().encode() for i, d in enumerate(result.designs, 1)})
     if as_json:
         print_json(result.summary())
         return

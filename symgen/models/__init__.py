@@ -33,8 +33,12 @@ def tangents(block: str, kernels: Sequence[str], groups: Sequence[str]) -> Syste
     return made
 
 
-#: Conditions of the synthesis of four-bars.
-SYNTHESIS = ("synthesis_limits", "synthesis_dyad", "synthesis_function")
+#: Conditions of synthesis.
+SYNTHESIS = (
+    "synthesis_limits", "synthesis_slider_limits",
+    "synthesis_dyad", "synthesis_slide", "synthesis_spherical_dyad",
+    "synthesis_function", "synthesis_slider_function", "synthesis_spherical_function",
+)  # fmt: skip
 #: Kernels of an element, all of which have tangents.
 _OF_ELEMENTS = ("mass", "gyroscopic", "stiffness", "geometric", "load", "shape")
 _OF_LOOPS = ("loop_row", "loop_screws", "loop_inertia")

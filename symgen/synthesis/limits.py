@@ -1,47 +1,95 @@
-"""Crank-rockers of prescribed limit positions and transmission angles."""
+"""Crank-rockers and slider-cranks of prescribed limit positions and transmission angles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import SceneError
-from symgen.mechanics.synthesis.limits import QUANTITIES
+from symgen.mechanics.synthesis import limits as relations
+from symgen.synthesis.contradictions import contradiction
 from symgen.synthesis.four_bar import FourBar
-from symgen.synthesis.search import Conditions, Search, conditions, search
-from symgen.synthesis.tasks import LimitTask
-from symgen.synthesis.triangle import angle
+from symgen.synthesis.linkage import angle
+from symgen.synthesis.search import Search, conditions, search
+from symgen.synthesis.slider_crank import SliderCrank
 
 Array = NDArray[np.float64]
 
-NAMES = tuple(name for name, _, _ in QUANTITIES)
-_LENGTHS = frozenset(name for name, unit, _ in QUANTITIES if unit == "m")
-#: Conditions between the quantities.
-CONDITIONS = 9
-#: Quantities that determine the others.
-GIVEN = len(NAMES) - CONDITIONS
 #: Loss of rank, relative to the largest singular value.
 _LOST = 1e-9
+#: Angle below zero, or length, that counts as zero: rounding.
+_ROUNDING = 1e-9
 
 
-def crank_rockers(task: LimitTask) -> tuple[list[FourBar], Search]:
-    """Return all crank-rockers found that have the prescribed quantities.
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Limit positions of one kind of linkage.
+
+    Attributes
+    ----------
+    block
+        The compiled conditions.
+    what
+        What the quantities determine.
+    quantities
+        Rows of name, unit and meaning.
+    conditions
+        Number of conditions.
+    necessary
+        Linear relations of the quantities, as SymPy.
+    random, accepts, drawn, measured
+        Lengths of a random linkage and its quantities; whether a root is a linkage; the linkage of a root;
+        quantities measured in a run.
+    """
+
+    block: str
+    what: str
+    quantities: tuple[tuple[str, str, str], ...]
+    conditions: int
+    necessary: Callable[[dict[str, Any]], list[Any]]
+    random: Callable[[np.random.Generator], dict[str, float]]
+    accepts: Callable[[dict[str, float]], bool]
+    drawn: Callable[[dict[str, float]], Any]
+    measured: Callable[[Any], Iterator[tuple[str, float]]]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the quantities."""
+        return tuple(name for name, _, _ in self.quantities)
+
+    @property
+    def lengths(self) -> frozenset[str]:
+        """Names of the quantities that are lengths."""
+        return frozenset(name for name, unit, _ in self.quantities if unit == "m")
+
+    @property
+    def given(self) -> int:
+        """Quantities that determine the others."""
+        return len(self.quantities) - self.conditions
+
+    def why_not(self, given: dict[str, float]) -> str:
+        """Return conditions of every linkage that exclude these values; empty where none is known."""
+        return contradiction(self.quantities, self.necessary, _over(given, self.lengths)[0])
+
+
+def linkages(kind: Kind, given: dict[str, float], starts: int, seed: int) -> tuple[list[Any], Search]:
+    """Return all linkages found that have the prescribed quantities [m, rad].
 
     Raises
     ------
     SceneError
-        When the quantities are not four, or do not determine the linkage.
+        When the quantities are too few or many, or do not determine the linkage.
     """
-    given = task.given()
-    _check(given)
-    scale = next(value for name, value in given.items() if name in _LENGTHS)
-    given = {name: value / scale if name in _LENGTHS else value for name, value in given.items()}
-    equations = conditions("synthesis_limits", CONDITIONS)
-    fixed = np.array([name in given for name in NAMES])
-    values = np.array([given.get(name, 0.0) for name in NAMES])
-    generator = np.random.default_rng(task.seed)
+    _check(kind, given)
+    given, scale = _over(given, kind.lengths)
+    equations = conditions(kind.block, kind.conditions)
+    fixed = np.array([name in given for name in kind.names])
+    values = np.array([given.get(name, 0.0) for name in kind.names])
+    generator = np.random.default_rng(seed)
 
     def residual(x: Array) -> tuple[Array, Array]:
         full = values.copy()
@@ -49,50 +97,78 @@ def crank_rockers(task: LimitTask) -> tuple[list[FourBar], Search]:
         (r,), (slopes,) = equations(full[None])
         return r, slopes[:, ~fixed]
 
-    samples = [_sample(generator, given) for _ in range(task.starts)]
-    _check_rank(equations, fixed, samples[:3], given)
+    samples = [_sample(kind, generator, given) for _ in range(starts)]
+    for sample in samples[:3]:
+        _, (slopes,) = equations(sample[None])
+        sizes = np.linalg.svd(slopes[:, ~fixed], compute_uv=False)
+        if sizes[-1] > _LOST * sizes[0]:
+            break
+    else:
+        raise SceneError(
+            f"{', '.join(given)} depend on each other and do not determine {kind.what}",
+            hint="Angles of a limit position add up to 180 deg; swing and stroke follow from both positions.",
+        )
     found = search(residual, (sample[~fixed] for sample in samples))
-    linkages = []
+    kept = []
     for x in found.roots:
         full = values.copy()
         full[~fixed] = x
-        if _is_one(dict(zip(NAMES, full.tolist(), strict=True))):
-            linkages.append(_drawn(dict(zip(NAMES, full.tolist(), strict=True)), full, equations))
-    linkages.sort(key=lambda linkage: [*linkage.lengths.values()])
-    return [linkage.scaled(scale) for linkage in linkages], found
+        named = dict(zip(kind.names, full.tolist(), strict=True))
+        if kind.accepts(named):
+            error = float(np.abs(equations(full[None])[0]).max())
+            kept.append(kind.drawn({**named, "error": error}))
+    kept.sort(key=lambda linkage: [*linkage.lengths.values()])
+    return [linkage.scaled(scale) for linkage in kept], found
 
 
-def _check(given: dict[str, float]) -> None:
-    if len(given) != GIVEN:
+def _over(given: dict[str, float], lengths: frozenset[str]) -> tuple[dict[str, float], float]:
+    """Return quantities with lengths over the first of them, which is not zero; and that length [m]."""
+    scale = next(value for name, value in given.items() if name in lengths and value)
+    return {name: value / scale if name in lengths else value for name, value in given.items()}, scale
+
+
+def _check(kind: Kind, given: dict[str, float]) -> None:
+    if len(given) != kind.given:
         names = ", ".join(given) or "none"
         raise SceneError(
-            f"expected {GIVEN} quantities, which determine a crank-rocker, got {len(given)}: {names}",
-            hint=f"Known: {', '.join(NAMES)}.",
+            f"expected {kind.given} quantities, which determine {kind.what}, got {len(given)}: {names}",
+            hint=f"Known: {', '.join(kind.names)}.",
         )
-    if not _LENGTHS & given.keys():
+    least = {"offset": 0.0} if kind is SLIDER_CRANK else {}
+    if not any(given[name] for name in kind.lengths & given.keys()):
         raise SceneError(
             "expected at least one length, got angles alone, which leave the size of the linkage open",
-            hint='Add fixed_link = "1 m" in place of an angle.',
+            hint='Add a length such as crank = "1 m" in place of an angle.',
         )
     for name, number in given.items():
-        if name in _LENGTHS and not 0 < number < np.inf:
+        unit = next(u for n, u, _ in kind.quantities if n == name)
+        if unit == "m" and not (0 < number < np.inf or number == least.get(name)):
             raise SceneError(f"expected a length above zero, got {number:.6g} m", where=name)
-        if name not in _LENGTHS and not 0 < number < np.pi:
+        if unit == "1" and not 0 < number < np.inf:
+            raise SceneError(f"expected a ratio above zero, got {number:.6g}", where=name)
+        if unit == "rad" and not 0 < number < np.pi:
             got = f"{np.degrees(number):.6g} deg"
             raise SceneError(f"expected an angle between 0 and 180 deg, got {got}", where=name)
 
 
-def _sample(generator: np.random.Generator, given: dict[str, float]) -> Array:
-    """Return the quantities of a random crank-rocker, of the size of the first prescribed length."""
+def _sample(kind: Kind, generator: np.random.Generator, given: dict[str, float]) -> Array:
+    """Return the quantities of a random linkage, of the size of the first prescribed length."""
+    named = kind.random(generator)
+    name = next(name for name in kind.names if name in kind.lengths and given.get(name))
+    scale = given[name] / named[name]
+    return np.array([named[n] * (scale if n in kind.lengths else 1.0) for n in kind.names])
+
+
+def _time_ratio(x: dict[str, float]) -> float:
+    more = x["crank_folded"] - x["crank_extended"]
+    return float((np.pi + more) / (np.pi - more))
+
+
+def _crank_rocker(generator: np.random.Generator) -> dict[str, float]:
     while True:
-        a, b, c, d = np.exp(generator.uniform(np.log(0.1), np.log(2.0), 4))
+        a, b, c, d = np.exp(generator.uniform(np.log(0.1), np.log(2.0), 4)).tolist()
         if a < min(b, c, d) and 2 * (a + max(b, c, d)) < a + b + c + d:
             break
-    named = {"crank": a, "coupler": b, "rocker": c, "fixed_link": d}
-    name = next(name for name in NAMES if name in _LENGTHS & given.keys())
-    scale = given[name] / named[name]
-    a, b, c, d = (scale * x for x in (a, b, c, d))
-
     out: dict[str, float] = {"crank": a, "coupler": b, "rocker": c, "fixed_link": d}
     for pose, side in (("extended", a + b), ("folded", b - a)):
         out[f"crank_{pose}"] = angle(c, side, d)
@@ -100,45 +176,28 @@ def _sample(generator: np.random.Generator, given: dict[str, float]) -> Array:
         out[f"transmission_{pose}"] = angle(d, side, c)
     out["swing"] = out["rocker_extended"] - out["rocker_folded"]
     out["transmission_least"], out["transmission_greatest"] = angle(d - a, b, c), angle(d + a, b, c)
-    return np.array([out[name] for name in NAMES])
+    return out | {"time_ratio": _time_ratio(out)}
 
 
-def _check_rank(
-    equations: Conditions, fixed: NDArray[np.bool_], samples: list[Array], given: dict[str, float]
-) -> None:
-    """Refuse quantities that depend on each other in every crank-rocker."""
-    for sample in samples:
-        _, (slopes,) = equations(sample[None])
-        sizes = np.linalg.svd(slopes[:, ~fixed], compute_uv=False)
-        if sizes[-1] > _LOST * sizes[0]:
-            return
-    raise SceneError(
-        f"{', '.join(given)} depend on each other and do not determine a crank-rocker",
-        hint="Angles of a limit position add up to 180 deg, and the swing is the difference of the rocker's.",
-    )
-
-
-def _is_one(x: dict[str, float]) -> bool:
+def _is_crank_rocker(x: dict[str, float]) -> bool:
     """Return whether a root is a crank-rocker with triangles, and no mirror image with negative parts."""
-    angles = [v for name, v in x.items() if name not in _LENGTHS]
+    names = [name for name, unit, _ in relations.QUANTITIES if unit == "rad"]
     return (
-        all(x[name] > 0 for name in _LENGTHS)
-        and all(0 < value < np.pi for value in angles)
+        all(x[name] > 0 for name in CRANK_ROCKER.lengths)
+        and all(0 < x[name] < np.pi for name in names)
         and x["coupler"] > x["crank"]
     )
 
 
-def _drawn(x: dict[str, float], full: Array, equations: Conditions) -> FourBar:
+def _drawn_crank_rocker(x: dict[str, float]) -> FourBar:
     """Return the linkage in its extended limit position, the ground points on the axis."""
     a, b, d, theta = (x[name] for name in ("crank", "coupler", "fixed_link", "crank_extended"))
     direction = np.array([np.cos(theta), np.sin(theta)])
-    residual, _ = equations(full[None])
     places = (np.zeros(2), a * direction, (a + b) * direction, np.array([d, 0.0]), (a + b / 2) * direction)
-    return FourBar(*places, error=float(np.abs(residual).max()))
+    return FourBar(*places, error=x["error"])
 
 
-def measured(linkage: FourBar) -> Iterator[tuple[str, float]]:
-    """Yield the quantities of a crank-rocker, measured in poses of a run."""
+def _measured_crank_rocker(linkage: FourBar) -> Iterator[tuple[str, float]]:
     lengths = linkage.lengths
     yield from lengths.items()
     extended = float(np.arctan2(*(linkage.A - linkage.O)[::-1]))
@@ -151,3 +210,62 @@ def measured(linkage: FourBar) -> Iterator[tuple[str, float]]:
     yield "transmission_folded", float(transmission[2])
     yield "transmission_least", float(transmission[3])
     yield "transmission_greatest", float(transmission[4])
+    yield "time_ratio", _time_ratio({"crank_extended": extended, "crank_folded": folded})
+
+
+def _slider_crank(generator: np.random.Generator) -> dict[str, float]:
+    l, share, part = 1.0, *generator.uniform(0.05, 0.95, 2)
+    r, e = share * part * l, share * (1 - part) * l
+    out = {"crank": r, "coupler": l, "offset": e}
+    for pose, side in (("extended", l + r), ("folded", l - r)):
+        out[f"crank_{pose}"] = float(np.arcsin(e / side))
+        out[f"slider_{pose}"] = float(np.sqrt(side * side - e * e))
+    out["stroke"] = out["slider_extended"] - out["slider_folded"]
+    out["transmission_least"], out["transmission_greatest"] = (
+        float(np.arccos(x / l)) for x in (e + r, e - r)
+    )
+    return out | {"time_ratio": _time_ratio(out)}
+
+
+def _is_slider_crank(x: dict[str, float]) -> bool:
+    """Return whether a root is a slider-crank whose crank turns, and no mirror image."""
+    return (
+        min(x["crank"], x["coupler"], x["slider_folded"]) > 0
+        and -_ROUNDING < x["offset"] < x["coupler"] - x["crank"]
+        and all(-_ROUNDING < x[f"crank_{pose}"] < np.pi / 2 for pose in ("extended", "folded"))
+        and all(0 < x[f"transmission_{end}"] < np.pi for end in ("least", "greatest"))
+    )
+
+
+def _drawn_slider_crank(x: dict[str, float]) -> SliderCrank:
+    """Return the linkage in its extended limit position, the guide in the direction of the axis."""
+    r, l, theta = (x[name] for name in ("crank", "coupler", "crank_extended"))
+    direction = np.array([np.cos(theta), np.sin(theta)])
+    places = (np.zeros(2), r * direction, (r + l) * direction, (r + l / 2) * direction)
+    return SliderCrank(*places, guide=0.0, error=x["error"])
+
+
+def _measured_slider_crank(linkage: SliderCrank) -> Iterator[tuple[str, float]]:
+    r, l, e = linkage.lengths.values()
+    yield from linkage.lengths.items()
+    extended, folded = np.arcsin(e / (l + r)), np.arcsin(e / (l - r))
+    run = linkage.angles([extended, folded + np.pi, 1.5 * np.pi, 0.5 * np.pi])
+    slider = run["B.position"].values[:, 0]
+    # From the normal of the guide that points to the crank.
+    transmission = np.pi / 2 - run["coupler.angle"].values
+    yield "slider_extended", float(slider[0])
+    yield "slider_folded", float(slider[1])
+    yield "stroke", float(slider[0] - slider[1])
+    yield "transmission_least", float(transmission[2])
+    yield "transmission_greatest", float(transmission[3])
+    yield "time_ratio", _time_ratio({"crank_extended": extended, "crank_folded": folded})
+
+
+CRANK_ROCKER = Kind(
+    "synthesis_limits", "a crank-rocker", relations.QUANTITIES, 10, relations.necessary, _crank_rocker,
+    _is_crank_rocker, _drawn_crank_rocker, _measured_crank_rocker,
+)  # fmt: skip
+SLIDER_CRANK = Kind(
+    "synthesis_slider_limits", "a slider-crank", relations.SLIDER_QUANTITIES, 8, relations.slider_necessary,
+    _slider_crank, _is_slider_crank, _drawn_slider_crank, _measured_slider_crank,
+)  # fmt: skip

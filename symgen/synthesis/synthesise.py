@@ -1,4 +1,4 @@
-"""Synthesis of planar four-bars, and the check of each by running it."""
+"""Synthesis of linkages, and the check of each by running it."""
 
 from __future__ import annotations
 
@@ -6,20 +6,25 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import SceneError, SimulationError
-from symgen.synthesis import limits, precision
+from symgen.synthesis import dyads, function, limits
 from symgen.synthesis.four_bar import FourBar
+from symgen.synthesis.linkage import Linkage, angle
+from symgen.synthesis.points import Found
 from symgen.synthesis.search import Search
-from symgen.synthesis.tasks import FunctionTask, LimitTask, MotionTask, PathTask, Task, read_task
-from symgen.synthesis.triangle import angle
+from symgen.synthesis.slider_crank import SliderCrank
+from symgen.synthesis.spherical import SphericalFourBar
+from symgen.synthesis.tasks import LimitTask, SliderLimitTask, Task, read_task
 
 Array = NDArray[np.float64]
+#: Measured quantities, and faults of the motion.
+Faults = tuple[dict[str, float], list[str]]
 
 #: Difference between the conditions and the linkage's run: rounding, near dead centres its root [rad, size].
 _AGREES = 1e-7
@@ -32,12 +37,12 @@ _IN_ORDER = 1e-9
 @checked
 @dataclass(frozen=True, slots=True)
 class Design:
-    """A four-bar, with measures and faults of its motion.
+    """A linkage, with measures and faults of its motion.
 
     Attributes
     ----------
     linkage
-        The four-bar.
+        A :class:`FourBar`, :class:`SliderCrank` or :class:`SphericalFourBar`.
     quantities
         Lengths [m] and angles [rad] measured in a run, if the crank turns: least and greatest transmission
         angle, range of the rocker, and those of the limit positions if the task prescribes some.
@@ -45,7 +50,7 @@ class Design:
         Faults of the motion: precision points on another branch, in another order, or out of reach.
     """
 
-    linkage: FourBar
+    linkage: Any
     quantities: dict[str, float]
     faults: tuple[str, ...]
 
@@ -53,10 +58,11 @@ class Design:
 @checked
 @dataclass(frozen=True, slots=True)
 class Synthesis:
-    """All four-bars found; ``designs`` without faults come first, those of least error before others."""
+    """All linkages found; ``designs`` without faults come first, those of least error before others."""
 
     title: str
     kind: str
+    linkage: str
     designs: tuple[Design, ...]
     search: Search
 
@@ -65,12 +71,13 @@ class Synthesis:
         return {
             "title": self.title,
             "kind": self.kind,
+            "linkage": self.linkage,
             "starts": self.search.starts,
             "designs": [
                 {
                     "class": d.linkage.grashof,
                     "lengths": d.linkage.lengths,
-                    "points": {name: getattr(d.linkage, name).tolist() for name in "OABCP"},
+                    "points": {n: getattr(d.linkage, n).tolist() for n in "OABCP" if hasattr(d.linkage, n)},
                     "error": d.linkage.error,
                     "quantities": d.quantities,
                     "faults": list(d.faults),
@@ -82,7 +89,7 @@ class Synthesis:
 
 @checked
 def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
-    """Return the planar four-bars with the properties that a task prescribes.
+    """Return the linkages with the properties that a task prescribes.
 
     Parameters
     ----------
@@ -92,43 +99,56 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
     Raises
     ------
     SceneError
-        For anything wrong in the task, and when no four-bar was found.
+        For anything wrong in the task, and when no linkage was found or can exist.
     """
     title, asked = read_task(task)
-    if isinstance(asked, LimitTask):
-        linkages, search = limits.crank_rockers(asked)
-        given = asked.given()
-        designs = [_checked(linkage, partial(_limits, linkage, given)) for linkage in linkages]
+    if isinstance(asked, LimitTask | SliderLimitTask):
+        kind, given = _LIMITS[asked.linkage], asked.given()
+        linkages, search = limits.linkages(kind, given, asked.starts, asked.seed)
+        designs = [_checked(linkage, partial(_limits, kind, linkage, given)) for linkage in linkages]
+        if not designs:
+            reason = kind.why_not(given)
+            if reason:
+                raise SceneError(
+                    f"no {_NOUNS[asked.linkage]} has these values, which contradict: {reason}",
+                    hint="Change the prescribed values.",
+                )
     else:
-        found = _GENERATIONS[type(asked)](asked)
-        run = _function if isinstance(asked, FunctionTask) else _guidance
+        found = _GENERATIONS[asked.kind, asked.linkage](asked)
+        run = _function if asked.kind == "function" else _guidance
         pairs = zip(found.linkages, found.poses, strict=True)
         designs = [_checked(own, partial(run, own, poses)) for own, poses in pairs]
         search = found.search
     if not designs:
         raise SceneError(_nothing(asked, search), hint="Change the prescribed values, or try more starts.")
-    return Synthesis(title, asked.kind, tuple(sorted(designs, key=lambda d: bool(d.faults))), search)
+    ordered = tuple(sorted(designs, key=lambda d: bool(d.faults)))
+    return Synthesis(title, asked.kind, asked.linkage, ordered, search)
 
 
-_GENERATIONS: dict[type[Task], Callable[[Any], precision.Found]] = {
-    FunctionTask: precision.function,
-    MotionTask: precision.motion,
-    PathTask: precision.path,
+_LIMITS = {"four-bar": limits.CRANK_ROCKER, "slider-crank": limits.SLIDER_CRANK}
+_GENERATIONS: dict[tuple[str, str], Callable[[Any], Found]] = {
+    ("function", "four-bar"): function.four_bars,
+    ("function", "slider-crank"): function.slider_cranks,
+    ("function", "spherical"): function.spherical_four_bars,
+    **{("motion", linkage): dyads.motion for linkage in ("four-bar", "slider-crank", "spherical")},
+    **{("path", linkage): dyads.path for linkage in ("four-bar", "slider-crank")},
 }
+_NOUNS = {"four-bar": "four-bar", "slider-crank": "slider-crank", "spherical": "spherical four-bar"}
 
 
 def _nothing(task: Task, search: Search) -> str:
+    none = f"no {_NOUNS[task.linkage]} was found"
     if search.singular:
         return (
-            f"no four-bar was found: {search.singular} of {search.starts} starts led to degenerate linkages, "
+            f"{none}: {search.singular} of {search.starts} starts led to degenerate linkages, "
             "with links of zero length or with undetermined quantities"
         )
     if np.isfinite(search.nearest):
-        return f"no four-bar was found: {search.starts} starts end {search.nearest:.2g} off or more"
-    return f"no four-bar was found: lengths or angles of all roots are out of range ({search.starts} starts)"
+        return f"{none}: {search.starts} starts end {search.nearest:.2g} off or more"
+    return f"{none}: lengths or angles of all roots are out of range ({search.starts} starts)"
 
 
-def _checked(linkage: FourBar, run: Callable[[], tuple[dict[str, float], list[str]]]) -> Design:
+def _checked(linkage: Linkage, run: Callable[[], Faults]) -> Design:
     try:
         quantities, faults = run()
     except SimulationError as error:
@@ -136,55 +156,96 @@ def _checked(linkage: FourBar, run: Callable[[], tuple[dict[str, float], list[st
     return Design(linkage, quantities, tuple(faults))
 
 
-def _stopped(linkage: FourBar, time: float) -> str:
+def _stopped(linkage: Linkage, time: float) -> str:
     if linkage.grashof == "change-point":
         return "a change-point linkage: its branches meet where all links are in line"
     stop = np.degrees(linkage.parameters["start"] + time) % 360.0
     return f"the crank stops at {stop:.6g} deg, before it has passed all poses"
 
 
-def _limits(linkage: FourBar, given: dict[str, float]) -> tuple[dict[str, float], list[str]]:
-    quantities = dict(limits.measured(linkage)) | _over_revolution(linkage)
-    sizes = {n: x if n in linkage.lengths else 1.0 for n, x in given.items() if n in quantities}
-    missed = {n: abs(quantities[n] - given[n]) / size for n, size in sizes.items()}
+def _limits(kind: limits.Kind, linkage: Linkage, given: dict[str, float]) -> Faults:
+    quantities = dict(kind.measured(linkage)) | _over_revolution(linkage)
+    size = max(linkage.lengths.values())
+    sizes = {n: size if n in kind.lengths else 1.0 for n in given if n in quantities}
+    missed = {n: abs(quantities[n] - given[n]) / unit for n, unit in sizes.items()}
     return quantities, [f"{name} is missed by {x:.2g}" for name, x in missed.items() if not x <= _AGREES]
 
 
-def _over_revolution(linkage: FourBar) -> dict[str, float]:
-    """Return extremes over a revolution: transmission angles with the crank on the fixed link, and limits."""
+def _over_revolution(linkage: Linkage) -> dict[str, float]:
+    """Return extremes over a revolution: of transmission angles, and of the rocker or slider."""
     if not linkage.turns:
         return {}
-    a, b, c, d = linkage.lengths.values()
-    towards = float(np.arctan2(*(linkage.C - linkage.O)[::-1]))
-    directions = [0.0, np.pi]
-    if linkage.grashof == "crank-rocker":
-        inline = [angle(c, d, b + a), np.pi + angle(c, d, b - a)]
-        directions += [*inline, *(-x for x in inline)]
-    run = linkage.angles(np.array(directions) + towards)
-    transmission, rocker = np.abs(run["A.B.C.angle"].values), run["rocker.angle"].values
+    directions, moves = _extremes(linkage)
+    run = linkage.angles(np.array(directions))
+    transmission = _transmission(linkage, run)
     found = {
         "transmission_minimum": float(transmission.min()),
         "transmission_maximum": float(transmission.max()),
     }
-    if linkage.grashof == "crank-rocker":
-        found["rocker_range"] = float(np.ptp(rocker))
+    if moves:
+        found[moves] = float(np.ptp(_output(linkage, run)))
     return found
 
 
-def _function(linkage: FourBar, poses: Array) -> tuple[dict[str, float], list[str]]:
-    """Return faults of the rocker's angles at those of the crank."""
+def _extremes(linkage: Linkage) -> tuple[list[float], str]:
+    """Return directions of the crank [rad] at which extremes are, and the name of the output's range.
+
+    Those of the transmission angle are on the fixed link, or normal to the guide. In those of the output
+    coupler and crank are in line.
+    """
+    if isinstance(linkage, SliderCrank):
+        r, l, _ = linkage.lengths.values()
+        inline = [
+            float(np.arcsin(linkage.height / (l + r))),
+            np.pi + float(np.arcsin(linkage.height / (l - r))),
+        ]
+        if (linkage.B - linkage.A) @ linkage.along < 0:
+            inline = [np.pi - x for x in inline]
+        return [linkage.guide + x for x in (np.pi / 2, -np.pi / 2, *inline)], "slider_range"
+    moves = "rocker_range" if linkage.grashof == "crank-rocker" else ""
+    a, b, c, d = linkage.lengths.values()
+    if isinstance(linkage, SphericalFourBar):
+        return [0.0, np.pi], ""
+    towards = float(np.arctan2(*(cast("FourBar", linkage).C - cast("FourBar", linkage).O)[::-1]))
+    inline = [angle(c, d, b + a), np.pi + angle(c, d, b - a)] if moves else []
+    return [towards + x for x in (0.0, np.pi, *inline, *(-x for x in inline))], moves
+
+
+def _transmission(linkage: Linkage, run: Any) -> Array:
+    """Return angles between coupler and rocker, or coupler and normal of the guide [rad]."""
+    if isinstance(linkage, SliderCrank):
+        side = -1.0 if linkage.height < 0 else 1.0
+        return np.pi / 2 - side * np.arcsin(np.sin(run["coupler.angle"].values - linkage.guide))
+    if isinstance(linkage, SphericalFourBar):
+        return np.pi - np.abs(_turn(run["theta3"].values))
+    return np.abs(run["A.B.C.angle"].values)
+
+
+def _output(linkage: Linkage, run: Any) -> Array:
+    """Return angles of the rocker [rad] or positions of the slider along its guide [m]."""
+    if isinstance(linkage, SliderCrank):
+        return np.asarray((run["B.position"].values - linkage.O) @ linkage.along)
+    return -run["theta4"].values if isinstance(linkage, SphericalFourBar) else run["rocker.angle"].values
+
+
+def _function(linkage: Linkage, poses: Array) -> Faults:
+    """Return faults of the outputs at the angles of the crank."""
     directions = linkage.within_reach(poses[:, 0])
-    run = linkage.angles(directions.tolist())
-    missed = _turn(run["rocker.angle"].values - poses[:, 1])
-    return _passed(linkage, missed, directions, linkage.error, "rad")
+    missed = _output(linkage, linkage.angles(directions.tolist())) - poses[:, 1]
+    if isinstance(linkage, SliderCrank):
+        size = float(np.ptp(poses[:, 1]))
+        return _passed(linkage, missed / size, directions, linkage.error / size, "of the slider's way")
+    return _passed(linkage, _turn(missed), directions, linkage.error, "rad")
 
 
-def _guidance(linkage: FourBar, poses: Array) -> tuple[dict[str, float], list[str]]:
+def _guidance(linkage: Linkage, poses: Array) -> Faults:
     """Return faults of places and rotations of the coupler at the directions of the crank."""
-    directions = linkage.within_reach(precision.crank_directions(linkage, poses))
+    if isinstance(linkage, SphericalFourBar):
+        return _on_sphere(linkage, poses)
+    directions = linkage.within_reach(dyads.crank_directions(linkage, poses))
     run = linkage.angles(directions.tolist())
-    exact = linkage.error <= _AGREES * float(np.ptp(poses[:, :2], axis=0).max())
-    size = max(linkage.lengths.values()) if exact else float(np.ptp(poses[:, :2], axis=0).max())
+    extent = float(np.ptp(poses[:, :2], axis=0).max())
+    size = max(linkage.lengths.values()) if linkage.error <= _AGREES * extent else extent
     places = np.linalg.norm(run["P.position"].values - poses[:, :2], axis=1)
     turned = _turn(
         (run["coupler.angle"].values - run["coupler.angle"].values[0]) - (poses[:, 2] - poses[0, 2])
@@ -193,9 +254,18 @@ def _guidance(linkage: FourBar, poses: Array) -> tuple[dict[str, float], list[st
     return _passed(linkage, missed, directions, linkage.error / size, "of the points' extent, or rad")
 
 
-def _passed(
-    linkage: FourBar, missed: Array, directions: Array, error: float, unit: str
-) -> tuple[dict[str, float], list[str]]:
+def _on_sphere(linkage: SphericalFourBar, poses: Array) -> Faults:
+    """Return faults of the coupler's axes in its rotations (poses, 9)."""
+    rotations = poses.reshape(-1, 3, 3)
+    from_first = rotations @ rotations[0].T
+    cranks = np.array([linkage.angle_of(r @ linkage.A) for r in from_first])
+    rockers = np.array([linkage.rocker_angle_of(r @ linkage.B) for r in from_first])
+    directions = linkage.within_reach(cranks)
+    missed = _turn(_output(linkage, linkage.angles(directions)) - rockers)
+    return _passed(linkage, missed, directions, linkage.error, "rad")
+
+
+def _passed(linkage: Linkage, missed: Array, directions: Array, error: float, unit: str) -> Faults:
     """Return measures and faults of a run through the poses, of which ``missed`` is the error in its unit."""
     fitted = error > _AGREES
     least = _FITS if fitted else _AGREES
@@ -214,7 +284,7 @@ def _turn(x: Array) -> Array:
     return np.asarray(x - 2 * np.pi * np.round(x / (2 * np.pi)))
 
 
-def _order(linkage: FourBar, directions: Array) -> Iterator[str]:
+def _order(linkage: Linkage, directions: Array) -> Iterator[str]:
     """Yield the fault of a crank that does not pass the poses in their order, in either sense of rotation."""
     steps = np.diff(directions)
     if linkage.turns:

@@ -1,4 +1,4 @@
-"""The table [synthesis] of a file: prescribed properties of a four-bar, in SI units."""
+"""The table [synthesis] of a file: prescribed properties of a linkage, in SI units."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
 
 from symgen.errors import SceneError, nearest
-from symgen.mechanics.synthesis.limits import QUANTITIES
+from symgen.mechanics.synthesis.limits import QUANTITIES, SLIDER_QUANTITIES
 from symgen.scene.expressions import parse_value
 from symgen.scene.faults import scene_error
 from symgen.scene.loading import read_scene
@@ -25,13 +25,20 @@ Array = NDArray[np.float64]
 Starts = Annotated[int, Field(ge=1, le=1_000_000, description="Number of random starts of the search.")]
 Seed = Annotated[int, Field(ge=0, description="Seed of the starts: the same seed gives the same results.")]
 Pair = Annotated[list[Value], Field(min_length=2, max_length=2)]
+Vector = Annotated[list[Value], Field(min_length=3, max_length=3)]
 Values = Annotated[list[Value], Field(min_length=2, max_length=100)]
 
 
-class LimitTask(Table):
+class _Search(Table):
+    starts: Starts = 200
+    seed: Seed = 0
+
+
+class LimitTask(_Search):
     """Limit positions and transmission angles of a crank-rocker: four of these quantities."""
 
     kind: Literal["limits"]
+    linkage: Literal["four-bar"] = "four-bar"
     crank: Value | None = None
     coupler: Value | None = None
     rocker: Value | None = None
@@ -45,70 +52,198 @@ class LimitTask(Table):
     transmission_folded: Value | None = None
     transmission_least: Value | None = None
     transmission_greatest: Value | None = None
+    time_ratio: Value | None = None
     starts: Starts = 60
-    seed: Seed = 0
 
     def given(self) -> dict[str, float]:
         """Return the prescribed quantities [m, rad]."""
-        units = {name: LENGTH if unit == "m" else NUMBER for name, unit, _ in QUANTITIES}
-        return {n: value(getattr(self, n), d, n) for n, d in units.items() if getattr(self, n) is not None}
+        return _given(self, QUANTITIES)
 
 
-class FunctionTask(Table):
+class SliderLimitTask(_Search):
+    """Limit positions and transmission angles of a slider-crank: three of these quantities."""
+
+    kind: Literal["limits"]
+    linkage: Literal["slider-crank"]
+    crank: Value | None = None
+    coupler: Value | None = None
+    offset: Value | None = None
+    stroke: Value | None = None
+    slider_extended: Value | None = None
+    slider_folded: Value | None = None
+    crank_extended: Value | None = None
+    crank_folded: Value | None = None
+    transmission_least: Value | None = None
+    transmission_greatest: Value | None = None
+    time_ratio: Value | None = None
+    starts: Starts = 60
+
+    def given(self) -> dict[str, float]:
+        """Return the prescribed quantities [m, rad]."""
+        return _given(self, SLIDER_QUANTITIES)
+
+
+def _given(task: Table, quantities: tuple[tuple[str, str, str], ...]) -> dict[str, float]:
+    """Return the prescribed quantities in SI units."""
+    units = {name: LENGTH if unit == "m" else NUMBER for name, unit, _ in quantities}
+    return {n: value(getattr(task, n), d, n) for n, d in units.items() if getattr(task, n) is not None}
+
+
+class FunctionTask(_Search):
     """Rotations of the rocker that belong to rotations of the crank."""
 
     kind: Literal["function"]
+    linkage: Literal["four-bar"] = "four-bar"
     input: Values = Field(description="Rotations of the crank.")
     output: Values = Field(description="Rotations of the rocker.")
     fixed_link: Value = "1 m"
     crank_start: Value | None = absent("Direction of the crank where its rotation is zero.")
     rocker_start: Value | None = absent("Direction of the rocker where its rotation is zero.")
-    starts: Starts = 200
-    seed: Seed = 0
 
 
-class _Dyads(Table):
-    ground_x: Pair | None = absent("x of the ground points of crank and rocker.")
-    ground_y: Pair | None = None
-    joint_x: Pair | None = absent("Places of the joints along the coupler's axis.")
-    joint_y: Pair | None = None
-    length: Pair | None = absent("Lengths of crank and rocker.")
-    starts: Starts = 200
-    seed: Seed = 0
+class SliderFunctionTask(_Search):
+    """Ways of the slider that belong to rotations of the crank."""
+
+    kind: Literal["function"]
+    linkage: Literal["slider-crank"]
+    input: Values = Field(description="Rotations of the crank.")
+    output: Values = Field(description="Ways of the slider.")
+    crank_start: Value | None = absent("Angle of the crank from the guide where its rotation is zero.")
+    slider_start: Value | None = absent("Position of the slider along the guide where its way is zero.")
+
+
+class SphericalFunctionTask(_Search):
+    """Rotations of the rocker of a spherical four-bar that belong to rotations of its crank."""
+
+    kind: Literal["function"]
+    linkage: Literal["spherical"]
+    input: Values = Field(description="Rotations of the crank.")
+    output: Values = Field(description="Rotations of the rocker.")
+    crank_start: Value | None = absent("Angle of the crank from the fixed link where its rotation is zero.")
+    rocker_start: Value | None = absent("Angle of the rocker where its rotation is zero.")
+
+
+class _Points(_Search):
     points: Annotated[list[Pair], Field(min_length=2, max_length=100)]
-
-    def given(self) -> dict[str, tuple[float, float]]:
-        """Return the prescribed quantities of both dyads [m]."""
-        read = {n: values(getattr(self, n), LENGTH, n) for n in DYAD if getattr(self, n)}
-        if "length" in read and not (read["length"] > 0).all():
-            raise SceneError(f"expected lengths above zero, got {read['length'].min():g} m", where="length")
-        return {n: (float(v[0]), float(v[1])) for n, v in read.items()}
 
     def places(self) -> Array:
         """Return the precision points (n, 2) [m]."""
         return np.array([values(p, LENGTH, f"points.{i}") for i, p in enumerate(self.points)])
 
 
-#: Quantities of a dyad that may be prescribed.
+class _FourBar(_Points):
+    linkage: Literal["four-bar"] = "four-bar"
+    ground_x: Pair | None = absent("x of the ground points of crank and rocker.")
+    ground_y: Pair | None = None
+    joint_x: Pair | None = absent("Places of the joints along the coupler's axis.")
+    joint_y: Pair | None = None
+    length: Pair | None = absent("Lengths of crank and rocker.")
+
+    def given(self) -> list[dict[str, float]]:
+        """Return the prescribed quantities of both dyads [m]."""
+        return _of_sides(self, DYAD)
+
+
+class _SliderCrank(_Points):
+    linkage: Literal["slider-crank"]
+    ground_x: Value | None = absent("x of the ground point of the crank.")
+    ground_y: Value | None = None
+    joint_x: Value | None = absent("Place of the crank's joint along the coupler's axis.")
+    joint_y: Value | None = None
+    length: Value | None = absent("Length of the crank.")
+    guide_angle: Value | None = absent("Direction of the guide.")
+    guide_offset: Value | None = absent(
+        "Distance of the guide from the origin, to the left of its direction."
+    )
+    slider_x: Value | None = absent("Place of the slider along the coupler's axis.")
+    slider_y: Value | None = None
+
+    def given(self) -> list[dict[str, float]]:
+        """Return the prescribed quantities of crank and slider [m, rad]."""
+        units = dict.fromkeys((*DYAD, *SLIDE), LENGTH) | {"guide_angle": NUMBER}
+        read = {n: value(getattr(self, n), d, n) for n, d in units.items() if getattr(self, n) is not None}
+        _positive(read)
+        return [{n: x for n, x in read.items() if n in side} for side in (DYAD, SLIDE)]
+
+
+def _of_sides(task: Table, names: tuple[str, ...], dim: Dimension = LENGTH) -> list[dict[str, float]]:
+    read = {n: values(getattr(task, n), dim, n) for n in names if getattr(task, n)}
+    sides = [{n: float(x[side]) for n, x in read.items()} for side in (0, 1)]
+    for side in sides:
+        _positive(side)
+    return sides
+
+
+def _positive(read: dict[str, float]) -> None:
+    for name, unit in (("length", "m"), ("arc", "rad")):
+        if name in read and not read[name] > 0:
+            raise SceneError(f"expected {name}s above zero, got {read[name]:g} {unit}", where=name)
+
+
+#: Quantities of a dyad that may be prescribed; of a slider; and of a dyad on a sphere.
 DYAD = ("ground_x", "ground_y", "joint_x", "joint_y", "length")
+SLIDE = ("guide_angle", "guide_offset", "slider_x", "slider_y")
+SPHERICAL_DYAD = ("ground_azimuth", "ground_elevation", "joint_azimuth", "joint_elevation", "arc")
 
 
-class MotionTask(_Dyads):
+class MotionTask(_FourBar):
     """Places and rotations that the coupler takes."""
 
     kind: Literal["motion"]
     angles: Values = Field(description="Rotations of the coupler.")
 
 
-class PathTask(_Dyads):
+class SliderMotionTask(_SliderCrank):
+    """Places and rotations that the coupler of a slider-crank takes."""
+
+    kind: Literal["motion"]
+    angles: Values = Field(description="Rotations of the coupler.")
+
+
+class SphericalMotionTask(_Search):
+    """Rotations in space that the coupler takes about the centre of a spherical four-bar."""
+
+    kind: Literal["motion"]
+    linkage: Literal["spherical"]
+    rotations: Annotated[
+        list[Annotated[list[Value], Field(min_length=3, max_length=3)]], Field(min_length=2, max_length=100)
+    ]
+    ground_azimuth: Pair | None = absent("Angles of the ground's axes of crank and rocker about z, from x.")
+    ground_elevation: Pair | None = absent("Their angles from the plane of x and y.")
+    joint_azimuth: Pair | None = absent("The same of the coupler's axes before the rotations.")
+    joint_elevation: Pair | None = None
+    arc: Pair | None = absent("Arcs of crank and rocker.")
+
+    def given(self) -> list[dict[str, float]]:
+        """Return the prescribed quantities of both dyads [rad]."""
+        return _of_sides(self, SPHERICAL_DYAD, NUMBER)
+
+
+class PathTask(_FourBar):
     """Places that a point of the coupler passes."""
 
     kind: Literal["path"]
 
 
-Task = LimitTask | FunctionTask | MotionTask | PathTask
-_KINDS: dict[str, type[Task]] = {
-    "limits": LimitTask, "function": FunctionTask, "motion": MotionTask, "path": PathTask,
+class SliderPathTask(_SliderCrank):
+    """Places that a point of the coupler of a slider-crank passes."""
+
+    kind: Literal["path"]
+
+
+Task = (
+    LimitTask | SliderLimitTask | FunctionTask | SliderFunctionTask | SphericalFunctionTask | MotionTask
+    | SliderMotionTask | SphericalMotionTask | PathTask | SliderPathTask
+)  # fmt: skip
+_KINDS: dict[str, dict[str, type[Task]]] = {
+    "limits": {"four-bar": LimitTask, "slider-crank": SliderLimitTask},
+    "function": {
+        "four-bar": FunctionTask,
+        "slider-crank": SliderFunctionTask,
+        "spherical": SphericalFunctionTask,
+    },
+    "motion": {"four-bar": MotionTask, "slider-crank": SliderMotionTask, "spherical": SphericalMotionTask},
+    "path": {"four-bar": PathTask, "slider-crank": SliderPathTask},
 }  # fmt: skip
 
 
@@ -150,10 +285,18 @@ def _task(table: dict[str, Any], where: str) -> Task:
             where=f"{where}.kind".strip("."),
             hint=nearest(str(kind), _KINDS),
         )
+    linkage = table.get("linkage", "four-bar")
+    if not isinstance(linkage, str) or linkage not in _KINDS[kind]:
+        raise SceneError(
+            f"expected a linkage for {kind!r}, got {linkage!r}",
+            where=f"{where}.linkage".strip("."),
+            hint=nearest(str(linkage), _KINDS[kind]),
+        )
+    own = _KINDS[kind][linkage]
     try:
-        return TypeAdapter(_KINDS[kind]).validate_python(table)
+        return TypeAdapter(own).validate_python(table)
     except ValidationError as error:
-        raise scene_error(_KINDS[kind], error).located(where=where) from None
+        raise scene_error(own, error).located(where=where) from None
 
 
 def value(text: str | int | float, dim: Dimension, where: str) -> float:

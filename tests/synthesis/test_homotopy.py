@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from symgen.synthesis import precision
+from symgen.synthesis import dyads, function
 from symgen.synthesis.tasks import read_task
 
 pypolsys = pytest.importorskip("pypolsys")
@@ -87,7 +87,7 @@ def test_function_generation(count):
             if b2 > 1e-12:
                 wanted.append([abs(a), math.sqrt(b2), abs(c)])
     task = {"kind": "function", "input": cranks.tolist(), "output": rockers.tolist(), "starts": 400, **known}
-    found = precision.function(read_task(task)[1])
+    found = function.four_bars(read_task(task)[1])
     lengths = np.array([[*k.lengths.values()][:3] for k in found.linkages])
     assert wanted and same(np.array(wanted), lengths)
 
@@ -113,7 +113,7 @@ def test_burmester_of_five_poses():
     wanted = real_roots(equations, [ground, joint])
     points = [[f"{float(x)!r} m" for x in (p.real, p.imag)] for p in places]
     _, task = read_task({"kind": "motion", "points": points, "angles": [float(x) for x in angles]})
-    found = precision.motion(task)
+    found = dyads.motion(task)
     size = float(np.linalg.norm(np.ptp([[p.real, p.imag] for p in places], axis=0)))
     assert same(wanted, size * np.array(found.search.roots)[:, :4])
     assert len(wanted) == 4 and len(found.linkages) == 12

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from shared.full import full
 
-from symgen.synthesis import precision
+from symgen.synthesis import dyads, nine_points
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.tasks import read_task
 
-#: Problem 3 of Wampler, Morgan and Sommese (1992): 64 of its 1442 linkages are real, each with two cognates.
+#: Problem 3 of Wampler, Morgan and Sommese (1992): 64 of its 1442 linkages are real, each with two cognates,
+#: as Hauenstein and Sottile certified (algorithm 921 of the ACM's Transactions on Mathematical Software).
+REAL = 64
 PROBLEM_3 = (
     (0.25, 0.00), (0.52, 0.10), (0.80, 0.70), (1.20, 1.00), (1.40, 1.30), (1.10, 1.48), (0.70, 1.40),
     (0.20, 1.00), (0.02, 0.40),
@@ -31,23 +36,44 @@ def gap(linkage, place):
     return min(gaps) / max(linkage.lengths.values())
 
 
-def test_linkages_through_nine_points_come_with_their_cognates():
-    """Links of a cognate are those of its linkage times the ratio of two sides of the coupler's triangle."""
+@pytest.mark.parametrize("every", [16, full(1)])
+def test_linkages_through_nine_points_come_with_their_cognates(every, monkeypatch):
+    """All of them, and some; links of a cognate are its linkage's times the ratio of two sides of the coupler."""
+    solutions, start = nine_points.start()
+    monkeypatch.setattr(nine_points, "start", lambda: (solutions[::every], start))
     points = [[f"{x} m" for x in p] for p in PROBLEM_3]
-    _, task = read_task({"kind": "path", "points": points, "starts": 200})
-    found = precision.path(task)
-    every = np.array([sorted(k.lengths.values()) for k in found.linkages])
-    assert len(found.linkages) >= 9 and len(found.linkages) % 3 == 0
+    _, task = read_task({"kind": "path", "points": points})
+    found = dyads.path(task)
+    lengths = np.array([sorted(k.lengths.values()) for k in found.linkages])
+    assert len(found.linkages) == 3 * REAL if every == 1 else len(found.linkages) >= 3
+    assert len(found.linkages) % 3 == 0 and found.search.starts == len(solutions[::every])
+    assert every > 1 or not found.search.singular
     for k in found.linkages:
         assert max(gap(k, place) for place in PROBLEM_3) < 1e-7
         for end in (k.A, k.B):
             ratio = np.linalg.norm(k.P - end) / k.lengths["coupler"]
-            likeness = np.abs(every / (ratio * np.array(sorted(k.lengths.values()))) - 1).max(axis=1)
+            likeness = np.abs(lengths / (ratio * np.array(sorted(k.lengths.values()))) - 1).max(axis=1)
             assert likeness.min() < 1e-7
+
+
+def test_the_solutions_to_start_from_are_those_of_wampler_morgan_and_sommese():
+    """1442 classes; points moved in a loop lead from some of them to others of the same set."""
+    solutions, points = nine_points.start()
+    assert len(nine_points.classes(solutions)) == len(solutions) == 1442
+    generator = np.random.default_rng(3)
+    some = solutions[generator.choice(len(solutions), 12, replace=False)]
+    moved = some
+    corners = [generator.normal(size=(8, 2)) + 1j * generator.normal(size=(8, 2)) for _ in range(2)]
+    for here, there in pairwise([points, *corners, points]):
+        moved, lost = nine_points.follow(moved, here, there)
+        moved = moved[~lost]
+    assert len(moved) >= 10
+    assert len(nine_points.classes(np.concatenate([solutions, moved]))) == 1442
+    assert len(nine_points.classes(np.concatenate([some, moved]))) > len(moved)
 
 
 @pytest.mark.parametrize("more", [-1e-16, 0.0, 1e-16])
 def test_one_linkage_with_equal_crank_and_rocker_is_written_in_one_way(more):
     o, a, b, c = (np.array(x) for x in ([0.0, 0.0], [0.0, 0.9 + more], [0.5, 0.9], [0.5, 0.0]))
     linkage = FourBar(o, a, b, c, np.array([0.2, 1.5]), 0.0)
-    assert not precision._is_turned(linkage, 1.0) and precision._is_turned(precision._exchanged(linkage), 1.0)
+    assert not dyads._is_turned(linkage, 1.0) and dyads._is_turned(dyads._exchanged(linkage), 1.0)

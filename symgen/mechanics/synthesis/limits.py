@@ -1,10 +1,11 @@
-"""Limit positions and transmission angles of a crank-rocker.
+"""Limit positions and transmission angles of crank-rockers and slider-cranks.
 
 Source: the thesis on kineto-elastodynamics, Chapter III, with its errata. In the limit positions of the
 rocker, crank and coupler are in line: extended, a triangle of the sides a + b, c and d, and folded, one of
 b - a, c and d. In the other two triangles the crank lies on the fixed link: d - a, and d + a. The thesis
 writes sines, cosines and a quotient by cos(theta1) that vanishes; here each triangle is closed by its two
-components, and no length or angle is divided by.
+components, and no length or angle is divided by. In those of a slider-crank the offset of the guide takes
+the place of rocker and fixed link.
 """
 
 from __future__ import annotations
@@ -28,6 +29,22 @@ QUANTITIES = (
     ("transmission_folded", "rad", "mu4: angle between coupler and rocker, folded limit position"),
     ("transmission_least", "rad", "mu1: angle between coupler and rocker with the crank on the fixed link"),
     ("transmission_greatest", "rad", "angle between coupler and rocker with the crank opposite to it"),
+    ("time_ratio", "1", "rotation of the crank from extended to folded limit position, over that back"),
+)  # fmt: skip
+
+#: The quantities of a slider-crank, whose guide is at its offset to the left of the slider's direction.
+SLIDER_QUANTITIES = (
+    ("crank", "m", "length of the crank, r"),
+    ("coupler", "m", "length of the coupler, l"),
+    ("offset", "m", "distance of the guide from the ground point, e"),
+    ("stroke", "m", "distance of the limit positions of the slider"),
+    ("slider_extended", "m", "position of the slider along the guide, extended limit position"),
+    ("slider_folded", "m", "position of the slider along the guide, folded limit position"),
+    ("crank_extended", "rad", "angle from the guide to the coupler, extended limit position"),
+    ("crank_folded", "rad", "angle from the guide to the coupler, folded limit position"),
+    ("transmission_least", "rad", "angle between coupler and the normal of the guide, crank away from it"),
+    ("transmission_greatest", "rad", "the same with the crank towards the guide, beyond 90 deg if r > e"),
+    ("time_ratio", "1", "rotation of the crank from extended to folded limit position, over that back"),
 )  # fmt: skip
 
 
@@ -51,8 +68,14 @@ def cosine_opposite(side: sp.Symbol, b: sp.Symbol, c: sp.Symbol) -> sp.Expr:
     return -rule.subs(cosine, 0) / rule.diff(cosine)
 
 
+def _time_ratio(x: dict[str, sp.Symbol]) -> sp.Expr:
+    """Return the error [rad] of the ratio of the crank's rotations between the limit positions."""
+    more = x["crank_folded"] - x["crank_extended"]
+    return (sp.pi + more) - x["time_ratio"] * (sp.pi - more)
+
+
 def conditions(x: dict[str, sp.Symbol]) -> list[sp.Expr]:
-    """Return the nine closure errors of the thirteen quantities, which are zero for a crank-rocker."""
+    """Return the ten closure errors of a crank-rocker's quantities."""
     a, b, c, d = (x[name] for name in ("crank", "coupler", "rocker", "fixed_link"))
     extended, folded = (
         tuple(x[f"{part}_{pose}"] for part in ("crank", "rocker", "transmission"))
@@ -64,4 +87,52 @@ def conditions(x: dict[str, sp.Symbol]) -> list[sp.Expr]:
         x["rocker_extended"] - x["rocker_folded"] - x["swing"],
         _cosine_rule(d - a, b, c, x["transmission_least"]),
         _cosine_rule(d + a, b, c, x["transmission_greatest"]),
+        _time_ratio(x),
     ]
+
+
+def slider_conditions(x: dict[str, sp.Symbol]) -> list[sp.Expr]:
+    """Return the eight closure errors of a slider-crank's quantities."""
+    r, l, e = (x[name] for name in ("crank", "coupler", "offset"))
+    limits = [(l + r, "extended"), (l - r, "folded")]
+    along = [side * sp.cos(x[f"crank_{pose}"]) - x[f"slider_{pose}"] for side, pose in limits]
+    across = [side * sp.sin(x[f"crank_{pose}"]) - e for side, pose in limits]
+    return [
+        *along,
+        *across,
+        x["slider_extended"] - x["slider_folded"] - x["stroke"],
+        l * sp.cos(x["transmission_least"]) - (e + r),
+        l * sp.cos(x["transmission_greatest"]) - (e - r),
+        _time_ratio(x),
+    ]
+
+
+def necessary(x: dict[str, sp.Symbol]) -> list[sp.Rel]:
+    """Return relations, linear but for the time ratio, between the quantities of every crank-rocker.
+
+    Grashof's condition with the crank as the shortest link, the sums of the angles of triangles, and the
+    order of the angle at B, which grows with the distance AC: from d - a to d + a.
+    """
+    a, b, c, d = (x[name] for name in ("crank", "coupler", "rocker", "fixed_link"))
+    least, greatest = x["transmission_least"], x["transmission_greatest"]
+    relations = [a > 0, a + b < c + d, a + c < b + d, a + d < b + c, a < b, a < c, a < d, least > 0]
+    for pose in ("extended", "folded"):
+        angles = [x[f"{part}_{pose}"] for part in ("crank", "rocker", "transmission")]
+        relations += [sp.Eq(sp.Add(*angles), sp.pi), angles[0] > 0, angles[1] > 0]
+        relations += [least < angles[2], angles[2] < greatest]
+    swing = sp.Eq(x["rocker_extended"] - x["rocker_folded"], x["swing"])
+    return [*relations, greatest < sp.pi, swing, x["swing"] > 0, sp.Eq(_time_ratio(x), 0)]
+
+
+def slider_necessary(x: dict[str, sp.Symbol]) -> list[sp.Rel]:
+    """Return relations, linear but for the time ratio, of every slider-crank whose crank turns."""
+    r, l, e, stroke = (x[name] for name in ("crank", "coupler", "offset", "stroke"))
+    least, greatest, ratio = x["transmission_least"], x["transmission_greatest"], x["time_ratio"]
+    return [
+        r > 0, e >= 0, r + e < l, stroke >= 2 * r, stroke < 2 * l,
+        sp.Eq(x["slider_extended"] - x["slider_folded"], stroke),
+        x["slider_folded"] > 0, x["slider_extended"] <= l + r, x["slider_folded"] <= l - r,
+        x["crank_extended"] >= 0, x["crank_extended"] <= x["crank_folded"], x["crank_folded"] < sp.pi / 2,
+        least > 0, least < greatest, least < sp.pi / 2, least + greatest <= sp.pi, ratio >= 1, ratio < 3,
+        sp.Eq(_time_ratio(x), 0),
+    ]  # fmt: skip

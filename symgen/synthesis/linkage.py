@@ -1,0 +1,233 @@
+"""What all synthesised linkages have: a scene with the crank as its drive, a compiled model, runs."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from functools import cache
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.mechanics.synthesis.limits import cosine_opposite
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from symgen.runtime.model.kinematic import KinematicModel
+    from symgen.runtime.result.result import Result
+    from symgen.scene.schema import Scene
+
+Array = NDArray[np.float64]
+
+#: Angle beyond its limit [rad] at which a crank does not count as stopped: rounding.
+_STOP = 1e-9
+
+
+class Linkage(ABC):
+    """A linkage with a crank, in one of its poses; ``error`` is that of its conditions."""
+
+    __slots__ = ()
+
+    error: float
+
+    @property
+    @abstractmethod
+    def places(self) -> Array:
+        """Coordinates that distinguish the linkage from others."""
+
+    @property
+    @abstractmethod
+    def lengths(self) -> dict[str, float]:
+        """Lengths [m], or arcs [rad] on a sphere."""
+
+    @property
+    @abstractmethod
+    def grashof(self) -> str:
+        """Class by the links that turn."""
+
+    @property
+    @abstractmethod
+    def turns(self) -> bool:
+        """Whether the crank turns through whole revolutions."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> dict[str, float]:
+        """Values of the tunable parameters of :attr:`model`, with ``start``, the crank's angle [rad]."""
+
+    @property
+    @abstractmethod
+    def ranges(self) -> list[tuple[float, float]]:
+        """Ranges of directions of the crank [rad], in which the linkage closes; none where it turns."""
+
+    @abstractmethod
+    def tables(self) -> dict[str, Any]:
+        """Return the tables of :attr:`scene`."""
+
+    @property
+    def scene(self) -> Scene:
+        """The linkage as a scene of kinematics, with its crank as the drive, and its lengths tunable."""
+        from symgen.scene.schema import Scene
+
+        return Scene(**self.tables())
+
+    def toml(self) -> str:
+        """Return the scene as the text of a TOML file."""
+        return _text(self.tables())
+
+    @property
+    @abstractmethod
+    def model(self) -> KinematicModel:
+        """The compiled linkage."""
+
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Directions of the crank [rad] at which it stops on this branch, infinite where it turns.
+
+        Coupler and rocker are in line there: stretched or folded.
+        """
+        own, found = self.parameters["start"], []
+        for low, high in self.ranges:
+            shift = 2 * math.pi * round((own - (low + high) / 2) / (2 * math.pi))
+            found.append((max(low + shift - own, own - high - shift, 0.0), low + shift, high + shift))
+        _, low, high = min(found, default=(0.0, -math.inf, math.inf))
+        return low, high
+
+    def angles(self, at: ArrayLike) -> Result:
+        """Return the poses at directions of the crank [rad], followed from this pose on its branch.
+
+        The crank turns either way: a direction below that of this pose is in the past of the drive.
+
+        Raises
+        ------
+        SimulationError
+            When the crank stops before it has passed all directions.
+        """
+        directions, start = np.asarray(at, dtype=float), self.parameters["start"]
+        stops = np.array(self.swing)
+        passed = [
+            np.min(directions, initial=np.inf) < stops[0] - _STOP,
+            np.max(directions, initial=-np.inf) > stops[1] + _STOP,
+        ]
+        if self.grashof != "change-point" and any(passed):
+            stop = float(stops[passed][0])
+            raise SimulationError(f"the crank stops at {np.degrees(stop) % 360.0:.6g} deg", time=stop - start)
+        return self._run(directions)
+
+    def _run(self, directions: Array) -> Result:
+        return self.model.kinematics(at=directions - self.parameters["start"], over="time")
+
+    def within_reach(self, directions: ArrayLike) -> Array:
+        """Return directions of the crank [rad] moved by revolutions into the range in which it swings."""
+        directions = np.atleast_1d(np.asarray(directions, dtype=float))
+        if not directions.size:
+            return directions
+        low, high = self.swing
+        if math.isinf(low):
+            directions = np.unwrap(directions)
+            return directions + 2 * np.pi * np.round((self.parameters["start"] - directions[0]) / (2 * np.pi))
+        return directions - 2 * np.pi * np.round((directions - (low + high) / 2) / (2 * np.pi))
+
+
+class PlanarLinkage(Linkage):
+    """A linkage whose model has the places of its points as tunable parameters."""
+
+    __slots__ = ()
+
+    @staticmethod
+    @abstractmethod
+    def template() -> dict[str, Any]:
+        """Return the tables of a scene whose kernels all linkages of the kind share."""
+
+    @property
+    def model(self) -> KinematicModel:
+        """The compiled linkage; all of its kind share its kernels."""
+        return _model(type(self)).with_parameters(**self.parameters)
+
+
+@cache
+def _model(kind: type[PlanarLinkage]) -> KinematicModel:
+    from symgen.pipeline.build import build
+    from symgen.scene.schema import Scene
+
+    return cast("KinematicModel", build(Scene(**kind.template())))
+
+
+@cache
+def _cosine() -> Callable[[float, float, float], float]:
+    sides = sp.symbols("far one other", positive=True)
+    made: Callable[[float, float, float], float] = sp.lambdify(sides, cosine_opposite(*sides), "math")
+    return made
+
+
+def angle(far: float, one: float, other: float) -> float:
+    """Return the angle [rad] between two sides, opposite to the far one; nan where they do not close."""
+    cosine = _cosine()(far, one, other)
+    return math.acos(cosine) if abs(cosine) <= 1 else math.nan
+
+
+def longer_than_zero(lengths: dict[str, float], unit: str = "m") -> None:
+    """Raise ModelError where a length is zero."""
+    for name, length in lengths.items():
+        if not length > 0:
+            raise ModelError(f"expected a {name.replace('_', ' ')} longer than zero, got {length:g} {unit}")
+
+
+def tunable(values: dict[str, tuple[float, str, str]]) -> dict[str, Any]:
+    """Return the table of parameters: name to value, unit and meaning; and the speed of the drive."""
+    return {
+        "speed": "1 rad/s",
+        **{
+            name: {"value": f"{value!r} {unit}".strip(), "tunable": True, "about": about}
+            for name, (value, unit, about) in values.items()
+        },
+    }
+
+
+def fixed_place(place: Array, ground: bool) -> dict[str, Any]:
+    """Return a point of a scene."""
+    return {"at": [f"{float(x)!r} m" for x in place], **({"ground": True} if ground else {})}
+
+
+def place_on_coupler(a: Array, b: Array, p: Array) -> dict[str, tuple[float, str, str]]:
+    """Return the parameters of the coupler's point."""
+    along, to_point = b - a, p - a
+    length = float(np.hypot(*along))
+    across = float(along[0] * to_point[1] - along[1] * to_point[0]) / length
+    return {
+        "P_along": (float(along @ to_point) / length**2, "", "place of P along A B, over its length"),
+        "P_across": (across, "m", "distance of P from A B, to the left"),
+    }
+
+
+def _text(tables: dict[str, Any]) -> str:
+    """Return tables of a scene as TOML: keys of the document, then one line for each entry of a table."""
+    lines = [
+        f"{key} = {_value(value)}" for key, value in tables.items() if not isinstance(value, dict | list)
+    ]
+    for key, value in tables.items():
+        if isinstance(value, list):
+            lines += ["", *(line for entry in value for line in (f"[[{key}]]", *_entries(entry)))]
+        elif isinstance(value, dict):
+            lines += ["", f"[{key}]", *_entries(value)]
+    return "\n".join(lines) + "\n"
+
+
+def _entries(table: dict[str, Any]) -> list[str]:
+    return [f"{key} = {_value(value)}" for key, value in table.items()]
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "{ " + ", ".join(_entries(value)) + " }"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return (
+        '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"' if isinstance(value, str) else repr(value)
+    )

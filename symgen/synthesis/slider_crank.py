@@ -1,0 +1,176 @@
+"""A planar slider-crank in one pose: its lengths, scene and compiled model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.synthesis.linkage import PlanarLinkage, fixed_place, longer_than_zero, place_on_coupler, tunable
+
+Array = NDArray[np.float64]
+
+#: Difference of lengths that counts as none, relative to them: a change-point linkage.
+_CHANGE_POINT = 1e-9
+
+_LINKS = {"crank": ["O", "A"], "coupler": ["A", "B"], "rail": ["E", "F"]}
+_MOTION: dict[str, Any] = {
+    "guides": [{"points": ["B"], "along": "rail"}],
+    "drivers": [{"link": "crank", "angle": "start + speed*t"}],
+    "analysis": {
+        "kind": "kinematics",
+        "t_end": "6.283185307179586 s",
+        "outputs": ["P.position", "B.position", "crank.angle", "coupler.angle"],
+    },
+}
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class SliderCrank(PlanarLinkage):
+    """A planar slider-crank in one of its poses.
+
+    Attributes
+    ----------
+    O, A, B, P
+        Places [m] of the crank's ground point, its joint with the coupler, the slider and the coupler's P.
+    guide
+        Direction of the guide [rad]; the slider is on a line of this direction through B.
+    error
+        Root of the mean square by which the conditions are missed [m]; rounding where they are not fitted.
+
+    Raises
+    ------
+    ModelError
+        When joints of a link coincide.
+    """
+
+    O: Array
+    A: Array
+    B: Array
+    P: Array
+    guide: float
+    error: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in "OABP":
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+        longer_than_zero({n: self.lengths[n] for n in ("crank", "coupler")})
+
+    def scaled(self, factor: float) -> SliderCrank:
+        """Return the slider-crank with all places, and its error, multiplied by a factor."""
+        places = {name: factor * getattr(self, name) for name in "OABP"}
+        return replace(self, **places, error=factor * self.error)
+
+    @property
+    def along(self) -> Array:
+        """Unit vector of the guide."""
+        return np.array([math.cos(self.guide), math.sin(self.guide)])
+
+    @property
+    def height(self) -> float:
+        """Distance of the guide from O [m], positive to the left of its direction."""
+        x, y = self.B - self.O
+        return float(self.along[0] * y - self.along[1] * x)
+
+    @property
+    def places(self) -> Array:
+        """Coordinates that distinguish the linkage from others."""
+        return np.concatenate([getattr(self, name) for name in "OAB"])
+
+    @property
+    def lengths(self) -> dict[str, float]:
+        """Lengths [m] of crank and coupler, and the offset of the guide."""
+        crank, coupler = (float(np.hypot(*x)) for x in (self.A - self.O, self.B - self.A))
+        return {"crank": crank, "coupler": coupler, "offset": abs(self.height)}
+
+    @property
+    def grashof(self) -> str:
+        """Class by the links that turn: crank, coupler or none; or change-point."""
+        r, l, e = self.lengths.values()
+        if abs(abs(l - r) - e) <= _CHANGE_POINT * (r + l + e):
+            return "change-point"
+        if abs(l - r) < e:
+            return "rocking crank"
+        return "slider-crank" if r < l else "turning coupler"
+
+    @property
+    def turns(self) -> bool:
+        """Whether the crank turns through whole revolutions."""
+        return self.grashof == "slider-crank"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the tunable parameters of :attr:`model`: places [m], and the crank's angle [rad]."""
+        places = {n: getattr(self, n) for n in "OABP"} | {"E": self.B - self.along, "F": self.B + self.along}
+        crank = self.A - self.O
+        return {
+            "start": float(np.arctan2(crank[1], crank[0])),
+            **{f"{n}{axis}": float(v) for n, at in places.items() for axis, v in zip("xy", at, strict=True)},
+        }
+
+    @property
+    def ranges(self) -> list[tuple[float, float]]:
+        """Ranges of directions of the crank [rad]: between those with the coupler normal to the guide."""
+        r, l, _ = self.lengths.values()
+        low, high = (self.height - l) / r, (self.height + l) / r
+        if low < -1 and high > 1:
+            return []
+        start, end = math.asin(max(low, -1.0)), math.asin(min(high, 1.0))
+        if low < -1:  # the crank passes the direction away from the guide
+            ranges = [(math.pi - end, 2 * math.pi + end)]
+        elif high > 1:
+            ranges = [(start, math.pi - start)]
+        else:
+            ranges = [(start, end), (math.pi - end, math.pi - start)]
+        return [(self.guide + x, self.guide + y) for x, y in ranges]
+
+    def tables(self) -> dict[str, Any]:
+        """Return the tables of :attr:`scene`."""
+        lengths = self.lengths
+        values = {
+            "start": (self.parameters["start"], "rad", "direction of the crank at the start"),
+            **{f"{n}_length": (lengths[n], "m", f"length of the {n}") for n in ("crank", "coupler")},
+            "guide": (self.guide, "rad", "direction of the guide"),
+            "offset": (self.height, "m", "distance of the guide from O, to the left"),
+            **place_on_coupler(self.A, self.B, self.P),
+        }
+        size = f"{lengths['crank'] + lengths['coupler']!r} m"
+        ground = {f"O{axis}": f"{float(v)!r} m" for axis, v in zip("xy", self.O, strict=True)}
+        foot = "Ox - offset*sin(guide)", "Oy + offset*cos(guide)"
+        ends = {"E": list(foot), "F": [f"{foot[0]} + rail*cos(guide)", f"{foot[1]} + rail*sin(guide)"]}
+        return {
+            "symgen": 1,
+            "title": f"Slider-crank linkage, {self.grashof}",
+            "parameters": {**tunable(values), **ground, "rail": size},
+            "points": {
+                **{n: fixed_place(getattr(self, n), ground=n == "O") for n in "OAB"},
+                **{n: {"at": at, "ground": True} for n, at in ends.items()},
+                "P": {"on": "coupler", "fraction": "P_along", "offset": "P_across"},
+            },
+            "links": {
+                n: {"points": ends, **({} if n == "rail" else {"length": f"{n}_length"})}
+                for n, ends in _LINKS.items()
+            },
+            **_MOTION,
+        }
+
+    @staticmethod
+    def template() -> dict[str, Any]:
+        """Return the tables of a slider-crank whose places of points are tunable."""
+        o, a, b, p = np.array([[0.0, 0.0], [0.0, 1.0], [2.0, 0.5], [1.0, 1.5]])
+        drawn = SliderCrank(o, a, b, p, guide=0.0)
+        return {
+            "symgen": 1,
+            "title": "Planar slider-crank",
+            "parameters": tunable(
+                {n: (x, "rad" if n == "start" else "m", n) for n, x in drawn.parameters.items()}
+            ),
+            "points": {n: {"at": [f"{n}x", f"{n}y"], "ground": n in "OEF"} for n in "OABPEF"},
+            "links": {n: {"points": [*ends, "P"] if n == "coupler" else ends} for n, ends in _LINKS.items()},
+            **_MOTION,
+        }
