@@ -152,7 +152,7 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
             table = _inside(table, part)
         if isinstance(table, list) and _inside(table, last) is not None:
             table[int(last)] = value
-        elif isinstance(table, dict) and (path or key in data):
+        elif isinstance(table, dict) and (path or key in data or _is_table(key)):
             table[last] = value
         else:
             raise SceneError(
@@ -161,6 +161,13 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
                 hint=_of_analysis(key) or nearest(key, [name for table in named for name in table]),
             )
     return SceneText(text.name, text.file, data)
+
+
+def _is_table(key: str) -> bool:
+    """Return whether a key is a table of scenes, which may be set as a whole where a scene omits it."""
+    from symgen.scene.schema import Scene
+
+    return key in Scene.model_fields
 
 
 def _of_analysis(key: str) -> str:

@@ -157,3 +157,11 @@ def test_a_list_of_tables_written_as_one_table_is_told_its_brackets():
     springs = {"between": ["O", "A"], "stiffness": "1 N/m", "length": "1 m"}
     with pytest.raises(SceneError, match=r"expected a list.*\n  .*double brackets: \[\[springs\]\]\."):
         symgen.Scene(springs=springs)
+
+
+def test_a_table_that_a_scene_omits_is_set_as_a_whole():
+    torques = [{"link": "crank", "torque": "M"}]
+    changes = {"inputs.M": "0 N*m", "torques": torques}
+    assert override(read_scene("four_bar"), changes).data["torques"] == torques
+    with pytest.raises(SceneError, match="no parameter and no key 'torqes'"):
+        override(read_scene("four_bar"), {"torqes": torques})

@@ -149,6 +149,7 @@ OF_CORNERS: dict[str, Callable[..., Entries]] = {
 }
 #: Words of the field that are no outputs, and what to record in their place.
 ELSEWHERE = {
+    "rate": "Record LINK.angular_velocity.",
     "mechanical_advantage": "Record LINK.speed_ratio: the mechanical advantage is its reciprocal, which is "
     "unbounded at the limit positions of the link.",
     "swing": "Record LINK.angle: the swing is its range, which tables of results and sweeps (--reduce range) "

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: Passages told by their times; of more, only the number.
 _SHOWN = 6
+#: Longest jump or kink of a load that a note shows as written; of others only the table.
+_LONGEST = 80
 
 
 @dataclass(slots=True)
@@ -299,7 +301,8 @@ def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
 def of_switches(switches: tuple[str, ...], passed: int) -> Iterator[str]:
     """Yield the note on switching points of loads that steps ended on, and how many were passed."""
     if passed:
-        jumps = "; ".join(switches[:_SHOWN])
+        named = (s if len(s) <= _LONGEST else f"in {s.rpartition(' in ')[2]}" for s in switches)
+        jumps = "; ".join([*dict.fromkeys(named)][:_SHOWN])
         points = "1 switching point" if passed == 1 else f"{passed} switching points"
         yield f"steps end on {points} of the loads ({jumps})"
 
