@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.display import seconds
+from symgen.errors import ModelError
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.result import Result
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -67,6 +72,49 @@ class ElasticResult(Result):
     def __getstate__(self) -> dict[str, Any]:
         return {**super().__getstate__(), "statistics": self.all_statistics()}
 
+    def fatigue_cycles(self, output: str) -> xr.Dataset:
+        """Return the cycles of an output over the run, such as ``rod.stress``, by rainflow counting.
+
+        The recorded values are counted as :func:`rainflow` does. Those of a steady state repeat: the count
+        begins at the largest of them, so that all cycles close.
+
+        Returns
+        -------
+        xr.Dataset
+            ``range`` and ``mean`` in the unit of the output, and ``count``, by ``cycle``: ranges fall, equal
+            cycles are added.
+
+        Raises
+        ------
+        ModelError
+            When the output is not one number over increasing times.
+        """
+        import xarray as xr
+
+        found = self[output]
+        values = np.asarray(found.values, dtype=float)
+        increasing = self.times is None or np.all(np.diff(self.times) > 0.0)
+        if values.ndim != 1 or not increasing:
+            raise ModelError(
+                f"cycles are counted of one number over increasing times, and {output} is none\n"
+                "  Name an output such as rod.stress, of a run without at."
+            )
+        if self.provenance["method"] == "periodic":
+            values = np.roll(values[:-1], -int(np.argmax(values[:-1])))
+            values = np.append(values, values[0])
+        counts: dict[tuple[float, float], float] = {}
+        for size, mean, count in rainflow(values):
+            counts[size, mean] = counts.get((size, mean), 0.0) + count
+        rows = np.array([(*key, counts[key]) for key in sorted(counts, reverse=True)]).reshape(-1, 3)
+        unit = {"units": found.attrs["units"]}
+        return xr.Dataset(
+            {
+                "range": ("cycle", rows[:, 0], unit),
+                "mean": ("cycle", rows[:, 1], unit),
+                "count": ("cycle", rows[:, 2], {"units": "1"}),
+            }
+        )
+
     @property
     def headline(self) -> str:
         """Title line of plots: method and errors."""
@@ -91,6 +139,35 @@ class ElasticResult(Result):
             ("time", seconds(float(self.statistics["wall_s"]))),
             ("estimated error", "not estimated" if error is None else f"{error:.1e} of the peak stress"),
         )
+
+
+def rainflow(history: Array) -> Iterator[tuple[float, float, float]]:
+    """Yield range, mean and count, 1 or 1/2, of the cycles of a history.
+
+    Source: ASTM E1049, Standard Practices for Cycle Counting in Fatigue Analysis, 5.4.4.
+    """
+    steps = np.diff(history)
+    moved = np.append(history[:1], history[1:][steps != 0.0])
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(moved)))) + 1
+    open_points: list[float] = []
+    for value in moved[np.concatenate([[0], turns, [len(moved) - 1]])].tolist() if len(moved) > 1 else ():
+        open_points.append(value)
+        while len(open_points) > 2:
+            first, second, third = open_points[-3:]
+            if abs(third - second) < abs(second - first):
+                break
+            if len(open_points) == 3:  # it has the start of the history
+                yield _cycle(first, second, 0.5)
+                del open_points[0]
+            else:
+                yield _cycle(first, second, 1.0)
+                del open_points[-3:-1]
+    for first, second in pairwise(open_points):
+        yield _cycle(first, second, 0.5)
+
+
+def _cycle(first: float, second: float, count: float) -> tuple[float, float, float]:
+    return abs(second - first), (first + second) / 2, count
 
 
 def panel_by_kind(variable: Variable) -> str:
