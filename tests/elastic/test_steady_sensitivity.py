@@ -98,9 +98,9 @@ def test_what_has_no_derivatives_is_refused_by_name():
     steady = strip.periodic(at=[0.0])
     with pytest.raises(ModelError, match="no derivatives of 'frequencies' of a steady state"):
         strip.sensitivity(["frequencies"], at=steady)
-    with pytest.raises(ModelError, match="expected a steady state of this model"):
+    with pytest.raises(ModelError, match="expected a steady state or a run of this model"):
         strip.with_parameters(speed=10.0).sensitivity(["tip.displacement"], at=steady)
-    with pytest.raises(ModelError, match="expected a steady state of this model"):
+    with pytest.raises(ModelError, match="expected a steady state or a run of this model"):
         strip.sensitivity(["tip.displacement"], at=strip.quasi_static(at=[0.0]))
     plain = strip.periodic(at=[0.0], geometric_stiffness=False)
     with pytest.raises(ModelError, match="leave form and geometric_stiffness out"):

@@ -95,6 +95,17 @@ def element(length, mass, axial, bending):
     return m, k
 
 
+def coriolis(length, mass):
+    """Coriolis matrix of an element over twice the angular velocity of its axes: a turn of v to (-w, u)."""
+    scale = [length**k for k in _POWERS]
+    found = mp.matrix(8, 8)
+    for i in range(8):
+        for j in range(8):
+            turned = _product(_W[i], _U[j], 0) - _product(_U[i], _W[j], 0)
+            found[i, j] = mass * length * turned * scale[i] * scale[j]
+    return found
+
+
 def inertia(length, number, mass, first, slope, force):
     """Geometric stiffness and load of element ``number``, by complex vectors on the axes of its link."""
     start = number * length

@@ -187,7 +187,7 @@ class ElasticModel(Model):
 
         by = self._differentiated(parameters)
         if at is not None and not isinstance(at, float | int):
-            return self._of_steady_state(outputs, by, at, t_eval)
+            return self._of_result(outputs, by, at, t_eval)
 
         def found(times: Sequence[float]) -> list[Sensitivity]:
             return [sensitivity(self._motion(True), outputs, by, t) for t in times]
@@ -195,24 +195,41 @@ class ElasticModel(Model):
         t = None if at is None else real(at, "the time of derivatives")
         return at_times(found, t, t_eval, 0.0)
 
-    def _of_steady_state(
+    def _of_result(
         self, outputs: Sequence[str], by: Sequence[str], at: ElasticResult, t_eval: ArrayLike | None
     ) -> Sensitivity:
-        from symgen.runtime.linearisation.periodic import sensitivity
+        """Return the derivatives of a steady state at its crank angles, or of a run at its times."""
+        from symgen.runtime.linearisation import elastic_runs, periodic
 
         made, given = at.provenance, at.origin[2] if at.origin else {}
-        if made.get("method") != "periodic" or made["parameters"] != dict(self.parameters):
-            raise ModelError(f"{self.name}: expected a steady state of this model for at: model.periodic()")
+        method = made.get("method")
+        if method not in ("periodic", *METHODS) or made["parameters"] != dict(self.parameters):
+            raise ModelError(
+                f"{self.name}: expected a steady state or a run of this model for at: model.periodic(), "
+                "model.simulate()"
+            )
         if made["form"] != "exact" or not given.get("geometric_stiffness", True):
             raise ModelError(
-                "derivatives of steady states are those of the exact form with geometric stiffness: leave "
-                "form and geometric_stiffness out"
+                "derivatives of motions are those of the exact form with geometric stiffness: leave form and "
+                "geometric_stiffness out"
             )
         if t_eval is not None:
-            raise ModelError("a steady state has times of its own: leave t_eval out")
-        if at.times is None or not outputs:
+            raise ModelError("a motion has times of its own: leave t_eval out")
+        if not outputs or (method == "periodic" and at.times is None):
             raise ModelError("expected outputs to differentiate, got none")
-        return sensitivity(self._motion(True), outputs, by, at.times)
+        if method == "periodic":
+            return periodic.sensitivity(self._motion(True), outputs, by, at.time)
+        if method not in BEAM_METHODS:
+            raise ModelError(
+                f"derivatives of runs of elastic links are for implicit methods, and {method} is none\n"
+                f"  Choose {', '.join(BEAM_METHODS)}."
+            )
+        if given.get("initial", "undeformed") != "undeformed":
+            raise ModelError("derivatives of runs of elastic links are for those that start undeformed")
+        counts = at.counts
+        if counts is None:
+            raise ModelError(f"{self.name}: a stored run has no derivatives: simulate it again")
+        return elastic_runs.sensitivity(self._motion(True), outputs, by, method, at.time, counts)
 
     @takes(ElasticRun)
     def _simulate(self, asked: ElasticRun) -> ElasticResult:

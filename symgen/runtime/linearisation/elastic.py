@@ -222,23 +222,38 @@ class Pose:
             made, rows, at = self.assembled(j, QUASI_STATIC)
             moved = shape + 1j * UNIT * _differential(at, shape)
             known = {v.name: v for v in outputs_of(made, rows[None], moved[None])}
-            scalars: dict[str, tuple[str, Any]] = {}
-            for name in asked:
-                if name not in known:
-                    raise ModelError(
-                        f"there are no derivatives of {name!r} with elastic links. "
-                        f"{nearest(name, ['frequencies', *known])}"
-                    )
-                v = known[name]
-                scalars |= {
-                    f"{name}.{c}" if c else name: (v.unit, x)
-                    for c, x in zip(v.components or ("",), np.atleast_1d(v.values[0]), strict=True)
-                }
-            units = {name: unit for name, (unit, _) in scalars.items()}
-            duals = np.array([x for _, x in scalars.values()])
+            units, duals = scalars_of(asked, known, "with elastic links", ("frequencies",))
+            duals = duals[0]
             values = duals.real
             columns.append(duals.imag / UNIT)
         return units, values, np.array(columns).T
+
+
+def scalars_of(
+    asked: Sequence[str], known: Mapping[str, Any], where: str, others: Sequence[str] = ()
+) -> tuple[dict[str, str], Dual]:
+    """Return the units of scalar outputs by name, and their values (times, scalars).
+
+    Raises
+    ------
+    ModelError
+        For a name that is not known, ``where``; ``others`` are further names for the hint.
+    """
+    units: dict[str, str] = {}
+    columns: list[Dual] = []
+    for name in asked:
+        owner, _, part = name.rpartition(".")
+        v = known.get(name) or known.get(owner)
+        if v is None or (v.name != name and part not in v.components):
+            raise ModelError(
+                f"there are no derivatives of {name!r} {where}. {nearest(name, [*others, *known])}"
+            )
+        parts = [part] if v.name != name else [*v.components] or [""]
+        rows = v.values.reshape(len(v.values), -1).T
+        for c in parts:
+            units[f"{v.name}.{c}" if c else name] = v.unit
+            columns.append(rows[v.components.index(c) if c else 0])
+    return units, np.array(columns).T
 
 
 def _differential(at: Assembled, shape: Array) -> Array:

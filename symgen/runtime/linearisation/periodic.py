@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError
 from symgen.runtime._beams import IN_MOTION
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs as outputs_of
-from symgen.runtime.linearisation.elastic import UNIT, Pose
+from symgen.runtime.linearisation.elastic import UNIT, Pose, scalars_of
 from symgen.runtime.linearisation.elastic_matrices import Assembled, Dual, assembled
 from symgen.runtime.linearisation.record import Sensitivity
 from symgen.runtime.linearisation.sensitivity import finite
@@ -71,7 +71,7 @@ def sensitivity(
     values = np.zeros(0)
     for j, (displacements, rows) in enumerate(solved):
         known = {v.name: v for v in outputs_of(orbit.links[j], _at(between, rows), between @ displacements)}
-        shown, duals = _scalars(outputs, known)
+        shown, duals = scalars_of(outputs, known, "of a steady state")
         values = duals.real
         columns.append(duals.imag / UNIT)
     return finite(
@@ -84,22 +84,6 @@ def sensitivity(
             t=times,
         )
     )
-
-
-def _scalars(outputs: Sequence[str], known: dict[str, Any]) -> tuple[dict[str, str], Dual]:
-    """Return the units of scalar outputs by name, and their values (times, scalars)."""
-    units: dict[str, str] = {}
-    columns: list[Dual] = []
-    for name in outputs:
-        if name not in known:
-            raise ModelError(
-                f"there are no derivatives of {name!r} of a steady state. {nearest(name, [*known])}"
-            )
-        v = known[name]
-        labels = [f"{name}.{c}" for c in v.components] or [name]
-        units |= dict.fromkeys(labels, v.unit)
-        columns += [*v.values.reshape(len(v.values), -1).T]
-    return units, np.array(columns).T
 
 
 def _check(motion: ElasticMotion) -> None:

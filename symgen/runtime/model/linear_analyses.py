@@ -126,8 +126,8 @@ class LinearAnalyses:
             An equilibrium, which moves with the parameters; or a state, which is held as far as drives and
             ``coordinates`` determine it, together with its time. Where drives alone move the linkage, and
             of loops and elastic links, a time [s] gives the state. Of elastic links also the result of
-            :meth:`periodic`, which moves with the parameters at held angles of the crank. The start when
-            absent.
+            :meth:`periodic`, which moves with the parameters at held angles of the crank, or of
+            :meth:`simulate`, at its samples. The start when absent.
         coordinates
             Independent coordinates as for :meth:`linearise` that are held at a state, with their rates: one
             for each degree of freedom that is not driven.

@@ -50,6 +50,12 @@ class ElasticResult(Result):
         """Whether the steady state is stable; None where its multipliers do not tell, or there are none."""
         return is_stable(abs(self.floquet[0]), self.statistics["floquet_error"]) if self.floquet else None
 
+    @property
+    def counts(self) -> NDArray[np.intp] | None:
+        """Steps to each time, in rising order, from the one before; None of stored runs and other motions."""
+        source = self.__dict__.get("_source")
+        return None if source is None else source.counts
+
     def _estimate_later(self, estimate: Callable[[], float | None]) -> None:
         """Set how :attr:`mesh_error` is computed when it is requested."""
         self._cache["estimate"] = estimate

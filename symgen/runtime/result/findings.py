@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
 from symgen.display import display
-from symgen.errors import CapabilityError
+from symgen.errors import CapabilityError, ResultError
 from symgen.runtime.result.records import Coordinate, Variable
+
+if TYPE_CHECKING:
+    from symgen.runtime.linearisation.record import Sensitivity
 
 Array = NDArray[np.float64]
 
@@ -54,9 +57,15 @@ class Findings:
     """Properties of a result that follow from its outputs and statistics."""
 
     if TYPE_CHECKING:
+        KIND: ClassVar[str]
+        _cache: dict[str, Any]
         name: str
         coordinate: Coordinate
         times: Array | None
+
+        @property
+        def time(self) -> Array: ...  # noqa: D102
+
         variables: tuple[Variable, ...]
         statistics: Mapping[str, Any]
 
@@ -103,13 +112,6 @@ class Findings:
         """The :attr:`singular_poses` in which branches of the motion cross."""
         return tuple(p for p in self.singular_poses if p.kind == "bifurcation")
 
-
-class Pictures:
-    """Plots and moving pictures of a result."""
-
-    if TYPE_CHECKING:
-        _cache: dict[str, Any]
-
     def _of_analysis(self, model: Any, verb: str, given: Mapping[str, Any]) -> None:
         """Set the analysis that the result is of; see :attr:`origin`."""
         self._cache["origin"] = (model, verb, given)
@@ -118,6 +120,71 @@ class Pictures:
     def origin(self) -> tuple[Any, str, Mapping[str, Any]] | None:
         """Model, analysis and arguments of the result; None for one that was loaded or copied."""
         return self._cache.get("origin")
+
+    def gradient(
+        self,
+        outputs: Sequence[str],
+        parameters: Sequence[str] | None = None,
+        *,
+        coordinates: Sequence[str] = (),
+        t_eval: ArrayLike | None = None,
+        integrals: Sequence[str] = (),
+    ) -> Sensitivity:
+        """Return exact derivatives of outputs of this analysis: ``model.sensitivity`` with its arguments.
+
+        Of a run, and of prescribed motions, they are those at the end, or at times ``t_eval`` [s]; of elastic
+        links those at all samples.
+
+        Parameters
+        ----------
+        outputs, parameters, coordinates, integrals
+            See :meth:`symgen.Model.sensitivity`.
+        t_eval
+            Increasing times [s] after the start.
+
+        Raises
+        ------
+        ResultError
+            For a result that was loaded or copied, and an analysis without derivatives.
+        ModelError, SimulationError
+            As :meth:`symgen.Model.sensitivity`.
+        """
+        if self.origin is None:
+            raise ResultError(
+                "a result that was loaded or copied has no gradient: repeat the analysis, or call "
+                "model.sensitivity"
+            )
+        model, verb, given = self.origin
+        more = {"coordinates": coordinates, "t_eval": t_eval, "integrals": integrals}
+        how: dict[str, Any] = {name: x for name, x in more.items() if x is not None and len(np.atleast_1d(x))}
+        if self.KIND == "elastic" and verb in ("simulate", "periodic"):
+            how["at"] = self
+        elif verb == "simulate":
+            if given.get("stabilisation", "projection") != "projection":
+                raise ResultError(
+                    f"runs with the stabilisation {given['stabilisation']!r} have no gradient\n"
+                    "  Take projection."
+                )
+            options = ("method", "rtol", "atol", "step", "max_steps", "max_step")
+            how |= {name: given[name] for name in options if name in given}
+            how |= {"at": given.get("state")} | (
+                {} if t_eval is not None else {"t_end": float(self.time[-1])}
+            )
+        elif verb == "quasi_static":
+            how.setdefault("t_eval", self.time)
+        elif verb in ("kinematics", "inverse_dynamics"):
+            how |= {} if t_eval is not None else {"at": float(self.time[-1])}
+        else:
+            raise ResultError(f"results of {verb} have no gradient")
+        found: Sensitivity = model.sensitivity(outputs, parameters, **how)
+        return found
+
+
+class Pictures:
+    """Plots and moving pictures of a result."""
+
+    if TYPE_CHECKING:
+        _cache: dict[str, Any]
 
     def plot(
         self,

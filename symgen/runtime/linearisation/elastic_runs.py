@@ -1,0 +1,308 @@
+"""Exact derivatives of runs of elastic links by parameters: the tangents of implicit steps.
+
+The elastic motion obeys linear equations, M S'' + C S' + K S + J^T mu = Q and J S = 0, whose coefficients
+follow from the rigid motion at each time: :mod:`.elastic_course`. A step solves one linear system for the
+accelerations at its stages. Its differential has the same matrix, and the tangents of the equations at the
+stages on the right. Steps are those of the run; some are taken together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.outputs import outputs as outputs_of
+from symgen.runtime.elastic.steps import Counts
+from symgen.runtime.linearisation.elastic import UNIT, scalars_of
+from symgen.runtime.linearisation.elastic_course import Course, Reduced, bases, reduced
+from symgen.runtime.linearisation.record import Sensitivity
+from symgen.runtime.linearisation.sensitivity import finite
+
+Array = NDArray[np.float64]
+#: Numbers with tangents.
+Dual = NDArray[Any]
+
+#: Steps that are taken together.
+_CHUNK = 64
+
+
+def sensitivity(
+    motion: ElasticMotion,
+    outputs: Sequence[str],
+    parameters: Sequence[str],
+    method: str,
+    times: Array,
+    counts: Counts,
+) -> Sensitivity:
+    """Return derivatives of outputs at times [s] of a run from the undeformed state.
+
+    Parameters
+    ----------
+    method
+        Name of a method of implicit steps.
+    counts
+        Number of steps to each time, in rising order, from the one before it.
+
+    Raises
+    ------
+    ModelError
+        For an unknown output; for a crank with a motor, loads that jump, damping ratios of modes of the
+        structure, redundant constraints, and links reduced to modes; where the rigid motion is not smooth.
+    SimulationError
+        Where the linkage cannot be assembled; when a derivative is not finite.
+    """
+    _check(motion)
+    motion.check_determined()
+    order = np.argsort(times, kind="stable")
+    course = Course(motion, tuple(parameters), float(times[order[-1]]))
+    taken = _stepped(_scheme(BEAM_METHODS[method]), course, times[order], counts)
+    found = np.zeros((len(times), len(parameters), motion.layout.unknowns), complex)
+    for k, displacements in zip(order.tolist(), taken, strict=True):
+        found[k] = displacements
+    units = {p.name: p.unit for p in motion.rigid.description.tunable}
+    shown: dict[str, str] = {}
+    values, columns = np.zeros(0), []
+    for j in range(len(parameters)):
+        known = {v.name: v for v in outputs_of(course.links[j], course.rows(j, times), found[:, j])}
+        shown, duals = scalars_of(outputs, known, "of a run of elastic links")
+        values = duals.real
+        columns.append(duals.imag / UNIT)
+    return finite(
+        Sensitivity(
+            derivatives=np.stack(columns, axis=-1),
+            outputs=tuple(shown),
+            parameters=tuple(parameters),
+            values=values,
+            units=shown | {p: units[p] for p in parameters},
+            t=times,
+        )
+    )
+
+
+def _check(motion: ElasticMotion) -> None:
+    """Raise ModelError for motions whose runs have no derivatives."""
+    if motion.has_motor:
+        cause = "a motor moves its crank"
+    elif motion.rigid.description.switches:
+        cause = f"loads jump: {motion.rigid.description.switches[0]}"
+    elif len(motion.layout.damped):
+        cause = "modes of the structure, or of a link of many elements, have damping ratios"
+    elif motion.rigid.redundant:
+        cause = "redundant constraints leave axial forces undetermined"
+    else:
+        return
+    raise ModelError(f"{motion.rigid.name}: derivatives of its runs are not available: {cause}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Scheme:
+    """Weights of a step of length h, for accelerations x at its stages and a at its start.
+
+    At stage i, at the part c[i] of the step, where p and v are those at the start,
+
+        p'' = inertia[i] x + inertia0 a,   p' = v + h (rate[i] x + rate0 a),
+        p = p + c[i] h v + h^2 (place[i] x + place0 a);
+
+    the step ends with p + h v + h^2 (end_place x + end_place0 a) and v + h (end_rate x + end_rate0 a).
+    """
+
+    c: Array
+    inertia: Array
+    rate: Array
+    place: Array
+    end_rate: Array
+    end_place: Array
+    inertia0: float = 0.0
+    rate0: float = 0.0
+    place0: float = 0.0
+    end_rate0: float = 0.0
+    end_place0: float = 0.0
+    #: Whether the acceleration of the last stage begins the next step.
+    keeps: bool = False
+
+
+def _scheme(method: BeamMethod) -> _Scheme:
+    if method.collocated:
+        of = method.arrays
+        return _Scheme(of["c"], np.eye(len(of["c"])), of["a"], of["aa"], of["b"], of["ba"])
+    (i0, i1), (r0, r1), (p0, p1) = method.inertia, method.rate, method.place
+    one, gamma, beta = np.ones((1, 1)), method.gamma, method.beta
+    return _Scheme(
+        np.array([method.at]), i1 * one, r1 * one, p1 * one, np.array([gamma]), np.array([beta]),
+        i0, r0, p0, 1 - gamma, 0.5 - beta, True,
+    )  # fmt: skip
+
+
+def _times(matrices: NDArray[Any], vectors: NDArray[Any]) -> Array:
+    found: Array = (matrices @ vectors[..., None])[..., 0]
+    return found
+
+
+class _State:
+    """Independent unknowns with their rates, and accelerations where steps keep them, of each parameter.
+
+    ``rows`` has (1 + parameters, 3, unknowns): values, then tangents.
+    """
+
+    def __init__(self, course: Course, count: int) -> None:
+        self.course, self.full = course, np.zeros((1 + count, 3, course.motion.layout.unknowns))
+        self.independent = np.arange(course.motion.layout.unknowns)
+        self.rows = self.full
+
+    def choose(self, t: float) -> None:
+        """Choose the independent unknowns at a time, and take them from all."""
+        from scipy.linalg import qr
+
+        if len(self.course.shapes) > 4:
+            bound = self.course.parted(self.course.between(np.array([t])) @ self.course.values)[4][0]
+            order = qr(bound / np.max(np.abs(bound), axis=1, keepdims=True), mode="r", pivoting=True)[1]
+            self.independent = np.sort(order[len(bound) :])
+        self.rows = self.full[:, :, self.independent]
+
+    def expand(self, t: float) -> None:
+        """Find all unknowns at a time."""
+        if len(self.course.shapes) == 4:
+            self.full = self.rows
+            return
+        at = self.course.between(np.array([t]))
+        values, slopes = at @ self.course.values, at @ self.course.tangents
+        p = self.rows
+        full = np.zeros_like(self.full)
+        for j, tangent in enumerate(slopes):
+            bound = self.course.parted(values + 1j * UNIT * tangent)[4:]
+            value, rate, second = (x[0] for x in bases(bound, self.independent))
+            d = p[0] + 1j * UNIT * p[1 + j]
+            of = [value @ d[0], value @ d[1] + rate @ d[0], value @ d[2] + 2 * rate @ d[1] + second @ d[0]]
+            full[0] = np.real(of)
+            full[1 + j] = np.imag(of) / UNIT
+        self.full = full
+
+
+def _stepped(scheme: _Scheme, course: Course, times: Array, counts: Counts) -> Iterator[Dual]:
+    """Yield displacements with tangents along each parameter at the times, (parameters, unknowns)."""
+    state = _State(course, len(course.parameters))
+    state.choose(0.0)
+    if scheme.keeps:
+        state.rows[:, 2] = _first_accelerations(course, state)
+    now = 0.0
+    for t, count in zip(times.tolist(), counts.tolist(), strict=True):
+        for first in range(0, count, _CHUNK):
+            last = min(first + _CHUNK, count)
+            h = (t - now) / count
+            begins = now + h * np.arange(first, last)
+            _chunk(scheme, course, state, begins, h)
+            state.expand(begins[-1] + h)
+            state.choose(begins[-1] + h)
+        now = t
+        yield state.full[0, 0] + 1j * UNIT * state.full[1:, 0]
+
+
+def _at(course: Course, times: Array, state: _State) -> tuple[Reduced, Iterator[Reduced]]:
+    """Return the equations at times of any shape, and their tangents along each parameter."""
+    between = course.between(times.ravel()).reshape(*times.shape, -1)
+    values = between @ course.values
+    found = reduced(course.parted(values), state.independent)
+
+    def tangents() -> Iterator[Reduced]:
+        for tangent in course.tangents:
+            slopes = between @ tangent
+            if found.basis is None:
+                yield reduced(course.parted(slopes), state.independent)
+                continue
+            dual = reduced(course.parted(values + 1j * UNIT * slopes), state.independent)
+            of = (x.imag / UNIT for x in (dual.mass, dual.damping, dual.stiffness, dual.load))
+            mass, damping, stiffness, load = of
+            yield Reduced(mass, damping, stiffness, load, None)
+
+    return found, tangents()
+
+
+def _first_accelerations(course: Course, state: _State) -> Array:
+    """Return the accelerations that begin the first step, with their tangents: those of loads at rest."""
+    values, tangents = _at(course, np.zeros(1), state)
+    found = [np.linalg.solve(values.mass[0], values.load[0])]
+    for x in tangents:
+        found.append(np.linalg.solve(values.mass[0], x.load[0] - x.mass[0] @ found[0]))
+    return np.array(found)
+
+
+@dataclass(frozen=True, slots=True)
+class _Weights:
+    """Those of a scheme times powers of the step."""
+
+    until: Array
+    inertia: Array
+    rate: Array
+    place: Array
+    end_rate: Array
+    end_place: Array
+
+
+def _system(weights: _Weights, at: Reduced) -> Array:
+    """Return the matrices of the accelerations at all stages of steps, (steps, stages n, stages n)."""
+    steps, k, n = at.load.shape
+    pairs = (weights.inertia, at.mass), (weights.rate, at.damping), (weights.place, at.stiffness)
+    made = np.zeros((steps, k, n, k, n))
+    for by, matrix in pairs:
+        made += by[:, None, :, None] * matrix[:, :, :, None, :]
+    return made.reshape(steps, k * n, k * n)
+
+
+def _ends(scheme: _Scheme, weights: _Weights, x: Array) -> list[Array]:
+    """Return the parts of places, rates and accelerations at the ends of steps by x (steps, stages, ...)."""
+    found = [np.tensordot(x, by, axes=(1, 0)) for by in (weights.end_place, weights.end_rate)]
+    return [*found, x[:, -1]] if scheme.keeps else found
+
+
+def _chunk(scheme: _Scheme, course: Course, state: _State, begins: Array, h: float) -> None:
+    """Take some steps of length h."""
+    weights = _Weights(
+        h * scheme.c, scheme.inertia, h * scheme.rate, h * h * scheme.place, h * scheme.end_rate,
+        h * h * scheme.end_place,
+    )  # fmt: skip
+    at, tangents = _at(course, begins[:, None] + weights.until, state)
+    steps, k, n = at.load.shape
+    orders = 3 if scheme.keeps else 2
+    size = orders * n
+    # Accelerations at the stages by places, rates and accelerations at the start, and by loads.
+    later = at.damping + weights.until[:, None, None] * at.stiffness
+    held = scheme.inertia0 * at.mass + h * scheme.rate0 * at.damping + h * h * scheme.place0 * at.stiffness
+    columns = np.concatenate(
+        [-at.stiffness, -later, *([-held] if scheme.keeps else []), at.load[..., None]], -1
+    )
+    inverse = np.linalg.inv(_system(weights, at))
+    by_start = (inverse @ columns.reshape(steps, k * n, -1)).reshape(steps, k, n, -1)
+    maps = np.concatenate(_ends(scheme, weights, by_start), axis=1)
+    maps[:, : 2 * n, : 2 * n] += np.kron([[1.0, h], [0.0, 1.0]], np.eye(n))
+    if scheme.keeps:
+        maps[:, :n, 2 * n : 3 * n] += h * h * scheme.end_place0 * np.eye(n)
+        maps[:, n : 2 * n, 2 * n : 3 * n] += h * scheme.end_rate0 * np.eye(n)
+    path = np.zeros((steps + 1, size))
+    path[0] = state.rows[0, :orders].ravel()
+    for i in range(steps):
+        path[i + 1] = maps[i, :, :size] @ path[i] + maps[i, :, size]
+    rows = np.zeros_like(state.rows)
+    rows[0, :orders] = path[-1].reshape(-1, n)
+    begun = path[:-1, None]
+    x = _times(by_start[..., :size], begun) + by_start[..., size]
+    p, v = begun[..., :n], begun[..., n : 2 * n]
+    a = begun[..., 2 * n :] if scheme.keeps else np.zeros(n)
+    places = p + weights.until[:, None] * v + weights.place @ x + h * h * scheme.place0 * a
+    rates = v + weights.rate @ x + h * scheme.rate0 * a
+    accelerations = weights.inertia @ x + scheme.inertia0 * a
+    for j, of in enumerate(tangents, 1):
+        left = of.load - _times(of.mass, accelerations) - _times(of.damping, rates)
+        left = (left - _times(of.stiffness, places)).reshape(steps, k * n)
+        offsets = np.concatenate(_ends(scheme, weights, _times(inverse, left).reshape(steps, k, n)), axis=1)
+        moved = state.rows[j, :orders].ravel()
+        for i in range(steps):
+            moved = maps[i, :, :size] @ moved + offsets[i]
+        rows[j, :orders] = moved.reshape(-1, n)
+    state.rows = rows

@@ -1,0 +1,182 @@
+"""Derivatives of runs of elastic links by parameters, and gradients of results."""
+
+from __future__ import annotations
+
+import json
+
+import mpmath as mp
+import numpy as np
+import pytest
+from shared.elastic_exact import CASES
+from shared.elastic_steady import Wide, changed, slope
+from shared.elastic_transient import REFERENCE, SCENE, TIME, tip
+from shared.full import full, full_unless
+
+import symgen
+from symgen.errors import ModelError, ResultError
+
+#: Parameters of the strip: key of a number, and unit.
+STRIP = {
+    "width": ("links.strip.section.width", "m"), "thickness": ("links.strip.section.thickness", "m"),
+    "density": ("links.strip.density", "kg/m^3"), "E": ("links.strip.elastic.E", "Pa"),
+}  # fmt: skip
+#: All parameters, those compared in every run of the tests first.
+PARAMETERS = (["speed"], ["length", *STRIP])
+
+
+def tunable(scene, **placed):
+    """A shipped scene with tunable parameters: the key of a number, or none, and the value."""
+    changes = {}
+    for name, (key, value) in placed.items():
+        changes[f"parameters.{name}"] = {"value": value, "tunable": True}
+        if key:
+            changes[key] = name
+    return symgen.build(scene, set=changes)
+
+
+@pytest.mark.parametrize("names", full_unless(lambda names: "speed" in names, PARAMETERS))
+def test_a_strip_on_a_shaft_against_its_matrix_exponential(names):
+    """From rest, when the tip vibrates along and across the strip, in 40 digits."""
+    stored, values = json.loads(REFERENCE.read_text())[SCENE], CASES[SCENE][0]
+    placed = {name: (key, f"{float(values[name])!r} {unit}") for name, (key, unit) in STRIP.items()}
+    model = tunable(SCENE, **({} if names == ["speed"] else {"length": ("", "1 m")} | placed))
+    run = model.simulate(t_eval=[float(TIME)], t_end=float(TIME), steps=25_000)
+    found = run.gradient(["tip.displacement"], names)
+    assert found.derivatives.shape == (1, 2, len(names)) and found.parameters == (*names,)
+    assert found.values[0] == pytest.approx([float(x) for x in stored["values"]], rel=1e-10)
+    for j, name in enumerate(names):
+        expected = np.array([float(x) for x in stored["by"][name]])
+        natural = np.max(np.abs(found.values)) / float(values[name])
+        size = np.maximum(np.abs(expected), 1e-3 * natural)  # the width has no effect
+        assert np.all(np.abs(found.derivatives[0, :, j] - expected) <= 1e-9 * size)
+
+
+@pytest.mark.full
+def test_the_stored_motion_is_reproduced():
+    with mp.workdps(40):
+        found = tip(CASES[SCENE][0], mp.mpf(TIME))
+        stored = json.loads(REFERENCE.read_text())[SCENE]["values"]
+        assert all(abs(x / mp.mpf(y) - 1) < mp.mpf("1e-20") for x, y in zip(found, stored, strict=True))
+
+
+@pytest.mark.full
+def test_a_four_bar_against_its_equations_in_plain_numpy():
+    """Eighth of a revolution from rest, strains of the links by lengths, section, material and masses."""
+    model = tunable(
+        "thesis_four_bar", a=("", "7 in"), b=("", "10 in"), c=("", "12 in"), frame=("", "11 in")
+    )  # fmt: skip
+    part, count, names = 1 / 8, 400, [*model.parameters]
+    outputs = [
+        f"{link}.{kind}_strain" for kind in ("bending", "axial") for link in ("crank", "coupler", "output")
+    ]
+    end = part * 2 * np.pi / model.parameters["speed"]
+    run = model.simulate(t_eval=[end], t_end=end, steps=int(count / part))
+    found = model.sensitivity(outputs, names, at=run)
+    angle = 2 * np.pi * part
+    plain = Wide()
+    for j, name in enumerate(names):
+        tiny = 1e-30
+        dual = changed(name, 1 + 1j * tiny)
+        s, ds = _moved(plain, dual, end, count, tiny)
+        rows = np.concatenate([x[:, 0] for x in plain.strain_rows([angle])])
+        turned = slope(lambda x, of=name, s=s: _strains(changed(of, x), end, s))
+        expected = turned + rows @ ds
+        scaled = found.derivatives[0, :, j] * model.parameters[name]
+        assert found.values[0] == pytest.approx((rows @ s).astype(float), rel=1e-8, abs=1e-13)
+        assert scaled == pytest.approx(expected.astype(float), abs=1e-8 * np.max(np.abs(expected)))
+
+
+def _strains(model, t, s):
+    return np.concatenate([x[:, 0] for x in model.strain_rows(np.array([model.bar.speed * t]))]) @ s
+
+
+def _moved(plain, dual, end, count, tiny):
+    """S at the end and its derivative by the factor of a parameter: Gauss collocation of three stages."""
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    c, b = (nodes + 1) / 2, weights / 2
+    powers = np.arange(1, 4)
+    a = np.linalg.solve((c[:, None] ** (powers - 1)).T, (c[:, None] ** powers / powers).T).T
+    h, n = end / count, len(plain.unknowns)
+    s, v, ds, dv = (np.zeros(n) for _ in range(4))
+    for k in range(count):
+        t = (k + c) * h
+        m, damp, stiff, q = (np.asarray(x) for x in dual.at(dual.bar.speed * t))
+        real = [np.real(x).astype(float) for x in (m, damp, stiff, q)]
+        imag = [(np.imag(x) / tiny).astype(float) for x in (m, damp, stiff, q)]
+        first = h * np.einsum("ij,ikl->ikjl", a, real[1]) + h * h * np.einsum("ij,ikl->ikjl", a @ a, real[2])
+        first[range(3), :, range(3)] += real[0]
+        matrix = first.reshape(3 * n, 3 * n)
+
+        def taken(load, s, v, real=real, matrix=matrix):
+            left = load - real[1] @ v - np.einsum("ikl,il->ik", real[2], s + h * c[:, None] * v)
+            return np.linalg.solve(matrix, left.ravel()).reshape(3, n)
+
+        x = taken(real[3], s, v)
+        place, rate = s + h * c[:, None] * v + h * h * (a @ a) @ x, v + h * a @ x
+        parts = zip(imag[:3], (x, rate, place), strict=True)
+        load = imag[3] - sum(np.einsum("ikl,il->ik", of, by) for of, by in parts)
+        dx = taken(load, ds, dv)
+        s, v = s + h * v + h * h * (b @ a) @ x, v + h * b @ x
+        ds, dv = ds + h * dv + h * h * (b @ a) @ dx, dv + h * b @ dx
+    return s, ds
+
+
+@pytest.mark.parametrize("method", ["gauss", "newmark", full("generalized-alpha"), full("wilson-theta")])
+def test_a_slider_crank_against_differences_of_its_runs(method):
+    """With a guide, and damped modes of the rod; steps are held, so that differences have one limit."""
+    model = tunable(
+        "elastic_slider_crank", l=("", "200 mm"), r=("", "50 mm"), piston=("masses.0.mass", "0.3 kg"),
+        E=("links.rod.elastic.E", "210 GPa"), ratio=("links.rod.elastic.damping.ratio", "0.01"),
+    )  # fmt: skip
+    times = [0.004, 0.009]
+
+    def run(model):
+        return model.simulate(method=method, t_eval=times, t_end=0.009, steps=255)
+
+    def ends(name, factor):
+        found = run(model.with_parameters(**{name: model.parameters[name] * factor}))
+        return np.column_stack([found["rod.stress"].values, found["P.displacement.x"].values])
+
+    found = run(model).gradient(["rod.stress", "P.displacement.x"])
+    assert found.values == pytest.approx(ends("E", 1.0), rel=1e-10)
+    for j, name in enumerate(found.parameters):
+        near, far = ((ends(name, 1 + h) - ends(name, 1 - h)) / (2 * h) for h in (1e-4, 2e-4))
+        expected = (4 * near - far) / 3
+        size = np.max(np.abs(expected), axis=0)
+        scaled = found.derivatives[:, :, j] * model.parameters[name]
+        assert np.all(np.abs(scaled - expected) <= 3e-8 * size)
+
+
+def test_runs_without_derivatives_are_refused_by_name():
+    strip = symgen.build("rotating_cantilever")
+    short = {"t_end": 0.01, "steps": 64, "samples": 2}
+    with pytest.raises(ModelError, match="implicit methods, and rk4 is none\n  Choose gauss"):
+        strip.simulate(method="rk4", t_end=1e-4, samples=2).gradient(["tip.displacement"])
+    with pytest.raises(ModelError, match="those that start undeformed"):
+        strip.simulate(initial="quasi-static", **short).gradient(["tip.displacement"])
+    with pytest.raises(ModelError, match="no derivatives of 'frequencies' of a run of elastic links"):
+        strip.simulate(**short).gradient(["frequencies"])
+    motor = symgen.build("elastic_four_bar_motor")
+    with pytest.raises(ModelError, match="a motor moves its crank"):
+        motor.simulate(**short).gradient(["B.displacement"])
+
+
+def test_gradients_of_results_are_the_sensitivities_of_their_analyses(tmp_path):
+    bar = symgen.build("peaucellier")
+    name, more = next(iter(bar.parameters)), {"coordinates": ["C.position.y"]}
+    run = bar.simulate(0.2, rtol=1e-9)
+    expected = bar.sensitivity(["B.position"], [name], t_end=0.2, rtol=1e-9, **more)
+    assert np.array_equal(run.gradient(["B.position"], [name], **more).derivatives, expected.derivatives)
+    driven = symgen.build("slider_crank")
+    turn = driven.kinematics(at=[0.1, 0.4])
+    expected = driven.sensitivity(["S4"], at=float(turn.time[-1]))
+    assert np.array_equal(turn.gradient(["S4"]).derivatives, expected.derivatives)
+    strip = symgen.build("rotating_cantilever")
+    static = strip.quasi_static(at=[0.0, 1.0])
+    expected = strip.sensitivity(["tip.displacement"], t_eval=static.time)
+    assert np.array_equal(static.gradient(["tip.displacement"]).derivatives, expected.derivatives)
+    run.save(tmp_path / "run.nc")
+    with pytest.raises(ResultError, match="was loaded or copied has no gradient"):
+        symgen.load_result(tmp_path / "run.nc").gradient(["B.position"])
+    with pytest.raises(ResultError, match="stabilisation 'raw' have no gradient"):
+        bar.simulate(0.01, stabilisation="raw").gradient(["B.position"])
