@@ -32,7 +32,6 @@ from symgen.runtime.elastic.outputs import coordinate_of, of_powers, outputs, re
 from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import held, initial
 from symgen.runtime.elastic.steps import (
-    Counts,
     Found,
     Task,
     adapted,
@@ -293,11 +292,6 @@ class _Recorded:
         task, balance = self.task, self._outputs[2]
         steady = task.method == "periodic" and task.at is None and self.motion.info.mode == "held"
         return balance.mean_powers() if balance and steady else None
-
-    @property
-    def counts(self) -> Counts | None:
-        """Steps to each time, in rising order, from the one before."""
-        return self.found.counts
 
     def variables(self) -> tuple[Variable, ...]:
         """Return the outputs that the scene selects."""

@@ -54,7 +54,7 @@ class ElasticResult(Result):
     def counts(self) -> NDArray[np.intp] | None:
         """Steps to each time, in rising order, from the one before; None of stored runs and other motions."""
         source = self.__dict__.get("_source")
-        return None if source is None else source.counts
+        return None if source is None else source.found.counts
 
     def _estimate_later(self, estimate: Callable[[], float | None]) -> None:
         """Set how :attr:`mesh_error` is computed when it is requested."""
