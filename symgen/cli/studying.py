@@ -230,6 +230,7 @@ def optimise(
     r"""Find the parameters that minimise an output.
 
     The table \[optimise] of the scene has the variables with their bounds, the objective and the constraints.
+    Two objectives give the designs of their Pareto front.
     """
     from symgen.atomic import writable, write_text
     from symgen.report import sweeps
@@ -248,6 +249,11 @@ def optimise(
     model, own["variables"] = varied(scene, own["variables"], set=changes(set_), backend=backend)
     if page:
         writable(page, (".html",), "page")
+    if isinstance(own["objective"], list):
+        _front(model, own, page, as_json)
+        return
+    if own.pop("points", None) is not None:
+        raise ModelError("points are those of a Pareto front: give [optimise] two objectives")
     found = model.optimise(**own)
     if page:
         write_text(page, render_study(sweeps.optimum_page(found, own["objective"], model.name)))
@@ -255,5 +261,26 @@ def optimise(
         print_json({"scene": model.name, "kind": "optimum", **found.summary()})
         return
     sweeps.print_optimum(found, own["objective"], console())
+    if page:
+        console().print(f"wrote {page}", soft_wrap=True)
+
+
+def _front(model: Any, own: dict[str, Any], page: Path | None, as_json: bool) -> None:
+    """Find, print and write the Pareto front of two objectives."""
+    from symgen.atomic import write_text
+    from symgen.report import sweeps
+    from symgen.report.page.study import render_study
+
+    if own.pop("method", "SLSQP") != "SLSQP":
+        raise ModelError("a Pareto front is found by SLSQP: omit the method")
+    own.pop("seed", None)
+    front = model.pareto(objectives=own.pop("objective"), **own)
+    if page:
+        write_text(page, render_study(sweeps.front_page(front, model.name)))
+    if as_json:
+        data = {str(n): front[n].values.tolist() for n in (*front.coords, *front.data_vars)}
+        print_json({"scene": model.name, "kind": "pareto", "points": data, "runs": front.attrs["runs"]})
+        return
+    sweeps.print_front(front, console())
     if page:
         console().print(f"wrote {page}", soft_wrap=True)

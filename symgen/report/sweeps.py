@@ -1,4 +1,4 @@
-"""Tables, plots and pages of sweeps and optimisations."""
+"""Tables, plots and pages of sweeps, optimisations and Pareto fronts."""
 
 from __future__ import annotations
 
@@ -166,6 +166,57 @@ def optimum_page(found: Optimum, objective: str, name: str) -> StudyPage:
         tables=(TableView(("", "value", "unit"), rows),),
         notes=(found.message.rstrip("."), *unmet),
     )
+
+
+def _of_front(front: xarray.Dataset) -> list[str]:
+    """Return the names of the objectives and of the variables."""
+    return [str(name) for name in (*front.data_vars, *front.coords) if name != "converged"]
+
+
+def _front_rows(front: xarray.Dataset) -> Iterator[list[float]]:
+    return zip(*(front[name].values.tolist() for name in _of_front(front)), strict=True)  # type: ignore[return-value]
+
+
+def _unmet(front: xarray.Dataset) -> list[str]:
+    missed = int((~front["converged"]).sum())
+    return [f"{missed} of {front.sizes['point']} points did not meet the tolerance"] if missed else []
+
+
+def print_front(front: xarray.Dataset, console: Console) -> None:
+    """Print objectives and variables of all points."""
+    console.print(
+        table(str(front.attrs["title"]), [_label(front, n) for n in _of_front(front)], _front_rows(front))
+    )
+    for note in (f"{front.attrs['runs']} runs, gradients: {front.attrs['gradients']}", *_unmet(front)):
+        console.print(note)
+
+
+def front_page(front: xarray.Dataset, name: str) -> StudyPage:
+    """Return the page of a Pareto front."""
+    rows = tuple(tuple(f"{x:.6g}" for x in row) for row in _front_rows(front))
+    return StudyPage(
+        name=name,
+        title=str(front.attrs["title"]),
+        facts=(Fact("runs", str(front.attrs["runs"])), Fact("gradients", str(front.attrs["gradients"]))),
+        tables=(TableView(tuple(_label(front, n) for n in _of_front(front)), rows),),
+        figures=(plain_figure(lambda: plot_front(front), "Pareto front"),),
+        notes=tuple(_unmet(front)),
+    )
+
+
+def plot_front(front: xarray.Dataset, file: str | os.PathLike[str] | None = None) -> Figure:
+    """Plot the second objective over the first; the extension of the file selects the format."""
+    from matplotlib.figure import Figure
+
+    first, second = _of_front(front)[:2]
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    panel: Any = figure.subplots()
+    panel.plot(front[first].values, front[second].values, marker="o")
+    panel.set(xlabel=_label(front, first), ylabel=_label(front, second))
+    panel.grid(alpha=0.3)
+    if file is not None:
+        save(figure, file)
+    return figure
 
 
 def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:

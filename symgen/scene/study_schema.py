@@ -64,7 +64,10 @@ class Optimise(Table):
     variables: dict[str, Annotated[list[Value], Field(min_length=2, max_length=2)]] = Field(
         description="Lower and upper bound by parameter or dotted key."
     )
-    objective: str = Field(description="The quantity to minimise, such as crank.torque.peak.")
+    objective: str | Annotated[list[str], Field(min_length=2, max_length=2)] = Field(
+        description="The quantity to minimise, such as crank.torque.peak, or two for a Pareto front."
+    )
+    points: int | None = absent("Number of points of a Pareto front (9).")
     constraints: dict[str, Bounds] = Field(default_factory=dict, description="Bounds of further quantities.")
     analysis: str | None = absent("Such as simulate; that which suits the scene if absent.")
     method: Literal["SLSQP", "trust-constr", "differential-evolution"] = "SLSQP"

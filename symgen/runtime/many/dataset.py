@@ -94,7 +94,7 @@ class Keep:
             single = tuple(replace(v, values=_reduced(self.reduce, v)) for v in samples)
             return Kept(single=(*single, *strayed), axes=axes)
         names = reductions(self.reduce)
-        weights = mean_weights(along.values)
+        weights = mean_weights(along.values, times)
         single = tuple(reduced(v, name, weights) for name in names if name != HISTORY for v in samples)
         strayed = (*strayed, _recorded(np.array(float(along.values.size))))
         if HISTORY in names:
@@ -127,13 +127,14 @@ class Keep:
         along: Array,
         reduction: Callable[[Variable, str, Array], Variable],
         runs: NDArray[np.intp],
+        times: Array | None = None,
     ) -> list[Kept]:
         """Return the reductions of runs with samples along their coordinate, (runs, samples) or (samples,).
 
         ``drift`` is that of the constraints (runs,) [m].
         """
         samples = chosen(tuple(variables), self.outputs)
-        size, weights = np.full(len(drift), float(along.shape[-1])), mean_weights(along)
+        size, weights = np.full(len(drift), float(along.shape[-1])), mean_weights(along, times)
         made = tuple(reduction(v, name, weights) for name in self.names for v in samples)
         single = (*made, *_drifts({"constraint": drift}), _recorded(size))
         return [Kept(single=single, axes=axes, runs=runs)] * len(runs)

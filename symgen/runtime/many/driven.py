@@ -130,7 +130,7 @@ class Driven:
             over = next((v.values for v in made if v.name == self.drive), times)
             _placed(
                 runs,
-                keep.of_block(sampled, missed, d.axes, over, partial(reduced, axis=1), first + runs),
+                keep.of_block(sampled, missed, d.axes, over, partial(reduced, axis=1), first + runs, times),
                 kept,
             )
             return kept

@@ -25,17 +25,18 @@ def _magnitudes(values: Array, vector: bool) -> Array:
     return found
 
 
-def mean_weights(along: Array) -> Array:
+def mean_weights(along: Array, times: Array | None = None) -> Array:
     """Return the weights of samples in a mean over their coordinate, by the trapezoidal rule.
 
-    They are equal for samples at values in no order. Those at equal steps get the same bits for any range.
-    Rows of values (runs, samples) give rows of weights.
+    A mean over a coordinate that turns back is over ``times`` (samples,), where these are given and rise.
+    Weights of samples in no order are equal. Those at equal steps get the same bits for any range. Rows of
+    values (runs, samples) give rows of weights.
     """
     if along.ndim == 2:
-        return np.array([mean_weights(row) for row in along]).reshape(along.shape)
+        return np.array([mean_weights(row, times) for row in along]).reshape(along.shape)
     steps = np.diff(along)
     if len(steps) == 0 or not (np.all(steps > 0.0) or np.all(steps < 0.0)):
-        return np.full(len(along), 1.0 / len(along))
+        return np.full(len(along), 1.0 / len(along)) if times is None else mean_weights(times)
     if np.ptp(steps) <= _EQUAL * np.max(np.abs(steps)):
         steps = np.ones_like(steps)
     weights: Array = np.append(steps, 0.0) + np.append(0.0, steps)

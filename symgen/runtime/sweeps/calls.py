@@ -179,7 +179,7 @@ class Sweeps:
             Lower and upper bound of each parameter, in SI units.
         objective
             The quantity to minimise: ``OUTPUT.REDUCTION`` as of :meth:`sweep`, such as ``crank.torque.peak``,
-            with a component where it has several, such as ``C.position.range.x``.
+            with a component where it has several, such as ``C.position.range.x``; or one of the variables.
         constraints
             Lower and upper bound of further quantities, None for one without.
         analysis, threads, arguments
@@ -216,6 +216,66 @@ class Sweeps:
             arguments,
         )
 
+    @checked
+    def pareto(
+        self,
+        variables: Mapping[str, Any],
+        objectives: Sequence[str],
+        constraints: Mapping[str, Any] | None = None,
+        analysis: str | None = None,
+        *,
+        points: int = 9,
+        start: Mapping[str, float] | None = None,
+        tolerance: float = 1e-8,
+        iterations: int = 200,
+        threads: int | None = None,
+        **arguments: Any,
+    ) -> xarray.Dataset:
+        """Return designs of which none is better in both of two objectives: see ``docs/sweeps.md``.
 
-for _call in (Sweeps.sweep, Sweeps.tolerances, Sweeps.optimise):  # messages name the model, not the mixin
+        The first objective is minimised by SLSQP under bounds on the second (epsilon constraints), which rise
+        in equal steps from its own minimum to its value where the first is least. Minima are local.
+
+        Parameters
+        ----------
+        objectives
+            Two quantities to minimise, or a quantity and a variable.
+        points
+            Number of bounds. Designs that another one dominates are omitted.
+        variables, constraints, analysis, start, tolerance, iterations, threads, arguments
+            As for :meth:`optimise`.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over ``point``: both objectives, ``converged``, and the variables as coordinates, in SI units.
+
+        Raises
+        ------
+        ModelError, CapabilityError, SimulationError, InitialStateError, RangeError
+            As :meth:`optimise`.
+        """
+        from symgen.runtime.sweeps.pareto import front_of
+
+        return front_of(
+            self,
+            variables,
+            objectives,
+            constraints or {},
+            points,
+            analysis,
+            start or {},
+            tolerance,
+            iterations,
+            threads,
+            arguments,
+        )
+
+
+for _call in (
+    Sweeps.sweep,
+    Sweeps.tolerances,
+    Sweeps.optimise,
+    Sweeps.pareto,
+):  # messages name the model, not the mixin
     _call.__wrapped__.__qualname__ = f"Model.{_call.__name__}"  # type: ignore[union-attr]

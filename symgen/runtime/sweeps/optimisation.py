@@ -71,8 +71,12 @@ def optimum_of(
     seed: int,
     threads: int | None,
     arguments: Mapping[str, Any],
+    measured: Sequence[str] = (),
 ) -> Optimum:
-    """Return the parameters of least objective; see :meth:`symgen.Model.optimise`."""
+    """Return the parameters of least objective; see :meth:`symgen.Model.optimise`.
+
+    ``measured`` are quantities without bounds, whose values are among those of the constraints.
+    """
     check_known(method, METHODS, "there is no method")
     bounds = {name: _pair(name, pair, open_ended=False) for name, pair in variables.items()}
     if not bounds:
@@ -86,7 +90,8 @@ def optimum_of(
         raise ModelError(
             f"expected a tolerance above 0 and 1 to {_MOST} iterations, got {tolerance:g}, {iterations}"
         )
-    goal, kept = Quantity.named(objective), {name: Quantity.named(name) for name in limits}
+    goal = Quantity.named(objective, bounds)
+    kept = {name: Quantity.named(name, bounds) for name in (*limits, *measured)}
     problem = Problem(model, bounds, [goal, *kept.values()], analysis, arguments, threads)
     begin = np.array([start.get(name, model.parameters[name]) for name in bounds])
     x = np.clip((begin - problem.low) / (problem.high - problem.low), 0.0, 1.0)
@@ -152,9 +157,7 @@ def _descended(
     def slope(y: Array) -> Array:
         if bounded:
             return np.append(np.zeros(count), 1.0)
-        return (
-            np.asarray(goal.value(*problem.quantity(goal, y[:count]), problem.weights(y[:count]))[1]) / size
-        )
+        return problem.slope(goal, y[:count]) / size
 
     rules = []
     if bounded:
@@ -202,12 +205,8 @@ def _between(problem: Problem, quantity: Quantity, low: float, high: float, coun
         return np.array([problem.value(quantity, x) / size])
 
     def slope(y: Array) -> Array:
-        samples, slopes = problem.quantity(quantity, y[:count])
-        rows = (
-            slopes.T
-            if each
-            else np.asarray(quantity.value(samples, slopes, problem.weights(y[:count]))[1])[None]
-        )
+        x = y[:count]
+        rows = problem.quantity(quantity, x)[1].T if each else problem.slope(quantity, x)[None]
         return np.hstack([rows / size, np.zeros((len(rows), width - count))])
 
     return value, slope, low / size, high / size

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -28,15 +28,20 @@ _AGREE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A reduction of an output, or of a component: ``OUTPUT.REDUCTION`` or ``OUTPUT.REDUCTION.COMPONENT``."""
+    """A reduction of an output, or of a component: ``OUTPUT.REDUCTION`` or ``OUTPUT.REDUCTION.COMPONENT``.
+
+    A variable of the optimisation has no reduction.
+    """
 
     output: str
     reduction: str
     component: str
 
     @classmethod
-    def named(cls, name: str) -> Quantity:
-        """Return the quantity of a name; raise ModelError for one without a reduction."""
+    def named(cls, name: str, variables: Collection[str] = ()) -> Quantity:
+        """Return the quantity of a name; raise ModelError for an output without a reduction."""
+        if name in variables:
+            return cls(name, "", "")
         head, _, last = name.rpartition(".")
         if last in REDUCTIONS and head:
             return cls(head, last, "")
@@ -89,7 +94,9 @@ class Problem:
     ) -> None:
         self.model, self.names = model, tuple(bounds)
         self.low, self.high = np.array([*bounds.values()]).T
-        self.outputs = list(dict.fromkeys(q.output for q in quantities))
+        self.outputs = list(dict.fromkeys(q.output for q in quantities if q.reduction))
+        if not self.outputs:
+            raise ModelError("expected an output of the runs as the objective or in a constraint, got none")
         self.analysis, self.arguments, self.threads = analysis, arguments, threads
         self.runs, self.exact = 0, False
         self._held: dict[bytes, dict[str, Array]] = {}
@@ -146,7 +153,7 @@ class Problem:
         if self._times is None and not failed:
             self._times = _times(arrays)
         along = _along(arrays, self.outputs[0])
-        weights = mean_weights(np.broadcast_to(along, (len(points), along.shape[-1])))
+        weights = mean_weights(np.broadcast_to(along, (len(points), along.shape[-1])), _times(arrays))
         weights[[i for i, _ in failed]] = np.nan
         found = {_WEIGHTS: weights}
         for name in self.outputs:
@@ -241,17 +248,29 @@ class Problem:
         values, slopes = self.at(x)[quantity.output], self.slopes(x)[quantity.output]
         return self.of(quantity, values), self.slopes_of(quantity, values, slopes)
 
+    def slope(self, quantity: Quantity, x: Array) -> Array:
+        """Return the derivatives (variables,) of a quantity at a point."""
+        if not quantity.reduction:
+            return np.where(np.array(self.names) == quantity.output, self.high - self.low, 0.0)
+        return np.asarray(quantity.value(*self.quantity(quantity, x), self.weights(x))[1])
+
     def unit(self, quantity: Quantity) -> str:
         """Return the unit of a quantity after a run."""
+        if not quantity.reduction:
+            return next(p.unit for p in self.model.description.tunable if p.name == quantity.output)
         return self._units[quantity.output]
 
     def value(self, quantity: Quantity, x: Array) -> float:
         """Return a quantity at a point."""
+        if not quantity.reduction:
+            return float(self.parameters(x)[self.names.index(quantity.output)])
         samples = self.of(quantity, self.at(x)[quantity.output])
         return float(quantity.value(samples, np.zeros((0, samples.size)), self.weights(x))[0])
 
     def many(self, quantity: Quantity, points: Array) -> Array:
         """Return a quantity at some points; nan where a run fails."""
+        if not quantity.reduction:
+            return self.parameters(points)[:, self.names.index(quantity.output)]
         found = self.samples(points)
         samples = self.of(quantity, found[quantity.output])
         pairs = zip(samples, found[_WEIGHTS], strict=True)

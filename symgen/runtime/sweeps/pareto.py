@@ -1,0 +1,83 @@
+"""Pareto fronts of two objectives: optimisations of the first under bounds on the second."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symgen.errors import ModelError
+from symgen.runtime.sweeps.optimisation import Optimum, optimum_of
+
+if TYPE_CHECKING:
+    import xarray
+
+#: Part of the range of the second objective by which the bounds at the ends of a front are relaxed.
+_SLACK = 1e-6
+
+
+def front_of(
+    model: Any,
+    variables: Mapping[str, Any],
+    objectives: Sequence[str],
+    constraints: Mapping[str, Any],
+    points: int,
+    analysis: str | None,
+    start: Mapping[str, float],
+    tolerance: float,
+    iterations: int,
+    threads: int | None,
+    arguments: Mapping[str, Any],
+) -> xarray.Dataset:
+    """Return designs none of which is better in both objectives; see :meth:`symgen.Model.pareto`."""
+    if len(objectives) != 2 or len({*objectives}) != 2:
+        raise ModelError(f"expected two objectives, got {', '.join(objectives) or 'none'}")
+    if points < 2:
+        raise ModelError(f"expected two points of a Pareto front or more, got {points}")
+    first, second = objectives
+    least, greatest = constraints.get(second, (None, None))
+
+    def optimum(
+        objective: str, bounds: Mapping[str, Any], start: Mapping[str, float], *measured: str
+    ) -> Optimum:
+        options = (analysis, "SLSQP", start, tolerance, iterations, 0, threads, arguments)
+        return optimum_of(model, variables, objective, bounds, *options, measured)
+
+    of_second, of_first = (
+        optimum(second, constraints, start, first),
+        optimum(first, constraints, start, second),
+    )
+    ends = of_second.objective, of_first.constraints[second]
+    found, start = [], of_second.parameters
+    for bound in np.linspace(*ends, points) + _SLACK * abs(ends[1] - ends[0]):
+        highest = bound if greatest is None else min(bound, greatest)
+        found.append(optimum(first, {**constraints, second: (least, float(highest))}, start))
+        start = found[-1].parameters
+    return _dataset(model, found, first, second)
+
+
+def _dataset(model: Any, found: Sequence[Optimum], first: str, second: str) -> xarray.Dataset:
+    """Return the designs that no other one dominates, over ``point``."""
+    import xarray
+
+    values = np.array([[one.objective, one.constraints[second]] for one in found])
+    worse = [np.any(np.all(values <= v, axis=1) & np.any(values < v, axis=1)) for v in values]
+    kept = [one for one, dominated in zip(found, worse, strict=True) if not dominated]
+    columns = {first: [o.objective for o in kept], second: [o.constraints[second] for o in kept]}
+    data: dict[str, Any] = {
+        name: ("point", np.array(column), {"units": kept[0].units[name]}) for name, column in columns.items()
+    }
+    data["converged"] = ("point", np.array([o.converged for o in kept]))
+    units = {p.name: p.unit for p in model.description.tunable}
+    parameters = {
+        name if name not in data else f"{name} (parameter)": (
+            "point",
+            np.array([o.parameters[name] for o in kept]),
+            {"units": units[name]},
+        )
+        for name in kept[0].parameters
+    }
+    runs = sum(o.runs for o in found)
+    title = f"{model.description.title}: Pareto front of {first} and {second}"
+    return xarray.Dataset(data, parameters, {"title": title, "runs": runs, "gradients": kept[0].gradients})
