@@ -163,26 +163,42 @@ static void weigh_stages(struct beam_steps *x, real h) {
         }
 }
 
-/* Write the coefficients of entry e at all stages. */
-LANES static void entry_in_system(struct beam_steps *x, ptrdiff_t e) {
+/* Write the coefficients of all entries at `k` stages; inlined where the compiler knows the number. */
+static inline void entries_in_system(struct beam_steps *x, const long k) {
     const struct beams *b = x->b;
-    const long k = x->stages;
-    const ptrdiff_t own = b->entries + 1, row = b->rows[e] * k, column = b->columns[e] * k;
+    const ptrdiff_t own = b->entries + 1;
     const struct band_store at = band_store(x->system.inner, x->system.band);
-    const int inside = e < b->banded_entries;
     real *damping = x->of_entry, *stiffness = damping + k, *values = stiffness + k;
-    for (long i = 0; i < k; i++) {
-        damping[i] = x->damping[i * own + e];
-        stiffness[i] = x->stiffness[i * own + e];
+    for (ptrdiff_t e = 0; e < b->entries; e++) {
+        const ptrdiff_t row = b->rows[e] * k, column = b->columns[e] * k;
+        const int inside = e < b->banded_entries;
+        for (long i = 0; i < k; i++) {
+            damping[i] = x->damping[i * own + e];
+            stiffness[i] = x->stiffness[i * own + e];
+        }
+        for (long j = 0; j < k; j++) {
+            const real *by_rate = x->by_rate + k * j, *by_place = x->by_place + k * j;
+            real *restrict to = inside ? x->system.banded + at.first + row + (column + j) * at.lead : values;
+            for (long i = 0; i < k; i++)
+                to[i] = by_rate[i] * damping[i] + by_place[i] * stiffness[i];
+            to[j] += x->mass[j * own + e];
+            for (long i = 0; !inside && i < k; i++)
+                set_in_border(&x->system, row + i, column + j, values[i]);
+        }
     }
-    for (long j = 0; j < k; j++) {
-        const real *by_rate = x->by_rate + k * j, *by_place = x->by_place + k * j;
-        real *to = inside ? x->system.banded + at.first + row + (column + j) * at.lead : values;
-        for (long i = 0; i < k; i++)
-            to[i] = by_rate[i] * damping[i] + by_place[i] * stiffness[i];
-        to[j] += x->mass[j * own + e];
-        for (long i = 0; !inside && i < k; i++)
-            set_in_border(&x->system, row + i, column + j, values[i]);
+}
+
+/* Write the coefficients of all entries at all stages. */
+LANES static void system_of_stages(struct beam_steps *x) {
+    switch (x->stages) {
+    case 6:
+        entries_in_system(x, 6);
+        break;
+    case 2:
+        entries_in_system(x, 2);
+        break;
+    default:
+        entries_in_system(x, x->stages);
     }
 }
 
@@ -194,8 +210,7 @@ static void collocation_system(struct beam_steps *x, real h) {
     clear_bordered(&x->system);
     memset(x->rhs, 0, (size_t)(size * columns) * sizeof(real));
     weigh_stages(x, h);
-    for (ptrdiff_t e = 0; e < b->entries; e++)
-        entry_in_system(x, e);
+    system_of_stages(x);
     for (long i = 0; i < k; i++) {
         const real *damping = x->damping + i * (b->entries + 1);
         const real *stiffness = x->stiffness + i * (b->entries + 1), until = x->nodes[i] * h;

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "arena.h"
+#include "lanes.h"
 
 /* -- memory ----------------------------------------------------------------------------------------------- */
 
@@ -147,10 +148,11 @@ static void turn_vector(real *x, real *y, real c, real s) {
 
 /* Turn the rows and columns of one joint's displacements from the link's axes to fixed axes. */
 static void turn_end(real *a, ptrdiff_t n, ptrdiff_t u, ptrdiff_t w, real c, real s) {
+    real *restrict along = a + n * u, *restrict across = a + n * w;
     for (ptrdiff_t i = 0; i < n; i++) {
-        const real x = a[n * u + i], y = a[n * w + i];
-        a[n * u + i] = c * x - s * y;
-        a[n * w + i] = s * x + c * y;
+        const real x = along[i], y = across[i];
+        along[i] = c * x - s * y;
+        across[i] = s * x + c * y;
     }
     for (ptrdiff_t i = 0; i < n; i++) {
         const real x = a[n * i + u], y = a[n * i + w];
@@ -161,7 +163,8 @@ static void turn_end(real *a, ptrdiff_t n, ptrdiff_t u, ptrdiff_t w, real c, rea
 
 /* Matrices and load of superelement k in its link's axes into m, d, g (n x n each) and q (n): constants times the
  * weights of the kernel `links`. */
-static void in_link_axes(const struct beams *b, ptrdiff_t k, real *m, real *d, real *g, real *q) {
+LANES static void in_link_axes(const struct beams *b, ptrdiff_t k, real *restrict m, real *restrict d, real *restrict g,
+                               real *restrict q) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n, link = x->link_of[k];
     const real *w = b->motion->motion + MOTION * link;

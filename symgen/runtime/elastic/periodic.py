@@ -86,38 +86,35 @@ def periodic(
     worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
     more, before, closed = 1.0, 0.0, False
 
-    def run(per_turn: int) -> tuple[_Shot, tuple[Array, Array], Counts, Found]:
+    def shoot(per_turn: int) -> _Shot:
         counts, turns = (step_counts(motion, ends, per_turn) for ends in (times, _ends(motion)))
-        shot = _shot(motion, equations, turns, pace)
-        both = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
-        steps = shot.steps + int(np.sum(counts))
-        passes.append(Found(*both, steps, floquet=shot.multipliers, counts=counts))
-        return shot, both, counts, passes[-1]
+        return _shot(motion, equations, turns, counts, pace)
 
-    coarse = run(per_turn)
+    coarse, known = shoot(per_turn), list[Found]()
     while True:
         # Recorded times may end shorter steps than these, as many in both runs: their error is far smaller.
-        fine = run(math.ceil(FINER * per_turn))
-        (shot, both, counts, found), (finer, compared, *_) = coarse, fine
-        error = float(np.max(errors.of(both[0], compared[0])))
-        largest = abs(shot.multipliers[0])
+        fine = shoot(math.ceil(FINER * per_turn))
+        followed = _followed(motion, equations, times, [fine] if known else [coarse, fine], pace)
+        passes += followed
+        found, compared = known + followed
+        error = float(np.max(errors.of(found.displacements, compared.displacements)))
+        largest = abs(coarse.multipliers[0])
         # Steps longer than half a vibration turn all multipliers to one, and agree on it.
-        shift = SAFETY * abs(abs(finer.multipliers[0]) - largest) if per_turn >= slowest else None
+        shift = SAFETY * abs(abs(fine.multipliers[0]) - largest) if per_turn >= slowest else None
         apart = math.inf if shift is None else shift / largest
-        known = apart <= FLOQUET_SETTLED
-        settled = apart <= _CLOSE or (known and closed) or max(2 * per_turn, slowest) > worth
+        sure = apart <= FLOQUET_SETTLED
+        settled = apart <= _CLOSE or (sure and closed) or max(2 * per_turn, slowest) > worth
         if task.steps is not None or (error <= task.rtol and settled):
-            moved, rates = _in_phase(motion, equations, times, counts, shot, both, pace)
-            return replace(found, displacements=moved, rates=rates, error=error, floquet_error=shift)
+            return replace(found, error=error, floquet_error=shift)
         if per_turn >= _MOST:
             problem = f"shooting does not come within {task.rtol:g} of the peak stress"
             raise SimulationError(f"{motion.rigid.name}: {problem}")
         falls = task.rtol < error < before * more ** (-GAUSS.order / 2)
         more = next_factor(error, task.rtol, GAUSS.order, falls)
-        if closed := error <= task.rtol and known:
+        if closed := error <= task.rtol and sure:
             more = next_factor(apart, _CLOSE, GAUSS.order, True)
         per_turn, before = math.ceil(max(more, FINER) * per_turn), error
-        coarse = fine if more <= FINER else run(per_turn)
+        coarse, known = (fine, [compared]) if more <= FINER else (shoot(per_turn), [])
 
 
 def _check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:
@@ -152,9 +149,8 @@ def again(
     Raises ModelError when there are more unknowns than are stepped together.
     """
     _check_size(motion)
-    shot = _shot(motion, equations, step_counts(motion, _ends(motion), per_turn), pace)
-    found = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
-    return _in_phase(motion, equations, times, counts, shot, found, pace)[0]
+    shot = _shot(motion, equations, step_counts(motion, _ends(motion), per_turn), counts, pace)
+    return _followed(motion, equations, times, [shot], pace)[0].displacements
 
 
 def _check_size(motion: ElasticMotion) -> None:
@@ -171,6 +167,7 @@ def _check_size(motion: ElasticMotion) -> None:
 class _Shot:
     """The periodic state (S, S') at time zero, the Floquet multipliers, and the number of steps.
 
+    ``counts`` are the steps in which it is followed to each recorded time, see :func:`step_counts`.
     ``phase`` is absent where the rotation of the shaft is prescribed. A motor leaves the phase of the crank
     open: of the displacements along that, ``phase`` (S, S') at time zero with the multiplier ``unit``, near
     one, the loads add ``lag`` times in a revolution, which is a small change of the period.
@@ -179,32 +176,40 @@ class _Shot:
     start: tuple[Array, Array]
     multipliers: tuple[complex, ...]
     steps: int
+    counts: Counts
     phase: tuple[Array, Array] | None = None
     unit: float = 1.0
     lag: float = 0.0
 
 
-def _in_phase(
-    motion: ElasticMotion,
-    equations: _beams.BeamEquations,
-    times: Array,
-    counts: NDArray[np.intp],
-    shot: _Shot,
-    found: tuple[Array, Array],
-    pace: Pace,
-) -> tuple[Array, Array]:
-    """Return displacements and rates from the rigid motion of the same phase: without the lag."""
-    if shot.phase is None:
-        return found
-    ahead = shot.start[0] + shot.phase[0], shot.start[1] + shot.phase[1]
-    moved = stepped(motion, equations, GAUSS, times, counts, ahead, pace=pace)
-    part = times / motion.period
-    lag = (shot.lag * part * shot.unit**-part)[:, None]
-    s, v = (f - lag * (m - f) for f, m in zip(found, moved, strict=True))
-    return s, v
+def _followed(
+    motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, shots: Sequence[_Shot], pace: Pace
+) -> list[Found]:
+    """Return the steady states of shots at the recorded times, without the lag of a crank with a motor.
+
+    Those with the same steps are stepped together: most of a step is the assembly of its matrices. The loads
+    act on the first column only; the others are what other starts, and the phase, add to it.
+    """
+    if any(not np.array_equal(shot.counts, shots[0].counts) for shot in shots):
+        return [found for shot in shots for found in _followed(motion, equations, times, [shot], pace)]
+    first, part = shots[0], times / motion.period
+    columns = [first.start, *((s - first.start[0], v - first.start[1]) for s, v in (x.start for x in shots))]
+    columns += [shot.phase for shot in shots if shot.phase is not None]
+    starts = np.hstack([s for s, _ in columns]), np.hstack([v for _, v in columns])
+    both = stepped(motion, equations, GAUSS, times, first.counts, starts, pace=pace)
+    made = []
+    for k, shot in enumerate(shots):
+        steps, lag = shot.steps + int(np.sum(shot.counts)), shot.lag * part * shot.unit**-part
+        own = [x[:, :, 0] + x[:, :, 1 + k] for x in both]
+        if shot.phase is not None:
+            own = [y - lag[:, None] * x[:, :, 1 + len(shots) + k] for x, y in zip(both, own, strict=True)]
+        made.append(Found(own[0], own[1], steps, floquet=shot.multipliers, counts=shot.counts))
+    return made
 
 
-def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, turns: Counts, pace: Pace) -> _Shot:
+def _shot(
+    motion: ElasticMotion, equations: _beams.BeamEquations, turns: Counts, counts: Counts, pace: Pace
+) -> _Shot:
     """Step all states over one revolution, and solve for the one that repeats."""
     status, *_, basis = equations.matrices(0.0)
     motion.check(equations, status, 0.0)
@@ -248,8 +253,8 @@ def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, turns: Counts,
     y = np.asarray(np.linalg.solve(np.eye(2 * free) - transition, forced), dtype=float)
     found = tuple(complex(z) for z in multipliers)
     if open_phase is None:
-        return _Shot(state(y), found, steps.steps)
-    return _Shot(state(y), found, steps.steps, state(right), unit, lag)
+        return _Shot(state(y), found, steps.steps, counts)
+    return _Shot(state(y), found, steps.steps, counts, state(right), unit, lag)
 
 
 def _open_phase(transition: Array) -> tuple[float, Array, Array] | None:

@@ -169,9 +169,7 @@ def _error_of_halves(
         return stepped(one, of, method, times, counts, initial(one, of, task), pace=pace)[0]
 
     try:
-        # The phase of a crank with a motor is taken out of the final displacements only.
-        again_too = last is None or (task.method == "periodic" and motion.has_motor)
-        coarse = repeated(motion, equations) if last is None or again_too else last.displacements
+        coarse = repeated(motion, equations) if last is None else last.displacements
         fine = repeated(finer, finer.equations(task.form == "thesis", stepping=True))
     except (OutOfTime, SimulationError, ModelError):
         return None

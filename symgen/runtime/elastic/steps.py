@@ -176,9 +176,10 @@ def stepped(
     stages: Stages | None = None,
     pace: Pace | None = None,
 ) -> tuple[Array, Array]:
-    """Return displacements and rates at the times, stepping from time zero.
+    """Return displacements and rates at the times, (times, unknowns) each, stepping from time zero.
 
-    Displacements are not a number where the motion grows beyond all numbers.
+    From a start with many columns, (unknowns, columns), they are (times, unknowns, columns). They are not a
+    number where the motion of a column grows beyond all numbers.
 
     Parameters
     ----------
@@ -205,11 +206,12 @@ def stepped(
         return before
     n, pace = motion.layout.unknowns, pace or Pace(0.0, float(np.max(times)))
     pace.restart(0.0)
-    steps = _beams.BeamSteps(equations, method, 1)
     s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
+    steps = _beams.BeamSteps(equations, method, s.shape[1])
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     order = np.argsort(times, kind="stable")
-    found, rates = np.zeros((len(times), n)), np.zeros((len(times), n))
+    shape = s.shape if s.shape[1] > 1 else (n,)
+    found, rates = np.zeros((len(times), *shape)), np.zeros((len(times), *shape))
     reached, taken = stages.resumed(steps, found, rates) if stages else (0, 0)
     now = float(times[order[reached - 1]]) if reached else 0.0
     cause = f", with {int(np.sum(counts))} steps"
@@ -239,7 +241,7 @@ def stepped(
                 done = np.sort(order[:place])
                 raise OutOfTime(at, Found(found[done], rates[done], int(np.sum(counts[:place]))), done)
         now, taken = max(t, now), 0
-        found[k], rates[k] = steps.displacements[:, 0], steps.rates[:, 0]
+        found[k], rates[k] = steps.displacements.reshape(shape), steps.rates.reshape(shape)
         if jumps and t == jumps[0][0]:
             now = jumps.pop(0)[1]
             if not method.collocated:
