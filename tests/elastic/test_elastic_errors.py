@@ -53,7 +53,7 @@ def test_estimate_is_a_few_times_the_true_error(scene, method, tolerances):
         assert 3 * true < estimate < 30 * true
 
 
-@pytest.mark.parametrize("method", ["gauss", "newmark"])
+@pytest.mark.parametrize("method", ["gauss", "gauss4", "newmark"])
 def test_estimate_of_given_steps_is_a_few_times_the_true_error(method):
     model = symgen.build("thesis_four_bar")
     run = model.simulate(method=method, steps=1080, samples=SAMPLES)

@@ -14,7 +14,6 @@ from symgen.runtime._beams import APPLIED, BeamEquations
 from symgen.runtime.beams.data import BeamInfo, Properties
 from symgen.runtime.beams.elements import at, meshed, names, segments
 from symgen.runtime.beams.forces import Motion, crank_rotation
-from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.beams.second_order import SECOND_ORDER, omitted
 from symgen.runtime.elastic.motion import ElasticMotion
@@ -48,7 +47,7 @@ def warnings(motion: ElasticMotion, recorded: Motion, moments: Sequence[str]) ->
     """
     found = []
     for k, beam in enumerate(motion.beams):
-        own = motion.own_unknowns(k, recorded.links, recorded.displacements)
+        own = recorded.own(motion, k)
         places = np.linspace(0.0, 1.0, min(4 * beam.info.elements + 1, _PLACES))
         table = beam.table(places.tolist())
         found += _of_slope(beam, own @ table["slope"].T, moments)
@@ -87,7 +86,7 @@ def of_second_order(shares: Mapping[str, float]) -> list[str]:
 
 def _rigid_axial_force(motion: ElasticMotion, k: int, recorded: Motion, places: Array) -> Array:
     """Return the axial force of the rigid motion [N], tension positive, (times, places)."""
-    axes, beam = frames(recorded.links[:, k]), motion.beams[k]
+    axes, beam = recorded.axes(k), motion.beams[k]
     found = axes.axial_force(beam, places)
     own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
     for i, profile in zip(own, motion.profiles(beam.info.link), strict=True):

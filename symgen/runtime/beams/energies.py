@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.beams.forces import Motion, modal_rates, own_motion
-from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
@@ -125,7 +124,7 @@ def energies(
     summed = {name: np.zeros(len(found.times)) for name in ("kinetic", "strain", "potential")}
     dissipated, rates = np.zeros((2, len(found.times)))
     for k, (beam, x) in enumerate(zip(motion.beams, weights, strict=True)):
-        s, v, a = own_motion(motion, found, accelerations, k, frames(found.links[:, k]))
+        s, v, a = own_motion(motion, found, accelerations, k)
         own, rate, damping = _energies(beam, x, s, v, a)
         for name, energy in own.items():
             summed[name] += energy

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from symgen.runtime.result.records import Variable
 from symgen.runtime.structure import forces_on_links
 
 Array = NDArray[np.float64]
+#: Unknowns of a link on its own axes with their rates, (times, n) each.
+States = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,23 @@ class Motion:
     displacements: Array
     rates: Array | None
     thesis: bool = False
+    _axes: dict[int, Frames] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _own: dict[int, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _states: dict[int, tuple[Array | None, States]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def axes(self, k: int) -> Frames:
+        """Return direction and weights of constants of a link, computed once."""
+        if k not in self._axes:
+            self._axes[k] = frames(self.links[:, k])
+        return self._axes[k]
+
+    def own(self, motion: ElasticMotion, k: int) -> Array:
+        """Return the unknowns of a link on its own axes, (times, n), computed once: not to be changed."""
+        if k not in self._own:
+            self._own[k] = motion.own_unknowns(k, self.links, self.displacements)
+        return self._own[k]
 
 
 def forces(
@@ -61,8 +80,8 @@ def forces(
     by_modes = forces_on_links(motion.layout, motion.beams)
     rates_of_modes = modal_rates(motion, found)
     for k, beam in enumerate(motion.beams):
-        axes, name = frames(found.links[:, k]), beam.info.link
-        rows = _link(motion, found, accelerations, k, axes) + rates_of_modes @ by_modes[k]
+        axes, name = found.axes(k), beam.info.link
+        rows = _link(motion, found, accelerations, k) + rates_of_modes @ by_modes[k]
         ends = [np.column_stack(axes.fixed(rows[:, u], rows[:, w])) for u, w in beam.joints]
         if name in bound:
             places = [motion.layout.of_links[k][list(end)] for end in beam.joints]
@@ -107,11 +126,11 @@ def accelerations_of(motion: ElasticMotion, equations: BeamEquations, found: Mot
     return made
 
 
-def _link(motion: ElasticMotion, found: Motion, accelerations: Array, k: int, axes: Frames) -> Array:
+def _link(motion: ElasticMotion, found: Motion, accelerations: Array, k: int) -> Array:
     """Return the external forces on a link at each of its unknowns, on its own axes, (times, n)."""
     beam = motion.beams[k]
-    s, v, a = own_motion(motion, found, accelerations, k, axes)
-    made = np.zeros_like(s)
+    s, v, a = own_motion(motion, found, accelerations, k)
+    axes, made = found.axes(k), np.zeros_like(s)
     wanted = {k for pair in beam.joints for k in pair}
     wanted |= {j for j, dof in enumerate(beam.dofs) if dof == "theta@0" or dof in beam.info.welded}
     own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
@@ -156,14 +175,24 @@ def _piece(
     return found
 
 
-def own_motion(
-    motion: ElasticMotion, found: Motion, accelerations: Array, k: int, axes: Frames
-) -> tuple[Array, Array, Array]:
-    """Return s, s' and s'' of a link's unknowns on its own turning axes, each (times, n)."""
-    rates = np.zeros_like(found.displacements) if found.rates is None else found.rates
-    s, v, a = (motion.own_unknowns(k, found.links, x) for x in (found.displacements, rates, accelerations))
+def own_motion(motion: ElasticMotion, found: Motion, accelerations: Array | None, k: int) -> States:
+    """Return s, s' and s'' of a link's unknowns on its own turning axes, each (times, n), computed once.
+
+    Without accelerations S'' those of s are not known, and not to be used.
+    """
+    known = found._states.get(k)
+    if known is None or not (accelerations is None or known[0] is accelerations):
+        known = found._states[k] = accelerations, _own_states(motion, found, accelerations, k)
+    return known[1]
+
+
+def _own_states(motion: ElasticMotion, found: Motion, accelerations: Array | None, k: int) -> States:
+    given = found.rates, accelerations
+    s, still = found.own(motion, k), np.zeros_like(found.displacements)
+    v, a = (motion.own_unknowns(k, found.links, still if x is None else x) for x in given)
     if found.rates is None or found.thesis:
         return s, v, a
+    axes = found.axes(k)
     by_rate, twice = axes.stiffness_damping_quarter, axes.damping_mass_quarter
     by_turn, ends = axes.stiffness_mass_quarter, axes.stiffness_mass_ends
     for u, w in motion.beams[k].joints:
@@ -184,9 +213,8 @@ def modal_rates(motion: ElasticMotion, found: Motion) -> Array:
     made = np.zeros((len(found.times), len(motion.layout.damped)))
     if found.rates is None or not made.size:
         return made
-    still = np.zeros_like(found.displacements)
     for k, own in enumerate(forces_on_links(motion.layout, motion.beams)):
-        made += own_motion(motion, found, still, k, frames(found.links[:, k]))[1] @ own.T
+        made += own_motion(motion, found, None, k)[1] @ own.T
     joints = motion.layout.joint_places[:-1]
     of_joints = motion.layout.damped[:, motion.layout.damped.shape[1] - len(joints) :]
     return made + found.rates[:, joints[joints >= 0]] @ of_joints[:, joints >= 0].T

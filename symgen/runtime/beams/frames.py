@@ -72,4 +72,4 @@ class Frames:
 
 def frames(motion: Array) -> Frames:
     """Return the columns of a link's rows of the kernel ``links``, (times, columns), by name."""
-    return Frames(**dict(zip(MOTION, motion.T, strict=True)))
+    return Frames(**dict(zip(MOTION, np.ascontiguousarray(motion.T), strict=True)))

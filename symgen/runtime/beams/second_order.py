@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from symgen.runtime import _beams
 from symgen.runtime.beams.elements import SHAPES, at, gauss, kernels
 from symgen.runtime.beams.forces import Motion
-from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.motion import ElasticMotion
 
 Array = NDArray[np.float64]
@@ -61,9 +60,8 @@ def _added(motion: ElasticMotion, k: int, kept: Motion, second: Array, inertia: 
         found: Array = np.sqrt(np.sum([(own @ rows[shape].T) ** 2 for shape in shapes], axis=0))
         return found
 
-    first, more, elastic = (
-        motion.own_unknowns(k, kept.links, x) for x in (kept.displacements, second, inertia)
-    )
+    first = kept.own(motion, k)
+    more, elastic = (motion.own_unknowns(k, kept.links, x) for x in (second, inertia))
     bent, axial = largest(first, "curvature") * fibre, largest(first, "axial_strain")
     peak = float(np.max(bent + axial))
     if peak <= _NOTHING:
@@ -103,9 +101,9 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
         nodes = np.array([beam.info.node(e) for e in range(n + 1)])
         places = (nodes[:-1, None] + np.diff(nodes)[:, None] * (1 + points) / 2).ravel()
         table = beam.table(places.tolist())
-        own = motion.own_unknowns(k, kept.links, kept.displacements)
         if not beam.info.axial:  # its axial force is of its constraint
             continue
+        own = kept.own(motion, k)
         stiffness = [at(beam.properties.axial, x) for x in (places * length).tolist()]
         strain, slope = own @ table["axial_strain"].T, own @ table["slope"].T
         rigid = np.zeros_like(slope)
@@ -116,7 +114,7 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
         forces = np.array([omits(u=row) for row in state]).reshape(*slope.shape, len(SHAPES))
         by = np.outer(np.diff(nodes), weights).ravel() * length / 2
         load = np.tensordot(forces * by[:, None], np.stack([table[name] for name in SHAPES], axis=1), axes=2)
-        axes = frames(kept.links[:, k])
+        axes = kept.axes(k)
         for u, w in beam.joints:
             load[:, u], load[:, w] = axes.fixed(load[:, u].copy(), load[:, w].copy())
         found[:, motion.layout.of_links[k]] += load

@@ -15,7 +15,7 @@ from symgen.runtime import _beams, _core
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.kept import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import COARSER, FINER, Errors
+from symgen.runtime.elastic.outputs import FEWER, FINER, Errors
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
 from symgen.runtime.integrate.options import TIGHTEST, recorded_at
 from symgen.runtime.integrate.pace import OutOfTime, Pace
@@ -160,6 +160,14 @@ def finer_counts(counts: Counts) -> Counts:
     return np.ceil(FINER * counts - 1e-9).astype(np.intp)
 
 
+def coarser_counts(counts: Counts, order: int) -> Counts | None:
+    """Return fewer steps to each time whose error tells that of a run; None where no whole numbers do."""
+    least, most = FEWER
+    fewer = np.ceil(counts / most ** (1 / order) - 1e-9)
+    growth = (counts / np.maximum(fewer, 1.0))[counts > 0] ** order
+    return fewer.astype(np.intp) if np.all(growth >= least) else None
+
+
 def next_factor(error: float, rtol: float, order: int, falls: bool) -> float:
     """Return by how much to multiply steps: twice at most, and twice until errors fall as the order says."""
     return min((error / rtol) ** (1 / order), 2.0) if falls else 2.0
@@ -262,8 +270,8 @@ def adapted(
 ) -> Found:
     """Take the requested steps, or as many as ``rtol`` needs; append complete runs to ``passes``.
 
-    The error of a run follows from another with finer steps, or where steps are given for a method of second
-    order from one with fewer: there errors fall so slowly that both tell as much. Where it falls as
+    The error of a run follows from another with finer steps, or where steps are given from one with fewer, if
+    whole numbers of steps allow. Where it falls as
     the method's order says, it gives the steps that are needed; before, where steps do not resolve a
     vibration, they are doubled, on the first part of the run if the error lasts. Steps after the last time
     with too large an error are kept.
@@ -298,9 +306,9 @@ def adapted(
 
     if task.steps is not None:
         found = run(counts, progress)
-        coarser = method.order == 2 and bool(np.all(counts[counts > 0] > 1))
-        other = np.where(counts > 0, counts / COARSER, 0).astype(np.intp) if coarser else finer_counts(counts)
-        error = float(np.max(errors.of(found[0], run(other)[0], coarser=coarser)))
+        other = coarser_counts(counts, method.order)
+        compared = run(finer_counts(counts) if other is None else other)
+        error = float(np.max(errors.of(found[0], compared[0], coarser=other is not None)))
         return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
     order = np.argsort(times, kind="stable")
     found = run(counts, progress)
