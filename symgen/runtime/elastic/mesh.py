@@ -133,8 +133,18 @@ class MeshedMotion(ElasticMotion):
         return self._with(tuple(replace(beam.info, reduction="", modes=0) for beam in self.beams))
 
     def refined(self) -> MeshedMotion:
-        """Return the same with every element of every link divided in two."""
+        """Return the same with every element of every link divided in two, made once for all poses."""
+        return self._refined
+
+    @cached_property
+    def _refined(self) -> MeshedMotion:
         return self._with(tuple(halved(beam.info) for beam in self.beams))
+
+    def __copy__(self) -> MeshedMotion:
+        """Return a copy, which may be changed: without the motion of halved elements."""
+        made = object.__new__(type(self))
+        vars(made).update((name, value) for name, value in vars(self).items() if name != "_refined")
+        return made
 
     def _with(self, beams: tuple[BeamInfo, ...]) -> MeshedMotion:
         made = MeshedMotion(self.rigid, self._stiffened, self._with_motor)
