@@ -56,7 +56,8 @@ def _refuse(problem: str, where: str) -> None:
 
 def _word(name: str) -> str:
     if name in _RESERVED:
-        return f"{name!r} already has a meaning in expressions"
+        meaning = ": the time" if name == "t" else ""
+        return f"{name!r} already has a meaning in expressions{meaning}"
     return f"{name!r} is a word of Python, which expressions cannot use as a name" if iskeyword(name) else ""
 
 
