@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: The part of a constraint's slopes within which others agree, and of stiffness below which it is neutral.
 _EQUAL, _NEUTRAL = 1e-9, 1e-12
+#: Solutions of the equations of a moved pose, each of what the one before leaves.
+_REFINED = 3
 
 
 def at_pose(
@@ -37,10 +39,10 @@ def at_pose(
         When a derivative is not finite.
     """
     tangents.check_closed()
-    dq, du = moved_pose(tangents, parameters, coordinates)
+    dq, du = _moved(tangents, parameters, coordinates)
     residual, by = tangents.slopes.residual, tangents.columns(parameters)
     dw = tangents.solved(residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du + residual[:, by])
-    return _of_outputs(tangents, outputs, parameters, dq, du, dw)
+    return _of_outputs(tangents, outputs, parameters, dq.astype(float), du.astype(float), dw)
 
 
 def moved_pose(
@@ -53,14 +55,29 @@ def moved_pose(
     ModelError
         As :meth:`Tangents.directions`; for a parameter that breaks redundant constraints.
     """
+    dq, du = _moved(tangents, parameters, coordinates)
+    return dq.astype(float), du.astype(float)
+
+
+def _moved(
+    tangents: Tangents, parameters: Sequence[str], coordinates: Sequence[str]
+) -> tuple[NDArray[np.longdouble], NDArray[np.longdouble]]:
+    """Return the same in long double."""
     slopes, by = tangents.slopes, tangents.columns(parameters)
     unit = tangents.free @ np.linalg.inv(tangents.directions(coordinates))
     places, rates = slopes.rows(coordinates), slopes.rows([f"{name}'" for name in coordinates])
-    dq = _closing(tangents, parameters)
-    dq = dq - unit @ (places[:, tangents.by_q] @ dq + places[:, by])
-    moved = slopes.rates[:, tangents.by_q] @ dq + slopes.rates[:, by]
-    du = -tangents.bound @ (moved / tangents.scale[:, None])
-    du = du - unit @ (rates[:, tangents.by_q] @ dq + rates[:, tangents.by_u] @ du + rates[:, by])
+    # Directions of short links follow from small differences of displacements of long ones.
+    dq = _closing(tangents, parameters).astype(np.longdouble)
+    du = np.zeros_like(dq)
+    for again in range(_REFINED):
+        if again:
+            opened = slopes.constraints[:, tangents.by_q] @ dq + slopes.constraints[:, by]
+            dq = dq - tangents.bound @ (opened / tangents.scale[:, None])
+        dq = dq - unit @ (places[:, tangents.by_q] @ dq + places[:, by])
+    for _ in range(_REFINED):
+        moved = slopes.rates[:, tangents.by_q] @ dq + slopes.rates[:, by] + tangents.jacobian @ du
+        du = du - tangents.bound @ (moved / tangents.scale[:, None])
+        du = du - unit @ (rates[:, tangents.by_q] @ dq + rates[:, tangents.by_u] @ du + rates[:, by])
     return dq, du
 
 

@@ -130,7 +130,7 @@ class Tangents:
         They are refined by residuals in long double: forces of masses of very different sizes cancel.
         """
         matrix = np.block([[self.mass, self.jacobian.T], [self.jacobian, np.zeros((self.m, self.m))]])
-        found = self._solved(right)
+        found = self._solved(right.astype(float))
         for _ in range(_REFINEMENTS):
             left = right.astype(np.longdouble) - matrix.astype(np.longdouble) @ found
             found = found + self._solved(left.astype(float))
