@@ -142,7 +142,8 @@ def _errors() -> Any:
 def _error(name: str) -> dict[str, Any] | None:
     """Return the row of a shipped linkage; None where there is nothing to differentiate by."""
     model = symgen.build(name)
-    model.sensitivity  # noqa: B018  # raises CapabilityError
+    if not isinstance(model, symgen.RodModel):
+        return None  # tests/loop and tests/elastic compare loops and elastic links
     data = dict(read_scene(SHIPPED / f"{name}.toml").data)
     positions = [f"{p}.position" for p in model.description.free]
     scene = symgen.Scene(**{**data, "analysis": {**data["analysis"], "outputs": positions}})
