@@ -91,3 +91,42 @@ def test_a_free_crank_has_no_quasi_static_shape():
         model.simulate(initial="quasi-static", revolutions=0.01)
     with pytest.raises(ModelError, match="nothing holds its free crank"):
         model.quasi_static()
+
+
+def test_release_from_modes(tmp_path):
+    """A cantilever at rest swings in both modes at once, w = a cos(w1 t) + b cos(w2 t) at its tip."""
+    model = bars.cantilever(tmp_path, ", elements = 3", more='[analysis]\nt_end = "0.1 s"\n')
+    a, b = 2e-3, -3e-4
+    run = model.simulate(initial=[a, b], rtol=1e-7, samples=31, t_end=0.05)
+    roots, t = np.array([1.8751040687, 4.6940911330]), run.coordinate.values
+    speeds = roots**2 * np.sqrt(bars.E * bars.INERTIA / (bars.RHO * bars.AREA)) / bars.LENGTH**2
+    expected = a * np.cos(speeds[0] * t) + b * np.cos(speeds[1] * t)
+    assert np.abs(run["tip.displacement"].values[:, 1] - expected).max() < 1e-5 * a
+    # Largest displacements of one at the tip: the modal masses are a quarter of the mass.
+    energy = bars.RHO * bars.AREA * bars.LENGTH / 8 * (speeds**2 @ [a**2, b**2])
+    total = run["kinetic_energy"].values + run["strain_energy"].values
+    assert total == pytest.approx(energy, rel=1e-5)
+    assert run.mesh_error < 1e-3
+
+
+def test_modes_are_carried_along_by_the_rigid_motion(tmp_path):
+    """At the start nothing moves relative to a strip that rotates."""
+    model = bars.cantilever(tmp_path, ", elements = 2", speed="20 rad/s")
+    times = [0.0, 1e-6, 2e-6]
+    run = model.simulate(initial=[1e-3], steps=2000, t_eval=times, t_end=2e-6)
+    deflection = run["bar.deflection"].values
+    displacement = run["tip.displacement"].values
+    assert displacement[0] == pytest.approx([0.0, 1e-3], abs=1e-12)
+    # The tip turns with the strip, and no faster.
+    rate = np.array([-3.0, 4.0, -1.0]) @ displacement[:, 0] / 2e-6
+    assert rate == pytest.approx(-20.0 * 1e-3, rel=1e-4)
+    assert abs(deflection[1] - deflection[0]) < 1e-6 * abs(deflection[0])
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [([0.0] * 9, "at most 4 modes"), ([float("nan")], "finite numbers"), ("bent", "no initial")],
+)
+def test_bad_initial_states(heavy, given, words):
+    with pytest.raises(ModelError, match=words):
+        heavy.simulate(initial=given)

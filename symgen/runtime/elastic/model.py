@@ -241,9 +241,7 @@ class ElasticModel(Model):
                 command = own[method].replace("_", "-")
                 hint = f"It is model.{own[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
-        if asked.initial not in INITIAL:
-            known = nearest(asked.initial, INITIAL)
-            raise ModelError(f"there is no initial state {asked.initial!r} of elastic links. {known}")
+        initial = _initial(asked.initial)
         if t_end is not None:
             if revolutions is not None:
                 raise ModelError("give t_end or revolutions, not both")
@@ -265,7 +263,7 @@ class ElasticModel(Model):
             max_step=asked.max_step,
             t_end=t_end,
             t_eval=times,
-            initial=asked.initial,
+            initial=initial,
         )
 
     @takes(Periodic)
@@ -323,3 +321,19 @@ class ElasticModel(Model):
         with limited(asked.max_wall):
             rods = self._in_segments(segments)
             return exact_run(self._motion(True), rods, replace(asked, segments=segments))
+
+
+def _initial(given: str | Sequence[float]) -> str | tuple[float, ...]:
+    """Return the initial state of a run: its name, or amplitudes of modes [m].
+
+    Raises
+    ------
+    ModelError
+        For an unknown name, and amplitudes that are not finite.
+    """
+    if isinstance(given, str):
+        if given not in INITIAL:
+            known = nearest(given, INITIAL)
+            raise ModelError(f"there is no initial state {given!r} of elastic links. {known}")
+        return given
+    return tuple(reals(given, "the amplitudes of modes at the start").tolist())

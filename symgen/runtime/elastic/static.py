@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
-from symgen.runtime.elastic.modes import stiffness_sizes
+from symgen.runtime.elastic.modes import elastic_modes, stiffness_sizes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.steps import Found, Start, Task, turn
 from symgen.runtime.integrate.pace import OutOfTime, Pace
 
 Array = NDArray[np.float64]
 
+#: Places along each link at which the largest displacement of a mode is looked for.
+_PLACES = 65
 #: Poses of a quasi-static motion between two looks at the clock.
 _HELD = 32
 #: Corrections of a shape by the forces that it leaves unbalanced, summed link by link.
@@ -60,8 +62,54 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
     return found
 
 
+def of_modes(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    times: Array,
+    amplitudes: Sequence[float],
+) -> Array:
+    """Return sums of modes of the structure at rest in the poses of rising times, (times, unknowns).
+
+    Amplitudes [m] are those of the first modes that strain the structure: the largest displacement of an
+    elastic link from its rigid position. The component of this displacement that is larger, along the link or
+    across it, is positive in the first pose.
+
+    Raises
+    ------
+    ModelError
+        For more amplitudes than modes, and as :func:`elastic_modes`.
+    """
+    places = np.linspace(0.0, 1.0, _PLACES)
+    tables = [beam.table(places.tolist()) for beam in motion.beams]
+    found, first = np.zeros((len(times), motion.layout.unknowns)), dict[int, Array]()
+    for k, t in enumerate(times.tolist()):
+        modes = elastic_modes(motion, equations, t)
+        count = modes.shapes.shape[1] - modes.rigid
+        links = motion.rigid_motion(equations, np.array([t]))[1]
+        if len(amplitudes) > count:
+            raise ModelError(
+                f"{motion.rigid.name}: expected amplitudes of at most {count} modes as the initial state, "
+                f"got {len(amplitudes)}"
+            )
+        for number, size in enumerate(amplitudes):
+            shape = np.real(modes.shapes[:, modes.rigid + number])
+            own = [motion.own_unknowns(j, links, shape[None])[0] for j in range(len(tables))]
+            moved = np.array([[table["u"] @ s, table["w"] @ s] for table, s in zip(tables, own, strict=True)])
+            moved = np.moveaxis(moved, 1, 2).reshape(-1, 2)
+            largest = moved[np.argmax(np.linalg.norm(moved, axis=1))]
+            sign = np.sign(largest[np.argmax(np.abs(largest))])
+            if number in first:
+                sign = np.sign(np.sum(first[number] * moved))
+            scale = sign * size / np.linalg.norm(largest)
+            first.setdefault(number, sign * moved)
+            found[k] += scale * shape
+    return found
+
+
 def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) -> Start:
-    """Return the start of a motion in time: the quasi-static shape with its rates, or None if undeformed.
+    """Return the start of a motion in time with its rates: a shape that the rigid motion carries along.
+
+    It is the quasi-static one, or a sum of modes; None if undeformed.
 
     The rates are differences of fourth order of the shapes in five poses, at intervals that are shortened
     until they no longer change the rates.
@@ -77,7 +125,11 @@ def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) 
         return None
     found: list[Array] = []
     for apart in turn(motion) * _APART / np.pi ** np.arange(_SHORTER):  # no multiples of a load's period
-        shapes = quasi_static(motion, equations, apart * np.arange(5.0))
+        times = apart * np.arange(5.0)
+        if isinstance(task.initial, str):
+            shapes = quasi_static(motion, equations, times)
+        else:
+            shapes = of_modes(motion, equations, times, task.initial)
         found.append(np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) @ shapes / (12 * apart))
         size = float(np.max(np.abs(found[-1])))
         round_off = _ROUNDED * float(np.max(np.abs(shapes))) / apart

@@ -41,7 +41,10 @@ _ROUNDED = 2
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Options of a run; see :meth:`symgen.Model.simulate`. ``t_end`` applies to cranks at rest."""
+    """Options of a run; see :meth:`symgen.Model.simulate`. ``t_end`` applies to cranks at rest.
+
+    ``initial`` may be amplitudes [m] of the first modes.
+    """
 
     method: str
     samples: int
@@ -53,7 +56,7 @@ class Task:
     max_step: float | None = None
     t_end: float | None = None
     t_eval: tuple[float, ...] | None = None
-    initial: str = "undeformed"
+    initial: str | tuple[float, ...] = "undeformed"
 
 
 @dataclass(frozen=True, slots=True)

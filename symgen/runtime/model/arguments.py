@@ -180,7 +180,7 @@ class ElasticRun(Kept, _InSteps):
     samples: int | None = None
     t_eval: ArrayLike | None = None
     revolutions: float | None = None
-    initial: str = "undeformed"
+    initial: str | Sequence[float] = "undeformed"
 
 
 @dataclass(frozen=True, kw_only=True)

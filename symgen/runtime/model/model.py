@@ -96,7 +96,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         at: ArrayLike | None = None,
         form: str | None = None,
         geometric_stiffness: bool | None = None,
-        initial: str | None = None,
+        initial: str | Sequence[float] | None = None,
         max_steps: int | None = None,
         stabilisation: str | None = None,
         stabilisation_rate: float | None = None,
@@ -138,7 +138,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
             false omits geometric stiffness, whatever the scene says.
         initial
             Elastic links: ``undeformed``, at rest relative to the rigid motion (the default), or
-            ``quasi-static``, with the shape under the loads of the rigid motion at the start, and its rates.
+            ``quasi-static``, with the shape under the loads of the rigid motion at the start, and its rates;
+            or the amplitudes of the first modes at rest, their largest displacements [m].
         max_steps
             A run that needs more steps (1e9) ends with an error.
         stabilisation, stabilisation_rate
