@@ -47,14 +47,14 @@ def main() -> int:
 def measured() -> Measurement:
     """Solve the published problem once."""
     task = {"kind": "path", "points": [[f"{x} m" for x in p] for p in POINTS]}
-    begun, real = time.process_time(), time.perf_counter()
+    begun = time.process_time()
     found = symgen.synthesise(task)
-    seconds, real = time.process_time() - begun, time.perf_counter() - real
+    seconds = time.process_time() - begun
     row = {
         "paths": found.search.starts, "lost": found.search.singular, "four-bars": len(found.designs),
         "with cognates as one": len(found.designs) / 3, "published": REAL,
         "without a fault": sum(not d.faults for d in found.designs),
-        "processor time [s]": seconds, "time [s]": real,
+        "processor time [s]": seconds,
     }  # fmt: skip
     required = [
         Required("share of the published linkages", len(found.designs) / 3 / REAL, 1.0, True),

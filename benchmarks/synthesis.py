@@ -1,8 +1,13 @@
-"""Synthesis of four-bars: share of random tasks that are solved, the error, and the time for each.
+"""Synthesis of linkages: share of random tasks that are solved, the error, and the time for each.
 
-Each task prescribes four quantities of a random crank-rocker, which are computed by the law of cosines, or
-precision points that it passes. It is solved where that crank-rocker is among the linkages found, and
-running it on its branch finds no fault.
+Each feasible task prescribes quantities of a random crank-rocker or slider-crank, which are computed by the
+law of cosines, or precision points that it passes. It is solved where that linkage is among those found, and
+running it on its branch finds no fault. Choices of quantities that depend on each other are left out.
+
+Tasks without a solution prescribe swing, folded angle of the rocker and least transmission angle (Case I of
+the thesis on kineto-elastodynamics) whose sum is 180 deg or more: the triangle of the extended position does
+not exist then. Or they prescribe three angles and the fixed link that the rocker's triangles contradict. All
+must be refused; ``named`` are those whose refusal gives the contradiction, in place of a number of starts.
 """
 
 from __future__ import annotations
@@ -20,6 +25,8 @@ import symgen
 from symgen.errors import SceneError
 
 TASKS, SHARE, LARGEST_ERROR = 200, 0.97, 1e-9
+#: Starts of each search.
+STARTS = 60
 _LENGTHS = ("crank", "coupler", "rocker", "fixed_link")
 
 
@@ -33,14 +40,14 @@ def main() -> int:
 def measured(count: int) -> Measurement:
     """Solve tasks of every kind once."""
     rows, required = [], []
-    for kind, tasks in (("limits", limits), ("function", function)):
+    for kind, tasks in KINDS.items():
         solved, errors, seconds, asked = 0, [0.0], 0.0, 0
         for task, wanted in tasks(np.random.default_rng(0), count):
             begun = time.process_time()
             try:
-                designs = symgen.synthesise(task).designs
+                designs = symgen.synthesise({**task, "starts": STARTS}).designs
             except SceneError as error:
-                if "depend on each other" in str(error):
+                if "depend on each other" in str(error) or "got angles alone" in str(error):
                     continue
                 designs = ()
             seconds += time.process_time() - begun
@@ -57,7 +64,26 @@ def measured(count: int) -> Measurement:
             Required(f"{kind}: share solved", solved / asked, SHARE, True),
             Required(f"{kind}: relative error of the lengths", max(errors), LARGEST_ERROR, False),
         ]
-    return Measurement("Synthesis of random four-bars", rows, required)
+    refused, named, seconds = 0, 0, 0.0
+    for task in infeasible(np.random.default_rng(0), count):
+        begun = time.process_time()
+        try:
+            symgen.synthesise(task)
+        except SceneError as error:
+            refused += 1
+            named += "contradict" in str(error)
+        seconds += time.process_time() - begun
+    rows.append(
+        {"task": "no solution", "tasks": count, "solved": 0, "refused": refused, "named": named,
+         "processor time for one [s]": seconds / count}
+    )  # fmt: skip
+    required += [
+        Required("no solution: share refused", refused / count, 1.0, True),
+        Required("no solution: share named", named / count, 1.0, True),
+    ]
+    columns = ("task", "tasks", "solved", "refused", "named", "largest error", "processor time for one [s]")
+    rows = [{name: row.get(name) for name in columns} for row in rows]
+    return Measurement("Synthesis of random linkages", rows, required)
 
 
 def _error(design: Any, wanted: tuple[float, ...]) -> float:
@@ -109,6 +135,73 @@ def function(
         task = {"kind": "function", "fixed_link": f"{d!r} m", "input": (cranks - cranks[0]).tolist(),
                 "output": (rockers - rockers[0]).tolist()}  # fmt: skip
         yield task, (a, b, c, d)
+
+
+def motion(generator: np.random.Generator, count: int) -> Iterator[tuple[dict[str, Any], tuple[float, ...]]]:
+    """Yield tasks with five poses of a coupler, and the lengths that they come from."""
+    for _, (a, b, c, d) in zip(range(count), crank_rockers(generator), strict=False):
+        cranks = np.sort(generator.uniform(0, 2 * math.pi, 5)) * 0.5
+        places, turns = _coupler((a, b, c, d), cranks, generator)
+        yield {"kind": "motion", "points": places, "angles": turns.tolist()}, (a, b, c, d)
+
+
+def path(generator: np.random.Generator, count: int) -> Iterator[tuple[dict[str, Any], tuple[float, ...]]]:
+    """Yield tasks with five points of a path and both ground points, and the lengths that they come from."""
+    for _, (a, b, c, d) in zip(range(count), crank_rockers(generator), strict=False):
+        cranks = np.sort(generator.uniform(0, 2 * math.pi, 5))
+        places, _ = _coupler((a, b, c, d), cranks, generator)
+        ground = {"ground_x": ["0 m", f"{d!r} m"], "ground_y": ["0 m", "0 m"]}
+        yield {"kind": "path", "points": places, **ground}, (a, b, c, d)
+
+
+def _coupler(
+    lengths: tuple[float, ...], cranks: Any, generator: np.random.Generator
+) -> tuple[list[list[str]], Any]:
+    """Return places of a random point of the coupler, in metres, and its rotations [rad]."""
+    a, b, c, d = lengths
+    joint = a * np.exp(1j * cranks)
+    to = d - joint
+    turn = np.unwrap(np.angle(to) + [_angle(c, abs(z), b) for z in to.tolist()])
+    place = joint + b * complex(*generator.uniform(-1.0, 1.0, 2)) * np.exp(1j * turn)
+    return [
+        [f"{x!r} m", f"{y!r} m"] for x, y in zip(place.real.tolist(), place.imag.tolist(), strict=True)
+    ], turn
+
+
+def slider(generator: np.random.Generator, count: int) -> Iterator[tuple[dict[str, Any], tuple[float, ...]]]:
+    """Yield tasks with three quantities of a slider-crank, and the lengths that they come from."""
+    for _ in range(count):
+        l, share, part = generator.uniform([0.5, 0.1, 0.1], [2.0, 0.9, 0.9]).tolist()
+        r, e = l * share * part, l * share * (1 - part)
+        far, near = math.sqrt((l + r) ** 2 - e * e), math.sqrt((l - r) ** 2 - e * e)
+        every = {
+            "crank": r, "coupler": l, "offset": e, "stroke": far - near, "slider_extended": far,
+            "slider_folded": near, "crank_extended": math.atan2(e, far), "crank_folded": math.atan2(e, near),
+            "transmission_least": math.acos((e + r) / l), "transmission_greatest": math.acos((e - r) / l),
+        }  # fmt: skip
+        names = generator.choice([*every], 3, replace=False).tolist()
+        angles = ("crank_extended", "crank_folded", "transmission_least", "transmission_greatest")
+        values = {name: f"{every[name]!r} {'rad' if name in angles else 'm'}" for name in names}
+        yield {"kind": "limits", "linkage": "slider-crank", **values}, (r, l, e)
+
+
+def infeasible(generator: np.random.Generator, count: int) -> Iterator[dict[str, Any]]:
+    """Yield tasks without a solution: 180 deg or more in a triangle, or angles that contradict it."""
+    for i in range(count):
+        if i % 2:
+            swing, folded = generator.uniform([20, 20], [90, 90]).tolist()
+            least = 180 - swing - folded + generator.uniform(0, 30)
+            if not 0 < least < 180:
+                least = 179.0
+            angles = {"swing": swing, "rocker_folded": folded, "transmission_least": least}
+        else:
+            crank, rocker = generator.uniform([10, 30], [60, 90]).tolist()
+            angles = {"crank_extended": crank, "rocker_extended": rocker}
+            angles["transmission_greatest"] = generator.uniform(0.2, 1.0) * (180 - crank - rocker)
+        yield {"kind": "limits", "fixed_link": "1 m", **{n: f"{x!r} deg" for n, x in angles.items()}}
+
+
+KINDS = {"limits": limits, "slider-crank": slider, "function": function, "motion": motion, "path": path}
 
 
 if __name__ == "__main__":

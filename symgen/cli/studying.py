@@ -48,6 +48,11 @@ def synthesise(
     out: Annotated[
         Path | None, typer.Option(help="Folder for the linkages as scenes: four_bar_1.toml and so on.")
     ] = None,
+    vary: Annotated[
+        str | None,
+        typer.Option(help="Design chart of limit positions over a quantity: swing=20deg:90deg:15."),
+    ] = None,
+    plot: o.Plot = None,
     page: o.Page = None,
     as_json: o.Json = False,
 ) -> None:
@@ -69,6 +74,11 @@ def synthesise(
         writable_folder(out)
     if page:
         writable(page, (".html",), "page")
+    if vary:
+        _chart(task, vary, plot, page, as_json)
+        return
+    if plot:
+        raise ModelError("expected --vary NAME=START:STOP:COUNT with --plot, which draws a design chart")
     result = found(task)
     if page:
         write_text(page, render_study(synthesis_page(result, task.stem)))
@@ -83,6 +93,27 @@ def synthesise(
         console().print(f"{len(result.designs)} scenes in {out}", soft_wrap=True)
     if page:
         console().print(f"wrote {page}", soft_wrap=True)
+
+
+def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json: bool) -> None:
+    """Print, plot and write a design chart."""
+    from symgen.atomic import write_text
+    from symgen.report.page.study import render_study
+    from symgen.report.synthesis import chart_page, plot_chart, print_chart
+    from symgen.synthesis.charts import design_chart, values_of
+
+    name, values = values_of(task, vary)
+    chart = design_chart(task, name, values)
+    if plot:
+        plot_chart(chart, plot)
+    if page:
+        write_text(page, render_study(chart_page(chart, task.stem)))
+    if as_json:
+        print_json(chart.summary())
+        return
+    print_chart(chart, console())
+    for file in filter(None, (plot, page)):
+        console().print(f"wrote {file}", soft_wrap=True)
 
 
 @analysis(

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
 
 from symgen.report.page.drawing import Line, Node, Sketch
+from symgen.report.page.figures import plain_figure
 from symgen.report.page.page import TableView
+from symgen.report.page.plots import save
 from symgen.report.page.sheet import Sheet
 from symgen.report.page.study import StudyPage
 from symgen.report.tables import table
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Most linkages of which a page has drawings.
+_DRAWN = 60
+_CHART_UNITS = "lengths in m; mu: transmission angle in deg over a revolution of the crank"
 _NOUNS = {"spherical": "spherical four-bar"}
 
 
@@ -73,9 +82,97 @@ def synthesis_page(found: Any, name: str) -> StudyPage:
         title=_title(found),
         facts=(),
         tables=(TableView(_heads(found), tuple(_rows(found))),),
-        drawings=tuple(_drawn(i, d.linkage).svg() for i, d in enumerate(found.designs, start=1)),
+        drawings=tuple(_drawn(i, d.linkage).svg() for i, d in enumerate(found.designs[:_DRAWN], start=1)),
         notes=(_units(found)[0].upper() + _units(found)[1:], *_faults(found)),
     )
+
+
+def _chart_rows(chart: Any) -> Iterator[tuple[str, ...]]:
+    """Yield value, lengths and transmission angles of every linkage of a chart."""
+    unit = math.degrees(1.0) if chart.unit == "rad" else 1.0
+    for x, designs in zip(chart.values, chart.designs, strict=True):
+        for design in designs:
+            angles = (design.quantities[f"transmission_{end}"] for end in ("minimum", "maximum"))
+            lengths = design.linkage.lengths.values()
+            yield (
+                f"{unit * x:.6g}",
+                *(f"{length:.6g}" for length in lengths),
+                *(f"{math.degrees(angle):.2f}" for angle in angles),
+            )
+
+
+def _chart_gaps(chart: Any) -> Iterator[str]:
+    unit = math.degrees(1.0) if chart.unit == "rad" else 1.0
+    for x, reason in zip(chart.values, chart.reasons, strict=True):
+        if reason:
+            yield f"{unit * x:.6g}: {reason}"
+
+
+def _chart_heads(chart: Any) -> tuple[str, ...]:
+    design = next(d for designs in chart.designs for d in designs)
+    names = (name.removesuffix("_link") for name in design.linkage.lengths)
+    unit = {"rad": " [deg]", "m": " [m]"}.get(chart.unit, "")
+    return (chart.name + unit, *names, "mu min", "mu max")
+
+
+def print_chart(chart: Any, console: Console) -> None:
+    """Print lengths and transmission angles of all linkages of a design chart."""
+    console.print(table(chart.title or "Design chart", _chart_heads(chart), _chart_rows(chart), keys=1))
+    console.print(_CHART_UNITS)
+    for gap in _chart_gaps(chart):
+        console.print(gap)
+
+
+def chart_page(chart: Any, name: str) -> StudyPage:
+    """Return the page of a design chart: the plot and the table."""
+    return StudyPage(
+        name=name,
+        title=chart.title or "Design chart",
+        facts=(),
+        tables=(TableView(_chart_heads(chart), tuple(_chart_rows(chart))),),
+        notes=(_CHART_UNITS[0].upper() + _CHART_UNITS[1:], *_chart_gaps(chart)),
+        figures=(plain_figure(lambda: plot_chart(chart), f"Lengths and angles over {chart.name}"),),
+    )
+
+
+def plot_chart(chart: Any, file: str | os.PathLike[str] | None = None) -> Figure:
+    """Plot lengths [m] and angles [deg] of the linkages of a design chart over the varied quantity.
+
+    Raises
+    ------
+    ResultError
+        If the file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 7), layout="constrained")
+    panels = figure.subplots(2, 1, sharex=True)
+    unit = math.degrees(1.0) if chart.unit == "rad" else 1.0
+    rows = [(unit * x, d) for x, designs in zip(chart.values, chart.designs, strict=True) for d in designs]
+    several = any(len(designs) > 1 for designs in chart.designs)
+    line = {"marker": ".", "linestyle": "none" if several else "-"}
+    lengths = rows[0][1].linkage.lengths
+    for name in lengths:
+        panels[0].plot([x for x, _ in rows], [d.linkage.lengths[name] for _, d in rows], label=name, **line)
+    angles = [n for n in rows[0][1].quantities if n not in lengths and n != chart.name and _is_angle(n)]
+    for name in angles:
+        ys = [math.degrees(d.quantities[name]) for _, d in rows]
+        panels[1].plot([x for x, _ in rows], ys, label=name, **line)
+    panels[0].set_ylabel("lengths [m]")
+    panels[1].set_ylabel("angles [deg]")
+    panels[1].set_xlabel(_chart_heads(chart)[0])
+    for panel in panels:
+        panel.grid(alpha=0.3)
+        panel.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.suptitle(chart.title or "Design chart", fontsize="medium")
+    if file is not None:
+        save(figure, file)
+    return figure
+
+
+def _is_angle(name: str) -> bool:
+    """Return whether a quantity of a chart is an angle that has no other name there."""
+    return name.startswith(("swing", "crank_", "rocker_e", "rocker_f", "transmission_m", "transmission_e"))
 
 
 def _drawn(number: int, linkage: Any) -> Sheet:
@@ -90,8 +187,11 @@ def _drawn(number: int, linkage: Any) -> Sheet:
         if "C" not in at:  # the guide, as long as the crank to either side of the slider
             along = linkage.lengths["crank"] * linkage.along
             lines.append(Line("rail", "guide", np.array([at["B"] - along, at["B"] + along])))
+    if "P" in at and linkage.turns:
+        turned = linkage.parameters["start"] + np.linspace(0.0, 2 * np.pi, 121)
+        lines.append(Line("path", "", linkage.angles(turned)["P.position"].values))
     nodes = tuple(Node(name, place, kinds.get(name, "joint")) for name, place in at.items())
-    unit = "m" if "P" in at else "1"
+    unit = "m" if "P" in at else "radii"
     return Sheet(f"linkage {number}", [Sketch(nodes, tuple(lines), np.zeros(2), unit)], {}, (unit, 1.0))
 
 

@@ -15,8 +15,19 @@ from symgen.mechanics.synthesis.points import cognate
 from symgen.scene.units import NUMBER
 from symgen.synthesis import nine_points
 from symgen.synthesis.four_bar import FourBar
-from symgen.synthesis.points import ONE_LINK, Found, distinct, enough, equations_at, numbered, same
-from symgen.synthesis.search import Search, conditions, search
+from symgen.synthesis.search import (
+    ONE_LINK,
+    Found,
+    Search,
+    conditions,
+    distinct,
+    enough,
+    equations_at,
+    numbered,
+    same,
+    search,
+    size_of,
+)
 from symgen.synthesis.slider_crank import SliderCrank
 from symgen.synthesis.spherical import SphericalFourBar
 from symgen.synthesis.tasks import DYAD, SLIDE, SPHERICAL_DYAD, values
@@ -105,7 +116,7 @@ def _poses(task: Any) -> tuple[Array, float]:
         raise SceneError(
             f"expected as many angles as points, {len(places)}, got {len(angles)}", where="angles"
         )
-    return np.column_stack([places, angles]), _size(places)
+    return np.column_stack([places, angles]), size_of(places)
 
 
 def _frame() -> Array:
@@ -137,7 +148,7 @@ def path(task: Any) -> Found:
         When there are too few points for the unknowns.
     """
     places = task.places()
-    count, size = len(places), _size(places)
+    count, size = len(places), size_of(places)
     places = places / size
     *kinds, made = _LINKAGES[task.linkage]
     given = [{n: x / (size if n in _LENGTHS else 1.0) for n, x in side.items()} for side in task.given()]
@@ -331,14 +342,6 @@ _LINKAGES: dict[str, tuple[Kind, Kind, Callable[..., Any]]] = {
     "spherical": (_AXES, _AXES, _spherical),
 }
 _LENGTHS = frozenset(DYAD) | frozenset(SLIDE) - {"guide_angle"}
-
-
-def _size(places: Array) -> float:
-    """Return the size of the points; raise SceneError if they are one."""
-    size = float(np.linalg.norm(np.ptp(places, axis=0)))
-    if not size > 0:
-        raise SceneError("expected points at different places", where="points")
-    return size
 
 
 def crank_directions(linkage: Any, poses: Array) -> Array:

@@ -11,8 +11,16 @@ from numpy.typing import NDArray
 from symgen.errors import SceneError
 from symgen.scene.units import LENGTH, NUMBER
 from symgen.synthesis.four_bar import FourBar
-from symgen.synthesis.points import ONE_LINK, Found, distinct, enough, equations_at, numbered
-from symgen.synthesis.search import conditions, search
+from symgen.synthesis.search import (
+    ONE_LINK,
+    Found,
+    conditions,
+    distinct,
+    enough,
+    equations_at,
+    numbered,
+    search,
+)
 from symgen.synthesis.slider_crank import SliderCrank
 from symgen.synthesis.spherical import SphericalFourBar
 from symgen.synthesis.tasks import FunctionTask, SliderFunctionTask, SphericalFunctionTask, value, values

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: Loss of rank, relative to the largest singular value.
 _LOST = 1e-9
+#: Values of a range at which linkages are found, and the change of a refined one, over the range.
+_VALUES, _REFINED = 25, 1e-10
 #: Angle below zero, or length, that counts as zero: rounding.
 _ROUNDING = 1e-9
 
@@ -41,9 +43,9 @@ class Kind:
         Number of conditions.
     necessary
         Linear relations of the quantities, as SymPy.
-    random, accepts, drawn, measured
+    random, accepts, drawn, measured, transmission
         Lengths of a random linkage and its quantities; whether a root is a linkage; the linkage of a root;
-        quantities measured in a run.
+        quantities measured in a run; and extremes of the transmission angle.
     """
 
     block: str
@@ -55,6 +57,7 @@ class Kind:
     accepts: Callable[[dict[str, float]], bool]
     drawn: Callable[[dict[str, float]], Any]
     measured: Callable[[Any], Iterator[tuple[str, float]]]
+    transmission: Callable[[Any], tuple[float, float]]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -119,6 +122,52 @@ def linkages(kind: Kind, given: dict[str, float], starts: int, seed: int) -> tup
             kept.append(kind.drawn({**named, "error": error}))
     kept.sort(key=lambda linkage: [*linkage.lengths.values()])
     return [linkage.scaled(scale) for linkage in kept], found
+
+
+def best(
+    kind: Kind, given: dict[str, float], ranges: dict[str, tuple[float, float]], starts: int, seed: int
+) -> tuple[list[Any], Search]:
+    """Return the linkage of best transmission, with one of its quantities in a range [m, rad].
+
+    Its transmission angle is least off 90 deg, at worst, over a revolution of the crank: the thesis on
+    kineto-elastodynamics (Chapter III) bounds this angle. Linkages are found at values of the range, with a
+    fifth of the starts each, and the best of them is refined by Brent's method between its neighbours.
+
+    Raises
+    ------
+    SceneError
+        When there is more than one range, or its ends are not in order.
+    """
+    from scipy.optimize import minimize_scalar
+
+    if len(ranges) > 1:
+        raise SceneError(f"expected one range, got {len(ranges)}: {', '.join(ranges)}")
+    ((name, (low, high)),) = ranges.items()
+    if not low < high:
+        raise SceneError("expected a range of rising values", where=name)
+    searches: list[Search] = []
+
+    def at(value: float) -> tuple[float, Any]:
+        found, search = linkages(kind, {**given, name: float(value)}, max(starts // 5, 1), seed)
+        searches.append(search)
+        rated = [(_off_right(kind, linkage), linkage) for linkage in found]
+        return min(rated, key=lambda pair: pair[0], default=(np.pi, None))
+
+    values = np.linspace(low, high, _VALUES)
+    tried = [at(value) for value in values]
+    top = int(np.argmin([off for off, _ in tried]))
+    if tried[top][1] is None:
+        return [], searches[0]
+    ends = values[max(top - 1, 0)], values[min(top + 1, _VALUES - 1)]
+    refined = minimize_scalar(
+        lambda value: at(value)[0], bounds=ends, method="bounded", options={"xatol": _REFINED * (high - low)}
+    )
+    return [min(tried[top], at(refined.x), key=lambda pair: pair[0])[1]], searches[top]
+
+
+def _off_right(kind: Kind, linkage: Any) -> float:
+    """Return by how much the transmission angle differs from a right angle, at worst [rad]."""
+    return max(abs(angle - np.pi / 2) for angle in kind.transmission(linkage))
 
 
 def _over(given: dict[str, float], lengths: frozenset[str]) -> tuple[dict[str, float], float]:
@@ -206,6 +255,10 @@ def _measured_crank_rocker(linkage: FourBar) -> Iterator[tuple[str, float]]:
     run = linkage.angles([extended, extended + np.pi, folded + np.pi, 0.0, np.pi])
     rocker, transmission = run["rocker.angle"].values, np.abs(run["A.B.C.angle"].values)
     yield "swing", float(abs(rocker[2] - rocker[0]))
+    yield "crank_extended", extended
+    yield "crank_folded", folded
+    yield "rocker_extended", float(np.pi - rocker[0])
+    yield "rocker_folded", float(np.pi - rocker[2])
     yield "transmission_extended", float(transmission[0])
     yield "transmission_folded", float(transmission[2])
     yield "transmission_least", float(transmission[3])
@@ -253,6 +306,8 @@ def _measured_slider_crank(linkage: SliderCrank) -> Iterator[tuple[str, float]]:
     slider = run["B.position"].values[:, 0]
     # From the normal of the guide that points to the crank.
     transmission = np.pi / 2 - run["coupler.angle"].values
+    yield "crank_extended", float(extended)
+    yield "crank_folded", float(folded)
     yield "slider_extended", float(slider[0])
     yield "slider_folded", float(slider[1])
     yield "stroke", float(slider[0] - slider[1])
@@ -261,11 +316,21 @@ def _measured_slider_crank(linkage: SliderCrank) -> Iterator[tuple[str, float]]:
     yield "time_ratio", _time_ratio({"crank_extended": extended, "crank_folded": folded})
 
 
+def _transmission_of_rocker(linkage: FourBar) -> tuple[float, float]:
+    a, b, c, d = linkage.lengths.values()
+    return angle(d - a, b, c), angle(d + a, b, c)
+
+
+def _transmission_of_slider(linkage: SliderCrank) -> tuple[float, float]:
+    r, l, e = linkage.lengths.values()
+    return float(np.arccos((e + r) / l)), float(np.arccos((e - r) / l))
+
+
 CRANK_ROCKER = Kind(
     "synthesis_limits", "a crank-rocker", relations.QUANTITIES, 10, relations.necessary, _crank_rocker,
-    _is_crank_rocker, _drawn_crank_rocker, _measured_crank_rocker,
+    _is_crank_rocker, _drawn_crank_rocker, _measured_crank_rocker, _transmission_of_rocker,
 )  # fmt: skip
 SLIDER_CRANK = Kind(
     "synthesis_slider_limits", "a slider-crank", relations.SLIDER_QUANTITIES, 8, relations.slider_necessary,
-    _slider_crank, _is_slider_crank, _drawn_slider_crank, _measured_slider_crank,
+    _slider_crank, _is_slider_crank, _drawn_slider_crank, _measured_slider_crank, _transmission_of_slider,
 )  # fmt: skip

@@ -16,8 +16,7 @@ from symgen.errors import SceneError, SimulationError
 from symgen.synthesis import dyads, function, limits
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.linkage import Linkage, angle
-from symgen.synthesis.points import Found
-from symgen.synthesis.search import Search
+from symgen.synthesis.search import Found, Search
 from symgen.synthesis.slider_crank import SliderCrank
 from symgen.synthesis.spherical import SphericalFourBar
 from symgen.synthesis.tasks import LimitTask, SliderLimitTask, Task, read_task
@@ -103,8 +102,12 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
     """
     title, asked = read_task(task)
     if isinstance(asked, LimitTask | SliderLimitTask):
-        kind, given = _LIMITS[asked.linkage], asked.given()
-        linkages, search = limits.linkages(kind, given, asked.starts, asked.seed)
+        kind = LIMITS[asked.linkage]
+        given, ranges = asked.given()
+        if ranges:
+            linkages, search = limits.best(kind, given, ranges, asked.starts, asked.seed)
+        else:
+            linkages, search = limits.linkages(kind, given, asked.starts, asked.seed)
         designs = [_checked(linkage, partial(_limits, kind, linkage, given)) for linkage in linkages]
         if not designs:
             reason = kind.why_not(given)
@@ -125,7 +128,8 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
     return Synthesis(title, asked.kind, asked.linkage, ordered, search)
 
 
-_LIMITS = {"four-bar": limits.CRANK_ROCKER, "slider-crank": limits.SLIDER_CRANK}
+#: Limit positions by linkage.
+LIMITS = {"four-bar": limits.CRANK_ROCKER, "slider-crank": limits.SLIDER_CRANK}
 _GENERATIONS: dict[tuple[str, str], Callable[[Any], Found]] = {
     ("function", "four-bar"): function.four_bars,
     ("function", "slider-crank"): function.slider_cranks,

@@ -26,6 +26,8 @@ Starts = Annotated[int, Field(ge=1, le=1_000_000, description="Number of random 
 Seed = Annotated[int, Field(ge=0, description="Seed of the starts: the same seed gives the same results.")]
 Pair = Annotated[list[Value], Field(min_length=2, max_length=2)]
 Vector = Annotated[list[Value], Field(min_length=3, max_length=3)]
+#: A prescribed value, or the ends of a range in which the best is found.
+Limit = Value | Pair
 Values = Annotated[list[Value], Field(min_length=2, max_length=100)]
 
 
@@ -39,24 +41,24 @@ class LimitTask(_Search):
 
     kind: Literal["limits"]
     linkage: Literal["four-bar"] = "four-bar"
-    crank: Value | None = None
-    coupler: Value | None = None
-    rocker: Value | None = None
-    fixed_link: Value | None = None
-    swing: Value | None = None
-    crank_extended: Value | None = None
-    rocker_extended: Value | None = None
-    transmission_extended: Value | None = None
-    crank_folded: Value | None = None
-    rocker_folded: Value | None = None
-    transmission_folded: Value | None = None
-    transmission_least: Value | None = None
-    transmission_greatest: Value | None = None
-    time_ratio: Value | None = None
+    crank: Limit | None = None
+    coupler: Limit | None = None
+    rocker: Limit | None = None
+    fixed_link: Limit | None = None
+    swing: Limit | None = None
+    crank_extended: Limit | None = None
+    rocker_extended: Limit | None = None
+    transmission_extended: Limit | None = None
+    crank_folded: Limit | None = None
+    rocker_folded: Limit | None = None
+    transmission_folded: Limit | None = None
+    transmission_least: Limit | None = None
+    transmission_greatest: Limit | None = None
+    time_ratio: Limit | None = None
     starts: Starts = 60
 
-    def given(self) -> dict[str, float]:
-        """Return the prescribed quantities [m, rad]."""
+    def given(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+        """Return the prescribed quantities [m, rad], and ranges of others."""
         return _given(self, QUANTITIES)
 
 
@@ -65,28 +67,36 @@ class SliderLimitTask(_Search):
 
     kind: Literal["limits"]
     linkage: Literal["slider-crank"]
-    crank: Value | None = None
-    coupler: Value | None = None
-    offset: Value | None = None
-    stroke: Value | None = None
-    slider_extended: Value | None = None
-    slider_folded: Value | None = None
-    crank_extended: Value | None = None
-    crank_folded: Value | None = None
-    transmission_least: Value | None = None
-    transmission_greatest: Value | None = None
-    time_ratio: Value | None = None
+    crank: Limit | None = None
+    coupler: Limit | None = None
+    offset: Limit | None = None
+    stroke: Limit | None = None
+    slider_extended: Limit | None = None
+    slider_folded: Limit | None = None
+    crank_extended: Limit | None = None
+    crank_folded: Limit | None = None
+    transmission_least: Limit | None = None
+    transmission_greatest: Limit | None = None
+    time_ratio: Limit | None = None
     starts: Starts = 60
 
-    def given(self) -> dict[str, float]:
-        """Return the prescribed quantities [m, rad]."""
+    def given(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+        """Return the prescribed quantities [m, rad], and ranges of others."""
         return _given(self, SLIDER_QUANTITIES)
 
 
-def _given(task: Table, quantities: tuple[tuple[str, str, str], ...]) -> dict[str, float]:
-    """Return the prescribed quantities in SI units."""
-    units = {name: LENGTH if unit == "m" else NUMBER for name, unit, _ in quantities}
-    return {n: value(getattr(task, n), d, n) for n, d in units.items() if getattr(task, n) is not None}
+def _given(
+    task: Table, quantities: tuple[tuple[str, str, str], ...]
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    given, ranges = {}, {}
+    for name, unit, _ in quantities:
+        written, dim = getattr(task, name), LENGTH if unit == "m" else NUMBER
+        if isinstance(written, list):
+            low, high = values(written, dim, name)
+            ranges[name] = float(low), float(high)
+        elif written is not None:
+            given[name] = value(written, dim, name)
+    return given, ranges
 
 
 class FunctionTask(_Search):

@@ -1,0 +1,119 @@
+"""Design charts: linkages of prescribed limit positions over values of one of the quantities."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from symgen.calls import checked
+from symgen.errors import SceneError, nearest
+from symgen.scene.units import LENGTH, NUMBER
+from symgen.synthesis.synthesise import LIMITS, Design, Synthesis, synthesise
+from symgen.synthesis.tasks import LimitTask, SliderLimitTask, read_task, value
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class DesignChart:
+    """Linkages over values of a quantity.
+
+    Attributes
+    ----------
+    title, linkage
+        Those of the task.
+    name, unit, values
+        The varied quantity in SI units: rad, m or 1.
+    designs
+        For each value the linkages found, without faults; none where there is none.
+    reasons
+        For each value why there is none, empty where there are some.
+    """
+
+    title: str
+    linkage: str
+    name: str
+    unit: str
+    values: tuple[float, ...]
+    designs: tuple[tuple[Design, ...], ...]
+    reasons: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Return it in plain numbers, in SI units: what ``symgen synthesise --vary --json`` prints."""
+        rows = zip(self.values, self.designs, self.reasons, strict=True)
+        return {
+            "title": self.title,
+            "linkage": self.linkage,
+            "varied": self.name,
+            "rows": [
+                {self.name: x, "designs": [d.quantities for d in designs], "reason": reason}
+                for x, designs, reason in rows
+            ],
+        }
+
+
+@checked
+def design_chart(
+    task: str | os.PathLike[str] | Mapping[str, Any], name: str, values: Sequence[float]
+) -> DesignChart:
+    """Return the linkages of a task of limit positions over values of one of its quantities.
+
+    Parameters
+    ----------
+    task
+        As for :func:`symgen.synthesise`; the value that it prescribes for the quantity is not used.
+    name
+        The quantity, such as ``swing``.
+    values
+        Its values in SI units.
+
+    Raises
+    ------
+    SceneError
+        For anything wrong in the task, a quantity that the linkage does not have, or no linkage at any value.
+    """
+    title, asked = read_task(task)
+    if not isinstance(asked, LimitTask | SliderLimitTask):
+        raise SceneError(f"expected a task of limit positions, got {asked.kind!r}", where="kind")
+    units = {n: unit for n, unit, _ in LIMITS[asked.linkage].quantities}
+    if name not in units:
+        raise SceneError(f"{asked.linkage} has no quantity {name!r}", hint=nearest(name, units))
+    own = {k: v for k, v in asked.model_dump().items() if v is not None}
+    unit = units[name]
+    designs, reasons = [], []
+    for x in values:
+        text = float(x) if unit == "1" else f"{float(x)!r} {unit}"
+        try:
+            found: Synthesis | None = synthesise({**own, name: text})
+            reason = ""
+        except SceneError as error:
+            if "no " not in str(error):
+                raise
+            found, reason = None, str(error).partition("\n")[0]
+        designs.append(tuple(d for d in found.designs if not d.faults) if found else ())
+        reasons.append(reason)
+    if not any(designs):
+        raise SceneError(f"no linkage at any of the {len(designs)} values of {name}: {reasons[0]}")
+    numbers = tuple(float(x) for x in values)
+    return DesignChart(title, asked.linkage, name, unit, numbers, tuple(designs), tuple(reasons))
+
+
+def values_of(task: str | os.PathLike[str], option: str) -> tuple[str, list[float]]:
+    """Return quantity and values of ``--vary NAME=START:STOP:COUNT``, in SI units.
+
+    Raises
+    ------
+    SceneError
+        When the option has another form.
+    """
+    name, _, text = option.partition("=")
+    parts = text.split(":")
+    if len(parts) != 3 or not parts[2].strip().isdecimal() or int(parts[2]) < 2:
+        raise SceneError(f"expected NAME=START:STOP:COUNT, such as swing=20deg:90deg:15, got {option!r}")
+    _, asked = read_task(task)
+    known = {n: unit for n, unit, _ in LIMITS[asked.linkage].quantities} if asked.kind == "limits" else {}
+    dim = LENGTH if known.get(name) == "m" else NUMBER
+    start, stop = (value(part, dim, name) for part in parts[:2])
+    count = int(parts[2])
+    return name, [start + i * (stop - start) / (count - 1) for i in range(count)]

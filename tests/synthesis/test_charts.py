@@ -1,0 +1,87 @@
+"""The best transmission in a range, and design charts over the swing, by the closed forms of the method file."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from shared.commands import call
+
+import symgen
+from symgen.errors import SceneError
+from symgen.synthesis.charts import design_chart
+
+CASE_1 = {"kind": "limits", "fixed_link": "1 m", "rocker_folded": "40 deg"}
+CASE_2 = {"kind": "limits", "fixed_link": "1 m", "crank_extended": "30 deg", "crank_folded": "50 deg"}
+
+
+def case_1(c, swing, folded):
+    """Return crank, coupler, rocker and both extremes of the transmission angle, the fixed link being one."""
+    far, near = (np.sqrt(c * c + 1 - 2 * c * np.cos(p)) for p in (folded + swing, folded))
+    a, b = (far - near) / 2, (far + near) / 2
+    least, greatest = (np.arccos((b * b + c * c - x * x) / (2 * b * c)) for x in (1 - a, 1 + a))
+    return a, b, c, least, greatest
+
+
+def case_2(swing, extended, folded):
+    """Return crank, coupler and rocker, the fixed link being one."""
+    k = math.sin(extended) / math.sin(folded)
+    above = k * math.sin(folded - swing) - math.sin(extended)
+    phi = math.atan2(above, math.cos(extended) - k * math.cos(folded - swing)) % math.pi
+    c = math.sin(extended) / math.sin(phi + extended)
+    far, near = c * math.sin(phi) / math.sin(extended), c * math.sin(phi - swing) / math.sin(folded)
+    return (far - near) / 2, (far + near) / 2, c
+
+
+def best_of_case_1(swing, folded):
+    """Return lengths of the best transmission of Case I over a dense grid of rockers."""
+    with np.errstate(invalid="ignore"):
+        a, b, c, least, greatest = case_1(np.linspace(0.05, 3.0, 200_001), swing, folded)
+    off = np.maximum(abs(least - np.pi / 2), abs(greatest - np.pi / 2))
+    off[~((a < np.minimum(b, c)) & (least > math.radians(30)))] = np.inf
+    top = int(np.nanargmin(off))
+    return [x[top] for x in (a, b, c)], off[top]
+
+
+def test_the_best_transmission_in_a_range():
+    task = {**CASE_1, "swing": "60 deg", "transmission_least": ["30 deg", "90 deg"], "starts": 30}
+    (design,) = symgen.synthesise(task).designs
+    lengths, off = best_of_case_1(math.radians(60), math.radians(40))
+    assert [*design.linkage.lengths.values()][:3] == pytest.approx(lengths, abs=1e-4)
+    ends = [design.quantities[f"transmission_{end}"] for end in ("minimum", "maximum")]
+    assert max(abs(x - math.pi / 2) for x in ends) == pytest.approx(off, abs=1e-4)
+
+
+def test_a_chart_over_the_swing(tmp_path):
+    """Case II: lengths by its closed form; no linkage where the rocker would not swing."""
+    file, plot, page = tmp_path / "task.toml", tmp_path / "chart.png", tmp_path / "chart.html"
+    lines = [f"{key} = {json.dumps(value)}" for key, value in CASE_2.items()]
+    file.write_text("\n".join(["symgen = 1", "[synthesis]", "starts = 20", 'swing = "1 deg"', *lines]))
+    printed = json.loads(
+        call("synthesise", file, "--vary", "swing=10deg:90deg:5", "--json", "--plot", plot, "--page", page)
+    )
+    assert plot.stat().st_size > 1000 and "<img" in page.read_text()
+    assert [math.degrees(row["swing"]) for row in printed["rows"]] == pytest.approx([10, 30, 50, 70, 90])
+    assert printed["rows"][0]["reason"] and not printed["rows"][0]["designs"]
+    for row in printed["rows"][1:]:
+        (design,) = row["designs"]
+        wanted = case_2(row["swing"], math.radians(30), math.radians(50))
+        assert [design[n] for n in ("crank", "coupler", "rocker")] == pytest.approx(wanted, rel=1e-8)
+    assert "swing [deg]" in call("synthesise", file, "--vary", "swing=50deg:60deg:2")
+
+
+@pytest.mark.parametrize(
+    ("task", "vary", "message"),
+    [
+        ({**CASE_2, "swing": ["60 deg", "50 deg"]}, None, "expected a range of rising values"),
+        ({**CASE_2, "swing": ["60 deg", "50 deg"], "crank_extended": ["1 deg", "2 deg"]}, None, "expected one range"),
+        (CASE_2, "swung", "four-bar has no quantity 'swung'\n  Did you mean 'swing'"),
+        (CASE_2, "rocker", "expected an angle|no linkage at any|expected a length"),
+        ({"kind": "function", "input": [0, 1, 2], "output": [0, 1, 2]}, "swing", "expected a task of limit"),
+    ],
+)  # fmt: skip
+def test_wrong_ranges_and_charts(task, vary, message):
+    with pytest.raises(SceneError, match=message):
+        design_chart(task, vary, [-1.0]) if vary else symgen.synthesise(task)
