@@ -93,7 +93,7 @@ def test_closure_and_its_derivative(case):
 
         def whole(q):
             found = mp.eye(4)
-            for row in reference.rows(q=q):
+            for row in reference.rows_at(q):
                 found = found * row
             return found
 
@@ -167,8 +167,7 @@ def test_forces(case):
     with mp.workdps(DIGITS):
         given = [mp.mpf(float(x)) for x in values["work"][count:]]
         closing = mp.matrix(given[:3]), mp.matrix(given[3:])
-        own = [reference.effort(j) for j in range(count)]
-        whole = [reference.effort(j, closing) for j in range(count)]
+        own, whole = reference.efforts(), reference.efforts(closing)
         close(oracle.matrix("inverse_efforts", values), own, "inverse")
         links = [loop.rows[-1].link, *(row.link for row in loop.rows)]
         for joint in range(1, len(loop.rows) + 1):

@@ -75,19 +75,31 @@ def test_energy_and_momenta_are_those_of_a_rigid_body(count):
         assert found[k] == pytest.approx(exact, abs=1e-11)
 
 
-def euler(inertia, w, t_end, moment=lambda turn: np.zeros(3)):
-    """Integrate Euler's equations with a quaternion in body axes; return the rotation and the rate in space."""
+def cross(a, b):
+    """Return a x b, in a tenth of the time of ``numpy.cross``."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def euler(inertia, w, times, moment=None):
+    """Integrate Euler's equations with a quaternion in body axes; return rotations and rates in space at times.
+
+    ``moment``: that in space at a rotation; none when absent.
+    """
+    inverse = np.linalg.inv(inertia)
 
     def rhs(_, y):
         q, w = y[:4], y[4:]
-        turn = Rotation.from_quat(q / np.linalg.norm(q))
         x, s = q[:3], q[3]
-        rate = 0.5 * np.array([*(s * w + np.cross(x, w)), -x @ w])
-        return [*rate, *np.linalg.solve(inertia, turn.inv().apply(moment(turn)) - np.cross(w, inertia @ w))]
+        torque = -cross(w, inertia @ w)
+        if moment:
+            turn = Rotation.from_quat(q / np.linalg.norm(q))
+            torque += turn.inv().apply(moment(turn))
+        return [*(0.5 * (s * w + cross(x, w))), -0.5 * (x @ w), *(inverse @ torque)]
 
-    y = solve_ivp(rhs, (0, t_end), [0, 0, 0, 1, *w], method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
-    turn = Rotation.from_quat(y[:4])
-    return turn, turn.apply(y[4:])
+    span, start = (0, times[-1]), [0, 0, 0, 1, *w]
+    y = solve_ivp(rhs, span, start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=times).y.T
+    turns = Rotation.from_quat(y[:, :4])
+    return turns, turns.apply(y[:, 4:])
 
 
 def test_the_intermediate_axis_flips():
@@ -106,7 +118,8 @@ def test_the_intermediate_axis_flips():
     )
     model = symgen.build(symgen.Scene(**tables))
     result = model.simulate(4.0, rtol=1e-12)
-    turn, rate = euler(inertia, w, 4.0)
+    turns, rates = euler(inertia, w, np.linspace(0.5, 4, 8))
+    turn, rate = turns[-1], rates[-1]
     assert result.final["T"]["position"] == pytest.approx(turn.apply(tip), abs=1e-8)
     assert result.variable("body.angular_velocity").values[-1] == pytest.approx(rate, abs=1e-6)
     middle = result.variable("body.angular_velocity").values
@@ -115,9 +128,7 @@ def test_the_intermediate_axis_flips():
     assert np.max(np.abs(momentum - inertia @ w)) < 1e-10
     assert result.final["C"]["position"] == pytest.approx([0, 0, 0], abs=1e-12)
     # It did flip on the way: in the body the rate about the middle axis changes its sign.
-    flipped = [
-        euler(inertia, w, t)[0].inv().apply(euler(inertia, w, t)[1])[1] for t in np.linspace(0.5, 4, 8)
-    ]
+    flipped = turns.inv().apply(rates)[:, 1]
     assert min(flipped) < -5 < 5 < max(flipped)
     assert len(middle) == 201
 
@@ -142,7 +153,7 @@ def test_a_heavy_symmetric_top():
     model = symgen.build(symgen.Scene(**tables))
     assert (len(model.description.free), len(model.description.constraints)) == (3, 6)
     about_pin = inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    turn, rate = euler(about_pin, w, 1.0, lambda turn: np.cross(turn.apply(centre), [0, 0, -mass * G]))
+    (turn,), (rate,) = euler(about_pin, w, [1.0], lambda turn: cross(turn.apply(centre), [0, 0, -mass * G]))
     result = model.simulate(1.0, rtol=1e-12)
     assert result.final["C"]["position"] == pytest.approx(turn.apply(centre), abs=1e-8)
     assert result.final["C"]["velocity"] == pytest.approx(np.cross(rate, turn.apply(centre)), abs=1e-7)

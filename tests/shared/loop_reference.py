@@ -84,6 +84,7 @@ class Reference:
         pairs = zip(self.loop.parameters, self.values["p"], strict=True)
         return {p.quantity.symbol: sp.Float(float(x), DIGITS + 5) for p, x in pairs}
 
+    @cache  # noqa: B019
     def number(self, expression) -> mp.mpf:
         return mp.mpmathify(sp.lambdify(self.symbols, expression, "mpmath")(*self.arguments))
 
@@ -93,12 +94,17 @@ class Reference:
     def at(self, s) -> list:
         return [q + u * s + a * s * s / 2 for q, u, a in zip(self.q, self.u, self.a, strict=True)]
 
-    def rows(self, s=0, q=None) -> list[mp.matrix]:
+    def rows_at(self, q) -> list[mp.matrix]:
         return [
             turn(2, theta) * shift(2, S) * turn(1, eta) * turn(0, alpha) * shift(0, a)
-            for theta, S, eta, alpha, a in self.table(*(q or self.at(s)))
+            for theta, S, eta, alpha, a in self.table(*q)
         ]
 
+    @cache  # noqa: B019
+    def rows(self, s=0) -> list[mp.matrix]:
+        return self.rows_at(self.at(s))
+
+    @cache  # noqa: B019
     def pose(self, link: int, s=0) -> mp.matrix:
         """Where link 1, 2, ... stands, by the way the derivation goes there."""
         rows, found = self.rows(s), mp.eye(4)
@@ -109,6 +115,7 @@ class Reference:
     @staticmethod
     def rate(function, order=1):
         """A derivative at the state, entry by entry of a matrix."""
+        function = cache(function)
         size = function(mp.mpf(0))
         return mp.matrix(
             size.rows, size.cols,
@@ -163,15 +170,17 @@ class Reference:
             found = tuple(a + b for a, b in zip(found, moved(whole * rows[-1], closing), strict=True))
         return found
 
-    def effort(self, number: int, closing=None) -> mp.mpf:
-        """What the joint wrench does at a unit rate of a variable: by the motion of the row it stands in."""
-        total, h = mp.mpf(0), mp.mpf(10) ** -12
-        for k, row in enumerate(self.rows(), 1):
+    def efforts(self, closing=None) -> list[mp.mpf]:
+        """What the joint wrenches do at a unit rate of each variable: by the motion of the row it stands in."""
+        rows, h = self.rows(), mp.mpf(10) ** -12
+        wrenches = [self.joint_wrench(k, closing) for k in range(1, len(rows) + 1)]
+        found = []
+        for number in range(len(self.q)):
+            total = mp.mpf(0)
             there = [[q + (d if j == number else 0) for j, q in enumerate(self.q)] for d in (h, -h)]
-            moves = [self.rows(q=q)[k - 1] for q in there]
-            moving = (moves[0] - moves[1]) / (2 * h) * inverse(row)
-            w = vee(moving[:3, :3])
-            if mp.norm(moving) > mp.mpf(10) ** -15:
-                force, moment = self.joint_wrench(k, closing)
-                total += (force.T * moving[:3, 3])[0] + (moment.T * w)[0]
-        return total
+            moves = zip(*map(self.rows_at, there), strict=True)
+            for row, (force, moment), (ahead, back) in zip(rows, wrenches, moves, strict=True):
+                moving = (ahead - back) / (2 * h) * inverse(row)
+                total += (force.T * moving[:3, 3])[0] + (moment.T * vee(moving[:3, :3]))[0]
+            found.append(total)
+        return found
