@@ -90,16 +90,21 @@ class _Near:
     def __init__(self, kernels: LoopKernels, guess: Array, by: Sequence[int]) -> None:
         d = kernels.description
         self.kernels, self.guess, self.solved = kernels, guess, d.having("dependent")
+        self._places = np.array(self.solved, dtype=np.intp)
         self.by = list(by) or self.solved
         self.guided = np.isin(self.solved, self.by)
-        self._lengths = np.array([v.is_length for v in d.variables])[self.solved]
-        self._unit = np.where(self._lengths, d.size, np.pi)
+        lengths = np.array([v.is_length for v in d.variables])[self._places]
+        self._unit = np.where(lengths, d.size, np.pi)
         table = kernels("rows", 0.0, guess, np.zeros_like(guess))["rows"]
-        self._extent = max(d.size, float(np.sum(np.abs(table[:, [1, 4]]))))
-        pitch = kernels.pitches[self.solved]
-        self._screws = pitch > 0.0
-        # As far as the translation of a screw may have to reach.
-        self._advance = np.where(self._screws, 2.0 * self._extent / np.where(self._screws, pitch, 1.0), 0.0)
+        extent = max(d.size, float(np.sum(np.abs(table[:, [1, 4]]))))
+        self._reach = {
+            far: np.where(lengths, 2.0 * (extent if far else d.size), np.pi) for far in (False, True)
+        }
+        pitch = kernels.pitches[self._places]
+        screws = pitch > 0.0
+        # As far as the translation of a screw may have to reach, and around which turn.
+        self._advance = np.where(screws, 2.0 * extent / np.where(screws, pitch, 1.0), 0.0)
+        self._turned = np.where(screws, guess[self._places], 0.0)
         self._random = np.random.default_rng(_SEED)
 
     def order(self, q: Array) -> tuple[float, float]:
@@ -109,12 +114,12 @@ class _Near:
 
     def anywhere(self, far: bool) -> Array:
         """Return a random pose; ``far`` goes for lengths and screws."""
-        size = self._extent if far else self.kernels.description.size
-        reach = np.where(self._lengths, 2.0 * size, np.pi)
-        q = self.guess.copy()
-        q[self.solved] = self._random.uniform(-reach, reach) + np.where(self._screws, q[self.solved], 0.0)
+        reach = self._reach[far]
+        drawn = self._random.uniform(-reach, reach) + self._turned
         if far:
-            q[self.solved] += self._random.uniform(-self._advance, self._advance)
+            drawn += self._random.uniform(-self._advance, self._advance)
+        q = self.guess.copy()
+        q[self._places] = drawn
         return q
 
     def around(self, centre: Array, width: float, rest: Array) -> Array:
@@ -123,8 +128,8 @@ class _Near:
         The variables that do not count are those of ``rest``.
         """
         q = rest.copy()
-        spread = width * self._unit * self._random.standard_normal(len(self.solved))
-        q[self.solved] = np.where(self.guided, centre[self.solved] + spread, q[self.solved])
+        spread = width * self._unit * self._random.standard_normal(len(self._places))
+        q[self._places] = np.where(self.guided, centre[self._places] + spread, q[self._places])
         return q
 
 
@@ -160,7 +165,8 @@ class Closing:
     def __init__(self, kernels: LoopKernels, t: float) -> None:
         self.kernels, self.t = kernels, t
         self.solved = kernels.description.having("dependent")
-        self._equations = {r: kernels.equations(self.solved, r) for r in (self.most,)}
+        self._full = kernels.equations(self.solved, self.most)
+        self._equations = {self.most: self._full}
         self.reached, self.defect = np.array([]), np.inf
 
     @property
@@ -173,10 +179,11 @@ class Closing:
 
         ``reached`` and ``defect`` are the pose of least defect on the way, and that defect.
         """
-        equations, q = self._equations[self.most], np.append(start, 0.0)
-        status, rank = equations.assemble(self.t, q)
-        self.reached, self.defect = q[:-1].copy(), equations.closure
-        near = status == _core.DONE or equations.closure <= self.kernels.tolerance
+        q = np.empty(len(start) + 1)
+        q[:-1], q[-1] = start, 0.0
+        status, rank = self._full.assemble(self.t, q)
+        self.reached, self.defect = q[:-1].copy(), self._full.closure
+        near = status == _core.DONE or self.defect <= self.kernels.tolerance
         return self.polished(q[:-1], rank) if near else None
 
     def polished(self, q: Array, rank: int) -> Array | None:

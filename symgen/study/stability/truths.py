@@ -144,7 +144,8 @@ def _in_one_coordinate(
     import sympy as sp
     from scipy.integrate import solve_ivp
 
-    jet = sp.lambdify(psi, [[sp.diff(x, psi, k) for x in coordinates] for k in range(3)], cse=True)
+    # Functions of numbers, which are several times as fast there as those of arrays.
+    jet = sp.lambdify(psi, [[sp.diff(x, psi, k) for x in coordinates] for k in range(3)], "math", cse=True)
 
     def slope(_: float, y: Array) -> list[float]:
         place, change, bend = (np.array(x, dtype=float).reshape(-1, 2) for x in jet(y[0]))
