@@ -59,6 +59,8 @@ from symgen.runtime.structure import UnstableError
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
+#: Error over its change by halved elements, where it falls with the square of their length: linear stretch.
+HALVED = 4 / 3
 #: Steps a revolution with which explicit runs are repeated, implicitly, on finer elements.
 _EXPLICIT = 512
 #: Displacements [m], rotations [rad] and their rates beyond it are none, and their powers overflow.
@@ -136,9 +138,9 @@ def _mesh_error(
     passes: list[Found],
     max_wall: float | None,
 ) -> float | None:
-    """Return by how much stresses change when all elements are halved, over their peak; None if not known.
+    """Return the error of stresses by elements, over their peak; None if not known.
 
-    Runs are repeated with the fewest of the steps that were taken last: errors in time are the same in both.
+    The run is repeated with all elements halved, and the steps of the last: errors in time are the same.
     """
     with limited(max_wall):
         return _error_of_halves(motion, equations, task, times, found, passes)
@@ -176,7 +178,7 @@ def _error_of_halves(
     if not np.all(np.isfinite(fine)):
         return None
     links = motion.rigid_motion(equations, times)[1]
-    return mesh_error(outputs(motion, links, coarse), outputs(finer, links, fine))
+    return HALVED * mesh_error(outputs(motion, links, coarse), outputs(finer, links, fine))
 
 
 def _out_of_time(

@@ -62,7 +62,9 @@ class ElasticResult(Result):
 
     @property
     def mesh_error(self) -> float | None:
-        """Largest change of stresses over their peak when every element is halved; None where unknown.
+        """Estimated error of stresses by elements, over their peak; None where unknown.
+
+        It is 4/3 of their largest change when every element is halved.
 
         The first request, which printing and saving make, repeats the run with halved elements.
         """

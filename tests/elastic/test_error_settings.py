@@ -1,0 +1,72 @@
+"""Error estimates of runs of elastic links in random settings, against runs with finer steps and elements."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+from shared.full import full
+
+import symgen
+from symgen.scene.loading import read_scene
+
+SCENES = ("thesis_four_bar", "elastic_slider_crank", "rotating_cantilever", "elastic_four_bar_motor")
+#: Elements of the reference over those of a setting, and its steps.
+FINER, SHORTER = 4, 3
+#: Errors below it are round-off.
+ROUND_OFF = 1e-11
+SEEDS = range(100, 150)
+#: Those that take a second or two each.
+QUICK = (104, 113, 117, 120)
+
+
+def drawn(seed):
+    """Scene, number of elements, whether a steady state is sought, and options of the run."""
+    draw = np.random.default_rng(seed)
+    data = copy.deepcopy(dict(read_scene(SCENES[draw.integers(len(SCENES))]).data))
+    element, elements = str(draw.choice(["beam8", "cubic", "beam9", "rayleigh"])), int(draw.integers(1, 4))
+    damping = {"stiffness": f"{10 ** draw.uniform(-6, -4):.3e} s"} if draw.random() < 0.7 else {}
+    data.pop("modal_damping", None)
+    for link in (link for link in data["links"].values() if "elastic" in link):
+        for key in ("reduction", "shear"):
+            link["elastic"].pop(key, None)
+        link["elastic"] |= {"element": element, "elements": elements, "damping": damping}
+    method = str(draw.choice(["gauss", "gauss4"], p=[0.7, 0.3]))
+    revolutions, steady = float(draw.choice([0.125, 0.25])), draw.random() < 0.3
+    rtol, factor = 10 ** -draw.uniform(2, 5), draw.uniform(0.6, 1.3)
+    value, unit = data["parameters"]["speed"]["value"].split()
+    data["parameters"]["speed"]["value"] = f"{float(value) * factor:.6g} {unit}"
+    return data, elements, steady, {"rtol": rtol}, {"method": method, "revolutions": revolutions}
+
+
+def built(data, elements):
+    for link in data["links"].values():
+        if "elastic" in link:
+            link["elastic"]["elements"] = elements
+    return symgen.build(symgen.Scene(**data))
+
+
+def difference(found, exact):
+    """Largest difference of stresses at any time over their peak at the station."""
+    pairs = [(found[v.name].values, v.values) for v in exact.variables if v.name.endswith(".stress")]
+    return max(np.max(np.abs(a - b)) / np.max(np.abs(b)) for a, b in pairs if np.any(b))
+
+
+@pytest.mark.parametrize("seed", [k if k in QUICK else full(k) for k in SEEDS])
+def test_estimates_are_near_the_true_errors(seed):
+    data, elements, steady, tolerance, options = drawn(seed)
+    model = built(data, elements)
+    if steady:
+        run = model.periodic(samples=46, **tolerance)
+        steps = {"steps": SHORTER * run.statistics["steps"], "samples": 46}
+        fine, finer = model.periodic(**steps), built(data, FINER * elements).periodic(**steps)
+    else:
+        run = model.simulate(samples=46, **tolerance, **options)
+        part = options["revolutions"]
+        steps = {"steps": int(SHORTER * run.statistics["steps"] / part), "revolutions": part, "samples": 46}
+        fine, finer = model.simulate(**steps), built(data, FINER * elements).simulate(**steps)
+    by_steps, by_elements = difference(run, fine), difference(fine, finer)
+    if by_steps > ROUND_OFF:
+        assert 0.3 < run.statistics["error"] / by_steps < 30
+    assert 0.3 < run.mesh_error / by_elements < 30
