@@ -38,14 +38,6 @@ class Search:
     defect: float = np.inf
 
 
-def assemblies(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ()) -> list[Array]:
-    """Return the closures at a time, each assembly once, nearest to the guess first.
-
-    Arguments as of :func:`search`.
-    """
-    return search(kernels, t, guess, by).closures
-
-
 def search(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ()) -> Search:
     """Search for the closures at a time from many starts, the same every time; more where none closes.
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.calls import checked
 from symgen.errors import CapabilityError, InitialStateError, ModelError, nearest
 from symgen.runtime import _core
-from symgen.runtime.closure.assemblies import assemblies
+from symgen.runtime.closure.assemblies import search
 from symgen.runtime.closure.later import closed_later
 from symgen.runtime.closure.moved import state_at
 from symgen.runtime.closure.start import Closed, close_near, counted
@@ -185,7 +185,7 @@ class LoopModel(Model):
             driven(self.description)
             t = at if over == "time" else self.kernels.time_of(at)
         names = [v.name for v in self.description.variables]
-        found = assemblies(self.kernels, t, begin.q)
+        found = search(self.kernels, t, begin.q).closures
         poses = (dict(zip(names, q.tolist(), strict=True)) for q in found)
         return AssemblyModes(poses, "closures of loops of joints are searched from many starts")
 

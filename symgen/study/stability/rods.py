@@ -79,12 +79,12 @@ def _of_whip(model: RodModel, result: Result) -> float:
     return abs(float(speed.max()) - 15.7056)
 
 
-def _of_crank(moment: float, inertia: float, tip: str = "B") -> Callable[[RodModel, Result], float]:
+def _of_crank(moment: float, inertia: float) -> Callable[[RodModel, Result], float]:
     """Return the error function of a crank of 1 m about the origin, which moves as a compound pendulum."""
 
     def error(model: RodModel, result: Result) -> float:
-        place = result.variable(f"{tip}.position").values
-        first, velocity = place[0], result.variable(f"{tip}.velocity").values[0]
+        place = result.variable("B.position").values
+        first, velocity = place[0], result.variable("B.velocity").values[0]
         angle, rate = (
             float(np.arctan2(first[1], first[0])),
             float(first[0] * velocity[1] - first[1] * velocity[0]),
