@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -20,6 +21,7 @@ from symgen.runtime.kernels.description import ParameterInfo
 from symgen.runtime.result.records import converters
 from symgen.runtime.sweeps.designs import Uniform
 from symgen.scene.loading import SceneText
+from symgen.scene.units import parse_quantity
 from symgen.study.sweeps import tunable, values_of
 
 #: A slider without a range of its own goes from the value times the first to the value times the second.
@@ -85,7 +87,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         arrows=[k for k, name in enumerate(entries) if name in arrows],
         drawn={place: [k for k, name in enumerate(entries) if name == place] for place in places},
         sketch=sketch,
-        sliders=[_shown(s, keys_by_name, units) for s in sliders],
+        sliders=[_shown(s, keys_by_name, units, text) for s in sliders],
     )
 
 
@@ -95,10 +97,20 @@ def _left_out(wanted: Sequence[str], known: Sequence[str]) -> str:
     return f" Not computed on this page: {', '.join(left)}." if left else ""
 
 
-def _shown(slider: Slider, keys: Mapping[str, str], units: Mapping[str, tuple[str, float]]) -> Slider:
-    """Return a slider with the key of the scene and the unit that the scene names."""
-    unit, size = units.get(slider.unit, (slider.unit, 1.0))
+def _shown(
+    slider: Slider, keys: Mapping[str, str], units: Mapping[str, tuple[str, float]], text: SceneText
+) -> Slider:
+    """Return a slider with the key of the scene, in the unit of ``[units]`` or that in the scene's value."""
+    unit, size = units.get(slider.unit) or _written(text, slider.name) or (slider.unit, 1.0)
     return replace(slider, name=keys.get(slider.name, slider.name), unit=unit, size=size)
+
+
+def _written(text: SceneText, name: str) -> tuple[str, float] | None:
+    """Return the unit in which a scene writes a parameter, and its size in SI; None for an expression."""
+    given = text.data.get("parameters", {}).get(name)
+    value = given.get("value") if isinstance(given, dict) else given
+    found = re.fullmatch(r"[-+\d.eE/]+\s+(.+)", value) if isinstance(value, str) else None
+    return (found[1], float(parse_quantity(f"1 {found[1]}")[0])) if found else None
 
 
 def _has_tunable(text: SceneText) -> bool:

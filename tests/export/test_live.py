@@ -154,6 +154,7 @@ def test_a_loop_with_other_parameters_is_that_of_symgen(page_of):
 def test_elastic_links_at_another_speed_are_those_of_symgen(page_of):
     page, data, code = page_of("elastic_four_bar")
     assert [(s.name, s.low / s.value, s.high / s.value) for s in page.sliders] == [("speed", 0.5, 1.5)]
+    assert page.sliders[0].unit == "rpm" and page.sliders[0].value / page.sliders[0].size == pytest.approx(95)
     of = drawn_scene(read_scene("elastic_four_bar"))
     model, names = build_asked(of.text, backend="c"), [name for name, _, _ in page.outputs]
     assert {*page.plotted} == {names.index(name) for name in of.plotted} and "crank.torque" in of.plotted
