@@ -41,7 +41,7 @@ class Design:
     Attributes
     ----------
     linkage
-        A :class:`FourBar`, :class:`SliderCrank` or :class:`SphericalFourBar`.
+        A ``FourBar``, ``SliderCrank`` or ``SphericalFourBar``, with their lengths and angles.
     quantities
         Lengths [m] and angles [rad] measured in a run, if the crank turns: least and greatest transmission
         angle, range of the rocker, and those of the limit positions if the task prescribes some.

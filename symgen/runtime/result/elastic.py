@@ -83,7 +83,7 @@ class ElasticResult(Result):
     def fatigue_cycles(self, output: str) -> xr.Dataset:
         """Return the cycles of an output over the run, such as ``rod.stress``, by rainflow counting.
 
-        The recorded values are counted as :func:`rainflow` does. Those of a steady state repeat: the count
+        The recorded values are counted as by ``rainflow``. Those of a steady state repeat: the count
         begins at the largest of them, so that all cycles close.
 
         Returns
