@@ -6,8 +6,9 @@ the closure by Newton's method from angle to angle, velocities and accelerations
 joint forces and the torque, all vectorised over the variants. Processor times are compared per pose.
 
 A sweep is then killed (SIGKILL) at random times and started again until it ends, and workers of two processes
-and of a local Dask cluster of two, where Dask is installed, are killed at random times while they work. Every
-store must have the bytes of that of one thread.
+and of a local Dask cluster of two, where Dask is installed, are killed at random times while they work
+(``--kills N`` sweeps of each kind). Every store must have the bytes of that of one thread. A list of many more
+variants at few poses is carried out by two processes: memory must not grow with their number.
 """
 
 from __future__ import annotations
@@ -16,13 +17,12 @@ import os
 import random
 import resource
 import signal
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
-from multiprocessing import active_children
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from threading import Event, Thread
 from time import perf_counter, process_time, sleep
@@ -30,33 +30,37 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from harness import Measurement, Required, arguments, report_repeats
+from harness import Measurement, Required, parser_of, report_repeats
 
 import symgen
 from symgen.runtime.sweeps.designs import Uniform
 from symgen.runtime.sweeps.stores import DONE
 from symgen.scene.loading import SHIPPED, read_scene
 
-RUNS, POSES, BY_NUMPY = 100_000, 361, 1000
+RUNS, POSES, BY_NUMPY, BY_ONE = 100_000, 361, 1000, 20 * 1024
+#: Runs of a list that two processes carry out, and their poses.
+MANY, FEW = 400_000, 3
 #: Lengths of crank, coupler and rocker [m], and of the frame.
 LENGTHS = {"a": (0.09, 0.11), "b": (0.34, 0.36), "c": (0.29, 0.31)}
 BASE, DENSITY, GRAVITY, SPEED = 0.4, 1.0, 9.81, 2 * np.pi
 OUTPUTS = ["crank.torque", "crank.O.force", "crank.A.force", "coupler.B.force", "rocker.C.force"]
 #: Wall time of all on two processors [s], memory [MiB], time of NumPy for ours, error over the largest peak.
-MOST_WALL, MOST_MEMORY, FASTER, LARGEST_ERROR = 60.0, 1024.0, 10.0, 1e-9
-#: Sweeps that are killed: their number, runs, runs of a chunk, and the longest life after the start [s].
-KILLED, VICTIMS, CHUNK, LONGEST = 10, 8192, 256, 4.0
+MOST_WALL, MOST_MEMORY, FASTER, LARGEST_ERROR = 60.0, 1024.0, 20.0, 1e-9
+#: Rounds of times of one thread and of NumPy, which alternate.
+ROUNDS = 3
+#: Sweeps that are killed: runs, runs of a chunk, kills of each process, and their seed.
+VICTIMS, CHUNK, LIVES, SEED = 8192, 256, 2, 1
+#: Longest time for which a kill waits for the work to come to its chunk [s].
+PATIENCE = 600.0
 
 
 def main() -> int:
-    """Measure, print, and return the exit code; as a process to be killed, carry out a sweep."""
-    if sys.argv[1:2] == ["victim"]:
-        _model()
-        print("begins", flush=True)
-        _sweep(Path(sys.argv[2]), VICTIMS, 2, CHUNK)
-        return 0
-    options = arguments(__doc__, slack=True)
-    return report_repeats(partial(measured, options.slack), options)
+    """Measure, print, and return the exit code."""
+    parser = parser_of(__doc__)
+    parser.add_argument("--slack", type=float, default=1.0, help="divide the required ratio of times by this")
+    parser.add_argument("--kills", type=int, default=10, help="number of sweeps of each kind that are killed")
+    options = parser.parse_args()
+    return report_repeats(partial(measured, options.slack, options.kills, []), options)
 
 
 def _model() -> symgen.Model:
@@ -70,16 +74,24 @@ def _model() -> symgen.Model:
 
 
 def _sweep(
-    file: Path | None, runs: int, threads: int | None = None, chunk: int | None = None, executor: Any = None
+    file: Path | None,
+    runs: int,
+    threads: int | None = None,
+    chunk: int | None = None,
+    executor: Any = None,
+    samples: int = POSES,
+    listed: bool = False,
 ) -> Any:
-    of = {name: Uniform(*bounds) for name, bounds in LENGTHS.items()}
+    of: dict[str, Any] = {name: Uniform(*bounds) for name, bounds in LENGTHS.items()}
+    if listed:
+        of = {name: np.linspace(*bounds, runs) for name, bounds in LENGTHS.items()}
     return _model().sweep(
         of,
         "inverse_dynamics",
-        sampling="random",
-        count=runs,
+        sampling="list" if listed else "random",
+        count=None if listed else runs,
         outputs=OUTPUTS,
-        samples=POSES,
+        samples=samples,
         file=file,
         chunk=chunk,
         threads=threads,
@@ -87,8 +99,11 @@ def _sweep(
     )
 
 
-def measured(slack: float) -> Measurement:
-    """Measure once."""
+Survivors = list[tuple[str, int, int]]
+
+
+def measured(slack: float, kills: int, survived: Survivors) -> Measurement:
+    """Measure once; sweeps are killed in the first repeat only."""
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -96,46 +111,62 @@ def measured(slack: float) -> Measurement:
         began, busy = perf_counter(), process_time()
         found = _sweep(folder / "all.zarr", RUNS, 2)
         wall, busy = perf_counter() - began, process_time() - busy
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        rows.append(_row("sweep, two threads", RUNS, wall, busy))
-        began, alone = perf_counter(), process_time()
-        _sweep(None, 10 * BY_NUMPY, 1, 1024)  # the chunks of the large sweep
-        wall_alone, alone = perf_counter() - began, process_time() - alone
-        rows.append(_row("sweep, one thread", 10 * BY_NUMPY, wall_alone, alone))
+        rows.append(_row("sweep, two threads", RUNS, POSES, wall, busy))
         lengths = [found[name].values[:BY_NUMPY] for name in LENGTHS]
-        reference = _Reference()
-        began, of_numpy = perf_counter(), process_time()
+        reference, times = _Reference(), []
+        for _ in range(ROUNDS):
+            alone = _timed(lambda: _sweep(None, BY_ONE, 1, 1024))  # the chunks of the large sweep
+            of_numpy = _timed(lambda: reference.peaks(*lengths))
+            times.append((alone, of_numpy))
+        (wall_one, alone), (wall_numpy, of_numpy) = (
+            map(min, zip(*of_one, strict=True)) for of_one in zip(*times, strict=True)
+        )
+        rows.append(_row("sweep, one thread", BY_ONE, POSES, wall_one, alone))
+        rows.append(_row("NumPy, lambdify", BY_NUMPY, POSES, wall_numpy, of_numpy))
         peaks = reference.peaks(*lengths)
-        wall_numpy, of_numpy = perf_counter() - began, process_time() - of_numpy
-        rows.append(_row("NumPy, lambdify", BY_NUMPY, wall_numpy, of_numpy))
         failed = sum(map(bool, found["error"].values))
         errors = [
             np.max(np.abs(found[f"{output}.peak"].values[:BY_NUMPY] - peak)) / np.max(peak)
             for output, peak in zip(OUTPUTS, peaks, strict=True)
         ]
-        survived = _survived(folder)
-    ratio = (of_numpy / BY_NUMPY) / (alone / (10 * BY_NUMPY))
+        began, busy = perf_counter(), process_time()
+        _sweep(folder / "many.zarr", MANY, executor=2, samples=FEW, listed=True)
+        wall_many, busy = perf_counter() - began, process_time() - busy
+        rows.append(_row("list by two processes, here", MANY, FEW, wall_many, busy))
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        of_workers = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        if kills and not survived:
+            survived += _survived(folder, kills)
+    ratio = (of_numpy / BY_NUMPY) / (alone / BY_ONE)
     required = [
         Required(
             f"{RUNS} variants at {POSES} poses, peaks: wall time [s]", wall, MOST_WALL * slack, False, True
         ),
         Required("memory [MiB]", memory, MOST_MEMORY, False),
+        Required(f"memory of a process for a list of {MANY} [MiB]", of_workers, MOST_MEMORY, False),
         Required("processor time of NumPy for that of the sweep", ratio, FASTER / slack, True, True),
         Required("error of the peaks over the largest", float(max(errors)), LARGEST_ERROR, False),
         Required("failed runs", float(failed), 0.0, False),
         *(
             Required(
-                f"of {KILLED} sweeps, {what} killed: stores with the bytes of one thread", same, KILLED, True
+                f"of {kills} sweeps, {what} killed: stores with the bytes of one thread", same, kills, True
             )
             for what, same, _ in survived
         ),
     ]
-    notes = [f"{KILLED} sweeps, {what} killed {kills} times in all." for what, _, kills in survived]
+    notes = [f"{kills} sweeps, {what} killed {count} times in all." for what, _, count in survived]
     return Measurement("Sweeps", rows, required, notes)
 
 
-def _row(what: str, runs: int, wall: float, busy: float) -> dict[str, Any]:
-    each = busy / (runs * POSES) * 1e6
+def _timed(task: Callable[[], Any]) -> tuple[float, float]:
+    """Return the wall time and the processor time of a task [s]."""
+    began, busy = perf_counter(), process_time()
+    task()
+    return perf_counter() - began, process_time() - busy
+
+
+def _row(what: str, runs: int, poses: int, wall: float, busy: float) -> dict[str, Any]:
+    each = busy / (runs * poses) * 1e6
     return {"runs": what, "variants": runs, "wall [s]": wall, "processor [s]": busy, "per pose [us]": each}
 
 
@@ -221,13 +252,14 @@ class _Reference:
         return np.stack([np.broadcast_to(v, count) for v in values], axis=1)
 
 
-def _survived(folder: Path) -> list[tuple[str, int, int]]:
+def _survived(folder: Path, sweeps: int) -> Survivors:
     """Return what was killed, how many stores then have the bytes of one thread, and the kills."""
     whole = folder / "whole.zarr"
     _sweep(whole, VICTIMS, 1, CHUNK)
-    bytes_of_one, lives = _files(whole), random.Random(1)
-    found = [("the process", *_of_processes(folder, bytes_of_one, lives))]
-    found.append(("a worker of two processes", *_of_workers(folder, bytes_of_one, lives, 2, _children)))
+    bytes_of_one, lives = _files(whole), random.Random(SEED)
+    found = [("the process", *_of_processes(folder, bytes_of_one, lives, sweeps))]
+    of_two = _of_workers(folder, bytes_of_one, lives, sweeps, 2, _children)
+    found.append(("a worker of two processes", *of_two))
     if find_spec("distributed"):
         from distributed import Client, LocalCluster
 
@@ -235,49 +267,65 @@ def _survived(folder: Path) -> list[tuple[str, int, int]]:
             LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster,
             Client(cluster) as client,
         ):
-            found.append(
-                (
-                    "a worker of Dask",
-                    *_of_workers(folder, bytes_of_one, lives, client, partial(_workers, client)),
-                )
-            )
+            workers = partial(_workers, cluster)
+            of_dask = _of_workers(folder, bytes_of_one, lives, sweeps, client, workers)
+            found.append(("a worker of Dask", *of_dask))
     return found
 
 
-def _of_processes(folder: Path, whole: dict[str, bytes], lives: random.Random) -> tuple[int, int]:
-    """Kill the process of sweeps in two threads; return the stores with the right bytes, and the kills."""
+def _of_processes(
+    folder: Path, whole: dict[str, bytes], lives: random.Random, sweeps: int
+) -> tuple[int, int]:
+    """Kill the process of sweeps in two threads; return the stores with the right bytes, and the kills.
+
+    Each sweep is killed when random numbers of its chunks are written, within the time of a chunk or so.
+    """
     same, kills = 0, 0
-    for i in range(KILLED):
-        store, ended = folder / f"killed{i}.zarr", False
-        while not ended:
-            command = [sys.executable, __file__, "victim", str(store)]
-            with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-                assert process.stdout is not None
-                process.stdout.readline()  # it begins
-                try:
-                    ended = process.wait(lives.uniform(0.0, LONGEST)) == 0
-                except subprocess.TimeoutExpired:
+    for i in range(sweeps):
+        store = folder / f"killed{i}.zarr"
+        for chunks in [*sorted(lives.sample(range(VICTIMS // CHUNK - 2), LIVES)), None]:
+            process = get_context("fork").Process(target=_sweep, args=(store, VICTIMS, 2, CHUNK))
+            process.start()
+            if chunks is not None:
+                _wait_for(store, chunks, process.is_alive)
+                sleep(lives.uniform(0.0, 0.05))
+                if process.is_alive():
                     process.kill()
                     kills += 1
+            process.join()
         same += _files(store) == whole
     return same, kills
 
 
-def _of_workers(
-    folder: Path, whole: dict[str, bytes], lives: random.Random, executor: Any, pids: Callable[[], list[int]]
-) -> tuple[int, int]:
-    """Kill a worker of sweeps soon after the first chunk; return as :func:`_of_processes`."""
-    same, kills = 0, 0
-    for i in range(KILLED):
-        store, ended = folder / f"{type(executor).__name__}{i}.zarr", Event()
+def _wait_for(store: Path, chunks: int, working: Callable[[], bool]) -> None:
+    """Wait until so many chunks of a store are written, or the work has ended."""
+    until = perf_counter() + PATIENCE
+    while working() and perf_counter() < until:
+        if sum(1 for path in (store / DONE).glob("[0-9]*") if path.name.isdecimal()) >= chunks:
+            return
+        sleep(0.002)
 
-        def kill(store: Path = store, ended: Event = ended) -> None:
+
+def _of_workers(
+    folder: Path,
+    whole: dict[str, bytes],
+    lives: random.Random,
+    sweeps: int,
+    executor: Any,
+    pids: Callable[[], list[int]],
+) -> tuple[int, int]:
+    """Kill a worker of sweeps when a random number of chunks is written; return as :func:`_of_processes`."""
+    same, kills = 0, 0
+    for i in range(sweeps):
+        store, ended = folder / f"{type(executor).__name__}{i}.zarr", Event()
+        chunks = lives.randrange(VICTIMS // CHUNK - 2)
+
+        def kill(store: Path = store, ended: Event = ended, chunks: int = chunks) -> None:
             nonlocal kills
-            while not ended.is_set() and not (store / DONE / "0").exists():
-                sleep(0.01)
-            sleep(lives.uniform(0.0, 0.5))
-            if not ended.is_set():
-                os.kill(lives.choice(pids()), signal.SIGKILL)
+            _wait_for(store, chunks, lambda: not ended.is_set())
+            there = pids()
+            if there and not ended.is_set():
+                os.kill(lives.choice(there), signal.SIGKILL)
                 kills += 1
 
         killer = Thread(target=kill)
@@ -289,9 +337,8 @@ def _of_workers(
     return same, kills
 
 
-def _workers(client: Any) -> list[int]:
-    client.wait_for_workers(2)
-    return list(client.run(os.getpid).values())
+def _workers(cluster: Any) -> list[int]:
+    return [nanny.pid for nanny in cluster.workers.values() if nanny.pid]
 
 
 def _children() -> list[int]:
