@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symgen.errors import ResultError, nearest
 from symgen.report.page.figures import plain_figure
 from symgen.report.page.page import Fact, TableView
-from symgen.report.page.plots import save
 from symgen.report.page.study import StudyPage
+from symgen.report.page.sweep_plots import (
+    DRAWN,
+    histories_of,
+    label_of,
+    outputs_of,
+    parameters_of,
+    plot,
+    plot_front,
+)
 from symgen.report.tables import table
 from symgen.runtime.many.dataset import RECORDED
 
@@ -25,19 +31,6 @@ if TYPE_CHECKING:
 
 #: Runs that are read at a time.
 _READ = 2**20
-#: Most different values of a parameter for which a map is drawn cell by cell.
-_CELLS = 512
-
-
-def parameters_of(runs: xarray.Dataset) -> list[str]:
-    """Return the names of the varied parameters."""
-    return [str(name) for name, values in runs.coords.items() if values.dims == ("run",) and name != "run"]
-
-
-def outputs_of(runs: xarray.Dataset) -> list[str]:
-    """Return the names of all values that runs have one of, or one for each axis."""
-    inner = {name: set(v.dims) - {"run", "axis"} for name, v in runs.data_vars.items() if v.dtype.kind == "f"}
-    return sorted(str(name) for name, dims in inner.items() if not dims and name not in ("done", RECORDED))
 
 
 def summary(runs: xarray.Dataset) -> dict[str, Any]:
@@ -134,9 +127,23 @@ def sweep_page(runs: xarray.Dataset, name: str) -> StudyPage:
             *(Fact(p, r) for p, r in zip(varied, ranges, strict=True)),
         ),
         tables=(TableView(_EXTREMES, tuple(rows)),),
-        figures=(plain_figure(lambda: plot(runs), f"Outputs over {' and '.join(varied)}"),),
-        notes=tuple(_notes(about)),
+        figures=tuple(plain_figure(draw, alt) for draw, alt in _figures(runs, varied)),
+        notes=(*_notes(about), *_undrawn(runs)),
     )
+
+
+def _figures(runs: xarray.Dataset, varied: Sequence[str]) -> Iterator[tuple[Callable[[], Figure], str]]:
+    """Yield functions that draw the figures of a page, and their descriptions."""
+    reduced = [name for name in outputs_of(runs) if not name.endswith("_drift")]
+    if reduced:
+        yield lambda: plot(runs, *reduced), f"Outputs over {' and '.join(varied)}"
+    if histories_of(runs):
+        yield lambda: plot(runs, *histories_of(runs)), "Curves of the runs"
+
+
+def _undrawn(runs: xarray.Dataset) -> Iterator[str]:
+    if histories_of(runs) and runs.sizes["run"] > DRAWN:
+        yield f"Curves are those of the first {DRAWN} runs"
 
 
 def print_optimum(found: Optimum, objective: str, console: Console) -> None:
@@ -185,7 +192,7 @@ def _unmet(front: xarray.Dataset) -> list[str]:
 def print_front(front: xarray.Dataset, console: Console) -> None:
     """Print objectives and variables of all points."""
     console.print(
-        table(str(front.attrs["title"]), [_label(front, n) for n in _of_front(front)], _front_rows(front))
+        table(str(front.attrs["title"]), [label_of(front, n) for n in _of_front(front)], _front_rows(front))
     )
     for note in (f"{front.attrs['runs']} runs, gradients: {front.attrs['gradients']}", *_unmet(front)):
         console.print(note)
@@ -198,87 +205,7 @@ def front_page(front: xarray.Dataset, name: str) -> StudyPage:
         name=name,
         title=str(front.attrs["title"]),
         facts=(Fact("runs", str(front.attrs["runs"])), Fact("gradients", str(front.attrs["gradients"]))),
-        tables=(TableView(tuple(_label(front, n) for n in _of_front(front)), rows),),
+        tables=(TableView(tuple(label_of(front, n) for n in _of_front(front)), rows),),
         figures=(plain_figure(lambda: plot_front(front), "Pareto front"),),
         notes=tuple(_unmet(front)),
     )
-
-
-def plot_front(front: xarray.Dataset, file: str | os.PathLike[str] | None = None) -> Figure:
-    """Plot the second objective over the first; the extension of the file selects the format."""
-    from matplotlib.figure import Figure
-
-    first, second = _of_front(front)[:2]
-    figure = Figure(figsize=(8, 4), layout="constrained")
-    panel: Any = figure.subplots()
-    panel.plot(front[first].values, front[second].values, marker="o")
-    panel.set(xlabel=_label(front, first), ylabel=_label(front, second))
-    panel.grid(alpha=0.3)
-    if file is not None:
-        save(figure, file)
-    return figure
-
-
-def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:
-    """Plot outputs of a sweep over its first parameter, or as maps over its first two.
-
-    A grid of two parameters is drawn cell by cell, samples of distributions as points.
-
-    Parameters
-    ----------
-    runs
-        The result of :meth:`symgen.Model.sweep`.
-    names
-        Outputs, such as ``theta1.drive.peak``; all but drifts when absent.
-    file
-        Output file; its extension selects the format.
-
-    Raises
-    ------
-    ResultError
-        If there is no such output, or the file cannot be written.
-    """
-    from matplotlib.figure import Figure
-
-    known = outputs_of(runs)
-    for name in names:
-        if name not in known:
-            raise ResultError(f"the sweep has no output {name!r}. {nearest(name, known)}")
-    chosen = list(names) or [name for name in known if not name.endswith("_drift")]
-    varied = [p for p in parameters_of(runs) if len(np.unique(runs[p].values)) > 1] or parameters_of(runs)
-    x = varied[0]
-    figure = Figure(figsize=(8, 1.0 + 3.0 * len(chosen)), layout="constrained")
-    for panel, name in zip(figure.subplots(len(chosen), 1, squeeze=False)[:, 0], chosen, strict=True):
-        values = np.asarray(runs[name].values, dtype=float)
-        label = _label(runs, name)
-        panel.set_xlabel(_label(runs, x))
-        if len(varied) == 1:
-            order = np.argsort(runs[x].values, kind="stable")
-            panel.plot(runs[x].values[order], values[order], marker=".")
-            panel.set_ylabel(label)
-            panel.grid(alpha=0.3)
-            continue
-        size = values if values.ndim == 1 else np.sqrt(np.sum(values**2, axis=1))
-        drawn = _map(panel, runs[x].values, runs[varied[1]].values, size, len(varied) == 2)
-        panel.set_ylabel(_label(runs, varied[1]))
-        figure.colorbar(drawn, ax=panel, label=label)
-    figure.suptitle(str(runs.attrs["title"]), fontsize="medium")
-    if file is not None:
-        save(figure, file)
-    return figure
-
-
-def _label(runs: xarray.Dataset, name: str) -> str:
-    unit = runs[name].attrs.get("units", "")
-    return f"{name} [{unit}]" if unit not in ("", "1") else name
-
-
-def _map(panel: Any, x: Any, y: Any, values: Any, alone: bool) -> Any:
-    """Draw values over two parameters: cells of a grid, else points."""
-    (columns, i), (rows, k) = (np.unique(along, return_inverse=True) for along in (x, y))
-    whole = alone and columns.size * rows.size == values.size and max(columns.size, rows.size) <= _CELLS
-    if not whole or min(columns.size, rows.size) < 2:
-        return panel.scatter(x, y, c=values, s=12)
-    cells = np.full((rows.size, columns.size), np.nan)
-    cells[k, i] = values
-    return panel.pcolormesh(columns, rows, cells, shading="nearest")

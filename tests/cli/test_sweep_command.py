@@ -183,3 +183,24 @@ def test_the_page_has_extremes_and_a_plot(scene, tmp_path):
     with pytest.raises(ResultError, match=".html"):
         command(scene, "--page", tmp_path / "sweep.pdf")
     assert not (tmp_path / "sweep.pdf").exists()
+
+
+def test_histories_are_drawn_as_curves_and_paths_as_an_atlas(tmp_path):
+    page = tmp_path / "atlas.html"
+    paths = ["--analysis", "kinematics", "--output", "B.position", "--reduce", "history", "--reduce", "peak"]
+    command(
+        "crank_rocker", "--vary", "links.coupler.length=34 cm:36 cm:3", "--samples", 9, *paths, "--page", page
+    )
+    assert page.read_text(encoding="utf-8").count("data:image/svg+xml") == 2
+    model, vary = varied("crank_rocker", of_options(["links.coupler.length=34 cm:36 cm:2"]))
+    runs = model.sweep(vary, outputs=["crank.torque", "coupler.B.force"], reduce="history", samples=9)
+    torque, force = plot(runs).axes
+    assert len(torque.lines) == len(force.lines) == 2 and len(torque.get_legend().get_texts()) == 2
+    assert torque.lines[1].get_ydata() == pytest.approx(runs["crank.torque"].values[1])
+    assert force.lines[0].get_ydata() == pytest.approx(np.hypot(*runs["coupler.B.force"].values[0].T))
+    paths = model.sweep(vary, "kinematics", outputs=["B.position"], reduce="history", samples=9)
+    panes = plot(paths).axes
+    assert [pane.lines[0].get_xdata()[0] for pane in panes] == pytest.approx(
+        paths["B.position"].values[:, 0, 0]
+    )
+    assert [pane.get_title() for pane in panes] == ["0.34", "0.36"]

@@ -63,6 +63,25 @@ def test_monte_carlo_has_the_moments_of_a_product_and_repeats_to_the_bit(model):
     assert 0.4 * G / 2 < low < median < high < 0.6 * 4.0 * G / 2
 
 
+def test_monte_carlo_of_the_slider_crank_repeats_to_the_bit():
+    of = {"a4": Uniform(0.0, 0.02), "S1": Normal(0.01, 0.002), "rpm": Normal(5.2, 0.05)}
+    options = {
+        "count": 40,
+        "outputs": ["S4", "slider.joint4.force"],
+        "reduce": ["range", "peak"],
+        "samples": 9,
+    }
+    slider = symgen.build("slider_crank")
+    one, two, other = (
+        slider.tolerances(of, seed=s, threads=t, **options) for s, t in ((5, 1), (5, 2), (6, 1))
+    )
+    assert one.identical(two) and not one.equals(other)
+    stroke = one.sel(
+        output="S4.range"
+    )  # of a crank of 12 in on a line through its axis; offsets change it little
+    assert stroke["mean"].item() == pytest.approx(2 * 12 * 0.0254, rel=1e-3)
+
+
 def test_sobol_indices_of_a_product(model):
     found = model.tolerances(OF, method="sobol", count=128, **OPTIONS).sel(output="rod.torque.peak")
     (a, v), (b, w) = moments(OF["length"]), moments(OF["mass"])

@@ -1,0 +1,188 @@
+"""Plots of sweeps and Pareto fronts: curves, maps, atlases of paths."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symgen.errors import ResultError, nearest
+from symgen.report.page.plots import save
+from symgen.runtime.many.dataset import RECORDED
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+#: Most different values of a parameter for which a map is drawn cell by cell.
+_CELLS = 512
+#: Most runs whose histories are drawn, paths side by side, and curves with a legend.
+DRAWN, _ACROSS, _LEGEND = 60, 6, 10
+
+
+def parameters_of(runs: xarray.Dataset) -> list[str]:
+    """Return the names of the varied parameters."""
+    return [str(name) for name, values in runs.coords.items() if values.dims == ("run",) and name != "run"]
+
+
+def outputs_of(runs: xarray.Dataset) -> list[str]:
+    """Return the names of all values that runs have one of, or one for each axis."""
+    inner = {name: set(v.dims) - {"run", "axis"} for name, v in runs.data_vars.items() if v.dtype.kind == "f"}
+    return sorted(str(name) for name, dims in inner.items() if not dims and name not in ("done", RECORDED))
+
+
+def histories_of(runs: xarray.Dataset) -> list[str]:
+    """Return the names of outputs of which all samples are kept."""
+    inner = {str(n): [d for d in v.dims if d not in ("run", "axis")] for n, v in runs.data_vars.items()}
+    return [name for name, dims in inner.items() if dims]
+
+
+def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:
+    """Plot outputs of a sweep over its first parameter, or as maps over its first two; histories as curves.
+
+    A grid of two parameters is drawn cell by cell, samples of distributions as points. Curves of all runs lie
+    over one another; those of points in the plane, such as coupler curves, are drawn one beside the other.
+
+    Parameters
+    ----------
+    runs
+        The result of :meth:`symgen.Model.sweep`.
+    names
+        Outputs, such as ``theta1.drive.peak``; all but drifts when absent.
+    file
+        Output file; its extension selects the format.
+
+    Raises
+    ------
+    ResultError
+        If there is no such output, or the file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    known = outputs_of(runs)
+    histories = [name for name in histories_of(runs) if name in names or not names]
+    if histories and not [name for name in names if name not in histories]:
+        return _curves(runs, histories, file)
+    for name in names:
+        if name not in known:
+            raise ResultError(f"the sweep has no output {name!r}. {nearest(name, known)}")
+    chosen = list(names) or [name for name in known if not name.endswith("_drift")]
+    varied = [p for p in parameters_of(runs) if len(np.unique(runs[p].values)) > 1] or parameters_of(runs)
+    x = varied[0]
+    figure = Figure(figsize=(8, 1.0 + 3.0 * len(chosen)), layout="constrained")
+    for panel, name in zip(figure.subplots(len(chosen), 1, squeeze=False)[:, 0], chosen, strict=True):
+        values = np.asarray(runs[name].values, dtype=float)
+        label = label_of(runs, name)
+        panel.set_xlabel(label_of(runs, x))
+        if len(varied) == 1:
+            order = np.argsort(runs[x].values, kind="stable")
+            panel.plot(runs[x].values[order], values[order], marker=".")
+            panel.set_ylabel(label)
+            panel.grid(alpha=0.3)
+            continue
+        size = values if values.ndim == 1 else np.sqrt(np.sum(values**2, axis=1))
+        drawn = _map(panel, runs[x].values, runs[varied[1]].values, size, len(varied) == 2)
+        panel.set_ylabel(label_of(runs, varied[1]))
+        figure.colorbar(drawn, ax=panel, label=label)
+    figure.suptitle(str(runs.attrs["title"]), fontsize="medium")
+    if file is not None:
+        save(figure, file)
+    return figure
+
+
+def plot_front(front: xarray.Dataset, file: str | os.PathLike[str] | None = None) -> Figure:
+    """Plot the second objective over the first; the extension of the file selects the format."""
+    from matplotlib.figure import Figure
+
+    first, second = (str(name) for name in [*front.data_vars][:2])
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    panel: Any = figure.subplots()
+    panel.plot(front[first].values, front[second].values, marker="o")
+    panel.set(xlabel=label_of(front, first), ylabel=label_of(front, second))
+    panel.grid(alpha=0.3)
+    if file is not None:
+        save(figure, file)
+    return figure
+
+
+def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[str] | None) -> Figure:
+    """Draw histories: over their coordinate, or of points in the plane as an atlas of their paths."""
+    from matplotlib import colormaps
+    from matplotlib.figure import Figure
+
+    count = min(runs.sizes["run"], DRAWN)
+    colours = colormaps["viridis"](np.linspace(0.0, 0.9, count))
+    paths = [
+        name
+        for name in names
+        if "axis" in runs[name].dims and runs.sizes["axis"] == 2 and runs[name].attrs.get("units") == "m"
+    ]
+    titles = _titles(runs)
+    panels = len(names) - len(paths)
+    across = min(_ACROSS, count)
+    figure = Figure(
+        figsize=(8, 0.6 + 3.0 * panels + 1.7 * len(paths) * -(-count // across)), layout="constrained"
+    )
+    heights = [1.7 * -(-count // across) if name in paths else 3.0 for name in names]
+    parts: Any = figure.subfigures(len(names), 1, squeeze=False, height_ratios=heights)
+    for part, name in zip(parts[:, 0], names, strict=True):
+        values = np.asarray(runs[name].values[:count], dtype=float)
+        of_paths = f" by {', '.join(parameters_of(runs))}" if name in paths else ""
+        part.suptitle(label_of(runs, name) + of_paths, fontsize="medium")
+        if name in paths:
+            panes = part.subplots(
+                -(-count // across), across, squeeze=False, sharex=True, sharey=True
+            ).ravel()
+            for pane, path, title in zip(panes, values, titles, strict=False):
+                pane.plot(*path.T, color="#1f5c99")
+                pane.set_aspect("equal", adjustable="box")
+                pane.set_title(title, fontsize="x-small")
+            for pane in panes[count:]:
+                pane.set_axis_off()
+            continue
+        size = values if values.ndim == 2 else np.sqrt(np.sum(values**2, axis=2))
+        over, along = _coordinate(runs, name)
+        panel = part.subplots()
+        for i, row in enumerate(size):
+            panel.plot(along[i] if along.ndim == 2 else along, row, color=colours[i], label=titles[i])
+        panel.grid(alpha=0.3)
+        panel.set_xlabel(over)
+        if count <= _LEGEND:
+            panel.legend(title=", ".join(parameters_of(runs)), fontsize="x-small", title_fontsize="x-small")
+    figure.suptitle(str(runs.attrs["title"]), fontsize="medium")
+    if file is not None:
+        save(figure, file)
+    return figure
+
+
+def _titles(runs: xarray.Dataset) -> list[str]:
+    """Return the values of the parameters of the drawn runs."""
+    part = runs.isel(run=slice(0, DRAWN))
+    columns = [[f"{x:.4g}" for x in part[p].values] for p in parameters_of(part)]
+    return [", ".join(row) for row in zip(*columns, strict=True)]
+
+
+def _coordinate(runs: xarray.Dataset, name: str) -> tuple[str, Any]:
+    """Return the label and the values of the coordinate of a history, (samples,) or (runs, samples)."""
+    inner = next(d for d in runs[name].dims if d not in ("run", "axis"))
+    names = sorted((c for c in runs.coords if inner in runs[c].dims), key=lambda c: c == "time")
+    return label_of(runs, str(names[0])), np.asarray(runs[names[0]].values, dtype=float)
+
+
+def label_of(runs: xarray.Dataset, name: str) -> str:
+    """Return the name of a variable with its unit."""
+    unit = runs[name].attrs.get("units", "")
+    return f"{name} [{unit}]" if unit not in ("", "1") else name
+
+
+def _map(panel: Any, x: Any, y: Any, values: Any, alone: bool) -> Any:
+    """Draw values over two parameters: cells of a grid, else points."""
+    (columns, i), (rows, k) = (np.unique(along, return_inverse=True) for along in (x, y))
+    whole = alone and columns.size * rows.size == values.size and max(columns.size, rows.size) <= _CELLS
+    if not whole or min(columns.size, rows.size) < 2:
+        return panel.scatter(x, y, c=values, s=12)
+    cells = np.full((rows.size, columns.size), np.nan)
+    cells[k, i] = values
+    return panel.pcolormesh(columns, rows, cells, shading="nearest")
