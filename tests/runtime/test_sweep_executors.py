@@ -88,12 +88,19 @@ def test_processes_write_the_same_bytes_and_are_replaced_when_killed(model, whol
     assert files(tmp_path / "killed.zarr") == files(whole)
 
 
+def _ending(pipe, work):
+    """Be killed while a result is written: its length is there, and the rest is not."""
+    pipe.recv()
+    os.write(pipe.fileno(), (2**20).to_bytes(4, "big") + b"begun")
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
 def test_processes_that_always_end_and_executors_that_fail_are_named(model, monkeypatch):
     class Refusing(Executor):
         def submit(self, task, *arguments):
             raise OSError("no worker is left")
 
-    monkeypatch.setattr(executors, "_follow", os.abort)
+    monkeypatch.setattr(executors, "_serve", _ending)
     with pytest.raises(SimulationError, match="3 times in a row, a process of the sweep ended"):
         model.sweep(OF, executor=1, **WANTED)
     with pytest.raises(SimulationError, match="executor of the sweep failed: OSError: no worker is left"):

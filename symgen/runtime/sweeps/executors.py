@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import threading
 from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from multiprocessing import connection, get_context, parent_process
-from typing import TYPE_CHECKING, Any
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +59,7 @@ def submitted(
     work = _packed(replace(sweep, design=Listed(design.names, none), threads=sweep.threads or 1), layout)
     most = max(2, _HELD // (layout.row * max(last - first for first, last in spans))) if spans else 2
     if isinstance(executor, int) and not isinstance(executor, bool) and executor >= 1:
-        yield from _in_processes(executor, work, design, spans, most)
+        yield from _in_processes(executor, work, design, spans)
         return
     pool = executor.get_executor() if hasattr(executor, "get_executor") else executor
     if not isinstance(pool, Executor):
@@ -75,30 +78,83 @@ def submitted(
         ) from error
 
 
-def _in_processes(
-    count: int, work: bytes, design: Design, spans: Sequence[Span], most: int
-) -> Iterator[Found]:
-    """Yield the results of chunks from new processes, which are replaced where one ends."""
-    missing, ended = dict(spans), 0
-    while missing:
-        with ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_follow) as pool:
-            try:
-                for first, arrays in _by(pool, work, design, [*missing.items()], most):
-                    yield first, arrays
-                    del missing[first]
-                    ended = 0
-            except BrokenProcessPool:
-                ended += 1
-                if ended == _ENDED:
-                    raise SimulationError(
-                        f"{_ENDED} times in a row, a process of the sweep ended without a result: it was "
-                        "killed, or had too little memory\n  Take fewer processes or smaller chunks. A "
-                        "script starts processes under: if __name__ == '__main__'."
-                    ) from None
+def _in_processes(count: int, work: bytes, design: Design, spans: Sequence[Span]) -> Iterator[Found]:
+    """Yield the results of chunks from new processes, which are replaced where one ends.
+
+    Each has a pipe of its own. Those of a pool share one with a lock, which stays locked for ever when a
+    process is killed while it writes.
+    """
+    missing, ended = [*reversed(spans)], 0
+    workers: dict[Connection, BaseProcess] = {}
+    idle: list[Connection] = []
+    busy: dict[Connection, Span] = {}
+    try:
+        while missing or busy:
+            while len(workers) < min(count, len(missing) + len(busy)):
+                there, process = _started(work)
+                workers[there] = process
+                idle.append(there)
+            while missing and idle:
+                there = idle.pop()
+                busy[there] = missing.pop()
+                with suppress(OSError):  # it has ended, which the wait finds
+                    there.send(design.values(*busy[there]))
+            for each in connection.wait(busy):
+                there = cast("Connection", each)
+                span = busy.pop(there)
+                try:
+                    error, arrays = there.recv()
+                except (EOFError, OSError):
+                    missing.append(span)
+                    there.close()
+                    workers.pop(there).join()
+                    ended += 1
+                    if ended == _ENDED:
+                        raise SimulationError(
+                            f"{_ENDED} times in a row, a process of the sweep ended without a result: it was "
+                            "killed, or had too little memory\n  Take fewer processes or smaller chunks. A "
+                            "script starts processes under: if __name__ == '__main__'."
+                        ) from None
+                    continue
+                if error is not None:
+                    raise error
+                ended = 0
+                idle.append(there)
+                yield span[0], arrays
+    finally:
+        for there, process in workers.items():
+            process.kill()
+            process.join()
+            there.close()
+
+
+def _started(work: bytes) -> tuple[Connection, BaseProcess]:
+    """Return a new process, and the end of its pipe here."""
+    context = get_context("spawn")
+    here, there = context.Pipe()
+    process = context.Process(target=_serve, args=(there, work), daemon=True)
+    process.start()
+    there.close()  # the pipe then ends with the process
+    return here, process
+
+
+def _serve(pipe: Connection, work: bytes) -> None:
+    """Carry out chunks whose parameters come through a pipe, until it ends; send an error and the results."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process of the sweep ends this one
+    _follow()
+    while True:
+        try:
+            rows = pipe.recv()
+        except EOFError:
+            return
+        try:
+            pipe.send((None, _chunk(work, rows)))
+        except Exception as error:
+            pipe.send((error, {}))
 
 
 def _follow() -> None:
-    """End this process when its parent ends, however that does: a pool's processes would wait for ever."""
+    """End this process when its parent ends, however that does, and not only after its chunk."""
     parent = parent_process()
 
     def watch() -> None:
