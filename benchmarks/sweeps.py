@@ -6,9 +6,9 @@ the closure by Newton's method from angle to angle, velocities and accelerations
 joint forces and the torque, all vectorised over the variants. Processor times are compared per pose.
 
 A sweep is then killed (SIGKILL) at random times and started again until it ends, and workers of two processes
-and of a local Dask cluster of two, where Dask is installed, are killed at random times while they work
-(``--kills N`` sweeps of each kind). Every store must have the bytes of that of one thread. A list of many more
-variants at few poses is carried out by two processes: memory must not grow with their number.
+and of a local Dask cluster of two, where Dask is installed, are killed at random times while they work,
+``--kills N`` sweeps of each kind. Every store must have the bytes of that of one thread. Two processes carry
+out a list of many more variants at few poses: memory must not grow with their number.
 """
 
 from __future__ import annotations
