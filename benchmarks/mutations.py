@@ -91,6 +91,7 @@ FAULTS = (
     Fault("axial force by loads", "elastic/hamilton.py", "-PX.symbol * PROFILE_BEFORE.symbol", "PX.symbol * PROFILE_BEFORE.symbol", "elastic", WEIGHTS),
     Fault("axial force by rotation", "elastic/hamilton.py", "moved - OMEGA.symbol * rigid[1]", "moved + OMEGA.symbol * rigid[1]", "elastic", WEIGHTS),
     Fault("work of loads across", "elastic/hamilton.py", "PY.symbol * place[1])", "2 * PY.symbol * place[1])", "elastic", WEIGHTS),
+    Fault("follower force reversed", "elastic/hamilton.py", 'PROFILE.symbol * PX.symbol * _F["phi"]', '-PROFILE.symbol * PX.symbol * _F["phi"]', "elastic", WEIGHTS),
     Fault("loads reversed", "elastic/weights.py", "sign = -1 if order is None else 1", "sign = 1 if order is None else 1", "elastic", HAMILTON),
     Fault("Coriolis term halved", "elastic/weights.py", '("mass", "damping", "quarter", 2 * first)', '("mass", "damping", "quarter", first)', "elastic", HAMILTON),
     Fault("centripetal term reversed", "elastic/weights.py", '("mass", "stiffness", "ends", ends)', '("mass", "stiffness", "ends", -ends)', "elastic", HAMILTON),
