@@ -106,7 +106,7 @@ def test_release_from_modes(tmp_path):
     energy = bars.RHO * bars.AREA * bars.LENGTH / 8 * (speeds**2 @ [a**2, b**2])
     total = run["kinetic_energy"].values + run["strain_energy"].values
     assert total == pytest.approx(energy, rel=1e-5)
-    assert run.mesh_error < 1e-3
+    assert run.mesh_error < 4 / 3 * 1e-3  # four thirds of the change by halved elements
 
 
 def test_modes_are_carried_along_by_the_rigid_motion(tmp_path):
