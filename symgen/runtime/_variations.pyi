@@ -15,6 +15,7 @@ from symgen.runtime.kernels.library import Library
 Array = NDArray[np.float64]
 
 class Variations:
+    columns: int
     sums: Array
     def forward(
         self, t: Array, y: Array, references: Array, moved: Array, summed: Array

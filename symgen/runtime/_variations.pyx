@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of derivatives of runs: tangents of explicit steps, and their transposes."""
+"""The binding of derivatives of runs: tangents of steps, and transposes of explicit ones."""
 
 import numpy as np
 
@@ -47,7 +47,7 @@ cdef size_t LINE = 64
 
 
 cdef class Variations:
-    """Derivatives along explicit steps by some directions: parameters, and numbers that set the initial state."""
+    """Derivatives along steps by some directions: parameters, and numbers that set the initial state."""
 
     cdef Integrable equations
     cdef Scheme scheme
@@ -57,13 +57,17 @@ cdef class Variations:
     cdef const variation_table *api
     cdef variations *core
     cdef void *memory
+    cdef bint is_explicit
 
     cdef int take(self, Integrable equations, method, description, library, Py_ssize_t parameters, Py_ssize_t columns) except -1:
         """Note equations, method and kernels."""
         if equations.of.api.real_bytes != sizeof(double) or equations.extra:
             raise ValueError("expected equations in double precision without the work of loads")
-        if method.kind != "explicit":
-            raise ValueError("expected an explicit method")
+        if method.kind not in ("explicit", "radau", "alpha"):
+            raise ValueError("expected an explicit method, Radau's or generalized-alpha")
+        if method.kind != "explicit" and columns < 2 * equations.n:
+            raise ValueError("expected the state among the directions of an implicit method")
+        self.is_explicit = method.kind == "explicit"
         self.equations, self.scheme, self.library = equations, equations.of.scheme(method), library
         addresses = self.library.addresses
         self.given.stage, self.given.closing = kernel_of(addresses, "stage"), kernel_of(addresses, "closing")
@@ -112,8 +116,10 @@ cdef class Variations:
 
     def backward(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, seed, weights,
                  gradient):
-        """Carry a seed (2n) of the last state, and weights of the integrals, back to the first; add to the gradient by
+        """Of explicit steps carry a seed (2n) of the last state, and weights of the integrals, back to the first; add to the gradient by
         the directions. Return the status and the number of steps taken."""
+        if not self.is_explicit:
+            raise ValueError("expected an explicit method")
         seeds = self.array(self.core.seed, (2 * self.equations.n,))
         gradients = self.array(self.core.gradient, (self.sizes.columns,))
         seeds[:], gradients[:] = seed, gradient
@@ -144,6 +150,11 @@ cdef class Variations:
         return status, taken
 
     @property
+    def columns(self):
+        """Number of directions."""
+        return self.sizes.columns
+
+    @property
     def sums(self):
         """The integrals along all steps taken, (integrals,)."""
         return self.array(self.core.sums, (self.sizes.integrals,)).copy()
@@ -157,14 +168,14 @@ cdef class LinkageVariations(Variations):
     equations
         The :class:`~symgen.runtime._core.Equations` of the run, in doubles, without the work of loads.
     method
-        The explicit integrator of the run.
+        The integrator of the run: explicit, Radau's or generalized-alpha.
     evaluator
         The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of the analysis ``variation``.
     places
         Row, column and place (entries, 3) of the slopes of the residual, Phi, dPhi/dt and the integrands; columns are
         (q, u), (a, lambda), then the directions.
     columns
-        Number of directions.
+        Number of directions; of an implicit method the last 2n are the state.
     """
 
     def __init__(self, Equations equations, method, evaluator, places, Py_ssize_t columns):

@@ -93,6 +93,36 @@ def parallelogram(t):
     return outputs
 
 
+@pytest.mark.parametrize(
+    ("options", "rel"),
+    [
+        ({"method": "radau5", "rtol": 1e-11, "atol": 1e-13}, 1e-9),
+        ({"method": "newmark", "step": 1e-3}, 2e-5),
+        ({"method": "generalized-alpha", "step": 1e-3}, 2e-5),
+    ],
+)
+def test_implicit_steps_have_the_derivatives_of_the_closed_form(options, rel):
+    """Within the error of the method, which of fixed steps falls with the square of the step."""
+    model, times = symgen.build(rod(0.4, ["T - c*rod.rate"], DAMPED)), [0.3, 0.7]
+    names, values = ["rod.angle", "P.position", "O.reaction.x"], [1.3, 0.6, 0.08, 0.3, 0.4, 2.0]
+
+    def away(**how):
+        found = model.sensitivity(
+            names, at=started(model, 2.0), coordinates=["rod.angle"], t_eval=times, **how
+        )
+        rows = [slopes(damped(t), values)[:4] for t in times]
+        sizes = [np.max(np.abs(row), axis=1)[:, None] for row in rows]
+        return max(
+            float(np.max(np.abs(of - row) / size))
+            for of, row, size in zip(found.derivatives, rows, sizes, strict=True)
+        )
+
+    found = away(**options)
+    assert found <= rel
+    if "step" in options:
+        assert away(**options | {"step": 2e-3}) == pytest.approx(4 * found, rel=0.2)
+
+
 @pytest.mark.parametrize("many", [0, 30])
 def test_a_closed_linkage_has_the_derivatives_of_its_closed_form(many):
     """Three lengths hold four coordinates; ``many`` further torques are taken back along the steps."""
@@ -183,7 +213,8 @@ def test_angles_in_loads_go_on_over_revolutions():
 def test_runs_that_have_no_derivatives_are_refused():
     model = symgen.build(rod(0.4, ["T - c*rod.rate"], DAMPED))
     for arguments, message in (
-        ({"t_end": 1.0, "method": "radau5"}, "explicit methods, and radau5"),
+        ({"t_end": 1.0, "method": "rattle", "step": 1e-3}, "not available for rattle\n  Choose dop853"),
+        ({"t_end": 1.0, "method": "radau5", "integrals": ["rod.angle"]}, "explicit methods, and radau5"),
         ({"t_end": 1.0, "coordinates": []}, "one for each degree of freedom"),
         ({"rtol": 1e-9}, "rtol is for derivatives along a run"),
         ({"t_eval": [0.0, 1.0]}, "after the start"),

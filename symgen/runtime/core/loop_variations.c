@@ -39,7 +39,7 @@ static size_t place(struct variations *v, const struct equations *e, void *memor
         ARENA_ARRAY(v->answer, n * (ROWS + n)),
         ARENA_ARRAY(v->slopes, slopes),
         ARENA_ARRAY(v->prescribed, 3 * l->sizes.inputs * s->columns + 1),
-        ARENA_ARRAY(v->factors, v->scheme.counts[SOLUTION_STAGES] * slopes),
+        ARENA_ARRAY(v->factors, stages_of(v) * slopes),
     };
     const size_t own = ARENA_PLACE(arrays, memory);
     return own + variations_place(v, e, memory == NULL ? NULL : (char *)memory + own);

@@ -61,6 +61,12 @@ static struct coefficients coefficients_in_reals(void) {
     };
 }
 
+void radau_scheme(real a[STAGES][STAGES], real c[STAGES]) {
+    const struct coefficients m = coefficients_in_reals();
+    memcpy(a, m.a, sizeof m.a);
+    memcpy(c, m.c, sizeof m.c);
+}
+
 /* Point all arrays into memory, or only count their bytes. */
 static size_t place(const struct equations *e, void *memory, struct radau *x) {
     const long n = e->n, dim = e->dim;

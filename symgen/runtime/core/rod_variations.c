@@ -17,7 +17,7 @@ extern const struct variation_behaviour rod_variations;
 
 static size_t place(struct variations *v, const struct equations *e, void *memory) {
     const struct variation_sizes *s = &v->sizes;
-    const ptrdiff_t whole = e->n + e->m, stages = v->scheme.counts[SOLUTION_STAGES], k = s->columns;
+    const ptrdiff_t whole = e->n + e->m, stages = stages_of(v), k = s->columns;
     const struct arena_array arrays[] = {
         ARENA_ARRAY(v->p, s->parameters + s->derived + 1),
         ARENA_ARRAY(v->work, s->work + whole + 1),

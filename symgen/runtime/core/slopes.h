@@ -21,4 +21,7 @@ void reduced_complex(long n, const real *x, const real *by_q, const real *by_u, 
 void solve_reduced(long n, real x, const real *by_u, const real *matrix, const ptrdiff_t *swaps, real *r);
 void solve_reduced_complex(long n, const real *x, const real *by_u, const real *matrix, const ptrdiff_t *swaps, real *r);
 
+/* Weights and nodes of Radau's method. */
+void radau_scheme(real a[3][3], real c[3]);
+
 #endif

@@ -8,7 +8,7 @@
 
 size_t variations_place(struct variations *v, const struct equations *e, void *memory) {
     const struct variation_sizes *s = &v->sizes;
-    const ptrdiff_t n = e->n, stages = v->scheme.counts[SOLUTION_STAGES], k = s->columns;
+    const ptrdiff_t n = e->n, stages = stages_of(v), k = s->columns;
     const struct arena_array arrays[] = {
         ARENA_ARRAY(v->rates, stages * 2 * n),
         ARENA_ARRAY(v->state, 2 * n),
@@ -24,7 +24,8 @@ size_t variations_place(struct variations *v, const struct equations *e, void *m
         ARENA_ARRAY(v->states, stages * 2 * n),
         ARENA_ARRAY(v->back, stages * 2 * n),
     };
-    return ARENA_PLACE(arrays, memory);
+    const size_t own = ARENA_PLACE(arrays, memory);
+    return is_explicit(v) ? own : own + implicit_place(v, e, memory == NULL ? NULL : (char *)memory + own);
 }
 
 /* Take the parameters of the equations with the references of a step. */
@@ -116,8 +117,10 @@ int variations_forward(struct variations *v, long steps, const double *t, const 
     int status = DONE;
     for (*taken = 0; *taken < steps && status == DONE; ++*taken, row += 2 * v->e->n) {
         const double *now = t + *taken;
+        const real h = R(now[1]) - R(now[0]), *end = row + 2 * v->e->n;
         begin_step(v, references + *taken * v->e->sizes.windings);
-        status = forward_step(v, R(now[0]), R(now[1]) - R(now[0]), row, row + 2 * v->e->n);
+        status = is_explicit(v) ? forward_step(v, R(now[0]), h, row, end)
+                                : implicit_step(v, *taken == 0, R(now[0]), h, row, end);
     }
     return status;
 }

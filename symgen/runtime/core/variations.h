@@ -1,15 +1,16 @@
-/* Derivatives of runs with explicit Runge-Kutta steps: the tangent of every step, and its transpose.
+/* Derivatives of runs: the tangent of every step, and of explicit Runge-Kutta steps its transpose.
  *
  * The states between the steps of a run are its checkpoints: the stages of a step are evaluated again from the state
  * before it. The equations of motion are differentiated implicitly at every stage, and the projection at the end of a
  * step as that of (dq, du) onto dPhi = 0 and d(dPhi/dt) = 0: for linkages in rod_variations.c, for loops of joints in
- * loop_variations.c. */
+ * loop_variations.c. Implicit steps are in implicit_variations.c. */
 #ifndef SYMGEN_VARIATIONS_H
 #define SYMGEN_VARIATIONS_H
 
 #include <stddef.h>
 
 #include "run.h"
+#include "tableau.h"
 
 /* Lists of slopes: of the residual, of Phi, of dPhi/dt and of the integrands. */
 enum slopes_of { OF_RESIDUAL, OF_PLACES, OF_RATES, OF_INTEGRANDS, SLOPES_OF };
@@ -75,6 +76,10 @@ struct variations {
     real *seed;              /* of (q, u) */
     real *weights, *gradient; /* of the integrals; by the directions */
     real *states, *factors, *back; /* of all stages: (q, u), what `keep` notes, seed */
+    /* of implicit steps */
+    real *matrix, *changes;  /* of the equations of a step, and right-hand sides and solutions in rows of columns */
+    ptrdiff_t *swaps;
+    real *carried, *carried_moved; /* accelerations of the method and of the motion before a step, n each */
     /* of linkages */
     real *still;             /* zeros in the place of w, which closing does not depend on */
     real *right, *inverse;   /* right-hand sides; rows of the inverse of [M J^T; J 0] */
@@ -85,6 +90,19 @@ struct variations {
     real *slopes;            /* of accelerations, or of what is projected, by (q, u) and directions: n rows */
     real *prescribed;        /* slopes of the inputs' values, rates and accelerations by the directions: a row each */
 };
+
+static inline int is_explicit(const struct variations *v) {
+    return v->scheme.kind == find_kind("explicit");
+}
+
+/* Stages of a step whose results are kept. */
+static inline ptrdiff_t stages_of(const struct variations *v) {
+    return is_explicit(v) ? v->scheme.counts[SOLUTION_STAGES] : 3;
+}
+
+/* Those of implicit steps, whose last 2n directions are the state. `begins`: it is the first step of a run. */
+size_t implicit_place(struct variations *v, const struct equations *e, void *memory);
+int implicit_step(struct variations *v, int begins, real t, real h, const real *y, const real *y_new);
 
 /* Place the arrays that all kinds have; return their bytes. */
 size_t variations_place(struct variations *v, const struct equations *e, void *memory);

@@ -33,8 +33,8 @@ def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: A
     Raises
     ------
     ModelError
-        As :func:`symgen.runtime.linearisation.runs.followed`; for loads that jump; where the run takes other
-        angles of ball joints.
+        As :func:`symgen.runtime.linearisation.runs.followed`; for implicit methods, and loads that jump;
+        where the run takes other angles of ball joints.
     SimulationError
         As for :meth:`Model.simulate`.
     """
@@ -43,6 +43,11 @@ def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: A
     d = loop.description
     if d.switches:
         raise ModelError(f"derivatives of runs are not available for loads that jump: {d.switches[0]}")
+    if chosen.method.kind != "explicit":
+        raise ModelError(
+            f"derivatives of runs of loops are for explicit methods, and {chosen.method.name} is none\n"
+            "  Choose dop853, dopri5 or rk4."
+        )
     equations = loop.equations(d.having("dependent", "free"), rank, work_of_loads=False)
     turns = slice(len(d.tunable), len(d.tunable) + len(d.balls))
     path = followed(equations, turns, (), start, chosen, times, lambda *at: problem(loop, *at))

@@ -56,14 +56,23 @@ class Path:
     ends: tuple[int, ...]
 
 
-def follow(evaluator: Evaluator, redundant: int, start: State, chosen: Options, times: Array) -> Path:
+def follow(
+    evaluator: Evaluator,
+    tangent: Evaluator | None,
+    redundant: int,
+    start: State,
+    chosen: Options,
+    times: Array,
+) -> Path:
     """Carry out a run that steps exactly to the times requested, and keep its states.
+
+    ``tangent`` are the kernels of the analysis of that name, for implicit methods.
 
     Raises
     ------
     ModelError
-        For times that do not increase from the start to the end; for methods other than explicit ones, loads
-        that jump, and events that end the run.
+        For times that do not increase from the start to the end; for RATTLE, loads that jump, and events
+        that end the run.
     SimulationError
         As for :meth:`Model.simulate`.
     """
@@ -77,7 +86,7 @@ def follow(evaluator: Evaluator, redundant: int, start: State, chosen: Options, 
                 f"derivatives of runs are not available where an event ends the run: {event.name}"
             )
     allowed = slack(evaluator, start.q) if redundant else np.inf
-    equations = evaluator.equations(redundant, allowed, work_of_loads=False)
+    equations = evaluator.equations(redundant, allowed, work_of_loads=False, tangent=tangent)
     directions = [(e.direction, _core.REVOLVES * e.revolves) for e in d.events]
 
     def cause(stepper: _core.Run, chosen: Options, status: int) -> str:
@@ -111,14 +120,14 @@ def followed(
     Raises
     ------
     ModelError
-        For methods other than explicit ones, and times that do not increase from the start to the end.
+        For RATTLE, and times that do not increase from the start to the end.
     SimulationError
         As for :meth:`Model.simulate`.
     """
-    if chosen.method.kind != "explicit":
+    if chosen.method.kind == "rattle":
         raise ModelError(
-            f"derivatives of runs are for explicit methods, and {chosen.method.name} is none\n"
-            "  Choose dop853, dopri5 or rk4."
+            f"derivatives of runs are not available for {chosen.method.name}\n"
+            "  Choose dop853, dopri5, rk4, radau5, newmark or generalized-alpha."
         )
     if recorded_at(times, start.t, chosen.t_end)[0] <= start.t:
         raise ModelError(f"expected times after the start at t = {start.t:g} s, got {times[0]:g} s")
@@ -212,11 +221,15 @@ def at_run(
     units = {b.about: b.unit for b in kernels.info("integrands").blocks} if integrands else {}
     equations = evaluator.equations(start.redundant, work_of_loads=False)
 
+    states = 0 if chosen.method.kind == "explicit" else 2 * start.n
+    if states and integrands:
+        raise ModelError(f"integrals are for explicit methods, and {chosen.method.name} is none")
+
     def along(columns: int) -> Variations:
         entries = _places(kernels, integrands, parameters[:columns], start)
-        return LinkageVariations(equations, chosen.method, kernels, entries, columns)
+        return LinkageVariations(equations, chosen.method, kernels, entries, columns + states)
 
-    if fewer((len(shown) + len(integrands)) * len(ends), len(names)):
+    if not states and fewer((len(shown) + len(integrands)) * len(ends), len(names)):
         found = carried_back(path, along(len(names)), slopes, len(integrands), first)
         _, integrals = carried_forward(path, along(0), first[:, :0], len(integrands))
     else:
@@ -306,13 +319,15 @@ def carried_forward(
     path: Path, along: Variations, first: Array, integrals: int = 0
 ) -> tuple[list[tuple[Array, Array]], Array]:
     """Return derivatives of state and integrals by all directions, and the integrals, at all ends."""
-    moved, summed = np.ascontiguousarray(first), np.zeros((integrals, first.shape[1]))
+    count = first.shape[1]
+    moved, summed = np.zeros((len(first), along.columns)), np.zeros((integrals, along.columns))
+    moved[:, :count] = first
     begin, found, sums = 0, [], []
-    for end in path.ends if first.shape[1] or integrals else ():
+    for end in path.ends if count or integrals else ():
         part = _slices(path, begin, end)
         status, taken = along.forward(*part, moved, summed)
         _check(status, part[0], taken)
-        found.append((moved.copy(), summed.copy()))
+        found.append((moved[:, :count].copy(), summed[:, :count].copy()))
         sums.append(along.sums)
         begin = end
     return found, np.reshape(sums, (len(path.ends), integrals))

@@ -138,8 +138,9 @@ class LinearAnalyses:
         integrals
             Outputs whose integrals over the time from the start are further outputs, ``integral of NAME``.
         method, rtol, atol, step, max_steps, max_step
-            Options of the run, as for :meth:`simulate`; the method is explicit. ``max_steps`` is 1,000,000
-            when absent: the states between all steps are kept.
+            Options of the run, as for :meth:`simulate`; the method is explicit, or of linkages ``radau5``,
+            ``newmark`` or ``generalized-alpha``. ``max_steps`` is 1,000,000 when absent: the states between
+            all steps are kept.
 
         Raises
         ------

@@ -275,7 +275,8 @@ class RodModel(LinkageModel):
         """Return derivatives along a run; ``names`` are the outputs of the kernels ``sensitivity``."""
         from symgen.runtime.linearisation.runs import at_run, follow
 
-        path = follow(self._evaluator, len(self.redundant), start, chosen, times)
+        tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
+        path = follow(self._evaluator, tangent, len(self.redundant), start, chosen, times)
 
         def tangents(state: State, references: Array) -> Tangents:
             held = self.with_parameters()

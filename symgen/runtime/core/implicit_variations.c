@@ -1,0 +1,198 @@
+/* Tangents of implicit steps: Radau's collocation, and the generalized-alpha family.
+ *
+ * The last 2 n directions are the state itself, so that the tangents of accelerations along all directions are their
+ * slopes by (q, u), behind those by parameters. With these the equations of a step are solved again by Newton's method,
+ * to the last digits, and the tangent of the step has the same matrix. */
+#include <string.h>
+
+#include "arena.h"
+#include "linear.h"
+#include "slopes.h"
+#include "variations.h"
+
+enum { STAGES = 3, ITERATIONS = 50 };
+/* Part of the solution below which changes of the iterations may stall. */
+#define STALLED R(1e-9)
+
+size_t implicit_place(struct variations *v, const struct equations *e, void *memory) {
+    const ptrdiff_t n = e->n, k = v->sizes.columns, all = STAGES * 2 * n;
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(v->states, all),
+        ARENA_ARRAY(v->slopes, STAGES * n * k),
+        ARENA_ARRAY(v->matrix, all * all),
+        ARENA_ARRAY(v->changes, all * k),
+        ARENA_ARRAY(v->swaps, all),
+        ARENA_ARRAY(v->carried, 2 * n),
+        ARENA_ARRAY(v->carried_moved, 2 * n * k),
+    };
+    return ARENA_PLACE(arrays, memory);
+}
+
+/* Evaluate dy/dt of stage s at a state, and its slopes by all directions. */
+static void look(struct variations *v, long s, real t, const real *state) {
+    struct equations *e = v->e;
+    const ptrdiff_t n = e->n, k = v->sizes.columns, first = k - 2 * n;
+    real *rate = v->rates + s * 2 * n;
+    memset(v->by_stage, 0, (size_t)(2 * n * k) * sizeof(real));
+    for (ptrdiff_t i = 0; i < 2 * n; i++)
+        v->by_stage[i * k + first + i] = 1;
+    e->of->accelerate(e, t, state);
+    memcpy(rate, state + n, (size_t)n * sizeof(real));
+    memcpy(rate + n, e->out, (size_t)n * sizeof(real));
+    v->of->stage(v, t, state);
+    memcpy(v->slopes + s * n * k, v->solved, (size_t)(n * k) * sizeof(real));
+}
+
+/* Whether iterations have ended, by the size of the last change and the one before. */
+static int is_still(real change, real size, real *before) {
+    const int ended = change <= R(4) * REAL_EPSILON * size || (change >= R(0.5) * *before && change <= STALLED * size);
+    *before = change;
+    return ended;
+}
+
+static int radau(struct variations *v, real t, real h, const real *y, const real *y_new) {
+    const ptrdiff_t n = v->e->n, two = 2 * n, k = v->sizes.columns, first = k - two, all = STAGES * two;
+    real a[STAGES][STAGES], c[STAGES], before = REAL_INFINITY;
+    radau_scheme(a, c);
+    for (long s = 0; s < STAGES; s++)
+        for (ptrdiff_t i = 0; i < two; i++)
+            v->states[s * two + i] = y[i] + c[s] * (y_new[i] - y[i]);
+    for (long iteration = 0;; iteration++) {
+        if (iteration == ITERATIONS)
+            return NOT_FINITE;
+        for (long s = 0; s < STAGES; s++)
+            look(v, s, t + c[s] * h, v->states + s * two);
+        memset(v->matrix, 0, (size_t)(all * all) * sizeof(real));
+        real *left = v->changes, change = 0;
+        for (long s = 0; s < STAGES; s++)
+            for (ptrdiff_t i = 0; i < two; i++) {
+                real *row = v->matrix + (s * two + i) * all, sum = y[i] - v->states[s * two + i];
+                for (long j = 0; j < STAGES; j++) {
+                    const real weight = h * a[s][j], *slopes = v->slopes + (j * n + i - n) * k + first;
+                    sum += weight * v->rates[j * two + i];
+                    if (i < n)
+                        row[j * two + n + i] -= weight;
+                    else
+                        add_multiple(two, -weight, slopes, row + j * two);
+                }
+                row[s * two + i] += 1;
+                left[s * two + i] = sum;
+            }
+        if (!factor_dense(all, v->matrix, v->swaps))
+            return NOT_FINITE;
+        solve_dense(all, v->matrix, v->swaps, left);
+        for (ptrdiff_t i = 0; i < all; i++) {
+            v->states[i] += left[i];
+            change = real_fmax(change, real_fabs(left[i]));
+        }
+        if (!real_isfinite(change))
+            return NOT_FINITE;
+        if (is_still(change, largest_or_nan(v->states, all), &before))
+            break;
+    }
+    for (long s = 0; s < STAGES; s++)
+        for (ptrdiff_t i = 0; i < two; i++) {
+            real *row = v->changes + (s * two + i) * k;
+            memcpy(row, v->moved + i * k, (size_t)first * sizeof(real));
+            memset(row + first, 0, (size_t)two * sizeof(real));
+            for (long j = 0; i >= n && j < STAGES; j++)
+                add_multiple(first, h * a[s][j], v->slopes + (j * n + i - n) * k, row);
+        }
+    solve_dense_wide(all, v->matrix, v->swaps, k, v->changes);
+    memcpy(v->moved, v->changes + (all - two) * k, (size_t)(two * k) * sizeof(real));
+    return DONE;
+}
+
+/* Add the tangents of accelerations of stage 0 along changes (q, u), and those by parameters, to `to`, n rows. */
+static void add_accelerations(const struct variations *v, real factor, const real *changes, real *to) {
+    const ptrdiff_t n = v->e->n, k = v->sizes.columns, first = k - 2 * n;
+    for (ptrdiff_t i = 0; i < n; i++) {
+        const real *slopes = v->slopes + i * k;
+        add_multiple(first, factor, slopes, to + i * k);
+        for (ptrdiff_t j = 0; j < 2 * n; j++)
+            add_multiple(first, factor * slopes[first + j], changes + j * k, to + i * k);
+    }
+}
+
+static void begin_alpha(struct variations *v, real t, const real *y) {
+    const size_t n = (size_t)v->e->n, rows = n * (size_t)v->sizes.columns;
+    look(v, 0, t, y);
+    for (size_t i = 0; i < 2; i++)
+        memcpy(v->carried + i * n, v->rates + n, n * sizeof(real));
+    memset(v->carried_moved, 0, 2 * rows * sizeof(real));
+    add_accelerations(v, R(1), v->moved, v->carried_moved);
+    memcpy(v->carried_moved + rows, v->carried_moved, rows * sizeof(real));
+}
+
+/* The carried accelerations are A of the method and a of the motion: see alpha.c. */
+static int alpha(struct variations *v, real t, real h, const real *y) {
+    const real *of = v->scheme.numbers, inertia = 1 - of[0], force = 1 - of[1], beta = of[2], gamma = of[3];
+    const ptrdiff_t n = v->e->n, k = v->sizes.columns, first = k - 2 * n;
+    real *own = v->carried, *motion = own + n, *moved = v->carried_moved, *motion_moved = moved + n * k;
+    real *next = v->changes, *left = next + n, *state = v->states, before = REAL_INFINITY;
+    memcpy(next, own, (size_t)n * sizeof(real));
+    for (long iteration = 0;; iteration++) {
+        if (iteration == ITERATIONS)
+            return NOT_FINITE;
+        for (ptrdiff_t i = 0; i < n; i++) {
+            state[i] = y[i] + h * (y[n + i] + h * ((R(0.5) - beta) * own[i] + beta * next[i]));
+            state[n + i] = y[n + i] + h * ((1 - gamma) * own[i] + gamma * next[i]);
+        }
+        look(v, 0, t + h, state);
+        real change = 0;
+        for (ptrdiff_t i = 0; i < n; i++) {
+            const real *slopes = v->slopes + i * k + first;
+            for (ptrdiff_t j = 0; j < n; j++)
+                v->matrix[i * n + j] = (i == j) * inertia - force * h * (h * beta * slopes[j] + gamma * slopes[n + j]);
+            left[i] = force * v->rates[n + i] + of[1] * motion[i] - inertia * next[i] - of[0] * own[i];
+        }
+        if (!factor_dense(n, v->matrix, v->swaps))
+            return NOT_FINITE;
+        solve_dense(n, v->matrix, v->swaps, left);
+        for (ptrdiff_t i = 0; i < n; i++) {
+            next[i] += left[i];
+            change = real_fmax(change, real_fabs(left[i]));
+        }
+        if (!real_isfinite(change))
+            return NOT_FINITE;
+        const real rates = largest_or_nan(state + n, n) / h, size = real_fmax(largest_or_nan(next, n), rates);
+        if (is_still(change, size, &before))
+            break;
+    }
+    memcpy(motion, v->rates + n, (size_t)n * sizeof(real));
+    memcpy(own, next, (size_t)n * sizeof(real));
+    /* what of (q, u) follows from the state before and the accelerations that it carried */
+    for (ptrdiff_t i = 0; i < n; i++) {
+        real *q = v->moved + i * k, *u = q + n * k;
+        add_multiple(k, h, u, q);
+        add_multiple(k, h * h * (R(0.5) - beta), moved + i * k, q);
+        add_multiple(k, h * (1 - gamma), moved + i * k, u);
+    }
+    real *right = v->changes;
+    for (ptrdiff_t i = 0; i < n * k; i++)
+        right[i] = of[1] * motion_moved[i] - of[0] * moved[i];
+    add_accelerations(v, force, v->moved, right);
+    solve_dense_wide(n, v->matrix, v->swaps, k, right);
+    memcpy(moved, right, (size_t)(n * k) * sizeof(real));
+    add_multiple(n * k, h * h * beta, moved, v->moved);
+    add_multiple(n * k, h * gamma, moved, v->moved + n * k);
+    memset(motion_moved, 0, (size_t)(n * k) * sizeof(real));
+    add_accelerations(v, R(1), v->moved, motion_moved);
+    return DONE;
+}
+
+int implicit_step(struct variations *v, int begins, real t, real h, const real *y, const real *y_new) {
+    int status;
+    if (v->scheme.kind == find_kind("radau")) {
+        status = radau(v, t, h, y, y_new);
+    } else {
+        if (begins)
+            begin_alpha(v, t, y);
+        status = alpha(v, t, h, y);
+    }
+    if (status == DONE && v->e->m)
+        status = v->of->close(v, t + h, y_new);
+    if (status != DONE)
+        return status;
+    return all_finite(v->moved, 2 * v->e->n * v->sizes.columns) ? DONE : NOT_FINITE;
+}
