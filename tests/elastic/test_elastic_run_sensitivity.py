@@ -8,7 +8,6 @@ import mpmath as mp
 import numpy as np
 import pytest
 from shared.elastic_exact import CASES
-from shared.elastic_steady import Wide, changed, slope
 from shared.elastic_transient import REFERENCE, SCENE, TIME, tip
 from shared.full import full, full_unless
 
@@ -47,8 +46,8 @@ def test_a_strip_on_a_shaft_against_its_matrix_exponential(names):
     for j, name in enumerate(names):
         expected = np.array([float(x) for x in stored["by"][name]])
         natural = np.max(np.abs(found.values)) / float(values[name])
-        size = np.maximum(np.abs(expected), 1e-3 * natural)  # the width has no effect
-        assert np.all(np.abs(found.derivatives[0, :, j] - expected) <= 1e-9 * size)
+        allowed = 1e-9 * np.abs(expected) + (1e-9 if name == "width" else 1e-12) * natural  # of no effect
+        assert np.all(np.abs(found.derivatives[0, :, j] - expected) <= allowed)
 
 
 @pytest.mark.full
@@ -57,68 +56,6 @@ def test_the_stored_motion_is_reproduced():
         found = tip(CASES[SCENE][0], mp.mpf(TIME))
         stored = json.loads(REFERENCE.read_text())[SCENE]["values"]
         assert all(abs(x / mp.mpf(y) - 1) < mp.mpf("1e-20") for x, y in zip(found, stored, strict=True))
-
-
-@pytest.mark.full
-def test_a_four_bar_against_its_equations_in_plain_numpy():
-    """Eighth of a revolution from rest, strains of the links by lengths, section, material and masses."""
-    model = tunable(
-        "thesis_four_bar", a=("", "7 in"), b=("", "10 in"), c=("", "12 in"), frame=("", "11 in")
-    )  # fmt: skip
-    part, count, names = 1 / 8, 400, [*model.parameters]
-    outputs = [
-        f"{link}.{kind}_strain" for kind in ("bending", "axial") for link in ("crank", "coupler", "output")
-    ]
-    end = part * 2 * np.pi / model.parameters["speed"]
-    run = model.simulate(t_eval=[end], t_end=end, steps=int(count / part))
-    found = model.sensitivity(outputs, names, at=run)
-    angle = 2 * np.pi * part
-    plain = Wide()
-    for j, name in enumerate(names):
-        tiny = 1e-30
-        dual = changed(name, 1 + 1j * tiny)
-        s, ds = _moved(plain, dual, end, count, tiny)
-        rows = np.concatenate([x[:, 0] for x in plain.strain_rows([angle])])
-        turned = slope(lambda x, of=name, s=s: _strains(changed(of, x), end, s))
-        expected = turned + rows @ ds
-        scaled = found.derivatives[0, :, j] * model.parameters[name]
-        assert found.values[0] == pytest.approx((rows @ s).astype(float), rel=1e-8, abs=1e-13)
-        assert scaled == pytest.approx(expected.astype(float), abs=1e-8 * np.max(np.abs(expected)))
-
-
-def _strains(model, t, s):
-    return np.concatenate([x[:, 0] for x in model.strain_rows(np.array([model.bar.speed * t]))]) @ s
-
-
-def _moved(plain, dual, end, count, tiny):
-    """S at the end and its derivative by the factor of a parameter: Gauss collocation of three stages."""
-    nodes, weights = np.polynomial.legendre.leggauss(3)
-    c, b = (nodes + 1) / 2, weights / 2
-    powers = np.arange(1, 4)
-    a = np.linalg.solve((c[:, None] ** (powers - 1)).T, (c[:, None] ** powers / powers).T).T
-    h, n = end / count, len(plain.unknowns)
-    s, v, ds, dv = (np.zeros(n) for _ in range(4))
-    for k in range(count):
-        t = (k + c) * h
-        m, damp, stiff, q = (np.asarray(x) for x in dual.at(dual.bar.speed * t))
-        real = [np.real(x).astype(float) for x in (m, damp, stiff, q)]
-        imag = [(np.imag(x) / tiny).astype(float) for x in (m, damp, stiff, q)]
-        first = h * np.einsum("ij,ikl->ikjl", a, real[1]) + h * h * np.einsum("ij,ikl->ikjl", a @ a, real[2])
-        first[range(3), :, range(3)] += real[0]
-        matrix = first.reshape(3 * n, 3 * n)
-
-        def taken(load, s, v, real=real, matrix=matrix):
-            left = load - real[1] @ v - np.einsum("ikl,il->ik", real[2], s + h * c[:, None] * v)
-            return np.linalg.solve(matrix, left.ravel()).reshape(3, n)
-
-        x = taken(real[3], s, v)
-        place, rate = s + h * c[:, None] * v + h * h * (a @ a) @ x, v + h * a @ x
-        parts = zip(imag[:3], (x, rate, place), strict=True)
-        load = imag[3] - sum(np.einsum("ikl,il->ik", of, by) for of, by in parts)
-        dx = taken(load, ds, dv)
-        s, v = s + h * v + h * h * (b @ a) @ x, v + h * b @ x
-        ds, dv = ds + h * dv + h * h * (b @ a) @ dx, dv + h * b @ dx
-    return s, ds
 
 
 @pytest.mark.parametrize("method", ["gauss", "newmark", full("generalized-alpha"), full("wilson-theta")])
