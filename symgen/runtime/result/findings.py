@@ -224,8 +224,9 @@ class Pictures:
         return html
 
 
-for _call in (Pictures.plot, Pictures.animate):
+for _call in (Findings.gradient, Pictures.plot, Pictures.animate):
     _call.__qualname__ = f"Result.{_call.__name__}"  # the class that users know, in messages
+checked(Findings)
 checked(Pictures)
 
 
