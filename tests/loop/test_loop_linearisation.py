@@ -75,3 +75,10 @@ def test_a_pole_of_the_angles_of_a_ball_is_named():
     pose = {"parameters.offset.value": "0.3 m", "loop.free.theta1.at": "180 deg"}
     with pytest.raises(ModelError, match="angles theta2, eta3 of a ball joint have a pole there"):
         symgen.build(scene, set=pose).linearise()
+
+
+def test_a_loop_without_inputs_has_outputs_and_no_columns_of_inputs():
+    """dS4 by the state has the rates of S4 along the coordinates: C xdot is the rate of S4."""
+    found = symgen.build("cssp").linearise(0.3, outputs=["S4", "S4.rate"])
+    assert found.D.shape == (2, 0) and found.B.shape == (4, 0)
+    assert found.C[0] @ found.rates == pytest.approx(found.y[1], rel=1e-9)

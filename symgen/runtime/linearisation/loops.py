@@ -8,6 +8,7 @@ S dq + tangent = 0, then du and da, and the slopes of efforts by the closing wre
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
@@ -108,7 +109,7 @@ class LoopPose:
         work[:, self.places[3] - self.places[1] :][:, : self.size] = rows
         states = np.tile(np.concatenate([self.q, self.u, [0.0]]), (len(rows), 1))
         found = self.tangents.many(kernel, np.full(len(rows), self.t), states, work)[f"{name}_tangent"]
-        return found.reshape(*np.shape(direction)[:-1], -1)
+        return found.reshape(*np.shape(direction)[:-1], math.prod(found.shape[1:]))
 
     def called(self, kernel: str, direction: Array) -> dict[str, Array]:
         """Return all results of a kernel along a direction, by name."""
