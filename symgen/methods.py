@@ -199,6 +199,16 @@ METHODS = Registry[Method](
                 commands=_OF_ELASTIC,
             ),
             Method(
+                "spatial",
+                (),
+                **_LINKAGE,
+                model="symgen.pipeline.build:spatial_model",
+                record="symgen.models.record:of_linkage",
+                view="symgen.inspection.linkages:RodsView",
+                state="symgen.inspection.state:of_linkage",
+                commands={"simulate": Command("symgen.report.elastic:print_elastic_result")},
+            ),
+            Method(
                 "rods",
                 claims=("points",),
                 **_LINKAGE,

@@ -57,6 +57,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "elastic_place": partial(_made, "models.elastic.place:elastic_place_system"),
     "corotational_beam": partial(_made, "models.elastic.corotational:corotational_beam_system"),
     "spatial_beam": partial(_made, "models.elastic.spatial:spatial_beam_system"),
+    "director_beam": partial(_made, "models.elastic.directors:director_beam_system"),
     **{name: partial(_made, f"models.loop.blocks:{name}_system") for name in _OF_LOOPS},
     **{name: partial(_made, f"models.synthesis:{name}_system") for name in SYNTHESIS},
 }
@@ -66,7 +67,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
 SHIPPED_BLOCKS = (
     *(f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")),
     "rigid_element", "elastic_place", "elastic_place_tangents", "corotational_beam", "spatial_beam",
-    "loop_row", *SYNTHESIS,
+    "director_beam", "loop_row", *SYNTHESIS,
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.

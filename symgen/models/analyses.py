@@ -70,7 +70,8 @@ def elastic_systems(linkage: Linkage) -> dict[str, System]:
     """Return the Systems of what elastic links need, by their kind; none where every link is rigid."""
     if not linkage.elastic:
         return {}
-    return {kind: analysis_system(linkage, kind) for kind in ("elastic_motion", "elastic_joints")}
+    kinds = ("elastic_motion", "elastic_joints") if linkage.dimension == 2 else ("elastic_joints",)
+    return {kind: analysis_system(linkage, kind) for kind in kinds}
 
 
 def analysis_system(mechanism: Any, kind: str) -> System:

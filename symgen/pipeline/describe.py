@@ -253,6 +253,14 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.scene.rods.linkage import CarriedPoint
 
     crank, along = linkage.crank, list(loads_along(linkage))
+    if linkage.dimension == 3:
+        beams = tuple(
+            BeamInfo(b.link, link.start, link.end, b.element, (), elements=b.elements)
+            for b, link in ((b, linkage.link(b.link)) for b in linkage.elastic)
+        )
+        terms = [term for load in linkage.loads for term in load.terms(3)]
+        alone = not any(term.force or not term.on.integrable for term in terms)
+        return ElasticInfo(beams, "", "", (), (), (), outputs=linkage.outputs, shaft_alone=alone)
     acting = list(couples(linkage))
     on_sections = [
         (name, point) for _, term, _ in acting for _, point in term.on.points for _, name in term.on.links

@@ -129,6 +129,8 @@ def _linkage(scene: Scene) -> Linkage:
         if read.dimension == 2:
             raise SceneError("points with two coordinates do not move in space", where="analysis.motion")
         return replace(linkage, leaves_plane='analysis.motion = "space"')
+    if elastic and read.dimension == 3:
+        return replace(linkage, leaves_plane="elastic links bend in space")
     if linkage.kinematic and read.dimension == 3:
         return replace(linkage, leaves_plane="kinematics knows no loads that keep it in a plane")
     return in_its_plane(linkage)

@@ -8,15 +8,28 @@ from dataclasses import replace
 import sympy as sp
 
 from symgen.loads.torque import AppliedTorque
+from symgen.mechanics.elastic.directors import SECTION
 from symgen.models.elastic.couples import entries, welded_to_bodies, with_bodies
 from symgen.models.elastic.links import profiles_of
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linearised import analysis_of, linearised
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
+from symgen.scene.elastic.links import ElasticLink
 from symgen.scene.rods.linkage import Linkage, RigidLink
 from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.quantity import AXES
 from symgen.symbolic.system import Export, NamedMatrix, System
+
+#: Columns of ``sections``: those that the elements of links in space read, then others.
+IN_SPACE = (
+    *(q.name for q in SECTION),
+    *(f"width_{axis}" for axis in AXES),
+    "fibre_y",
+    "fibre_z",
+    "modulus",
+    "round",
+)
 
 
 def joints_system(linkage: Linkage) -> System:
@@ -53,7 +66,23 @@ def joints_system(linkage: Linkage) -> System:
     energies = {"kinetic_energy": model.kinetic_energy, "potential_energy": model.potential_energy}
     matrices += [named(model, name, [e], "J", f"{name.replace('_', ' ')}") for name, e in energies.items()]
     exports.append(Export("energy", "energies of the linkage without its elastic links", tuple(energies)))
+    rows_in_space = [_in_space(linkage, b) for b in linkage.elastic if b.in_space]
+    if rows_in_space:
+        about = "lengths and sections of elastic links in space, and gravity"
+        entries_of = [e for row in rows_in_space for e in row]
+        labels = [b.link for b in linkage.elastic]
+        matrices.append(named(model, "sections", entries_of, "SI", about, rows=labels, columns=IN_SPACE))
+        exports.append(Export("constants", about, ("sections",)))
     return analysis_of(model, "elastic_joints", matrices, exports)
+
+
+def _in_space(linkage: Linkage, beam: ElasticLink) -> list[sp.Expr]:
+    """Return a row of ``IN_SPACE``."""
+    section = beam.in_space
+    if section is None:
+        return []
+    own = (linkage.link(beam.link).length, *section.values, beam.stiffness_damping, *linkage.gravity)
+    return [*own, *section.width, *section.fibres, beam.modulus, section.is_round]
 
 
 def _without_beams(linkage: Linkage) -> Linkage:

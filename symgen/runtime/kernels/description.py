@@ -190,8 +190,10 @@ class Description(Described):
 
     @property
     def method(self) -> str:
-        """``elastic`` with elastic links, else ``rods``."""
-        return "elastic" if self.elastic else "rods"
+        """``elastic`` with elastic links, ``spatial`` with those in space, else ``rods``."""
+        if not self.elastic:
+            return "rods"
+        return "elastic" if len(self.axes) == 2 else "spatial"
 
     @property
     def held(self) -> int:

@@ -28,7 +28,8 @@ def crank(read: Reader) -> Crank | None:
     scene, table = read.scene, read.scene.crank
     elastic = [name for name, link in scene.links.items() if link.elastic is not None]
     if table is None:
-        if elastic:
+        # In space drivers and moving ground points are the input.
+        if elastic and read.dimension == 2:
             raise SceneError(
                 f"the link {elastic[0]} is elastic, and the motion of the input is not prescribed",
                 where="crank",

@@ -41,6 +41,20 @@ class Section:
 
 
 @dataclass(frozen=True, slots=True)
+class SectionInSpace:
+    """A uniform section of a link in space: direction of its y axis, and mu, J_y, J_z, EA, EI_y, EI_z and GJ.
+
+    ``fibres`` are the distances [m] of the outer fibres from the centroid along y and z; ``is_round`` is 1
+    for a circle, else 0.
+    """
+
+    width: tuple[sp.Expr, ...]
+    values: tuple[sp.Expr, ...]
+    fibres: tuple[sp.Expr, sp.Expr]
+    is_round: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
 class ElasticLink:
     """A link that bends.
 
@@ -66,6 +80,8 @@ class ElasticLink:
         Stress [Pa] beyond which a result warns; None where none is given.
     welds
         Points at which it is welded to other elastic links or to the ground.
+    in_space
+        Its section in space; None in the plane.
     """
 
     link: str
@@ -82,6 +98,7 @@ class ElasticLink:
     modes: int
     yield_stress: sp.Expr | None
     welds: tuple[str, ...]
+    in_space: SectionInSpace | None = None
 
 
 @dataclass(frozen=True, slots=True)

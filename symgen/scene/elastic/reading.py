@@ -11,9 +11,11 @@ from symgen.errors import SceneError, nearest
 from symgen.loads.measure import Measure
 from symgen.scene import units
 from symgen.scene.elastic import sections
+from symgen.scene.elastic.in_space import spatial_link
 from symgen.scene.elastic.joints import carries
 from symgen.scene.elastic.links import AREA_POWER, ElasticLink, ModalDamping, Polynomial, Section, Station
-from symgen.scene.elastic.schema import Elastic, Shear
+from symgen.scene.elastic.schema import Elastic
+from symgen.scene.elastic.spatial_section import shear_modulus
 from symgen.scene.reading import Reader
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
 from symgen.scene.units import Dimension
@@ -49,18 +51,13 @@ def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticL
     """Yield the elastic links, each checked against the components joined to it."""
     for name, link in read.scene.links.items():
         if link.elastic is not None:
-            if read.dimension != 2:
-                raise SceneError(
-                    "links bend in the plane, not in space",
-                    where=f"links.{name}.elastic",
-                    hint="Links that rotate as a whole do: write [rotor] with axis and speed.",
-                )
             read.moving_link(name, f"links.{name}.elastic")
     _check_neighbours(read)
     for rigid in links:
         elastic = read.scene.links[rigid.name].elastic
         if elastic is not None:
-            yield _elastic_link(read, rigid, elastic, f"links.{rigid.name}")
+            made = _elastic_link if read.dimension == 2 else spatial_link
+            yield made(read, rigid, elastic, f"links.{rigid.name}")
 
 
 def _elastic_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -> ElasticLink:
@@ -202,21 +199,6 @@ def _shear(read: Reader, elastic: Elastic, modulus: sp.Expr, shape: sections.Sha
         )
     stiffness = factor * shear_modulus(read, shear, modulus, f"{where}.shear")
     return tuple(stiffness * c for c in shape.area)
-
-
-def shear_modulus(read: Reader, shear: Shear, modulus: sp.Expr, where: str) -> sp.Expr:
-    """Return the shear modulus [Pa]; ``modulus`` is Young's."""
-    if (shear.modulus is None) == (shear.poisson is None):
-        raise SceneError("give modulus or poisson, one of them", where=where)
-    if shear.modulus is not None:
-        return read.positive(shear.modulus, units.PRESSURE, f"{where}.modulus")
-    ratio = read.value(shear.poisson or 0, units.NUMBER, f"{where}.poisson")
-    if not -1 < read.number(ratio) <= 0.5:
-        raise SceneError(
-            f"expected a Poisson's ratio above -1 and up to 0.5, got {shear.poisson!r}",
-            where=f"{where}.poisson",
-        )
-    return modulus / (2 * (1 + ratio))
 
 
 def _check_neighbours(read: Reader) -> None:

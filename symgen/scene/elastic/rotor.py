@@ -10,15 +10,13 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene import units
-from symgen.scene.elastic.reading import shear_modulus
-from symgen.scene.elastic.schema import Elastic, Rotor
-from symgen.scene.elastic.sections import line
+from symgen.scene.elastic.schema import Rotor
+from symgen.scene.elastic.spatial_section import section_in_space
 from symgen.scene.reading import Reader, shown_units
 from symgen.scene.rods.bodies import points
 from symgen.scene.rods.linkage import Parameter
 from symgen.scene.schema import Link, Scene
 from symgen.scene.units import Shown
-from symgen.symbolic.switch import greatest, least
 
 #: Tables that the scene of a rotor may have, and keys of its links, their elasticity and their sections.
 _TABLES = {
@@ -27,8 +25,6 @@ _TABLES = {
 _LINK = {"points", "density", "mass", "mass_per_length", "section", "elastic"}
 _ELASTIC = {"E", "elements", "shear"}
 _ELEMENTS, _MOST_ELEMENTS = 4, 100
-#: Terms of the series of the torsion of a rectangle.
-_TERMS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,87 +223,6 @@ def _link(read: Reader, name: str, link: Link, welds: dict[str, tuple[str, ...]]
             f"expected a whole number from 1 to {_MOST_ELEMENTS}, got {elements}",
             where=f"{where}.elastic.elements",
         )
-    width, of_section = _section(read, link, elastic, length, where)
+    width, of_section = section_in_space(read, link, elastic, length, where)
     own = tuple(p for p in link.points[:2] if name in welds.get(p, ()))
     return RotorLink(name, link.points[0], link.points[1], elements, own, width, of_section)
-
-
-def _section(
-    read: Reader, link: Link, elastic: Elastic, length: sp.Expr, where: str
-) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
-    """Return the direction of the width, and mu, J_y, J_z, EA, EI_y, EI_z, GJ."""
-    along = line(read, link, length, where, in_space=True)
-    shape, section, here = along.shape, link.section, f"{where}.section"
-    for key, size in section or ():
-        if isinstance(size, list) and key != "width_along":
-            raise SceneError(
-                f"a link of a rotor is uniform along its length: expected one value, got {size}",
-                where=f"{here}.{key}",
-                hint="Write one value; divide a tapered link into uniform ones.",
-            )
-    if elastic.shear is None or elastic.shear.factor is not None:
-        raise SceneError(
-            "a link of a rotor needs the shear modulus for its torsion, and no shear factor",
-            where=f"{where}.elastic.shear",
-            hint='Write shear = { poisson = 0.3 }, or shear = { modulus = "80 GPa" }.',
-        )
-    modulus = read.positive(elastic.E, units.PRESSURE, f"{where}.elastic.E")
-    shear = shear_modulus(read, elastic.shear, modulus, f"{where}.elastic.shear")
-    area, about_y = shape.area[0], shape.second_moment[0]
-    mu, round_ = along.mass[0], section is not None and section.diameter is not None
-    if section is None or section.width_along is None:
-        if not round_:
-            raise SceneError(
-                "expected a circle, or a rectangle with the direction of its width in space",
-                where=here,
-                hint="Write { width, thickness, width_along = [0, 1, 0] }, or { diameter }.",
-            )
-        about_z, torsion, width = about_y, 2 * about_y, _any_across(read, link)
-    else:
-        width = read.vector(section.width_along, units.NUMBER, f"{here}.width_along")
-        wide = read.positive(section.width, units.LENGTH, f"{here}.width")  # type: ignore[arg-type]
-        about_z = area * wide**2 / 12
-        torsion = torsion_constant(wide, area / wide)
-        _check_across(read, link, width, f"{here}.width_along")
-    density = mu / area
-    return width, (
-        mu,
-        density * about_y,
-        density * about_z,
-        modulus * area,
-        modulus * about_y,
-        modulus * about_z,
-        shear * torsion,
-    )
-
-
-def torsion_constant(width: sp.Expr, thickness: sp.Expr) -> sp.Expr:
-    """Return Saint-Venant's torsion constant [m^4] of a rectangle.
-
-    a b^3 [1/3 - 64/pi^5 (b/a) sum of tanh(n pi a/(2 b))/n^5 over odd n], a >= b: S. P. Timoshenko,
-    J. N. Goodier, Theory of Elasticity, Art. 109. The sum is 31 zeta(5)/32 less terms that fall
-    exponentially. Parameters may make either side the longer one.
-    """
-    a, b = greatest(width, thickness), least(width, thickness)
-    less = sp.Add(*(2 / ((sp.exp(n * sp.pi * a / b) + 1) * n**5) for n in range(1, 2 * _TERMS, 2)))
-    zeta = sp.Rational(31, 32) * sp.Float("1.03692775514336992633136548645703416805708092", 40)
-    return a * b**3 * (sp.Rational(1, 3) - 64 / sp.pi**5 * b / a * (zeta - less))
-
-
-def _ends(read: Reader, link: Link) -> list[float]:
-    first, second = (read.points[p].at for p in link.points[:2])
-    return [read.number(b - a) for a, b in zip(first, second, strict=True)]
-
-
-def _check_across(read: Reader, link: Link, width: tuple[sp.Expr, ...], where: str) -> None:
-    d, w = _ends(read, link), [read.number(c) for c in width]
-    cross = [d[1] * w[2] - d[2] * w[1], d[2] * w[0] - d[0] * w[2], d[0] * w[1] - d[1] * w[0]]
-    if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * sum(c * c for c in w):
-        raise SceneError("expected a direction across the link, got one along it, or zero", where=where)
-
-
-def _any_across(read: Reader, link: Link) -> tuple[sp.Expr, ...]:
-    """Return the axis of coordinates most across the link: a round section has no direction of its own."""
-    sizes = [abs(c) for c in _ends(read, link)]
-    least = sizes.index(min(sizes))
-    return tuple(sp.Integer(int(k == least)) for k in range(3))

@@ -200,7 +200,8 @@ def body(
 ) -> tuple[sp.Expr, sp.Expr, sp.Expr, sp.Expr]:
     """Return mass, centre along and off the line, and inertia about the centre."""
     if sections.is_line(link):
-        along = sections.line(read, link, length, where)
+        bent = read.dimension == 3 and link.elastic is not None
+        along = sections.line(read, link, length, where, in_space=bent)
         rotary = has_rotary_inertia(link.elastic, f"{where}.elastic")
         mass, centre, inertia = sections.rigid(along, length, rotary)
         return mass, centre, _ZERO, inertia

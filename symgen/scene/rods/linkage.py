@@ -354,8 +354,10 @@ class Linkage:
 
     @property
     def method(self) -> str:
-        """The method that solves it: ``elastic`` with elastic links under forces, else ``rods``."""
-        return "elastic" if self.elastic and not self.kinematic else "rods"
+        """The method: with elastic links under forces ``elastic`` or ``spatial``, else ``rods``."""
+        if not self.elastic or self.kinematic:
+            return "rods"
+        return "elastic" if self.dimension == 2 else "spatial"
 
     @property
     def placed_loads(self) -> Iterator[tuple[str, int, Load]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,6 +17,7 @@ from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.exact import rigid_places, stiffness_damped
 from symgen.runtime.elastic.large.collocation import Moment, moved
 from symgen.runtime.elastic.large.linkage import LargeLinkage
+from symgen.runtime.elastic.large.passes import Pass, refine
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import (
@@ -38,33 +39,14 @@ from symgen.runtime.result.records import Drift, Variable, of_model
 
 Array = NDArray[np.float64]
 
-#: Steps of a revolution, or of a run without, that a run starts with, and the most that are doubled.
-_STEPS, _MOST = 128, 20_000
-#: Change of a run in steps of half the length, over its error after, where no run before tells: with a change
-#: by 4 to 256 times, as of the second to the eighth order, the error is 0.3 to 28 times the true one.
-_FALLS, _FASTEST = 9.0, 256.0
+#: Steps of a revolution, or of a run without, that a run starts with.
+_STEPS = 128
 #: Rotation of the crank in a step at most, over that in a stride of the rigid motion.
 _STRIDES = 5.0
 #: The most elements of a link.
 _MOST_ELEMENTS = 1000
 #: Error by time steps over the peak stress of a station, where ``rtol`` is not given.
 RTOL = 2e-2
-
-
-@dataclass(frozen=True, slots=True)
-class _Pass:
-    """Outputs of a run with so many steps between two samples, and what was counted of it.
-
-    ``change`` is that of the stresses from the run before, over their peak, ``error`` the error by time steps
-    that follows from it.
-    """
-
-    variables: list[Variable]
-    steps: int
-    corrections: int
-    change: float
-    error: float
-    drift: Drift
 
 
 def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> ElasticResult:
@@ -101,35 +83,21 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
     if task.max_step is not None:
         least = max(least, end / task.max_step)
     linkage, pace = LargeLinkage(motion, elements), Pace(0.0, end)
-    steps, passes = math.ceil(least / (len(times) - 1)), list[_Pass]()
-    while True:
-        try:
-            found, stepper = moved(linkage, GAUSS8, times, steps, pace, task.progress)
-        except OutOfTime as stop:
-            raise _out_of_time(motion, linkage, task, times, stop, passes, pace) from None
-        except SimulationError:
-            if passes or steps * (len(times) - 1) > _MOST:
-                raise
-        else:
-            variables, change, error = _outputs(motion, linkage, found), math.inf, math.inf
-            if passes:
-                change, before = mesh_error(passes[-1].variables, variables), passes[-1].change
-                # Where it does not fall, as with vibrations too fast for the steps, small changes are chance.
-                falls = before / change if change and math.isfinite(before) else _FALLS + 1
-                error = change / (min(falls, _FASTEST) - 1) if falls > 2 else max(change, passes[-1].error)
-            drift = drift_of(linkage, found)
-            passes.append(_Pass(variables, steps, stepper.corrections, change, error, drift))
-            if error <= rtol or steps * (len(times) - 1) > _MOST:
-                break
-        steps *= 2
-        pace.restart(0.0)
+    passes = list[Pass]()
+    try:
+        refine(
+            passes, linkage, partial(_outputs, motion, linkage), partial(drift_of, linkage),
+            times, least, rtol, pace, task.progress,
+        )  # fmt: skip
+    except OutOfTime as stop:
+        raise _out_of_time(motion, linkage, task, times, stop, passes, pace) from None
     made = _result(motion, linkage, task, times, passes[-1], pace.wall)
     made._estimate_later(partial(_by_elements, motion, elements, times, passes[-2:][0], wall_left()))
     return made
 
 
 def _by_elements(
-    motion: ElasticMotion, elements: int, times: Array, coarse: _Pass, max_wall: float | None
+    motion: ElasticMotion, elements: int, times: Array, coarse: Pass, max_wall: float | None
 ) -> float | None:
     """Return by how much stresses change in twice as many elements, over their peak; None if not known."""
     with limited(max_wall):
@@ -147,7 +115,7 @@ def _out_of_time(
     task: LargeRotation,
     times: Array,
     stop: OutOfTime,
-    passes: Sequence[_Pass],
+    passes: Sequence[Pass],
     pace: Pace,
 ) -> SimulationError:
     """Return the error of a run that took all of its wall time, with its last motion."""
@@ -156,7 +124,7 @@ def _out_of_time(
     if last is None:
         reached = times[stop.reached]
         variables = _outputs(motion, linkage, stop.found)
-        last = _Pass(variables, 0, 0, math.inf, math.inf, drift_of(linkage, stop.found))
+        last = Pass(variables, 0, 0, math.inf, math.inf, drift_of(linkage, stop.found))
     partial_result = _result(motion, linkage, task, reached, last, pace.wall)
     return SimulationError(problem, time=stop.t, partial=partial_result)
 
@@ -212,7 +180,7 @@ def _result(
     linkage: LargeLinkage,
     task: LargeRotation,
     times: Array,
-    one: _Pass,
+    one: Pass,
     wall: float,
 ) -> ElasticResult:
     d = motion.rigid.description
@@ -249,7 +217,7 @@ def _result(
     )
 
 
-def _unlike(motion: ElasticMotion, one: _Pass, rtol: float | None) -> Iterator[str]:
+def _unlike(motion: ElasticMotion, one: Pass, rtol: float | None) -> Iterator[str]:
     """Yield notes on an error above the tolerance, and on links that stretch against the scene."""
     if rtol is not None and one.error > rtol:
         yield (

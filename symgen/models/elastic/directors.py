@@ -1,0 +1,66 @@
+"""The beam element with directors as a building block: its equation, slopes, energies and strains."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from symgen.mechanics.elastic.directors import (
+    PLACES,
+    RATES,
+    SECOND_RATES,
+    SECTION,
+    STRAINS,
+    director_beam,
+)
+from symgen.symbolic.names import Names
+from symgen.symbolic.system import Export, Group, NamedMatrix, System
+
+REFERENCES = (
+    "M. A. Crisfield, Computer Methods in Applied Mechanics and Engineering 81 (1990) 131-150",
+    "P. Betsch, P. Steinmann, International Journal for Numerical Methods in Engineering 54 (2002) 1775-1788",
+)
+_ROWS = tuple(x.name for x in PLACES)
+
+
+def director_beam_system() -> System:
+    """Return the System of one element in space in large rotation, over its nodes' motion and its section."""
+    names = Names()
+    made = director_beam(names)
+
+    def slope(name: str, matrix: sp.ImmutableMatrix, by: str) -> NamedMatrix:
+        about = f"slope of the residual by {by}"
+        return NamedMatrix(name, matrix, "SI", about, _ROWS, _ROWS, name != "stiffness")
+
+    about = "inertia and internal force less gravity"
+    matrices = (
+        NamedMatrix("residual", made.residual, "N; N*m of directors", about, _ROWS),
+        slope("mass", made.mass, "second rates"),
+        slope("damping", made.damping, "rates"),
+        slope("stiffness", made.stiffness, "places"),
+        NamedMatrix(
+            "energies",
+            made.energies,
+            "J",
+            "kinetic energy, strain energy, potential of gravity",
+            ("kinetic", "strain", "gravity"),
+        ),
+        NamedMatrix("strains", made.strains, "1, rad", "axial strain, end rotations, twist", STRAINS),
+    )
+    return System(
+        "director_beam",
+        "Beam element in space in large rotation",
+        (
+            Group("q", "positions and directors of the nodes", PLACES),
+            Group("u", "their rates and second rates", (*RATES, *SECOND_RATES)),
+            Group("p", "length, section, damping and gravity", SECTION),
+        ),
+        matrices,
+        (
+            Export("residual", about, ("residual",)),
+            Export("tangent", "slopes of the residual", ("mass", "damping", "stiffness")),
+            Export("energies", "energies of the element", ("energies",)),
+            Export("strains", "strains of the element", ("strains",)),
+        ),
+        names.definitions,
+        references=REFERENCES,
+    )

@@ -1,0 +1,1 @@
+"""Elastic links of linkages in space, in large rotation: assembly, model and runs."""

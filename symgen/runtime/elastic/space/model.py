@@ -1,0 +1,265 @@
+"""A compiled linkage with elastic links in space, and its runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime.beams.energies import Energies
+from symgen.runtime.beams.methods import GAUSS8
+from symgen.runtime.elastic.large.collocation import Moment, moved
+from symgen.runtime.elastic.large.passes import Pass, refine
+from symgen.runtime.elastic.mesh import mesh_error
+from symgen.runtime.elastic.outputs import length_change
+from symgen.runtime.elastic.space.linkage import LinkageInSpace, LinkInSpace
+from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
+from symgen.runtime.kernels.arguments import count as whole
+from symgen.runtime.kernels.arguments import real
+from symgen.runtime.kernels.typed import made_with
+from symgen.runtime.model.model import Model
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.records import Drift, Variable, of_model, over_time
+from symgen.runtime.result.state import State
+
+Array = NDArray[np.float64]
+
+#: Steps of a run to start with; error by time steps over the peak stress of a link.
+_STEPS, RTOL = 64, 1e-2
+
+
+@checked
+class SpatialModel(Model):
+    """A linkage in space with elastic links between ball joints.
+
+    Made by :func:`symgen.build`.
+    """
+
+    MISSING: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("", "batch"), "its elastic links are in space, whose motion alone is computed"
+    )
+
+    def __init__(self, rigid: RodModel) -> None:
+        parts = rigid.description, rigid._library, rigid._derive, rigid.parameters
+        super().__init__(*parts, typed=rigid._typed)
+        self.rigid = rigid
+
+    @property
+    def source(self) -> Any:
+        """Scene and options of the build."""
+        return replace(self.rigid.source, rigid=False)
+
+    def with_parameters(self, /, **values: float) -> Self:
+        """Return the same model with other values of its tunable parameters, in SI units."""
+        return type(self)(self.rigid.with_parameters(**values))
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Constraints of the rigid motion that others imply."""
+        return self.rigid.redundant
+
+    @property
+    def mobility(self) -> tuple[str, ...]:
+        """That of the rigid motion, a line of text each."""
+        return self.rigid.mobility
+
+    def initial_state(self) -> State:
+        """Return the start of the linkage with all links rigid."""
+        return self.rigid.initial_state()
+
+    def __repr__(self) -> str:
+        links = ", ".join(b.link for b in self.rigid.description.elastic.beams)  # type: ignore[union-attr]
+        return f"<SpatialModel {self.name!r}: {links} elastic>"
+
+    def _simulate(
+        self,
+        t_end: float | None = None,
+        *,
+        rtol: float | None = None,
+        samples: int | None = None,
+        max_step: float | None = None,
+        max_wall: float | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        self._refuse_types("runs of elastic links in space are")
+        rtol = real(RTOL if rtol is None else rtol, "rtol")
+        if not 0.0 < rtol < 1.0:
+            raise ModelError(f"expected rtol above zero and below 1, got {rtol!r}")
+        samples = whole(361 if samples is None else samples, "samples")
+        if samples < 2:
+            raise ModelError(f"expected 2 samples or more, got {samples}")
+        end = real(self.rigid.description.t_end if t_end is None else t_end, "t_end")
+        least = float(_STEPS)
+        if max_step is not None:
+            if not real(max_step, "max_step") > 0.0:
+                raise ModelError(f"expected max_step above zero, got {max_step!r}")
+            least = max(least, end / max_step)
+        if not end > 0.0:
+            raise ModelError(f"expected t_end above zero, got {end!r}")
+        times, linkage, passes = np.linspace(0.0, end, samples), LinkageInSpace(self.rigid), list[Pass]()
+        pace = Pace(0.0, end)
+        with limited(max_wall):
+            try:
+                refine(
+                    passes, linkage, partial(outputs, linkage), partial(_drift, linkage),
+                    times, least, rtol, pace, progress,
+                )  # fmt: skip
+            except OutOfTime as stop:
+                if not passes:
+                    variables = outputs(linkage, stop.found)
+                    drift = _drift(linkage, stop.found)
+                    passes.append(Pass(variables, 0, 0, math.inf, math.inf, drift))
+                    times = times[stop.reached]
+                partial_result = self._result(linkage, times, passes[-1], rtol, pace.wall)
+                problem = f"{self.name}: {out_of_time(stop.t, end)}"
+                raise SimulationError(problem, time=stop.t, partial=partial_result) from None
+            made = self._result(linkage, times, passes[-1], rtol, pace.wall)
+            made._estimate_later(partial(self._by_elements, times, passes[-2:][0], wall_left()))
+        return made
+
+    def _by_elements(self, times: Array, coarse: Pass, max_wall: float | None) -> float | None:
+        """Return the change of stresses in twice as many elements, over their peak; None if not known."""
+        finer = LinkageInSpace(self.rigid, divided=2)
+        with limited(max_wall):
+            try:
+                found, _ = moved(finer, GAUSS8, times, coarse.steps, Pace(0.0, float(times[-1])))
+            except (OutOfTime, SimulationError):
+                return None
+        return mesh_error(coarse.variables, outputs(finer, found))
+
+    def _result(
+        self, linkage: LinkageInSpace, times: Array, one: Pass, rtol: float, wall: float
+    ) -> ElasticResult:
+        d = self.rigid.description
+        wanted = None if d.elastic is None else d.elastic.outputs
+        variables = one.variables
+        if wanted is not None:
+            known = {v.name: v for v in variables}
+            missing = [name for name in wanted if name not in known]
+            if missing:
+                raise ModelError(
+                    f"{self.name}: a run of elastic links in space has no output {missing[0]}\n"
+                    f"  It has {', '.join(known)}."
+                )
+            variables = [known[name] for name in wanted]
+        notes = list(d.remarks)
+        if one.error > rtol:
+            notes.append(
+                f"the error by time steps does not reach rtol = {rtol:g}: links vibrate too fast for the "
+                "steps; give a shorter run, damping, or shorter steps by max_step"
+            )
+        return ElasticResult(
+            **of_model(
+                d,
+                self.rigid.parameters,
+                method="large-rotation",
+                form="elements in space",
+                rtol=rtol,
+                t_end=float(times[-1]),
+                **made_with(self.rigid.evaluator.library, self.rigid.typed),
+            ),
+            axes=d.axes,
+            coordinate=over_time(times),
+            variables=tuple(variables),
+            drift=one.drift,
+            final={},
+            statistics={
+                "unknowns": linkage.unknowns - linkage.multipliers,
+                "steps": one.steps * (len(times) - 1),
+                "corrections": one.corrections,
+                "error": one.error if math.isfinite(one.error) else None,
+                "wall_s": wall,
+                "floquet": [],
+                "floquet_error": None,
+            },
+            notes=tuple(notes),
+            times=None,
+        )
+
+
+def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
+    """Return strains and stress at mid-length, joint forces and deflection of links, places, energies."""
+    made: list[Variable] = []
+    for link in linkage.links:
+        name, info = link.info.link, link.info
+        pairs = [link.section_forces(moment) for moment in found]
+        resultants, ends = (np.array(x) for x in zip(*pairs, strict=True))
+        middle = resultants[:, (len(link.places) - 1) // 2 : len(link.places) // 2 + 1].mean(axis=1)
+        made += _strains(link, middle)
+        for k, point in enumerate((info.start, info.end)):
+            about = f"force on {name} at {point}"
+            made.append(Variable(f"{name}.{point}.force", "N", about, ("x", "y", "z"), ends[:, k]))
+        first, last = (np.array([m.q[link.places[k, :3]] for m in found]) for k in (0, -1))
+        chord = last - first
+        made.append(length_change(name, np.linalg.norm(chord, axis=1) - link.length))
+        made.append(
+            Variable(
+                f"{name}.deflection",
+                "m",
+                f"deflection of the middle of {name} from the line between its ends",
+                ("x", "y", "z"),
+                np.array([_middle(link, m.q) for m in found]) - (first + last) / 2,
+            )
+        )
+    for point, place in linkage.positions(found).items():
+        made.append(Variable(f"{point}.position", "m", f"position of {point}", ("x", "y", "z"), place))
+    kinetic, strain, potential, dissipated = np.array([linkage.energies(moment) for moment in found]).T
+    return [*made, *Energies(kinetic, strain, potential, dissipated, None, None).variables()]
+
+
+def _strains(link: LinkInSpace, resultants: Array) -> list[Variable]:
+    """Return strains and the greatest stress in the middle of a link, from its resultants (times, 4)."""
+    name, (_, _, _, _, axial, bending_y, bending_z, _, *_) = link.info.link, link.section
+    fibre_y, fibre_z, modulus, is_round = link.section[15:19]
+    stretch = resultants[:, 0] / axial
+    about_y, about_z = resultants[:, 1] / bending_y * fibre_z, resultants[:, 2] / bending_z * fibre_y
+    bent = np.hypot(about_y, about_z) if is_round else np.abs(about_y) + np.abs(about_z)
+    middle = f"in the middle of {name}"
+    return [
+        Variable(f"{name}.axial_strain", "1", f"axial strain {middle}", (), stretch),
+        Variable(f"{name}.bending_strain_y", "1", f"strain by bending about y {middle}", (), about_y),
+        Variable(f"{name}.bending_strain_z", "1", f"strain by bending about z {middle}", (), about_z),
+        Variable(f"{name}.torque", "N*m", f"torque {middle}", (), resultants[:, 3]),
+        Variable(
+            f"{name}.stress",
+            "Pa",
+            f"greatest normal stress {middle}",
+            (),
+            modulus * (np.abs(stretch) + bent),
+        ),
+    ]
+
+
+def _middle(link: LinkInSpace, q: Array) -> Array:
+    """Return the place of the middle of a link [m]."""
+    count = len(link.places) - 1
+    if count % 2 == 0:
+        found: Array = q[link.places[count // 2, :3]]
+        return found
+    first, second = (q[link.places[k]] for k in (count // 2, count // 2 + 1))
+    # Hermite's cubic at half the element.
+    size = link.arguments[0]
+    between: Array = (first[:3] + second[:3]) / 2 + size / 8 * (first[3:6] - second[3:6])
+    return between
+
+
+def _drift(linkage: LinkageInSpace, found: Sequence[Moment]) -> Drift:
+    """Return the largest errors of the constraints, and of the energy where no load does other work."""
+    errors = [linkage.errors(m.t, m.q) for m in found]
+    rates = [linkage.rates(np.array([m.t]), m.q[None], m.v[None]) for m in found]
+    kinetic, strain, potential, _ = np.array([linkage.energies(m) for m in found]).T
+    balance = kinetic + strain + potential - [m.work for m in found]
+    return Drift(
+        float(np.max(np.abs(errors))),
+        float(np.max(np.abs(rates))),
+        float(np.max(np.abs(balance - balance[0]))) if linkage.conservative else math.nan,
+        float(max(np.ptp(kinetic), np.ptp(strain + potential))),
+    )

@@ -1,0 +1,90 @@
+"""Elastic links of a linkage in space: bending in two planes, torsion and stretch in large rotation."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from symgen.errors import SceneError
+from symgen.scene import units
+from symgen.scene.elastic.links import ElasticLink, Section, SectionInSpace
+from symgen.scene.elastic.schema import Elastic
+from symgen.scene.elastic.spatial_section import section_in_space
+from symgen.scene.reading import Reader
+from symgen.scene.rods.linkage import RigidLink
+
+#: Keys of the elasticity of such a link.
+_ELASTIC = {"E", "elements", "shear", "damping"}
+_ELEMENTS, _MOST_ELEMENTS = 4, 200
+_ZERO, _HALF = sp.Integer(0), sp.Rational(1, 2)
+
+
+def spatial_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -> ElasticLink:
+    """Return an elastic link between two ball joints in space.
+
+    Raises
+    ------
+    SceneError
+        For keys that it does not have, points between its ends, welds, and values that are not physical.
+    """
+    scene, where = read.scene, f"{place}.elastic"
+    for key in sorted(elastic.model_fields_set - _ELASTIC):
+        raise SceneError(
+            f"an elastic link in space has no {key}",
+            where=f"{where}.{key}",
+            hint=f"It has {', '.join(sorted(_ELASTIC))}, and is computed in large rotation.",
+        )
+    if len(scene.links[rigid.name].points) > 2 or any(p.on == rigid.name for p in scene.points.values()):
+        raise SceneError("an elastic link in space has no points but its two ends", where=place)
+    if scene.welds:
+        raise SceneError(
+            "ends of elastic links in space are ball joints",
+            where="welds.0",
+            hint="Links that rotate together at a constant speed are welded: write [rotor].",
+        )
+    for key in ("crank", "modal_damping", "stations"):
+        if getattr(scene, key):
+            raise SceneError(
+                f"a linkage with elastic links in space has no {key}",
+                where=key,
+                hint="Its input is the motion of ground points, points.NAME.motion.",
+            )
+    damping = elastic.damping
+    for key in ("ratio", "mass"):
+        if getattr(damping, key):
+            raise SceneError(
+                "an elastic link in space is damped in proportion to its stiffness",
+                where=f"{where}.damping.{key}",
+                hint='Write damping = { stiffness = "1e-5 s" }.',
+            )
+    elements = _ELEMENTS if elastic.elements is None else elastic.elements
+    if not 1 <= elements <= _MOST_ELEMENTS:
+        raise SceneError(
+            f"expected a whole number from 1 to {_MOST_ELEMENTS}, got {elements}", where=f"{where}.elements"
+        )
+    link = scene.links[rigid.name]
+    width, values = section_in_space(read, link, elastic, rigid.length, place)
+    mu, j_y, _, axial, bending_y, bending_z, _ = values
+    modulus = read.positive(elastic.E, units.PRESSURE, f"{where}.E")
+    area = axial / modulus
+    # Of a rectangle I = A h^2/12; a circle has A = pi r^2, I = A r^2/4.
+    square = link.section is not None and link.section.diameter is None
+    factor = 3 if square else 4
+    fibres = tuple(sp.sqrt(factor * b / modulus / area) for b in (bending_z, bending_y))
+    stiffness = read.not_negative(damping.stiffness or 0, units.TIME, f"{where}.damping.stiffness")
+    return ElasticLink(
+        link=rigid.name,
+        element="director_beam",
+        elements=elements,
+        section=Section((mu,), (j_y,), (axial,), (bending_y,), (_ZERO,), (_ZERO,)),
+        modulus=modulus,
+        axial=True,
+        geometric_stiffness=True,
+        mass_damping=_ZERO,
+        stiffness_damping=stiffness,
+        damping_ratio=_ZERO,
+        reduction="",
+        modes=0,
+        yield_stress=None,
+        welds=(),
+        in_space=SectionInSpace(width, values, (fibres[0], fibres[1]), sp.Integer(not square)),
+    )
