@@ -202,7 +202,7 @@ METHODS = Registry[Method](
                 "spatial",
                 (),
                 **_LINKAGE,
-                model="symgen.pipeline.build:spatial_model",
+                model="symgen.pipeline.spatial:spatial_model",
                 record="symgen.models.record:of_linkage",
                 view="symgen.inspection.linkages:RodsView",
                 state="symgen.inspection.state:of_linkage",

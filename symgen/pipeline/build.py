@@ -24,7 +24,6 @@ from symgen.toolchain.kernels import GET_A_COMPILER, Tools, no_collection, tools
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic.model import ElasticModel
-    from symgen.runtime.elastic.space.model import SpatialModel
     from symgen.runtime.kernels.description import Described, Description
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.kernels.typed import Typed
@@ -246,14 +245,6 @@ def elastic_model(made: Made) -> ElasticModel:
     of_rigid = replace(made, equations=replace(made.equations, rigid=True))
     rigid = cast("RodModel", linkage_model(of_rigid))
     return ElasticModel(rigid, cache(lambda segments: _remade(text, base, d, segments)))
-
-
-def spatial_model(made: Made) -> SpatialModel:
-    """Return the model of a linkage with elastic links in space."""
-    from symgen.runtime.elastic.space.model import SpatialModel
-
-    of_rigid = replace(made, equations=replace(made.equations, rigid=True))
-    return SpatialModel(cast("RodModel", linkage_model(of_rigid)))
 
 
 def linkage_model(made: Made) -> RodModel | KinematicModel:

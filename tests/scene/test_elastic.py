@@ -168,7 +168,7 @@ CASES = {
     "elastic in space": (
         [(f'["{x} m", "0 m"]', f'["{x} m", "0 m", "0 m"]') for x in ("0", "0.4")]
         + [('["0.1 m", "0 m"]', '["0.1 m", "0 m", "0.1 m"]'), ('"0.3 m"]', '"0.3 m", "0.2 m"]')],
-        [f"{COUPLER}] elastic", "not in space"],
+        ["[crank]", "elastic links in space has no crank"],
     ),
     "not a table": ([(ELASTIC, "elastic = true")], [f"{COUPLER}] elastic", "a table of keys", "True"]),
     "misspelled key": ([with_keys("elments = 2")], [f"{COUPLER}.elastic] elments", "'elements'"]),

@@ -355,9 +355,8 @@ class Linkage:
     @property
     def method(self) -> str:
         """The method: with elastic links under forces ``elastic`` or ``spatial``, else ``rods``."""
-        if not self.elastic or self.kinematic:
-            return "rods"
-        return "elastic" if self.dimension == 2 else "spatial"
+        kind = "elastic" if self.dimension == 2 else "spatial"
+        return kind if self.elastic and not self.kinematic else "rods"
 
     @property
     def placed_loads(self) -> Iterator[tuple[str, int, Load]]:

@@ -1,0 +1,20 @@
+"""Models of linkages with elastic links in space."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
+
+from symgen.pipeline.build import Made, linkage_model
+
+if TYPE_CHECKING:
+    from symgen.runtime.elastic.space.model import SpatialModel
+    from symgen.runtime.model.rods import RodModel
+
+
+def spatial_model(made: Made) -> SpatialModel:
+    """Return the model of a linkage with elastic links in space."""
+    from symgen.runtime.elastic.space.model import SpatialModel
+
+    of_rigid = replace(made, equations=replace(made.equations, rigid=True))
+    return SpatialModel(cast("RodModel", linkage_model(of_rigid)))
