@@ -57,7 +57,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "elastic_place": partial(_made, "models.elastic.place:elastic_place_system"),
     "corotational_beam": partial(_made, "models.elastic.corotational:corotational_beam_system"),
     "spatial_beam": partial(_made, "models.elastic.spatial:spatial_beam_system"),
-    "director_beam": partial(_made, "models.elastic.directors:director_beam_system"),
+    "director_beam": partial(_made, "models.directors:director_beam_system"),
     **{name: partial(_made, f"models.loop.blocks:{name}_system") for name in _OF_LOOPS},
     **{name: partial(_made, f"models.synthesis:{name}_system") for name in SYNTHESIS},
 }

@@ -53,7 +53,7 @@ DEPENDENTS = {
     "mechanics/elastic/corotational.py": {"corotational_beam"},
     "models/elastic/corotational.py": {"corotational_beam"},
     "mechanics/elastic/directors.py": {"director_beam"},
-    "models/elastic/directors.py": {"director_beam"},
+    "models/directors.py": {"director_beam"},
     "mechanics/elastic/spatial.py": SPATIAL | {"director_beam"},
     "models/elastic/spatial.py": SPATIAL,
     "models/elastic/rotor.py": set(),
