@@ -112,6 +112,8 @@ def test_gradients_of_results_are_the_sensitivities_of_their_analyses(tmp_path):
     static = strip.quasi_static(at=[0.0, 1.0])
     expected = strip.sensitivity(["tip.displacement"], t_eval=static.time)
     assert np.array_equal(static.gradient(["tip.displacement"]).derivatives, expected.derivatives)
+    once = static.gradient(["tip.displacement", "tip.displacement.x"])
+    assert once.outputs == expected.outputs and np.array_equal(once.derivatives, expected.derivatives)
     run.save(tmp_path / "run.nc")
     with pytest.raises(ResultError, match="was loaded or copied has no gradient"):
         symgen.load_result(tmp_path / "run.nc").gradient(["B.position"])

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq, fsolve
 
 import symgen
-from symgen.errors import ModelError, SceneError
+from symgen.errors import ModelError, SceneError, SimulationError
 
 #: A cantilever of unit length, bending stiffness and mass per length.
 COLUMN = {
@@ -76,6 +76,41 @@ def test_a_force_that_keeps_its_direction_buckles_the_column():
     limit = np.pi**2 / 4
     assert not grows(model, limit - 1e-3)
     assert grows(model, limit + 1e-3)
+
+
+def test_static_deflection_under_a_follower_force():
+    """With k^2 = P/(E I), w = A sin kx + B cos kx - A k x - B, no moment and the shear force -P/10 at the tip."""
+    load = {"point": "tip", "force": ["-P", "0.1*P"], "link": "beam"}
+    model = symgen.build(symgen.Scene(**COLUMN | {"forces": [load]}))
+
+    def deflection(load):
+        k = np.sqrt(load)
+        rows = [[-np.cos(k), np.sin(k)], [-np.sin(k), -np.cos(k)]]
+        a, b = np.linalg.solve(rows, [-0.1 * load / k**3, 0.0])
+        return a * np.sin(k) + b * np.cos(k) - a * k - b
+
+    for load in (1.0, 6.0):  # above Euler's load, too
+        at = model.with_parameters(P=load)
+        found = at.quasi_static(samples=2)["tip.displacement"].values[-1, 1]
+        assert found == pytest.approx(deflection(load), rel=1e-6)
+        slope = at.sensitivity(["tip.displacement"], ["P"]).derivatives[1, 0]
+        expected = (deflection(load + 1e-4) - deflection(load - 1e-4)) / 2e-4
+        assert slope == pytest.approx(expected, rel=1e-5)
+
+
+def test_divergence_where_a_quarter_of_the_load_follows():
+    """With the part e that follows, the column diverges at cos k = -e/(1 - e)."""
+    loads = [
+        {"point": "tip", "force": ["-0.75*P", "0 N"]},
+        {"point": "tip", "force": ["-0.25*P", "0.01*P"], "link": "beam"},
+    ]
+    model = symgen.build(symgen.Scene(**COLUMN | {"forces": loads}))
+    limit = np.arccos(-1 / 3) ** 2
+    assert (
+        model.with_parameters(P=0.999 * limit).quasi_static(samples=2)["tip.displacement"].values[-1, 1] > 1
+    )
+    with pytest.raises(SimulationError, match=r"buckle at 0 s.* are 1\.5 times"):
+        model.with_parameters(P=1.5 * limit).quasi_static(samples=2)
 
 
 def test_a_force_that_rotates_with_a_rigid_link():

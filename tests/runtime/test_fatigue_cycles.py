@@ -55,6 +55,15 @@ def test_cycles_of_a_steady_state(steady):
     assert cycles["range"].attrs["units"] == "Pa"
 
 
+def test_the_last_of_some_angles_counts(steady):
+    """Of a steady state at three angles, without the end of the revolution."""
+    some = symgen.build("elastic_slider_crank").periodic(at=[0.0, 0.5, 4.0])
+    cycles, values = some.fatigue_cycles("rod.stress"), some["rod.stress"].values
+    assert values[-1] in (values.min(), values.max())
+    assert cycles["range"].values.tolist() == pytest.approx([np.ptp(values)])
+    assert cycles["count"].values.tolist() == [1.0]
+
+
 def test_outputs_without_cycles(steady):
     with pytest.raises(ModelError, match="one number over increasing times"):
         steady.fatigue_cycles("A.displacement")

@@ -23,6 +23,9 @@ _PLACES = 65
 _HELD = 32
 #: Corrections of a shape by the forces that it leaves unbalanced, summed link by link.
 REFINED = 2
+#: Difference between a scaled stiffness and its transpose above which it is no round-off; imaginary part of
+#: an eigenvalue, over its size, up to which it is real.
+_UNSYMMETRIC, _REAL = 1e-10, 1e-7
 #: Time between poses, over a revolution, for the rates of a start.
 _APART = 1e-4
 #: Number of intervals that are tried; change over the rates that they may settle to; round-off of shapes.
@@ -33,6 +36,7 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
     """Return displacements (times, unknowns) of (K + K_N) S = Q, with the loads Q of the rigid motion.
 
     K_N is the geometric stiffness of the axial forces of the rigid motion; zero without geometric stiffness.
+    Forces that follow sections make K unsymmetric.
 
     Raises
     ------
@@ -53,6 +57,9 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
         motion.check(equations, status, t)
         sizes = stiffness_sizes(equations, None if basis is None else basis[0])
         solve = _factorised(stiffness, sizes)
+        scaled = stiffness / (sizes[:, None] * sizes)
+        if np.max(np.abs(scaled - scaled.T), initial=0.0) > _UNSYMMETRIC:
+            solve = _unsymmetric(motion, equations, t, stiffness, sizes, solve is not None)
         if solve is None:
             raise _no_shape(motion, equations, t, stiffness, sizes)
         whole = np.eye(len(load)) if basis is None else basis[0]
@@ -157,12 +164,44 @@ def _factorised(stiffness: Array, sizes: Array) -> Callable[[Array], Array] | No
     return lambda load: np.asarray(dpbtrs(factor, load / sizes, lower=True)[0] / sizes, dtype=float)
 
 
+def _unsymmetric(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    t: float,
+    stiffness: Array,
+    sizes: Array,
+    positive: bool,
+) -> Callable[[Array], Array] | None:
+    """Return the function load -> K^-1 load of an unsymmetric K; None where the structure diverges.
+
+    K_0 + p (K - K_0), with the stiffness K_0 at rest, is then singular for a p up to one. It is for none
+    where the symmetric part of K is ``positive`` definite.
+    """
+    from scipy.linalg import lu_factor, lu_solve
+
+    if not positive:
+        status, _, _, resting, _, _ = equations.matrices(t, _beams.AT_REST)
+        motion.check(equations, status, t)
+        if not np.all(np.isfinite(stiffness)) or _factorised(resting, sizes) is None:
+            return None
+        if _used(resting, stiffness) >= 1.0:
+            return None
+        motion.check(equations, equations.matrices(t, _beams.QUASI_STATIC)[0], t)
+    factor = lu_factor(stiffness / (sizes[:, None] * sizes), check_finite=False)
+    return lambda load: np.asarray(lu_solve(factor, load / sizes, check_finite=False) / sizes, dtype=float)
+
+
+def _used(resting: Array, loaded: Array) -> float:
+    """Return the largest 1/p with which K_0 + p (K - K_0) is singular, -inf if none is."""
+    found = np.linalg.eigvals(np.linalg.solve(resting, resting - loaded))
+    real = np.abs(found.imag) <= _REAL * np.abs(found)
+    return float(np.max(found.real[real], initial=-math.inf))
+
+
 def _no_shape(
     motion: ElasticMotion, equations: _beams.BeamEquations, t: float, loaded: Array, sizes: Array
 ) -> ModelError | SimulationError:
     """Return the error of a structure whose stiffness under axial forces is not positive definite."""
-    from scipy.linalg import eigh
-
     status, _, _, stiffness, _, _ = equations.matrices(t, _beams.AT_REST)
     motion.check(equations, status, t)
     if _factorised(stiffness, sizes) is None:
@@ -176,9 +215,7 @@ def _no_shape(
             "  Take a lower speed or load.",
             time=t,
         )
-    # Buckling under p times the axial forces: (K + p K_N) x = 0.
-    change = stiffness - loaded
-    largest = float(eigh((change + change.T) / 2, (stiffness + stiffness.T) / 2, eigvals_only=True)[-1])
+    largest = _used(stiffness, loaded)
     at = f"crank angle {math.degrees(float(motion.angle_at(np.array(t)))):.6g} degrees"
     return SimulationError(
         f"{motion.rigid.name}: the links buckle at {at if motion.speed else f'{t:g} s'}: the axial forces of "

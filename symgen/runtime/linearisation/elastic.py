@@ -232,7 +232,7 @@ class Pose:
 def scalars_of(
     asked: Sequence[str], known: Mapping[str, Any], where: str, others: Sequence[str] = ()
 ) -> tuple[dict[str, str], Dual]:
-    """Return the units of scalar outputs by name, and their values (times, scalars).
+    """Return the units of scalar outputs by name, each once, and their values (times, scalars).
 
     Raises
     ------
@@ -251,8 +251,10 @@ def scalars_of(
         parts = [part] if v.name != name else [*v.components] or [""]
         rows = v.values.reshape(len(v.values), -1).T
         for c in parts:
-            units[f"{v.name}.{c}" if c else name] = v.unit
-            columns.append(rows[v.components.index(c) if c else 0])
+            scalar = f"{v.name}.{c}" if c else name
+            if scalar not in units:
+                units[scalar] = v.unit
+                columns.append(rows[v.components.index(c) if c else 0])
     return units, np.array(columns).T
 
 

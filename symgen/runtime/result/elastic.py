@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: Difference of the last value of a steady state from the first, over its range, up to which it repeats it.
+_REPEATED = 1e-6
 #: The error of the largest Floquet multiplier, as a part of it, from which on it says nothing of stability.
 FLOQUET_SETTLED = 1e-3
 #: By how much a multiplier may pass one before a steady state counts as unstable.
@@ -108,7 +110,9 @@ class ElasticResult(Result):
                 "  Name an output such as rod.stress, of a run without at."
             )
         if self.provenance["method"] == "periodic":
-            values = np.roll(values[:-1], -int(np.argmax(values[:-1])))
+            if abs(values[-1] - values[0]) <= _REPEATED * np.ptp(values):  # a whole revolution
+                values = values[:-1]
+            values = np.roll(values, -int(np.argmax(values)))
             values = np.append(values, values[0])
         counts: dict[tuple[float, float], float] = {}
         for size, mean, count in rainflow(values):
