@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from symgen.report.tables import MODES, table
-from symgen.runtime.rotor.model import RotorModes
+from symgen.runtime.result.modes import RotorModes
 
 
 def print_modes_of_rotor(found: Sequence[RotorModes], model: Any, console: Console) -> None:

@@ -505,6 +505,17 @@ def test_planar_sections_have_no_direction():
 
 
 def test_other_analyses_are_refused(blade):
-    assert blade.capabilities == ("modes",)
+    assert blade.capabilities == ("modes", "modes_many")
     with pytest.raises(CapabilityError, match="it is a rotor"):
         blade.simulate()
+
+
+def test_frequencies_over_the_speed(blade):
+    """A sweep of the speed, as for a Campbell diagram: lagging and flapping of a blade of square section."""
+    speeds = [3.0, 12.0]
+    swept = blade.modes_many({"speed": speeds}, outputs=["frequency.1", "frequency.2"])
+    lag, flap = (2 * math.pi * swept[f"frequency.{k}"].values for k in (1, 2))
+    for k, speed in enumerate(speeds):
+        exact = float(flapping(speed, 0, float(flap[k]), 1e-8 / 12))
+        assert flap[k] == pytest.approx(exact, rel=5e-8)
+        assert lag[k] ** 2 == pytest.approx(exact**2 - speed**2, rel=3e-7)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symgen.runtime.many.dataset import Kept, chosen
-from symgen.runtime.result.modes import ElasticModes
+from symgen.runtime.result.modes import ElasticModes, RotorModes
 from symgen.runtime.result.records import Variable
 
 if TYPE_CHECKING:
@@ -43,13 +43,15 @@ def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str
     return Kept(single=(*chosen(single, outputs), stability), axes=axes)
 
 
-def of_modes(found: Modes | ElasticModes, outputs: Sequence[str] | None) -> Kept:
+def of_modes(found: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | None) -> Kept:
     """Return the lowest natural frequencies [Hz], ``frequency.1`` and so on; nan where nothing oscillates.
 
     Of elastic links in motion there is also ``growth`` [1/s], the fastest growth of a mode.
     """
     if isinstance(found, ElasticModes):
         frequencies, growth = found.frequencies, found.growth
+    elif isinstance(found, RotorModes):
+        frequencies, growth = found.frequencies, np.zeros(0)
     else:
         frequencies, growth = np.full(found.equilibrium.linearised.freedoms, np.nan), np.zeros(0)
         frequencies[: len(found.frequencies)] = found.frequencies[: len(frequencies)]

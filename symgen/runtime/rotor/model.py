@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,8 +15,7 @@ from symgen.runtime import _core
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.model.model import Model
-from symgen.runtime.result.modes import relative
-from symgen.runtime.result.records import plain
+from symgen.runtime.result.modes import RotorModes, relative
 from symgen.runtime.rotor.description import RotorDescription
 from symgen.runtime.rotor.structure import Structure, parts, structure
 from symgen.runtime.structure import UnstableError, modes_at_rest
@@ -31,57 +29,6 @@ _EPS = float(np.finfo(float).eps)
 _ROTATED = 0.01
 #: Part of a frequency that round-off may change, above which a note is given.
 _ROUND_OFF = 1e-3
-
-
-@checked
-@dataclass(frozen=True, slots=True, repr=False)
-class RotorModes:
-    """Modes of a rotor about its drawn shape, by rising frequency.
-
-    Attributes
-    ----------
-    speed
-        [rad/s].
-    frequencies
-        [Hz], seen in the rotating axes.
-    shapes
-        (unknowns, modes), complex, in the order of ``names``; 1 is the largest component. Of zero frequency
-        they are displacements that the stiffness under rotation does not resist.
-    parts
-        Parts of the strain energy by kind, (modes,) each: ``stretch``, ``bending_width`` (displacements along
-        the width of sections), ``bending_thickness`` and ``torsion``. Zero where links are not strained.
-    errors_of_elements
-        Frequencies over those of elements divided in two, less one; empty beyond 400 unknowns. Infinite
-        where round-off may change either by more than 0.1 %.
-    notes
-        Where the theory may not hold, and which frequencies are lost in round-off.
-    """
-
-    name: str
-    speed: float
-    frequencies: Array
-    shapes: NDArray[Any]
-    names: tuple[str, ...]
-    parts: Mapping[str, Array]
-    errors_of_elements: Array
-    notes: tuple[str, ...]
-
-    def __repr__(self) -> str:
-        found = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
-        return f"<RotorModes {self.name!r}: {found}, ... Hz, {len(self.frequencies)} modes>"
-
-    def summary(self) -> dict[str, Any]:
-        """Return them in plain numbers."""
-        return {
-            "scene": self.name,
-            "analysis": "modes",
-            "speed": self.speed,
-            "unknowns": len(self.frequencies),
-            "frequencies_hz": self.frequencies.tolist(),
-            "parts": {k: x.tolist() for k, x in self.parts.items()},
-            "errors_of_elements": plain(self.errors_of_elements.tolist()),
-            "notes": list(self.notes),
-        }
 
 
 @checked
