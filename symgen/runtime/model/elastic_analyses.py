@@ -86,8 +86,8 @@ class ElasticAnalyses:
             notes of the result report what rods omit.
         elements
             Number of beam elements of each elastic link, in place of rods. Links stretch, and the result has
-            forces, torque, deflections, energies, and errors by time steps and by elements. Cranks with a
-            motor, welds, and masses and forces between the ends of elastic links take rods.
+            forces, torque, deflections, energies, and errors by time steps and by elements. Torsion springs,
+            welds to rigid links and forces that rotate with sections are refused.
         rtol
             Of rods, the relative tolerance of the local error (1e-7); of elements, the error by time steps
             over the peak stress of each station (2e-2).
