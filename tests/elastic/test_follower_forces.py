@@ -138,5 +138,10 @@ def test_what_is_refused():
     model = symgen.build(symgen.Scene(**BECK))
     with pytest.raises(ModelError, match="rods have no sections"):
         model.large_rotation(segments=4)
-    with pytest.raises(ModelError, match="do not support forces that rotate with sections"):
+    with pytest.raises(ModelError, match="forces that rotate with sections\n  Run it by linear theory"):
         model.large_rotation(elements=4)
+    spread = {"link": "beam", "force": ["-0.1 N/m", "0 N/m"], "axes": "section"}
+    model = symgen.build(symgen.Scene(**COLUMN | {"parameters": {}, "distributed_forces": [spread]}))
+    with pytest.raises(ModelError, match="forces that rotate with sections\n  Run it in rods"):
+        model.large_rotation(elements=4)
+    assert model.large_rotation(segments=4, samples=2).variables

@@ -327,17 +327,19 @@ class LargeLinkage:
 def _check(motion: ElasticMotion) -> None:
     """Refuse what elements in large rotation do not support."""
     name, info = motion.rigid.name, motion.info
+    following = [p for beam in info.beams for p in motion.profiles(beam.link) if p.follows]
     refused = {
         "welds to rigid links": bool(info.body_welds),
-        "forces that rotate with sections": any(
-            profile.follows for beam in info.beams for profile in motion.profiles(beam.link)
-        ),
+        "forces that rotate with sections": bool(following),
         "couples on welds": any("." not in name for name in info.rotations),
         "loads by angles counted over revolutions": bool(motion.rigid.description.windings),
     }
+    of_sections = info.welds or info.body_welds or info.rotations or any(p.is_point for p in following)
+    hint = (
+        "Run it by linear theory: model.simulate(), symgen simulate."
+        if of_sections
+        else "Run it in rods with springs between them: segments in place of elements."
+    )
     for what, given in refused.items():
         if given:
-            raise ModelError(
-                f"{name}: elements in large rotation do not support {what}\n"
-                "  Run it in rods with springs between them: segments in place of elements."
-            )
+            raise ModelError(f"{name}: elements in large rotation do not support {what}\n  {hint}")
