@@ -147,3 +147,39 @@ def test_an_open_frame_at_rest():
     assert found["B.displacement"].values[-1][1] == pytest.approx(-sunk, rel=1e-9)
     assert found["B.displacement"].values[-1][0] == pytest.approx(force * b * c**2 / (2 * modulus * second))
     assert found["column.A.couple"].values[-1] == pytest.approx(-force * b)
+
+
+@pytest.mark.parametrize("welds", [["portal", "arm"], ["arm", "portal"]])
+def test_an_arm_on_a_portal_at_rest(welds):
+    """The hinges of the portal hold it, and a weld the arm: it sinks as against links in one piece, in any order."""
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "C": {"at": ["0.6 m", "0 m"], "ground": True},
+        "A": {"at": ["0 m", "0.4 m"]},
+        "D": {"at": ["0.9 m", "0.4 m"]},
+    }
+    posts = {"left": {"points": ["O", "A"], **bent()}, "right": {"points": ["B", "C"], **bent()}}
+    options = {
+        "forces": [{"point": "D", "force": ["0 N", "-2 N"]}],
+        "crank": {"link": "left", "speed": "0 rpm"},
+    }
+    at = {"portal": ["left", "beam"], "arm": ["beam", "right", "arm"]}
+    split = symgen.Scene(
+        title="Portal with an arm",
+        points=points | {"B": {"at": ["0.6 m", "0.4 m"]}},
+        links=posts | {"beam": {"points": ["A", "B"], **bent()}, "arm": {"points": ["B", "D"], **bent()}},
+        welds=[{"point": "A" if name == "portal" else "B", "links": at[name]} for name in welds],
+        **options,
+    )
+    whole = symgen.Scene(
+        title="Portal with a long beam",
+        points=points | {"B": {"on": "beam", "fraction": 2 / 3}},
+        links=posts | {"beam": {"points": ["A", "D"], **bent(elements=6)}},
+        welds=[{"point": "A", "links": ["left", "beam"]}, {"point": "B", "links": ["right", "beam"]}],
+        **options,
+    )
+    found, expected = (
+        symgen.build(scene).quasi_static(samples=2, geometric_stiffness=False)["D.displacement"].values[-1]
+        for scene in (split, whole)
+    )
+    assert found == pytest.approx(expected, rel=1e-7)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -236,9 +236,32 @@ class ConstrainedPoints(Points):
         """All constraint rows: rod lengths first, in the order of the links."""
         found = [*_lengths(self), *_shapes(self), *_shared_joints(self)]
         found += [*(row.constraint for row in self.guides), *_drivers(self)]
+        angles = [row.constraint for row in self.kept_angles]
         # At rest hinges determine the pose of a frame, and welds that of what they leave free.
-        most = None if self.linkage.moves else max(0, len(self.coordinates) - len(found))
-        return [*found, *(row.constraint for row in self.kept_angles[:most])]
+        return [*found, *(angles if self.linkage.moves else self._holding(found, angles))]
+
+    def _holding(self, found: Sequence[Constraint], angles: Sequence[Constraint]) -> list[Constraint]:
+        """Return the angles that hold what other constraints leave free.
+
+        Constraints count as independent where each can have a coordinate of its own.
+        """
+        coordinates = [x.symbol for x in self.coordinates]
+        owners: dict[sp.Symbol, Constraint] = {}
+
+        def owns(row: Constraint, seen: set[sp.Symbol]) -> bool:
+            slopes = self.calculus.gradient(row.expression)
+            for x in coordinates:
+                if x in slopes and x not in seen:
+                    seen.add(x)
+                    if x not in owners or owns(owners[x], seen):
+                        owners[x] = row
+                        return True
+            return False
+
+        if angles:
+            for row in found:
+                owns(row, set())
+        return [row for row in angles if owns(row, set())]
 
     @cached_property
     def guides(self) -> tuple[GuideRow, ...]:
