@@ -75,6 +75,8 @@ def synthesise(
     if page:
         writable(page, (".html",), "page")
     if vary:
+        if out:
+            raise ModelError("a design chart has no scenes: omit --out, or --vary")
         _chart(task, vary, plot, page, as_json)
         return
     if plot:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SceneError
 from symgen.export import exported
 from symgen.export.live import wasm_of
 from symgen.inspection.view import drawn_scene
@@ -110,7 +110,10 @@ def _written(text: SceneText, name: str) -> tuple[str, float] | None:
     given = text.data.get("parameters", {}).get(name)
     value = given.get("value") if isinstance(given, dict) else given
     found = re.fullmatch(r"[-+\d.eE/]+\s+(.+)", value) if isinstance(value, str) else None
-    return (found[1], float(parse_quantity(f"1 {found[1]}")[0])) if found else None
+    try:
+        return (found[1], float(parse_quantity(f"1 {found[1]}")[0])) if found else None
+    except SceneError:  # such as 2 * a
+        return None
 
 
 def _has_tunable(text: SceneText) -> bool:

@@ -91,8 +91,13 @@ def design_chart(
             if "no " not in str(error):
                 raise
             found, reason = None, str(error).partition("\n")[0]
-        designs.append(tuple(d for d in found.designs if not d.faults) if found else ())
+        kept = tuple(d for d in found.designs if not d.faults) if found else ()
+        if found and not kept:
+            reason = found.designs[0].faults[0]
+        designs.append(kept)
         reasons.append(reason)
+    if not designs:
+        raise SceneError(f"expected values of {name}, got none")
     if not any(designs):
         raise SceneError(f"no linkage at any of the {len(designs)} values of {name}: {reasons[0]}")
     numbers = tuple(float(x) for x in values)
@@ -112,8 +117,7 @@ def values_of(task: str | os.PathLike[str], option: str) -> tuple[str, list[floa
     if len(parts) != 3 or not parts[2].strip().isdecimal() or int(parts[2]) < 2:
         raise SceneError(f"expected NAME=START:STOP:COUNT, such as swing=20deg:90deg:15, got {option!r}")
     _, asked = read_task(task)
-    known = {n: unit for n, unit, _ in LIMITS[asked.linkage].quantities} if asked.kind == "limits" else {}
-    dim = LENGTH if known.get(name) == "m" else NUMBER
+    dim = LENGTH if asked.kind == "limits" and name in LIMITS[asked.linkage].lengths else NUMBER
     start, stop = (value(part, dim, name) for part in parts[:2])
     count = int(parts[2])
     return name, [start + i * (stop - start) / (count - 1) for i in range(count)]

@@ -34,15 +34,15 @@ class _Row(NamedTuple):
 def contradiction(
     quantities: tuple[tuple[str, str, str], ...],
     necessary: Callable[[dict[str, sp.Symbol]], list[sp.Rel]],
-    given: dict[str, float],
+    given: dict[str, tuple[float, float]],
 ) -> str:
-    """Return relations that exclude each other at the given values; empty where a linear program meets all.
+    """Return relations that exclude each other in the given ranges; empty where a linear program meets all.
 
     None of those returned can be omitted.
     """
     x = {name: sp.Symbol(name, real=True) for name, _, _ in quantities}
     rows = [*_rows(x, necessary(x), given)]
-    bounds = [(given[name], given[name]) if name in given else (None, None) for name in x]
+    bounds = [given.get(name, (None, None)) for name in x]
     if _hold(rows, bounds):
         return ""
     for row in [*rows]:
@@ -52,9 +52,11 @@ def contradiction(
     return "; ".join(row.text for row in rows)
 
 
-def _rows(x: dict[str, sp.Symbol], relations: list[sp.Rel], given: dict[str, float]) -> Iterator[_Row]:
+def _rows(
+    x: dict[str, sp.Symbol], relations: list[sp.Rel], given: dict[str, tuple[float, float]]
+) -> Iterator[_Row]:
     """Yield the relations that are linear at a given time ratio."""
-    ratio = {x[name]: value for name, value in given.items() if name == "time_ratio"}
+    ratio = {x[name]: low for name, (low, high) in given.items() if name == "time_ratio" and low == high}
     nowhere = dict.fromkeys(x.values(), 0)
     for relation in relations:
         sign = _SIGNS[type(relation)]

@@ -74,9 +74,12 @@ class Kind:
         """Quantities that determine the others."""
         return len(self.quantities) - self.conditions
 
-    def why_not(self, given: dict[str, float]) -> str:
+    def why_not(self, given: dict[str, float], ranges: dict[str, tuple[float, float]]) -> str:
         """Return conditions of every linkage that exclude these values; empty where none is known."""
-        return contradiction(self.quantities, self.necessary, _over(given, self.lengths)[0])
+        low, scale = _over(given | {name: ends[0] for name, ends in ranges.items()}, self.lengths)
+        high = {n: ends[1] / scale if n in self.lengths else ends[1] for n, ends in ranges.items()}
+        bounds = {name: (value, high.get(name, value)) for name, value in low.items()}
+        return contradiction(self.quantities, self.necessary, bounds)
 
 
 def linkages(kind: Kind, given: dict[str, float], starts: int, seed: int) -> tuple[list[Any], Search]:
@@ -192,7 +195,8 @@ def _check(kind: Kind, given: dict[str, float]) -> None:
     for name, number in given.items():
         unit = next(u for n, u, _ in kind.quantities if n == name)
         if unit == "m" and not (0 < number < np.inf or number == least.get(name)):
-            raise SceneError(f"expected a length above zero, got {number:.6g} m", where=name)
+            wanted = "of zero or more" if name in least else "above zero"
+            raise SceneError(f"expected a length {wanted}, got {number:.6g} m", where=name)
         if unit == "1" and not 0 < number < np.inf:
             raise SceneError(f"expected a ratio above zero, got {number:.6g}", where=name)
         if unit == "rad" and not 0 < number < np.pi:

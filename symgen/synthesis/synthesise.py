@@ -110,7 +110,7 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
             linkages, search = limits.linkages(kind, given, asked.starts, asked.seed)
         designs = [_checked(linkage, partial(_limits, kind, linkage, given)) for linkage in linkages]
         if not designs:
-            reason = kind.why_not(given)
+            reason = kind.why_not(given, ranges)
             if reason:
                 raise SceneError(
                     f"no {_NOUNS[asked.linkage]} has these values, which contradict: {reason}",

@@ -204,3 +204,8 @@ def test_histories_are_drawn_as_curves_and_paths_as_an_atlas(tmp_path):
         paths["B.position"].values[:, 0, 0]
     )
     assert [pane.get_title() for pane in panes] == ["0.34", "0.36"]
+    both = model.sweep(vary, outputs=["crank.torque"], reduce=["history", "peak"], samples=9)
+    with pytest.raises(ResultError, match="histories are plotted alone: omit crank.torque"):
+        plot(both, "crank.torque", "crank.torque.peak")
+    with pytest.raises(ResultError, match="no output 'crank.torqu'. Did you mean 'crank.torque'"):
+        plot(runs, "crank.torqu")

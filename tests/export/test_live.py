@@ -151,6 +151,13 @@ def test_a_loop_with_other_parameters_is_that_of_symgen(page_of):
     assert draws_the_animation(data, outputs, film_of(read_scene("slider_crank"), FRAMES))
 
 
+def test_a_slider_of_an_expression_is_in_si_units(page_of):
+    page, *_ = page_of(
+        "elastic_four_bar", changes={"parameters.base": "95 rpm", "parameters.speed.value": "1 * base"}
+    )
+    assert [(s.unit, s.size) for s in page.sliders] == [("1/s", 1.0)]
+
+
 def test_elastic_links_at_another_speed_are_those_of_symgen(page_of):
     page, data, code = page_of("elastic_four_bar")
     assert [(s.name, s.low / s.value, s.high / s.value) for s in page.sliders] == [("speed", 0.5, 1.5)]

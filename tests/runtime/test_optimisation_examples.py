@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import mpmath as mp
 import numpy as np
@@ -13,6 +14,8 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.errors import ModelError
+from symgen.runtime.sweeps import pareto
+from symgen.runtime.sweeps.optimisation import Optimum
 
 DOCS = Path(__file__).parents[2] / "docs"
 GRAVITY = mp.mpf("9.81")
@@ -122,8 +125,30 @@ def test_the_front_of_torque_and_stiffness_is_a_line():
     for wrong in (["arm.torque.peak"], ["stiffness", "stiffness"]):
         with pytest.raises(ModelError, match="expected two objectives"):
             model.pareto(bounds, wrong, samples=7)
+    with pytest.raises(ModelError, match="expected a lower and an upper bound of stiffness"):
+        model.pareto(bounds, ["arm.torque.peak", "stiffness"], {"stiffness": None}, samples=7)
     with pytest.raises(ModelError, match="expected an output of the runs"):
         model.optimise(bounds, "stiffness", samples=7)
+
+
+def test_objectives_without_a_conflict_have_one_best_design():
+    model = symgen.build(DOCS / "barrier.toml", set={"free": "0 m"})
+    bounds = {"stiffness": (100.0, 400.0), "height": (0.35, 0.8)}
+    front = model.pareto(bounds, ["arm.torque.peak", "arm.torque.greatest"], points=3, samples=7)
+    assert front.sizes["point"] == 1 and front["stiffness"].item() == pytest.approx(400.0)
+
+
+def test_a_design_that_breaks_a_constraint_dominates_no_other():
+    def found(objective, other, converged):
+        parts = {"f": objective}, objective, {"g": other}, {"f": "1", "g": "1"}
+        return Optimum(*parts, converged, "", "exact", 1, None)
+
+    tunable = SimpleNamespace(name="f", unit="1")
+    model = SimpleNamespace(description=SimpleNamespace(tunable=[tunable], title=""))
+    front = pareto._dataset(
+        model, [found(0.0, 0.0, False), found(1.0, 2.0, True), found(2.0, 3.0, True)], "f", "g"
+    )
+    assert front["f"].values.tolist() == [0.0, 1.0] and front["converged"].values.tolist() == [False, True]
 
 
 def test_two_objectives_of_a_scene_give_a_page(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from shared.commands import call
 
 import symgen
-from symgen.errors import SceneError
+from symgen.errors import SceneError, SymgenError
 from symgen.synthesis.charts import design_chart
 
 CASE_1 = {"kind": "limits", "fixed_link": "1 m", "rocker_folded": "40 deg"}
@@ -70,6 +70,37 @@ def test_a_chart_over_the_swing(tmp_path):
         wanted = case_2(row["swing"], math.radians(30), math.radians(50))
         assert [design[n] for n in ("crank", "coupler", "rocker")] == pytest.approx(wanted, rel=1e-8)
     assert "swing [deg]" in call("synthesise", file, "--vary", "swing=50deg:60deg:2")
+    for words, message in (
+        (("swing=50deg:60deg:2", "--out", tmp_path / "out"), "a design chart has no scenes"),
+        (("swing=50deg:60deg:1",), "expected NAME=START:STOP:COUNT"),
+    ):
+        with pytest.raises(SymgenError, match=message):
+            call("synthesise", file, "--vary", *words)
+
+
+def test_a_length_in_a_range_gives_the_scale_of_the_linkage():
+    """Angles decide the shape; those that contradict each other are named for every length of the range."""
+    task = {**CASE_1, "fixed_link": ["1 m", "2 m"], "swing": "60 deg", "transmission_least": "40 deg"}
+    (design,) = symgen.synthesise(task).designs
+    *lengths, fixed = design.linkage.lengths.values()
+    alone = symgen.synthesise({**task, "fixed_link": "1 m"}).designs[0].linkage.lengths
+    assert 1.0 <= fixed <= 2.0 and lengths == pytest.approx([fixed * x for x in alone.values()][:3], rel=1e-9)
+    with pytest.raises(SceneError, match="which contradict"):
+        symgen.synthesise({**task, "rocker_folded": "80 deg", "transmission_least": "60 deg"})
+
+
+def test_a_range_without_a_linkage_is_explained():
+    """In the extended position 140 deg of the rocker leave less than 40 deg to the least transmission angle."""
+    task = {
+        **CASE_1,
+        "rocker_folded": "80 deg",
+        "swing": "60 deg",
+        "transmission_least": ["50 deg", "60 deg"],
+    }
+    with pytest.raises(SceneError, match="which contradict.*transmission_least < transmission_extended"):
+        symgen.synthesise(task)
+    wider = {**task, "transmission_least": ["20 deg", "60 deg"]}
+    assert 20 <= math.degrees(symgen.synthesise(wider).designs[0].quantities["transmission_minimum"]) < 40
 
 
 @pytest.mark.parametrize(
@@ -85,3 +116,8 @@ def test_a_chart_over_the_swing(tmp_path):
 def test_wrong_ranges_and_charts(task, vary, message):
     with pytest.raises(SceneError, match=message):
         design_chart(task, vary, [-1.0]) if vary else symgen.synthesise(task)
+
+
+def test_a_chart_of_no_values_is_refused():
+    with pytest.raises(SceneError, match="expected values of swing, got none"):
+        design_chart(CASE_2, "swing", [])

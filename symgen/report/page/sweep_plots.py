@@ -66,8 +66,12 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
     if histories and not [name for name in names if name not in histories]:
         return _curves(runs, histories, file)
     for name in names:
-        if name not in known:
-            raise ResultError(f"the sweep has no output {name!r}. {nearest(name, known)}")
+        if name not in (*known, *histories):
+            raise ResultError(
+                f"the sweep has no output {name!r}. {nearest(name, [*known, *histories_of(runs)])}"
+            )
+    if names and histories:
+        raise ResultError(f"histories are plotted alone: omit {' and '.join(histories)}, or the others")
     chosen = list(names) or [name for name in known if not name.endswith("_drift")]
     varied = [p for p in parameters_of(runs) if len(np.unique(runs[p].values)) > 1] or parameters_of(runs)
     x = varied[0]

@@ -36,7 +36,6 @@ def front_of(
     if points < 2:
         raise ModelError(f"expected two points of a Pareto front or more, got {points}")
     first, second = objectives
-    least, greatest = constraints.get(second, (None, None))
 
     def optimum(
         objective: str, bounds: Mapping[str, Any], start: Mapping[str, float], *measured: str
@@ -48,6 +47,7 @@ def front_of(
         optimum(second, constraints, start, first),
         optimum(first, constraints, start, second),
     )
+    least, greatest = constraints.get(second, (None, None))  # which the optimisations have accepted
     ends = of_second.objective, of_first.constraints[second]
     found, start = [], of_second.parameters
     for bound in np.linspace(*ends, points) + _SLACK * abs(ends[1] - ends[0]):
@@ -58,12 +58,20 @@ def front_of(
 
 
 def _dataset(model: Any, found: Sequence[Optimum], first: str, second: str) -> xarray.Dataset:
-    """Return the designs that no other one dominates, over ``point``."""
+    """Return the designs that no other one dominates, over ``point``; of equal ones the first.
+
+    A design that did not meet the tolerance may break constraints: it does not dominate those that did.
+    """
     import xarray
 
     values = np.array([[one.objective, one.constraints[second]] for one in found])
-    worse = [np.any(np.all(values <= v, axis=1) & np.any(values < v, axis=1)) for v in values]
-    kept = [one for one, dominated in zip(found, worse, strict=True) if not dominated]
+    converged = np.array([one.converged for one in found])
+    kept = []
+    for i, (one, own) in enumerate(zip(found, values, strict=True)):
+        better = np.all(values <= own, axis=1) & np.any(values < own, axis=1) & (converged | ~converged[i])
+        equal = np.all(values[:i] == own, axis=1) & (converged[:i] == converged[i])
+        if not better.any() and not equal.any():
+            kept.append(one)
     columns = {first: [o.objective for o in kept], second: [o.constraints[second] for o in kept]}
     data: dict[str, Any] = {
         name: ("point", np.array(column), {"units": kept[0].units[name]}) for name, column in columns.items()
