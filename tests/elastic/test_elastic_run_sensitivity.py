@@ -93,6 +93,10 @@ def test_runs_without_derivatives_are_refused_by_name():
         strip.simulate(initial="quasi-static", **short).gradient(["tip.displacement"])
     with pytest.raises(ModelError, match="no derivatives of 'frequencies' of a run of elastic links"):
         strip.simulate(**short).gradient(["frequencies"])
+    with pytest.raises(
+        ModelError, match="expected parameters of rotating_cantilever to differentiate by, got none"
+    ):
+        strip.simulate(**short).gradient(["tip.displacement"], [])
     motor = symgen.build("elastic_four_bar_motor")
     with pytest.raises(ModelError, match="a motor moves its crank"):
         motor.simulate(**short).gradient(["B.displacement"])

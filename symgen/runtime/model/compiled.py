@@ -184,6 +184,11 @@ class Compiled:
                 raise ModelError(
                     f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
                 )
+        if not by and self.parameters:
+            raise ModelError(
+                f"expected parameters of {self.name} to differentiate by, got none\n"
+                f"  Leave them out for all: {', '.join(self.parameters)}."
+            )
         if not by:
             raise ModelError(
                 f"{self.name} has no tunable parameters to differentiate by\n"
