@@ -3,6 +3,7 @@
 Each feasible task prescribes quantities of a random crank-rocker or slider-crank, which are computed by the
 law of cosines, or precision points that it passes. It is solved where that linkage is among those found, and
 running it on its branch finds no fault. Choices of quantities that depend on each other are left out.
+Searches have their default number of starts.
 
 Tasks without a solution prescribe swing, folded angle of the rocker and least transmission angle (Case I of
 the thesis on kineto-elastodynamics) whose sum is 180 deg or more: the triangle of the extended position does
@@ -25,8 +26,6 @@ import symgen
 from symgen.errors import SceneError
 
 TASKS, SHARE, LARGEST_ERROR = 200, 0.97, 1e-9
-#: Starts of each search.
-STARTS = 60
 _LENGTHS = ("crank", "coupler", "rocker", "fixed_link")
 
 
@@ -45,7 +44,7 @@ def measured(count: int) -> Measurement:
         for task, wanted in tasks(np.random.default_rng(0), count):
             begun = time.process_time()
             try:
-                designs = symgen.synthesise({**task, "starts": STARTS}).designs
+                designs = symgen.synthesise(task).designs
             except SceneError as error:
                 if "depend on each other" in str(error) or "got angles alone" in str(error):
                     continue
