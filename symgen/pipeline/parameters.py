@@ -37,7 +37,7 @@ def check_values(text: SceneText) -> None:
 
 def in_si(model: Compiled | ElasticModel, values: Mapping[str, str], file: str) -> dict[str, float]:
     """Return values of tunable parameters in SI units; raise SceneError for one with another unit."""
-    from symgen.scene.units import parse_quantity
+    from symgen.scene.units import describe, describe_unit, parse_quantity
 
     result = {}
     for info in model.description.tunable:
@@ -45,7 +45,8 @@ def in_si(model: Compiled | ElasticModel, values: Mapping[str, str], file: str) 
             try:
                 number, dimension = parse_quantity(values[info.name])
                 if dimension.unit != info.unit:
-                    raise SceneError(f"expected a quantity in {info.unit}, got {values[info.name]!r}")
+                    wanted, got = describe_unit(info.unit), describe(dimension)
+                    raise SceneError(f"expected {wanted}, got {values[info.name]!r}, {got}")
             except SceneError as error:
                 table = "inputs" if info.name in getattr(model.description, "inputs", ()) else "parameters"
                 raise error.located(where=f"{table}.{info.name}", file=file) from None

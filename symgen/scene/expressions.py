@@ -267,8 +267,13 @@ class _Reader:
             result = dims[0].power(Fraction(1, 2))
         else:  # every argument a plain number, or atan2 of two alike
             same = name == "atan2" and dims[0] == dims[1]
-            if not same and any(dim != NUMBER for dim in dims):
-                raise self.refuse(f"gives {name} {describe(dims[0])} instead of a plain number or an angle")
+            wrong = None if same else next((dim for dim in dims if dim != NUMBER), None)
+            if wrong:
+                raise self.refuse(
+                    f"gives {name} {describe(wrong)} instead of a plain number or an angle",
+                    "Divide it by a quantity with the same unit, such as a parameter "
+                    f"w = {example(wrong).split(' or ')[0]}.",
+                )
             result = NUMBER
         values = [self.finite(argument) for argument, _ in arguments]
         for argument in values:

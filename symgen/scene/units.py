@@ -241,6 +241,12 @@ def describe(dim: Dimension) -> str:
     return kind[0] if kind else f"a quantity in {dim.unit}"
 
 
+def describe_unit(unit: str) -> str:
+    """Return the name and an example of a quantity in an SI unit for a message."""
+    known = (f"{name} such as {written}" for dim, (name, written) in KINDS.items() if dim.unit == unit)
+    return next(known, f"a quantity in {unit}")
+
+
 def example(dim: Dimension) -> str:
     """Return how a value of this dimension is written."""
     kind = KINDS.get(dim)

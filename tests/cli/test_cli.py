@@ -59,7 +59,7 @@ def test_errors_are_one_message_and_an_exit_code(entry):
         (2, ["modes", "slider_crank"], "slider_crank does not support modes"),
         (3, ["run", "peaucelier"], "Did you mean 'peaucellier'"),
         (3, ["run", "peaucellier", "--set", "roh=1 kg/m"], "Did you mean 'rho'"),
-        (3, ["run", "peaucellier", "--set", "rho=1 kg"], "expected a quantity in kg/m"),
+        (3, ["run", "peaucellier", "--set", "rho=1 kg"], 'expected a mass per length such as "1 kg/m"'),
         (3, ["run", "slider_crank", "--set", "a4=300 in"], "cannot be assembled"),
         (
             3,

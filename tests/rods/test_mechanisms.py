@@ -318,7 +318,7 @@ def test_values_set_from_outside_pass_the_checks_of_the_scene():
         ("m", "-1 kg", "links.OA.mass", "at least zero, got 'm', which is -1 kg"),
         ("l", "0 m", "links.OA.points", "zero length"),
         ("l", "-1 m", "springs.0.length", "at least zero"),
-        ("k", "3 N", "parameters.k", "expected a quantity in N/m"),
+        ("k", "3 N", "parameters.k", "expected a stiffness or a force per length"),
     ):
         with pytest.raises(SceneError, match=words) as caught:
             symgen.build(scene, set={key: value})

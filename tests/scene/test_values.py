@@ -109,7 +109,8 @@ def test_every_function_is_readable():
         ("True", "Constant"),
         ("a if n else b", "IfExp"),
         ("a + n", "adds a length and a plain number"),
-        ("sin(a)", "gives sin a length"),
+        ("sin(a)", 'gives sin a length .*\n.*Divide it by a quantity with the same unit.* w = "2 cm"'),
+        ("atan2(n, a)", "gives atan2 a length"),
         ("c", "unknown name 'c'"),
         ("1/0", "divides by zero"),
         ("0**-1", "divides by zero"),
@@ -132,6 +133,11 @@ def test_every_function_is_readable():
 def test_refused_expressions(text, message):
     with pytest.raises(SceneError, match=message):
         parse_any(text, NAMES)
+
+
+def test_a_unit_is_described_as_an_engineer_says_it():
+    assert units.describe_unit("1/s") == 'an angular velocity such as "2 rad/s" or "300 rpm"'
+    assert units.describe_unit("m/s^5") == "a quantity in m/s^5"
 
 
 def test_dimension_is_checked_and_zero_needs_none():
