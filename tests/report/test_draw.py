@@ -57,6 +57,7 @@ def test_dxf_of_poses_has_the_joints_of_two_circles():
     assert [text.dxf.text for text in layers["NAMES"]] == ["O", "A", "B", "C", "crank", "coupler", "rocker"]
     (path,) = layers["PATHS"]
     curve = np.array(path.get_points("xy"))
+    assert path.closed and np.linalg.norm(curve[-1] - curve[0]) > 0.01  # once round, no vertex twice
     assert np.linalg.norm(curve - [400.0, 0.0], axis=1) == pytest.approx(np.full(len(curve), 300.0))
     far = (COUPLER - CRANK, COUPLER + CRANK)  # of B from O where crank and coupler are in line
     swing = [math.acos((ROCKER**2 + BASE**2 - x**2) / (2 * ROCKER * BASE)) for x in far]
@@ -90,6 +91,7 @@ def test_dxf_of_a_loop_has_the_unit_of_its_table_and_its_tuned_parameters(tmp_pa
 def test_a_pose_of_a_motion_under_forces_is_that_of_its_run():
     """Times are sorted, and the paths end where the run ends."""
     sheet = symgen.build("four_bar").draw([0.3, 0.0], paths=["B"])
+    assert not any(line.closed for line in read(sheet)[0]["PATHS"])
     start, later = ({n.name: n.at for n in pose.nodes} for pose in sheet.poses)
     run = symgen.build("four_bar", set={"analysis.outputs": ["B.position"]}).simulate(t_eval=[0.0, 0.3])
     assert start["B"] == pytest.approx(run["B.position"].values[0], abs=1e-12)
@@ -110,6 +112,8 @@ def test_svg_is_one_file_of_its_own():
     assert root.tag == "{http://www.w3.org/2000/svg}svg" and "var(" not in text and "href" not in text
     paths = [e for e in root.iter() if e.get("class") == "path"]
     assert len(paths) == 2  # of A and of B
+    lines = [e.get("class") for e in root.iter() if e.tag.rpartition("}")[2] in ("polyline", "polygon")]
+    assert lines[-2:] == ["path"] * 2  # drawn last, over the links
     assert any(e.text == "100 mm" for e in root.iter())
     assert text == sheet_of(read_scene("crank_rocker"), unit="mm").svg()
 

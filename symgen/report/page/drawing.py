@@ -182,7 +182,7 @@ def drawing(sketch: Sketch) -> Drawing:
     return Drawing(_WIDTH, height, tuple(shapes), tuple(marks), labels, arrows, bar, scale, unnamed)
 
 
-_ORDER = ("path", "axis", "rail", "body", "spring", "actuator", "rod", "elastic", "slider")
+_ORDER = ("axis", "rail", "body", "spring", "actuator", "rod", "elastic", "slider", "path")
 
 
 def not_drawn(count: int) -> str:

@@ -37,6 +37,8 @@ _LAYER_OF = {
 }
 #: Radius of a joint, height of a letter and half sides of a slider, over the size of the drawing.
 _JOINT, _LETTER, _SLIDER = 0.008, 0.02, (0.024, 0.015)
+#: A path whose ends are no farther apart is closed, over its size.
+_CLOSED = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,16 +132,18 @@ def _write(space: Any, sketch: Sketch) -> None:
     size, plane = float(np.max(np.ptp(every, axis=0))) or 1.0, every.shape[1] == 2
     for line in lines:
         layer = {"layer": _LAYER_OF.get(line.kind, "LINKS")}
+        round_trip = line.kind == "path" and _meets_itself(line.at)
+        at = line.at[:-1] if round_trip else line.at
         if not plane and line.kind != "slider":
-            closed = line.kind == "body" and len(line.at) > 2
-            space.add_polyline3d(line.at.tolist(), close=closed, dxfattribs=layer)
+            closed = round_trip or (line.kind == "body" and len(line.at) > 2)
+            space.add_polyline3d(at.tolist(), close=closed, dxfattribs=layer)
         elif plane:
             outlines = {
                 "slider": lambda at: slider_block(at, *(half * size for half in _SLIDER)),
                 "body": hull,
             }
-            corners = outlines.get(line.kind, np.asarray)(line.at)
-            closed = line.kind in outlines and len(corners) > 2
+            corners = outlines.get(line.kind, np.asarray)(at)
+            closed = round_trip or (line.kind in outlines and len(corners) > 2)
             space.add_lwpolyline(corners.tolist(), close=closed, dxfattribs=layer)
     for node in sketch.nodes:
         layer = {"layer": "GROUND" if node.kind == "ground" else "JOINTS"}
@@ -156,6 +160,12 @@ def _write(space: Any, sketch: Sketch) -> None:
         text = space.add_text(name, height=letter, dxfattribs={"layer": "NAMES"})
         text.set_placement((at[0] + letter, at[1] + letter * (1.0 - 1.5 * taken[place]), *at[2:]))
         taken[place] += 1
+
+
+def _meets_itself(path: Array) -> bool:
+    """Return whether a path ends where it began, but for errors of the run."""
+    gap = float(np.linalg.norm(path[-1] - path[0]))
+    return len(path) > 3 and gap <= _CLOSED * float(np.max(np.ptp(path, axis=0)))
 
 
 def _names(sketch: Sketch) -> Iterator[tuple[str, Array]]:
