@@ -86,7 +86,13 @@ def synthesise(
         write_text(page, render_study(synthesis_page(result, task.stem)))
     if out:
         stem = {"spherical": "spherical_four_bar"}.get(result.linkage, result.linkage.replace("-", "_"))
-        write(out, {f"{stem}_{i}.toml": d.linkage.toml().encode() for i, d in enumerate(result.designs, 1)})
+        write(
+            out,
+            {
+                f"{stem}_{i}.toml": d.linkage.toml(result.title).encode()
+                for i, d in enumerate(result.designs, 1)
+            },
+        )
     if as_json:
         print_json(result.summary())
         return

@@ -172,7 +172,8 @@ def plot_chart(chart: Any, file: str | os.PathLike[str] | None = None) -> Figure
 
 def _is_angle(name: str) -> bool:
     """Return whether a quantity of a chart is an angle that has no other name there."""
-    return name.startswith(("swing", "crank_", "rocker_e", "rocker_f", "transmission_m", "transmission_e"))
+    shown = "swing", "crank_", "rocker_e", "rocker_f", "transmission_e", "transmission_g", "transmission_l"
+    return name.startswith(shown)
 
 
 def _drawn(number: int, linkage: Any) -> Sheet:

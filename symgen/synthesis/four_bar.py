@@ -31,7 +31,7 @@ _MOTION: dict[str, Any] = {
     "drivers": [{"link": "crank", "angle": "start + speed*t"}],
     "analysis": {
         "kind": "kinematics",
-        "t_end": "6.283185307179586 s",
+        "t_end": "2*pi/abs(speed)",
         "outputs": ["P.position", "crank.angle", "coupler.angle", "rocker.angle", "A.B.C.angle"],
     },
 }
@@ -127,16 +127,17 @@ class FourBar(PlanarLinkage):
     def tables(self) -> dict[str, Any]:
         """Return the tables of :attr:`scene`."""
         lengths = self.lengths
+        size = max(lengths.values())
         values = {
             "start": (self.parameters["start"], "rad", "direction of the crank at the start"),
             **{f"{name}_length": (lengths[name], "m", f"length of the {name}") for name in _LINKS},
             **place_on_coupler(self.A, self.B, self.P),
         }
-        points = {n: fixed_place(getattr(self, n), ground=n in "OC") for n in "OABC"}
+        points = {n: fixed_place(getattr(self, n), ground=n in "OC", size=size) for n in "OABC"}
         return {
             "symgen": 1,
             "title": f"Four-bar linkage, {self.grashof}",
-            "parameters": tunable(values),
+            "parameters": tunable(values, size),
             "points": {**points, "P": {"on": "coupler", "fraction": "P_along", "offset": "P_across"}},
             "links": {name: {"points": ends, "length": f"{name}_length"} for name, ends in _LINKS.items()},
             **_MOTION,

@@ -184,7 +184,7 @@ def _check(kind: Kind, given: dict[str, float]) -> None:
         names = ", ".join(given) or "none"
         raise SceneError(
             f"expected {kind.given} quantities, which determine {kind.what}, got {len(given)}: {names}",
-            hint=f"Known: {', '.join(kind.names)}.",
+            hint=_advice(kind, given) + f"Known: {', '.join(kind.names)}.",
         )
     least = {"offset": 0.0} if kind is SLIDER_CRANK else {}
     if not any(given[name] for name in kind.lengths & given.keys()):
@@ -202,6 +202,17 @@ def _check(kind: Kind, given: dict[str, float]) -> None:
         if unit == "rad" and not 0 < number < np.pi:
             got = f"{np.degrees(number):.6g} deg"
             raise SceneError(f"expected an angle between 0 and 180 deg, got {got}", where=name)
+
+
+def _advice(kind: Kind, given: dict[str, float]) -> str:
+    """Return what may be added to too few quantities; empty where there is no advice."""
+    if len(given) > kind.given or "transmission_least" in given:
+        return ""
+    length = "" if kind.lengths & given.keys() else "a length and, "
+    return (
+        f"Add {length}for example{',' * bool(length)} transmission_least, which may be a range: "
+        '["30 deg", "90 deg"] finds the best.\n  '
+    )
 
 
 def _sample(kind: Kind, generator: np.random.Generator, given: dict[str, float]) -> Array:

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 #: Angle beyond its limit [rad] at which a crank does not count as stopped: rounding.
 _STOP = 1e-9
+#: Coordinate that is rounding, over the size of the linkage.
+_ROUNDING = 1e-14
 
 
 class Linkage(ABC):
@@ -75,9 +77,13 @@ class Linkage(ABC):
 
         return Scene(**self.tables())
 
-    def toml(self) -> str:
-        """Return the scene as the text of a TOML file."""
-        return _text(self.tables())
+    def toml(self, title: str = "") -> str:
+        """Return the scene as the text of a TOML file, under the title of a task and its own."""
+        tables = self.tables()
+        if title:
+            own = tables["title"]
+            tables["title"] = f"{title}: {own[0].lower()}{own[1:]}"
+        return _text(tables)
 
     @property
     @abstractmethod
@@ -177,20 +183,32 @@ def longer_than_zero(lengths: dict[str, float], unit: str = "m") -> None:
             raise ModelError(f"expected a {name.replace('_', ' ')} longer than zero, got {length:g} {unit}")
 
 
-def tunable(values: dict[str, tuple[float, str, str]]) -> dict[str, Any]:
-    """Return the table of parameters: name to value, unit and meaning; and the speed of the drive."""
+def shown(value: float, size: float = 1.0) -> str:
+    """Return a value as text; zero where it is the rounding of values of a size."""
+    return repr(0.0 if abs(value) <= _ROUNDING * size else float(value))
+
+
+def tunable(values: dict[str, tuple[float, str, str]], size: float = 1.0) -> dict[str, Any]:
+    """Return the table of parameters: name to value, unit and meaning; and the speed of the drive.
+
+    Lengths that are the rounding of a size [m] are zero.
+    """
     return {
         "speed": "1 rad/s",
         **{
-            name: {"value": f"{value!r} {unit}".strip(), "tunable": True, "about": about}
+            name: {
+                "value": f"{shown(value, size if unit == 'm' else 1.0)} {unit}".strip(),
+                "tunable": True,
+                "about": about,
+            }
             for name, (value, unit, about) in values.items()
         },
     }
 
 
-def fixed_place(place: Array, ground: bool) -> dict[str, Any]:
-    """Return a point of a scene."""
-    return {"at": [f"{float(x)!r} m" for x in place], **({"ground": True} if ground else {})}
+def fixed_place(place: Array, ground: bool, size: float) -> dict[str, Any]:
+    """Return a point of a scene, whose linkage has a size [m]."""
+    return {"at": [f"{shown(x, size)} m" for x in place], **({"ground": True} if ground else {})}
 
 
 def place_on_coupler(a: Array, b: Array, p: Array) -> dict[str, tuple[float, str, str]]:

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.synthesis.linkage import PlanarLinkage, fixed_place, longer_than_zero, place_on_coupler, tunable
+from symgen.synthesis.linkage import (
+    PlanarLinkage,
+    fixed_place,
+    longer_than_zero,
+    place_on_coupler,
+    shown,
+    tunable,
+)
 
 Array = NDArray[np.float64]
 
@@ -23,7 +30,7 @@ _MOTION: dict[str, Any] = {
     "drivers": [{"link": "crank", "angle": "start + speed*t"}],
     "analysis": {
         "kind": "kinematics",
-        "t_end": "6.283185307179586 s",
+        "t_end": "2*pi/abs(speed)",
         "outputs": ["P.position", "B.position", "crank.angle", "coupler.angle"],
     },
 }
@@ -139,16 +146,16 @@ class SliderCrank(PlanarLinkage):
             "offset": (self.height, "m", "distance of the guide from O, to the left"),
             **place_on_coupler(self.A, self.B, self.P),
         }
-        size = f"{lengths['crank'] + lengths['coupler']!r} m"
-        ground = {f"O{axis}": f"{float(v)!r} m" for axis, v in zip("xy", self.O, strict=True)}
+        size = lengths["crank"] + lengths["coupler"]
+        ground = {f"O{axis}": f"{shown(v, size)} m" for axis, v in zip("xy", self.O, strict=True)}
         foot = "Ox - offset*sin(guide)", "Oy + offset*cos(guide)"
         ends = {"E": list(foot), "F": [f"{foot[0]} + rail*cos(guide)", f"{foot[1]} + rail*sin(guide)"]}
         return {
             "symgen": 1,
             "title": f"Slider-crank linkage, {self.grashof}",
-            "parameters": {**tunable(values), **ground, "rail": size},
+            "parameters": {**tunable(values, size), **ground, "rail": f"{size!r} m"},
             "points": {
-                **{n: fixed_place(getattr(self, n), ground=n == "O") for n in "OAB"},
+                **{n: fixed_place(getattr(self, n), ground=n == "O", size=size) for n in "OAB"},
                 **{n: {"at": at, "ground": True} for n, at in ends.items()},
                 "P": {"on": "coupler", "fraction": "P_along", "offset": "P_across"},
             },

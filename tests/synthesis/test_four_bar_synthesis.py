@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from shared.commands import call
 
 import symgen
 from symgen.errors import SceneError, SimulationError
@@ -140,6 +141,10 @@ def test_asked_properties_that_no_linkage_has_are_named():
     [
         ({"kind": "limit"}, "expected a kind of synthesis, got 'limit'\n  Did you mean 'limits'"),
         ({"kind": "limits", "swing": "60 deg"}, "expected 4 quantities"),
+        (
+            {"kind": "limits", "swing": "60 deg", "time_ratio": 1.1},
+            "Add a length and, for example, transmission_least, which may be a range",
+        ),
         ({"kind": "limits", "crank": "1 deg", "rocker": "1 m", "coupler": "1 m", "swing": "1 deg"}, "crank"),
         ({"kind": "limits", "crank": "-1 m", "rocker": "1 m", "coupler": "1 m", "swing": "1 deg"}, "above zero, got -1 m"),
         ({"kind": "limits", "crank": "1 m", "rocker": "1 m", "coupler": "1 m", "swing": "190 deg"}, "and 180 deg, got 190 deg"),
@@ -337,6 +342,26 @@ def test_the_scene_of_a_design_runs_and_passes_the_point(tmp_path):
         at=[0.9], over="input"
     )
     assert np.hypot(*joint["P.position"].values[0]) == pytest.approx(1.1 * A, rel=1e-12)
+
+
+@pytest.mark.parametrize("turn", ["120 rpm", "-120 rpm"])
+def test_the_scene_of_a_design_turns_once_at_any_speed_without_coordinates_of_rounding(tmp_path, turn):
+    """P is on the coupler, O at the origin and C on the x axis; one revolution takes half a second."""
+    task = tmp_path / "task.toml"
+    task.write_text(
+        'symgen = 1\ntitle = "Drive of a wiper"\n[synthesis]\nkind = "limits"\nfixed_link = "1 m"\n'
+        'swing = "60 deg"\nrocker_folded = "40 deg"\ntransmission_least = "40 deg"\n'
+    )
+    call("synthesise", task, "--out", tmp_path)
+    file = tmp_path / "four_bar_1.toml"
+    scene = tomllib.loads(file.read_text())
+    assert scene["title"] == "Drive of a wiper: four-bar linkage, crank-rocker"
+    assert scene["parameters"]["P_across"]["value"] == "0.0 m"
+    assert scene["points"]["O"]["at"] == ["0.0 m", "0.0 m"]
+    run = symgen.build(file, set={"speed": turn}).kinematics()
+    angle = run["crank.angle"].values
+    assert run["crank.angle"].time.values[-1] == pytest.approx(0.5, rel=1e-12)
+    assert abs(angle[-1] - angle[0]) == pytest.approx(2 * math.pi, rel=1e-12)
 
 
 @pytest.mark.parametrize("size", [1e-5, 1.0, 1e4])
