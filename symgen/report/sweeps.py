@@ -21,6 +21,8 @@ from symgen.report.page.sweep_plots import (
 )
 from symgen.report.tables import table
 from symgen.runtime.many.dataset import RECORDED
+from symgen.runtime.many.poses import NOTES
+from symgen.runtime.result.elastic import beyond_linear_theory
 
 if TYPE_CHECKING:
     import xarray
@@ -35,7 +37,7 @@ _READ = 2**20
 
 def summary(runs: xarray.Dataset) -> dict[str, Any]:
     """Return the numbers of runs and failures, and the extremes of all outputs with their parameters."""
-    count, failed, first = runs.sizes["run"], 0, ""
+    count, failed, first, beyond = runs.sizes["run"], 0, "", 0
     recorded: list[Any] = []
     for part in _parts(runs):
         if RECORDED in runs:
@@ -43,9 +45,12 @@ def summary(runs: xarray.Dataset) -> dict[str, Any]:
         errors = [e for e in part["error"].values if e]
         failed += len(errors)
         first = first or (str(errors[0]) if errors else "")
+        if NOTES in runs:
+            beyond += sum(beyond_linear_theory(str(text).splitlines()) for text in part[NOTES].values)
     found: dict[str, Any] = {"runs": count, "failed": failed, "first_error": first, "outputs": {}}
     longest = max((np.nanmax(sizes) for sizes, _ in recorded if not np.all(np.isnan(sizes))), default=0.0)
     found["ended_early"] = int(sum(np.sum(counts[sizes < longest]) for sizes, counts in recorded))
+    found["beyond_linear_theory"] = beyond
     for name in outputs_of(runs):
         variable = runs[name]
         labels = [str(a) for a in runs["axis"].values] if "axis" in variable.dims else [""]
@@ -91,7 +96,7 @@ def _rows(about: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
 
 
 def _notes(about: dict[str, Any]) -> Iterator[str]:
-    """Yield the numbers of runs that failed or ended early."""
+    """Yield the numbers of runs that failed, ended early or are beyond linear theory."""
     if about["failed"]:
         yield f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}"
     if about["ended_early"]:
@@ -99,6 +104,9 @@ def _notes(about: dict[str, Any]) -> Iterator[str]:
             f"{about['ended_early']} of {about['runs']} runs ended early, at dead centres or events: their "
             "values are of the part before"
         )
+    beyond = about["beyond_linear_theory"]
+    if beyond:
+        yield f"linear theory does not hold in {beyond} of {about['runs']} runs: see {NOTES}"
 
 
 def print_sweep(runs: xarray.Dataset, console: Console) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 import re
@@ -11,11 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from rich.console import Console
 from shared.variants import crank_rocker_with_lengths, pins
 
 import symgen
 from symgen.errors import CapabilityError, ModelError, ResultError, SimulationError
-from symgen.report.sweeps import summary
+from symgen.report.sweeps import print_sweep, summary, sweep_page
+from symgen.runtime.result.elastic import beyond_linear_theory
 from symgen.runtime.sweeps.designs import Normal, Uniform, design_of
 from symgen.runtime.sweeps.stores import Zarr
 
@@ -232,11 +235,47 @@ def test_steady_states_of_a_sweep_have_their_floquet_multiplier():
     """
     model = symgen.build("elastic_slider_crank", backend="c")
     speeds = np.array([900.0, 1200.0]) * math.pi / 30
-    runs = model.sweep({"speed": speeds}, "periodic", outputs=[])
+    runs = model.sweep({"speed": speeds}, "periodic", outputs=["floquet"])
     first = model.sweep({"speed": speeds[:1]}, "modes")["frequency.1"].item()
     ratio = 0.01 * (math.pi / 4.730041) ** 2
     exact = np.exp(-ratio * 2 * math.pi * first * 2 * math.pi / speeds)
     assert runs["floquet"].values == pytest.approx(exact, rel=0.02)
+    with pytest.raises(ModelError, match="floquet is one value of a run"):
+        model.optimise({"speed": (90.0, 120.0)}, "floquet.peak", analysis="periodic")
+    with pytest.raises(ModelError, match="no output 'floquet'"):
+        model.sweep({"speed": speeds}, "quasi_static", outputs=["floquet"])
+
+
+@pytest.mark.parametrize("analysis", ["periodic", "quasi_static", "simulate"])
+def test_runs_beyond_linear_theory_say_so(analysis, tmp_path):
+    """The rod's compression at the inner dead centre, by hand, over its Euler load: 0.04 and 0.62."""
+    model = symgen.build("elastic_slider_crank", backend="c")
+    speeds = np.array([900.0, 3600.0]) * math.pi / 30
+    r, length, piston, rod = 0.05, 0.2, 0.3, 7850 * 0.012 * 0.004 * 0.2
+    crank, slider = r * speeds**2, r * speeds**2 * (1 - r / length)
+    euler = math.pi**2 * 210e9 * 0.012 * 0.004**3 / 12 / length**2
+    compression = piston * slider + rod * (crank + slider) / 2
+    assert [*(compression / euler > 0.5)] == [False, True]
+    file = tmp_path / "runs.zarr"
+    runs = model.sweep({"speed": speeds}, analysis, outputs=["rod.stress"], file=file)
+    good, beyond = map(str, runs["notes"].values)
+    assert "linear theory" not in good
+    if analysis == "simulate":  # whose rod vibrates
+        selected = model.simulate(t_eval=[0.0, 0.01]).notes
+        assert any("limits of linear theory" in note for note in selected) and not beyond_linear_theory(
+            selected
+        )
+    else:
+        assert f"compression comes to {compression[1]:.4g} N at 0 of its length" in beyond
+    assert f"of its Euler load of {euler:.4g} N; linear theory is not to be trusted" in beyond
+    assert summary(runs)["beyond_linear_theory"] == 1
+    said = "linear theory does not hold in 1 of 2 runs: see notes"
+    printed = Console(file=io.StringIO(), width=120)
+    print_sweep(runs, printed)
+    assert said in printed.file.getvalue() and said in sweep_page(runs, "rod").notes
+    model.sweep({"speed": speeds}, analysis, outputs=["rod.stress"], file=tmp_path / "runs.csv")
+    with (tmp_path / "runs.csv").open(newline="") as stream:
+        assert [row["notes"] for row in csv.DictReader(stream)] == [good, beyond]
 
 
 def test_a_table_has_a_row_per_run_and_is_read_again(model, tmp_path):

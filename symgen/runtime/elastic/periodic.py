@@ -26,7 +26,7 @@ from symgen.runtime.elastic.steps import (
     stepped,
 )
 from symgen.runtime.integrate.pace import OutOfTime, Pace, is_spent
-from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult
+from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond_linear_theory
 from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.speed_response import SpeedResponse
 
@@ -368,7 +368,7 @@ def _swept(model: Any, speeds: Sequence[float], runs: Sequence[ElasticResult], w
 
 def _notes(runs: Sequence[ElasticResult]) -> tuple[str, ...]:
     """Say at how many speeds linear theory does not hold."""
-    beyond = sum(any("linear theory" in note for note in r.notes) for r in runs)
+    beyond = sum(beyond_linear_theory(r.notes) for r in runs)
     if not beyond:
         return ()
     return (f"linear theory does not hold at {beyond} of {len(runs)} speeds: see 'symgen periodic' at one",)

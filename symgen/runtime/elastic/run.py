@@ -51,7 +51,7 @@ from symgen.runtime.integrate.pace import (
     wall_left,
 )  # fmt: skip
 from symgen.runtime.kernels.typed import made_with
-from symgen.runtime.result.elastic import ElasticResult, is_stable
+from symgen.runtime.result.elastic import SELECTED, ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
 from symgen.runtime.result.records import Drift, Variable, of_model
 from symgen.runtime.structure import UnstableError
@@ -332,9 +332,9 @@ class _Recorded:
             *of_second_order(self._shares),
         ]
         if task.t_eval is not None:
-            notes.append("peaks, and limits of linear theory, are those at the times of t_eval only")
+            notes.append(f"{SELECTED} times of t_eval only")
         if task.at is not None and task.method != "quasi-static":
-            notes.append("peaks, and limits of linear theory, are those at the selected crank angles only")
+            notes.append(f"{SELECTED} selected crank angles only")
         if whole.thesis:
             notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
         return tuple(notes)

@@ -1,4 +1,4 @@
-"""Values of runs that have no samples: equilibria, natural frequencies, stability of steady states."""
+"""Values of runs that have no samples: equilibria, natural frequencies, stability of steady states, notes."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
 
+#: Names of the largest Floquet multiplier of a steady state, and of the notes of a run of elastic links.
+FLOQUET, NOTES = "floquet", "notes"
 #: Most natural frequencies of a run.
 _FREQUENCIES = 6
 
@@ -64,8 +66,20 @@ def of_modes(found: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | 
     return Kept(single=chosen(tuple(single), outputs))
 
 
+def with_notes(kept: Kept, notes: Sequence[str]) -> Kept:
+    """Return the values of a run of elastic links with its ``notes``, one per line."""
+    text = Variable(
+        NOTES,
+        "",
+        "notes of the run, such as where linear theory does not hold",
+        (),
+        np.array("\n".join(notes), object),
+    )
+    return replace(kept, single=(*kept.single, text))
+
+
 def with_stability(kept: Kept, statistics: Mapping[str, Any]) -> Kept:
     """Return the values of a steady state with ``floquet``, the largest magnitude of a Floquet multiplier."""
     largest = max((abs(complex(*z)) for z in statistics["floquet"]), default=np.nan)
     about = "largest magnitude of a Floquet multiplier"
-    return replace(kept, single=(*kept.single, Variable("floquet", "1", about, (), np.array(largest))))
+    return replace(kept, single=(*kept.single, Variable(FLOQUET, "1", about, (), np.array(largest))))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from symgen.errors import InitialStateError, ModelError, RangeError, SimulationE
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import BLOCK, Keep, Kept
 from symgen.runtime.many.driven import Driven, driven_runs
-from symgen.runtime.many.poses import at_one_pose, of_modes, with_stability
+from symgen.runtime.many.poses import FLOQUET, at_one_pose, of_modes, with_notes, with_stability
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -121,9 +121,14 @@ class Runs:
             if self.analysis == "modes":
                 return of_modes(result, keep.outputs)
             return at_one_pose(result, self.model.description.shown_axes, keep.outputs)
+        periodic = self.analysis == "periodic"
+        if periodic and keep.outputs is not None:  # which has it in any case, and no samples of it
+            keep = replace(keep, outputs=[name for name in keep.outputs if name != FLOQUET])
         measured = result.drift.measured
         kept = keep(result.variables, result.coordinate, result.times, measured, result.axes)
-        return with_stability(kept, result.statistics) if self.analysis == "periodic" else kept
+        if periodic:
+            kept = with_stability(kept, result.statistics)
+        return with_notes(kept, result.notes) if result.NOTED_IN_MANY else kept
 
 
 def carried_out(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: How the note begins that a run judges itself, by linear theory too, at selected samples only.
+SELECTED = "peaks, and limits of linear theory, are those at the"
 #: Difference of the last value of a steady state from the first, over its range, up to which it repeats it.
 _REPEATED = 1e-6
 #: The error of the largest Floquet multiplier, as a part of it, from which on it says nothing of stability.
@@ -37,6 +39,7 @@ class ElasticResult(Result):
     """
 
     KIND = "elastic"
+    NOTED_IN_MANY = True
 
     def panel(self, variable: Variable) -> str:
         """Return the panel of a plot that an output is drawn in: positions dwarf displacements."""
@@ -186,6 +189,11 @@ def panel_by_kind(variable: Variable) -> str:
     """Return a panel for outputs of the same kind: the last word of their name, with its unit."""
     kind = variable.name.rpartition(".")[2].replace("_", " ")
     return kind if variable.unit == "1" else f"{kind} [{variable.unit}]"
+
+
+def beyond_linear_theory(notes: Iterable[str]) -> bool:
+    """Return whether notes of a run say that linear theory does not hold."""
+    return any("linear theory" in note and not note.startswith(SELECTED) for note in notes)
 
 
 def is_stable(largest: float, error: float | None) -> bool | None:

@@ -57,6 +57,8 @@ class Result(Findings, Pictures):
 
     #: Name of this kind of result in files and JSON.
     KIND: ClassVar[str] = "run"
+    #: Whether the dataset of many runs has the notes of each.
+    NOTED_IN_MANY: ClassVar[bool] = False
 
     name: str
     title: str

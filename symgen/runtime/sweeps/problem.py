@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError, nearest
 from symgen.runtime.many.dataset import RECORDED
+from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import REDUCTIONS, mean_weights
 from symgen.runtime.many.runs import FAILURES
 from symgen.runtime.sweeps.designs import Listed
@@ -143,6 +144,8 @@ class Problem:
                 raise self._stopped(design.rows[0], str(error)) from None
             empty = {n: np.full((len(points), 1, len(c) or 1), np.nan) for n, c in self._components.items()}
             return {_WEIGHTS: np.full((len(points), 1), np.nan), **empty}
+        if FLOQUET in self.outputs:
+            raise ModelError(f"{FLOQUET} is one value of a run, without samples: it cannot be optimised")
         failed = [(i, str(e)) for i, e in enumerate(arrays["error"].values) if e]
         sizes = arrays[RECORDED].values
         self._size = self._size or float(self.arguments.get("samples", np.nanmax(sizes)))

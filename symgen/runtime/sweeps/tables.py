@@ -48,7 +48,7 @@ def _columns(runs: xarray.Dataset) -> Iterator[tuple[str, Any]]:
     names = [n for n in (*runs.coords, *runs.data_vars) if n not in ("run", "axis", "error")]
     for name in (*names, "error"):
         variable = runs[name]
-        unit = f" [{variable.attrs['units']}]" if "units" in variable.attrs else ""
+        unit = f" [{variable.attrs['units']}]" if variable.attrs.get("units") else ""
         if variable.dims == ("run",):
             yield f"{name}{unit}", variable.values
         elif variable.dims == ("run", "axis"):
