@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 _LOST = 1e-9
 #: Values of a range at which linkages are found, and the change of a refined one, over the range.
 _VALUES, _REFINED = 25, 1e-10
+#: Bisections of the greatest transmission angle: to 0.001 deg.
+_BISECTIONS = 12
 #: Angle below zero, or length, that counts as zero: rounding.
 _ROUNDING = 1e-9
 
@@ -166,6 +168,28 @@ def best(
         lambda value: at(value)[0], bounds=ends, method="bounded", options={"xatol": _REFINED * (high - low)}
     )
     return [min(tried[top], at(refined.x), key=lambda pair: pair[0])[1]], searches[top]
+
+
+def greatest_transmission(kind: Kind, given: dict[str, float], starts: int, seed: int) -> float:
+    """Return the greatest ``transmission_least`` [rad] found with the other quantities, at most 90 deg.
+
+    Linkages are sought at values up to a right angle, with a fifth of the starts each, and by bisection
+    above the greatest of them with a linkage. Zero where there is none.
+    """
+
+    def exists(value: float) -> bool:
+        asked = {**given, "transmission_least": value}
+        return bool(linkages(kind, asked, max(starts // 5, 1), seed)[0])
+
+    values = np.linspace(0.0, np.pi / 2, _VALUES).tolist()
+    met = [i for i, value in enumerate(values) if i and exists(value)]
+    if not met or met[-1] == _VALUES - 1:
+        return float(values[met[-1]]) if met else 0.0
+    low, high = values[met[-1] : met[-1] + 2]
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if exists(middle) else (low, middle)
+    return float(low)
 
 
 def _off_right(kind: Kind, linkage: Any) -> float:

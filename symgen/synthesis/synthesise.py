@@ -116,6 +116,10 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
                     f"no {_NOUNS[asked.linkage]} has these values, which contradict: {reason}",
                     hint="Change the prescribed values.",
                 )
+            raise SceneError(
+                _nothing(asked, search) + _greatest(kind, given, ranges, asked),
+                hint="Change the prescribed values, or try more starts.",
+            )
     else:
         found = _GENERATIONS[asked.kind, asked.linkage](asked)
         run = _function if asked.kind == "function" else _guidance
@@ -148,8 +152,31 @@ def _nothing(task: Task, search: Search) -> str:
             "with links of zero length or with undetermined quantities"
         )
     if np.isfinite(search.nearest):
-        return f"{none}: {search.starts} starts end {search.nearest:.2g} off or more"
+        return (
+            f"{none}: {search.starts} starts miss the conditions by {search.nearest:.2g} or more "
+            "(root of the sum of squares; angles in rad, lengths over the size of the task)"
+        )
     return f"{none}: lengths or angles of all roots are out of range ({search.starts} starts)"
+
+
+def _greatest(
+    kind: limits.Kind,
+    given: dict[str, float],
+    ranges: dict[str, tuple[float, float]],
+    task: LimitTask | SliderLimitTask,
+) -> str:
+    """Return the greatest transmission angle of linkages with the other values, if more is prescribed."""
+    name = "transmission_least"
+    others = {n: x for n, x in given.items() if n != name}
+    asked = ranges[name][0] if name in ranges else given.get(name, 0.0)
+    if not asked or len(others) != kind.given - 1:
+        return ""
+    most = limits.greatest_transmission(kind, others, task.starts, task.seed)
+    if not 0 < most < asked:
+        return ""
+    return (
+        f"; the greatest {name} found with the other values is {np.floor(100 * np.degrees(most)) / 100:g} deg"
+    )
 
 
 def _checked(linkage: Linkage, run: Callable[[], Faults]) -> Design:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -105,6 +106,23 @@ def test_a_range_without_a_linkage_is_explained():
         symgen.synthesise(task)
     wider = {**task, "transmission_least": ["20 deg", "60 deg"]}
     assert 20 <= math.degrees(symgen.synthesise(wider).designs[0].quantities["transmission_minimum"]) < 40
+
+
+@pytest.mark.parametrize("least", ["55 deg", ["50 deg", "90 deg"]])
+def test_the_greatest_transmission_angle_is_reported(least):
+    """Over all crank angles of the extended position, by the closed form of Case II."""
+    swing, between = math.radians(60), math.pi * 0.2 / 2.2
+    most = 0.0
+    for extended in np.linspace(0.01, math.pi - between - 0.01, 5001):
+        a, b, c = case_2(swing, extended, extended + between)
+        cosine = (b * b + c * c - (1 - a) ** 2) / (2 * b * c)
+        if 0 < a < min(b, c) and abs(cosine) < 1:
+            most = max(most, math.degrees(math.acos(cosine)))
+    task = {"kind": "limits", "fixed_link": "1 m", "swing": "60 deg", "time_ratio": 1.2}
+    with pytest.raises(SceneError, match="miss the conditions by .*angles in rad") as error:
+        symgen.synthesise({**task, "transmission_least": least})
+    found = re.search(r"transmission_least found with the other values is ([\d.]+) deg", str(error.value))
+    assert float(found[1]) == pytest.approx(most, abs=0.015)
 
 
 @pytest.mark.parametrize(
