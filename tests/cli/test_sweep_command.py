@@ -165,6 +165,24 @@ def test_plots_of_one_parameter_of_samples_and_of_failures():
         plot(runs([1.0], [1.0], [1.0]), "G.peak")
 
 
+def test_a_map_of_floquet_multipliers_shows_where_they_are_one():
+    """Between multipliers of 0.5 and 2 at x = 1 and x = 3, linear interpolation gives one at x = 5/3."""
+    of = {"x": ("run", [1.0, 1.0, 3.0, 3.0]), "y": ("run", [3.0, 4.0, 3.0, 4.0])}
+    data = {"floquet": ("run", [0.5, 0.5, 2.0, 2.0]), "error": ("run", np.full(4, "", dtype=object))}
+    panel, bar = plot(xarray.Dataset(data, of, {"title": "title"})).axes
+    cells, contour = panel.collections
+    assert contour.get_paths()[0].vertices[:, 0] == pytest.approx([5 / 3, 5 / 3])
+    assert [float(cells.norm(x)) for x in (0.5, 1.0, 2.0)] == pytest.approx([0.0, 0.5, 1.0])
+    assert bar.get_ylabel() == "largest Floquet multiplier"
+    data["floquet"] = ("run", [0.5, 0.5, 0.7, math.nan])  # stable, or failed
+    assert len(plot(xarray.Dataset(data, of, {"title": "title"})).axes[0].collections) == 1
+
+
+def test_sweeps_of_elastic_links_simulate_as_run_does():
+    found = command("elastic_slider_crank", "--vary", "speed=900 rpm,1000 rpm", "--dry-run", "--json")
+    assert json.loads(found)["analysis"] == "simulate"
+
+
 def test_a_dry_run_counts_the_runs_and_writes_nothing(scene, tmp_path):
     out = tmp_path / "runs.csv"
     found = json.loads(command(scene, "--dry-run", "--json", "--out", out))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from symgen.errors import ResultError, nearest
 from symgen.report.page.plots import save
 from symgen.runtime.many.dataset import RECORDED
+from symgen.runtime.many.poses import FLOQUET
 
 if TYPE_CHECKING:
     import xarray
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 _CELLS = 512
 #: Most runs whose histories are drawn, paths side by side, and curves with a legend.
 DRAWN, _ACROSS, _LEGEND = 60, 6, 10
+
+
+#: Least range of the colours of Floquet multipliers about one, as a logarithm.
+_NEAR_ONE = 0.01
 
 
 def parameters_of(runs: xarray.Dataset) -> list[str]:
@@ -87,7 +92,10 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
             panel.grid(alpha=0.3)
             continue
         size = values if values.ndim == 1 else np.sqrt(np.sum(values**2, axis=1))
-        drawn = _map(panel, runs[x].values, runs[varied[1]].values, size, len(varied) == 2)
+        stability = _around_one(size) if name == FLOQUET else {}
+        drawn = _map(panel, runs[x].values, runs[varied[1]].values, size, len(varied) == 2, stability)
+        if stability:
+            label = "largest Floquet multiplier"
         panel.set_ylabel(label_of(runs, varied[1]))
         figure.colorbar(drawn, ax=panel, label=label)
     figure.suptitle(str(runs.attrs["title"]), fontsize="medium")
@@ -181,12 +189,24 @@ def label_of(runs: xarray.Dataset, name: str) -> str:
     return f"{name} [{unit}]" if unit not in ("", "1") else name
 
 
-def _map(panel: Any, x: Any, y: Any, values: Any, alone: bool) -> Any:
-    """Draw values over two parameters: cells of a grid, else points."""
+def _around_one(values: Any) -> dict[str, Any]:
+    """Return colours of Floquet multipliers: logarithmic and diverging, blue below one, red above it."""
+    from matplotlib.colors import LogNorm
+
+    positive = values[np.isfinite(values) & (values > 0.0)]
+    far = max(float(np.max(np.abs(np.log(positive)), initial=0.0)), _NEAR_ONE)
+    return {"cmap": "RdBu_r", "norm": LogNorm(np.exp(-far), np.exp(far))}
+
+
+def _map(panel: Any, x: Any, y: Any, values: Any, alone: bool, colours: Mapping[str, Any]) -> Any:
+    """Draw values over two parameters: cells of a grid, else points; with colours around one, its contour."""
     (columns, i), (rows, k) = (np.unique(along, return_inverse=True) for along in (x, y))
     whole = alone and columns.size * rows.size == values.size and max(columns.size, rows.size) <= _CELLS
     if not whole or min(columns.size, rows.size) < 2:
-        return panel.scatter(x, y, c=values, s=12)
+        return panel.scatter(x, y, c=values, s=12, **colours)
     cells = np.full((rows.size, columns.size), np.nan)
     cells[k, i] = values
-    return panel.pcolormesh(columns, rows, cells, shading="nearest")
+    drawn = panel.pcolormesh(columns, rows, cells, shading="nearest", **colours)
+    if colours and np.any(cells < 1.0) and np.any(cells > 1.0):
+        panel.contour(columns, rows, cells, levels=[1.0], colors="black")
+    return drawn

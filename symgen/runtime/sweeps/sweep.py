@@ -157,7 +157,8 @@ def sweep_of(
 ) -> Sweep:
     """Return a sweep; raise CapabilityError or ModelError for an analysis that cannot be carried out."""
     supported = [name for name in ANALYSES if name in model.capabilities]
-    preferred = ("inverse_dynamics", "simulate", "kinematics")
+    elastic = "quasi_static" in supported  # as of symgen run: inverse dynamics is of rigid links
+    preferred = ("simulate",) if elastic else ("inverse_dynamics", "simulate", "kinematics")
     verb = analysis or next((name for name in preferred if name in supported), "simulate")
     if verb not in ANALYSES:
         raise ModelError(f"there are no sweeps of {verb!r}. {nearest(verb, supported or ANALYSES)}")
