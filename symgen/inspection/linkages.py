@@ -84,12 +84,20 @@ class RodsView(View):
         """Return the positions of all points."""
         return [f"{p.name}{_POSITION}" for p in resolved.as_written.points]
 
-    def moved(self, model: Any, samples: int, **asked: Any) -> Result:
+    def filmed(self, model: Any, samples: int, **asked: Any) -> Result:
         """Return a run under forces, or the kinematics of a scene that has none."""
         if "simulate" in model.capabilities:
             return super().moved(model, samples, **asked)
         stop = asked.pop("t_end", None)
         found: Result = model.kinematics(stop=stop, samples=samples, **asked)
+        return found
+
+    def moved(self, model: Any, samples: int, **asked: Any) -> Result:
+        """Return the kinematics of a driven linkage, up to a dead centre, or a run under forces."""
+        if "kinematics" not in model.capabilities:
+            return super().moved(model, samples, **asked)
+        points = model.description.points
+        found: Result = model.kinematics(stop=asked.pop("t_end", None), samples=samples, of=points, **asked)
         return found
 
     def posed(self, model: Any, values: Sequence[float], over: str) -> Result:

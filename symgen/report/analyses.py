@@ -30,7 +30,7 @@ def print_motion(motion: Motion, _: Any, console: Console) -> None:
         span = f"{along.min():g} {unit} to {along.max():g} {unit}"
         console.print(outputs.extremes(f"{motion.title}: {motion.count} poses, {span}", along, unit))
     for pose in motion.singular_poses:
-        console.print(pose.describe())
+        console.print(pose.describe(motion.units))
     for low_end, high_end in motion.unassemblable:
         console.print(f"no assembly was found from t = {low_end:.12g} s to {high_end:.12g} s")
     for low_end, high_end in motion.out_of_reach:

@@ -14,7 +14,7 @@ import pytest
 import symgen
 from symgen.errors import ModelError, ResultError
 from symgen.inspection.film import sheet_of
-from symgen.scene.loading import read_scene
+from symgen.scene.loading import override, read_scene
 
 #: Crank, coupler and rocker of crank_rocker, and the place of the rocker's pivot [m].
 CRANK, COUPLER, ROCKER, BASE = 0.1, 0.35, 0.3, 0.4
@@ -96,6 +96,20 @@ def test_a_pose_of_a_motion_under_forces_is_that_of_its_run():
     run = symgen.build("four_bar", set={"analysis.outputs": ["B.position"]}).simulate(t_eval=[0.0, 0.3])
     assert start["B"] == pytest.approx(run["B.position"].values[0], abs=1e-12)
     assert later["B"] == pytest.approx(run["B.position"].values[1], abs=1e-9)
+
+
+def test_poses_and_paths_end_at_a_dead_centre():
+    """The path of the crank's end is an arc to where coupler and rocker are in line."""
+    scene = read_scene("crank_rocker")
+    long = override(scene, {"points.A.at": ["30 cm", "0 cm"], "links.crank.length": "30 cm"})
+    sheet = sheet_of(long, lambda _: ([0.0, 1.0], "input"), paths=["A"])
+    a = 0.3
+    limit = math.acos((a**2 + BASE**2 - (COUPLER + ROCKER) ** 2) / (2 * a * BASE))
+    path = sheet.paths["A"]
+    turned = np.arctan2(path[:, 1], path[:, 0])
+    assert 0.9 * limit < turned.max() <= limit and turned.min() == pytest.approx(0.0, abs=1e-12)
+    tip = {n.name: n.at for n in sheet.poses[1].nodes}["A"]
+    assert tip == pytest.approx([a * math.cos(1.0), a * math.sin(1.0)], abs=1e-12)
 
 
 def test_values_of_poses_are_numbers_in_any_shape():

@@ -119,6 +119,11 @@ def test_a_crank_that_cannot_turn_round():
     assert motion.out_of_reach == (pytest.approx((2 * np.pi - limit - 0.3, 2 * np.pi - 0.3), abs=1e-12),)
     assert motion.time.max() < limit - 0.3
     assert "cannot" not in reached.describe() and "coupler and rocker in line" in reached.describe()
+    with pytest.raises(ModelError, match="crank.torque(.|\\n)*inverse-dynamics has forces and torques"):
+        model.kinematics(0, 0.1, of=["crank.torque"])
+    assert f"crank.angle = {limit:.9g} rad:" in reached.describe()
+    said = reached.describe({"rad": ("deg", np.pi / 180)})
+    assert f"crank.angle = {np.degrees(limit):.9g} deg:" in said
 
 
 def test_a_start_next_to_a_dead_centre_is_no_reason_for_short_steps(monkeypatch):

@@ -140,7 +140,10 @@ def _of_a_dead_centre(description: Description, at: str, where: str) -> str:
     hint = "Start elsewhere, or change the lengths."
     if description.drives:
         cause = "the linkage comes to a dead centre, beyond which its drives cannot take it"
-        hint = "'symgen kinematics SCENE' shows how far the drives go."
+        hint = (
+            "'symgen kinematics SCENE' shows how far the drives go, and with --animate FILE the motion up to "
+            "there. A run with an earlier t_end ends before it."
+        )
     return f"the run cannot continue {at}: {cause}\n  {hint} {where}"
 
 
@@ -189,4 +192,5 @@ def _near_singular(stepper: _core.Run, equations: _core.Equations, description: 
     if equations.soundness > _NEAR:
         return ""
     name = description.unknown(equations.weakest)
-    return f"; the constraints nearly lose rank there: {name} keeps {equations.soundness:.1e} of its pivot"
+    almost = f"{name} follows from the others but for {equations.soundness:.1e}"
+    return f"; the constraints nearly lose rank there: {almost}"

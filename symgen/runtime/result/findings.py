@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -38,6 +38,8 @@ class SingularPose:
         Position of every point by name [m].
     collinear
         Pairs of links that lie in one line there, if that is how it locks.
+    units
+        Unit of every drive by name.
     """
 
     kind: str
@@ -45,12 +47,18 @@ class SingularPose:
     drives: dict[str, float]
     positions: dict[str, list[float]]
     collinear: tuple[tuple[str, str], ...]
+    units: dict[str, str] = field(default_factory=dict)
 
-    def describe(self) -> str:
-        """Return it as one line."""
-        where = ", ".join(f"{name} = {value:.9g}" for name, value in self.drives.items())
+    def describe(self, shown: Mapping[str, tuple[str, float]] | None = None) -> str:
+        """Return it as one line, in units of tables by SI unit: their names and sizes."""
+        where = ", ".join(self._drive(name, shown or {}) for name in self.drives)
         lines = "; ".join(f"{a} and {b} in line" for a, b in self.collinear)
         return f"{self.kind} at t = {self.t:.12g} s, {where}{f': {lines}' if lines else ''}"
+
+    def _drive(self, name: str, shown: Mapping[str, tuple[str, float]]) -> str:
+        unit = self.units.get(name, "")
+        label, size = shown.get(unit, (unit, 1.0))
+        return f"{name} = {self.drives[name] / size:.9g} {label}".rstrip()
 
 
 class Findings:

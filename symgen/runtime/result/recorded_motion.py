@@ -82,7 +82,8 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> dict[str, tuple[str,
         else:
             raise ModelError(
                 f"there is no point or moving link {name!r} to record. {nearest(name, known)}\n"
-                "  A.B.C records the angles at B between A and C; coupler.angle one output of a link."
+                "  A.B.C records the angles at B between A and C; coupler.angle one output of a link. "
+                "inverse-dynamics has forces and torques."
             )
     return found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -14,6 +14,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
+from symgen.runtime.result.records import converters
 from symgen.runtime.rods.assemblies import assemblies
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.following.branch import along_branch
@@ -92,7 +93,7 @@ def analyse(
         As :func:`follow` does, for an unknown name, and when no time of the range is reached, or not a time
         that was given.
     """
-    began, chosen = perf_counter(), chosen_names(bonds, of)
+    began, chosen, shown = perf_counter(), chosen_names(bonds, of), converters(bonds.description.units)
     if not 2 <= asked.samples <= 1_000_000:
         raise ModelError(f"expected between 2 and 1 million points, got {asked.samples}")
     if through and asked.at is not None:
@@ -101,14 +102,14 @@ def analyse(
     times = asked.times(bonds.description.name, bonds.driving)
     found = follow(bonds, q, t, Task(asked.start, asked.stop, len(times), through), times)
     if not len(found.samples):
-        where = "; ".join(p.describe() for p in found.poses)
+        where = "; ".join(p.describe(shown) for p in found.poses)
         raise SimulationError(
             f"the linkage does not get from t = {t:g} s to the range {asked.start:g} s to {asked.stop:g} s"
             f"{f': {where}' if where else ''}\n  Choose another range, or another assembly to start from."
         )
     samples, near = found.samples, found.near
     if asked.at is not None:
-        order = _order_of(found, times)
+        order = _order_of(found, times, shown)
         samples, near = samples[order], near[order]
     return recorded(
         bonds,
@@ -124,12 +125,12 @@ def analyse(
     )
 
 
-def _order_of(found: Followed, times: Array) -> NDArray[np.intp]:
+def _order_of(found: Followed, times: Array, shown: Mapping[str, tuple[str, float]]) -> NDArray[np.intp]:
     """Return the samples of given times, in their order; raise SimulationError where one is missing."""
     places = {t: i for i, t in enumerate(found.samples.times.tolist())}
     for t in times.tolist():
         if t not in places:
-            where = "; ".join(p.describe() for p in found.poses)
+            where = "; ".join(p.describe(shown) for p in found.poses)
             raise SimulationError(
                 f"the linkage does not reach t = {t:.9g} s{f': {where}' if where else ''}", time=t
             )

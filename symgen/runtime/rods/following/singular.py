@@ -67,9 +67,8 @@ def _pose(curve: Curve[Bonds], p: CurvePoint, kind: str, path: list[CurvePoint])
         always = all(_in_line(bonds, a, b, other, 1e-3) for other in others)
         if _in_line(bonds, a, b, places, 1e-6) and not always:
             pairs.append((a, b))
-    return SingularPose(
-        kind, t, bonds.drives(t), {name: r.tolist() for name, r in places.items()}, tuple(pairs)
-    )
+    positions = {name: r.tolist() for name, r in places.items()}
+    return SingularPose(kind, t, bonds.drives(t), positions, tuple(pairs), bonds.units())
 
 
 def _in_line(bonds: Bonds, a: str, b: str, places: dict[str, Array], tolerance: float) -> bool:

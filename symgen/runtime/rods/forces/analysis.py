@@ -17,7 +17,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.recorded_motion import coordinate_of
-from symgen.runtime.result.records import Drift, Variable, of_model
+from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, Unknown, solve
 from symgen.runtime.rods.forces.multipliers import by_multipliers
@@ -172,7 +172,7 @@ def _at_pose(linkage: _Linkage, pose: SingularPose) -> str:
     state = np.stack([q, np.zeros_like(q), np.zeros_like(q)])
     one = Poses(np.array([pose.t]), state[None])
     assembly = Assembly(linkage.bonds, linkage.loads, one, 1)
-    return f"{pose.describe()}; {_undetermined(linkage, assembly, solve(assembly), 0)}"
+    return f"{pose.describe(converters(d.units))}; {_undetermined(linkage, assembly, solve(assembly), 0)}"
 
 
 def _undetermined(linkage: _Linkage, assembly: Assembly, solution: Solution, i: int) -> str:
