@@ -217,7 +217,7 @@ def test_load_that_rises_and_turns_with_the_link():
     [
         (UNIFORM.replace('"beam"', '"bean"'), ["[distributed_forces.0] link", "'bean'", "Did you mean 'beam'?"]),
         (UNIFORM.replace('"-q"', '"-5 N"'), ["[distributed_forces.0] force[1]", "a force per length", "a force"]),
-        (UNIFORM.replace('"link"\n', '"global"\n'), ["[distributed_forces.0] axes", "'fixed' or 'link'"]),
+        (UNIFORM.replace('"link"\n', '"global"\n'), ["[distributed_forces.0] axes", "'fixed', 'link' or 'section'"]),
         (UNIFORM.replace('"beam"', '"rail"'), ["[distributed_forces.0] link", "cannot turn"]),
     ],
     ids=["link", "unit", "axes", "rail"],
