@@ -112,6 +112,14 @@ def test_poses_and_paths_end_at_a_dead_centre():
     assert tip == pytest.approx([a * math.cos(1.0), a * math.sin(1.0)], abs=1e-12)
 
 
+def test_paths_of_a_free_linkage_with_a_redundant_constraint_are_those_of_its_run():
+    """It has as many constraints as coordinates, and no drive."""
+    sheet = sheet_of(read_scene("double_four_bar"), samples=5)
+    path = sheet.paths["B"]
+    assert np.hypot(*path.T) == pytest.approx(np.ones(5), abs=1e-9) and np.ptp(path[:, 0]) > 0.5
+    assert sheet.paths["C"] - path == pytest.approx(np.tile([1.0, 0.0], (5, 1)), abs=1e-9)
+
+
 def test_values_of_poses_are_numbers_in_any_shape():
     model = symgen.build("four_bar")
     row, table = (model.draw(at).svg() for at in ([0.1, 0.2], np.array([[0.1], [0.2]])))
