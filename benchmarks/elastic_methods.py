@@ -81,7 +81,7 @@ def measured(short: bool) -> Measurement:
         required(rows),
         [
             "growth: peak bending strain of the crank. With fixed steps the time includes a run with "
-            "half of them, by which symgen estimates the error"
+            "fewer or more of them, from which symgen estimates the error"
         ],
     )
 
