@@ -27,12 +27,12 @@ from typing import Any
 import chain_reference as reference
 import numpy as np
 from chain_peers import PEERS, Array, Attempt
+from fronts import front, time_at
 from harness import Case, Required, Timing, measure, report
 
 import symgen
 from symgen.errors import SimulationError
 from symgen.runtime.integrate.integrators import INTEGRATORS
-from symgen.study.speed.fronts import time_at
 from symgen.study.speed.sweeps import worth_running
 
 SIZES, ERRORS = reference.SIZES, (1e-4, 1e-6, 1e-8, 1e-10)
@@ -247,7 +247,6 @@ def draw(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing], file: str)
     """Plot the best settings of every program: maximum error over wall time, one panel per N."""
     from matplotlib.figure import Figure
 
-    from symgen.study.speed.fronts import front
     from symgen.study.speed.report import curve, finish, save
 
     figure = Figure(figsize=(9, 4.6), layout="constrained")

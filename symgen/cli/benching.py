@@ -29,9 +29,6 @@ def bench(
     longest: Annotated[
         float, typer.Option(help="End a series of settings after the first run longer than this \\[s].")
     ] = 0.5,
-    peers: Annotated[
-        bool, typer.Option("--peers", help="Include other programs, for planar open chains of rods.")
-    ] = False,
     set_: o.Set = None,
     out: Annotated[Path | None, typer.Option(help="Save the numbers: .json.")] = None,
     plot: o.Plot = None,
@@ -61,7 +58,6 @@ def bench(
             repeats=repeats,
             longest=longest,
             backend=backend,
-            peers=peers,
             progress=progress,
         )
     if out:

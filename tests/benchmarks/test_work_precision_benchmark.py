@@ -81,6 +81,18 @@ def test_symgen_against_the_reference(bench, reference, n):
     assert 1e-10 < by_series["rk4"][1] < 1e-6
 
 
+def test_time_at_an_error(bench):
+    front, time_at = bench.front, bench.time_at
+    points = [(1e-2, 1.0), (1e-4, 2.0), (1e-6, 8.0), (1e-5, 9.0), (math.inf, 0.1), (math.nan, 0.1)]
+    assert front(points) == [(1e-2, 1.0), (1e-4, 2.0), (1e-6, 8.0)]
+    assert time_at(points, 1e-5) == pytest.approx(4.0)
+    assert time_at(points, 1e-3) == pytest.approx(math.sqrt(2.0))
+    assert time_at(points, 1e-1) == 1.0
+    assert time_at(points, 1e-6) == pytest.approx(8.0)
+    assert time_at(points, 1e-7) is None
+    assert time_at([], 1e-7) is None
+
+
 def test_errors_at_the_end_and_along(bench):
     truth = np.zeros((3, 2))
     assert bench.errors_of(np.array([[0, 0], [3, 4], [0, 1]]), truth) == (1.0, 5.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -16,14 +15,8 @@ import symgen
 from symgen.cli import app
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.integrate.integrators import INTEGRATORS
-from symgen.scene.loading import load_scene
-from symgen.scene.resolve import resolve
-from symgen.study.speed import subjects
-from symgen.study.speed.fronts import front, time_at
 from symgen.study.speed.measures import distance, sizes
 from symgen.study.speed.orders import observed_order
-from symgen.study.speed.peers import PEERS, PeerSetting
-from symgen.study.speed.planar_chain import planar_chain
 from symgen.study.speed.subjects import Rods, subject
 from symgen.study.speed.sweeps import Setting, fixed_steps, tolerances, worth_running
 from symgen.study.speed.work_precision import work_precision
@@ -48,17 +41,6 @@ def test_order_leaves_out_what_comes_before_the_asymptotic_range_and_round_off()
     stalled = [*errors.tolist()[:6], 1e-10, 1e-10]
     assert max(observed_order(STEPS, stalled, 0.0, 1.0)[1], default=0) < STEPS[6]
     assert observed_order(STEPS, [1e-10] * 8, 0.0, 1.0) == (None, ())
-
-
-def test_time_at_an_error():
-    points = [(1e-2, 1.0), (1e-4, 2.0), (1e-6, 8.0), (1e-5, 9.0), (math.inf, 0.1), (math.nan, 0.1)]
-    assert front(points) == [(1e-2, 1.0), (1e-4, 2.0), (1e-6, 8.0)]
-    assert time_at(points, 1e-5) == pytest.approx(4.0)
-    assert time_at(points, 1e-3) == pytest.approx(math.sqrt(2.0))
-    assert time_at(points, 1e-1) == 1.0
-    assert time_at(points, 1e-6) == pytest.approx(8.0)
-    assert time_at(points, 1e-7) is None
-    assert time_at([], 1e-7) is None
 
 
 def test_sweeps_end_when_they_gain_nothing_more():
@@ -215,8 +197,6 @@ def test_an_event_that_ends_the_run():
         SimulationError, match=r"t_end = 1 s: the event 'low' ends the run at t = 0\.26\d+ s\n"
     ):
         work_precision(rod, **given)
-    with pytest.raises(ModelError, match="other programs are given .* an event that ends the run"):
-        work_precision(rod, peers=True, **given)
     assert work_precision(rod, t_end=0.2, **given).points
 
 
@@ -244,61 +224,3 @@ def test_precisions():
     assert least["float64"] < 0.1 * least["float32"]
     with pytest.raises(ModelError, match="there is no precision 'float65'. Did you mean 'float64'"):
         work_precision("peaucellier", precisions=["float65"])
-
-
-def test_other_programs_are_given_the_scene():
-    """The chain puts every point where the scene has it, and its rates move them as the scene does."""
-    model = symgen.build("triple_pendulum")
-    chain = planar_chain(resolve(load_scene("triple_pendulum")), model, 0.5, 3)
-    start, order = model.initial_state(), [model.description.free.index(p) for p in chain.names]
-    places = chain.places(chain.angles[None])[0]
-    assert np.allclose(places, start.q.reshape(-1, 2)[order], atol=1e-15)
-    step = 1e-6
-    moved = [chain.places((chain.angles + s * chain.rates)[None])[0] for s in (-step, step)]
-    assert np.allclose((moved[1] - moved[0]) / (2 * step), start.u.reshape(-1, 2)[order], atol=1e-9)
-    assert chain.rods[1] == pytest.approx((0.5, 0.7, 0.2, 0.01225), rel=1e-15)
-    assert chain.gravity == (0.0, -9.81)
-
-
-@pytest.mark.parametrize(
-    ("scene", "what"),
-    [
-        ("four_bar", "in a row from one ground point"),
-        ("tumbling_body", "bodies in space, .*a third axis"),
-        ("cssp", "not "),
-        ("elastic_slider_crank", "not "),
-    ],
-)
-def test_what_other_programs_are_not_given(scene, what):
-    with pytest.raises(ModelError, match=f"other programs are given open chains of rods.*{what}"):
-        work_precision(scene, methods=["dop853"], peers=True, t_end=0.01)
-
-
-def test_other_programs_that_are_not_there_are_told(monkeypatch):
-    for package in ("mujoco", "pinocchio", "sksundae.cvode", "exudyn"):
-        monkeypatch.setitem(sys.modules, package, None)
-    found = work_precision("triple_pendulum", methods=["rk4"], peers=True, t_end=0.01, repeats=1)
-    assert {note.partition(" could")[0] for note in found.notes} >= set(PEERS)
-    assert {p.method for p in found.points} == {"rk4"}
-
-
-def test_another_program_has_the_errors_of_its_method(monkeypatch):
-    """A first angle off by 1e-6 rad moves the farthest point by that times its distance; one stops early."""
-    farthest = []
-
-    def sweeps(chain):
-        model = symgen.build("triple_pendulum")
-        exact = model.simulate(chain.t_end, rtol=1e-12, samples=chain.samples)
-        rows = np.stack([exact[f"{p}.position"].values for p in chain.names], axis=1)
-        farthest.append(np.max(np.linalg.norm(rows, axis=-1)))
-        steps = np.diff(np.concatenate([np.zeros((chain.samples, 1, 2)), rows], axis=1), axis=1)
-        angles = np.diff(np.arctan2(steps[..., 1], steps[..., 0]), axis=1, prepend=0.0)
-        angles[:, 0] += 1e-6
-        early = PeerSetting("other", "early", "rtol 1e-02", lambda: angles[:-1], np.asarray)
-        return [iter([PeerSetting("other", "off", "rtol 1e-02", lambda: angles, np.asarray)]), iter([early])]
-
-    monkeypatch.setattr(subjects, "PEERS", {"other": ("other", sweeps)})
-    found = work_precision("triple_pendulum", methods=["rk4"], peers=True, t_end=0.1, repeats=1)
-    (point,) = [p for p in found.points if p.method == "other: off"]
-    assert point.along == pytest.approx(1e-6 * farthest[0], rel=1e-4)
-    assert any("other: early fails with rtol 1e-02: other did not reach the end" in n for n in found.notes)

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,8 @@ from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import load_scene
-from symgen.scene.resolve import resolve_linkage
 from symgen.scene.schema import Scene
 from symgen.study.speed.measures import distance, sizes
-from symgen.study.speed.peers import PEERS, PeerSetting
-from symgen.study.speed.planar_chain import PlanarChain, planar_chain
 from symgen.study.speed.sweeps import Setting, fixed_steps, tolerances
 
 Array = NDArray[np.float64]
@@ -38,10 +35,7 @@ _REFERENCE, _JUDGE, _LOOSENED = {"float128": 1e-17, "float64": 3e-14}, 30.0, 3
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Recorded values (times, quantities) of one run in the subject's unit, with its statistics.
-
-    Some other programs record only the final state at an exact time.
-    """
+    """Recorded values (times, quantities) of one run in the subject's unit, with its statistics."""
 
     along: Array
     steps: int | None
@@ -93,16 +87,6 @@ class Subject(ABC):
     @abstractmethod
     def read(self, result: Any) -> Run:
         """Return the recorded values of a run."""
-
-    def peers(self) -> tuple[list[Iterator[Setting]], list[str]]:
-        """Return sweeps of other programs, and the reasons for those that are unavailable.
-
-        Raises
-        ------
-        ModelError
-            If other programs cannot represent the scene.
-        """
-        raise ModelError(f"other programs are given open chains of rods in the plane, not {self.title}")
 
     @abstractmethod
     def reference(self) -> Reference:
@@ -170,7 +154,7 @@ def rods(model: RodModel, asked: Asked) -> Subject:
     analysis = asked.scene.analysis.model_copy(update={"outputs": wanted})
     watched = asked._replace(scene=asked.scene.model_copy(update={"analysis": analysis}))
     models = _and_widest(watched, in_types(watched))
-    return Rods(models, asked.t_end, asked.samples, watched.scene)
+    return Rods(models, asked.t_end, asked.samples)
 
 
 def in_types(asked: Asked, plain: Any = None) -> dict[str, Any]:
@@ -197,15 +181,8 @@ class Rods(Subject):
     unit = "m"
     measured = "largest distance of a moving point from its reference position"
 
-    def __init__(
-        self,
-        models: Mapping[str, RodModel | LoopModel],
-        t_end: float | None,
-        samples: int,
-        scene: Scene | None = None,
-    ) -> None:
-        self.models, self.samples, self._scene = models, samples, scene
-        self._others: dict[Setting, tuple[PlanarChain, PeerSetting]] = {}
+    def __init__(self, models: Mapping[str, RodModel | LoopModel], t_end: float | None, samples: int) -> None:
+        self.models, self.samples = models, samples
         model = models[FLOAT64.name]
         self.title = model.description.title
         self.t_end = model.description.t_end if t_end is None else float(t_end)
@@ -225,39 +202,8 @@ class Rods(Subject):
             return iter(())
         return (replace(setting, precision=precision) for setting in fixed_steps(method, self.t_end))
 
-    def peers(self) -> tuple[list[Iterator[Setting]], list[str]]:
-        """Return sweeps of other programs for the same open chain."""
-        if self._scene is None:
-            return super().peers()
-        linkage, model = resolve_linkage(self._scene), self.models[FLOAT64.name]
-        chain, sweeps, missing = (
-            planar_chain(linkage, cast("RodModel", model), self.t_end, self.samples),
-            [],
-            [],
-        )
-        for name, (packages, make) in PEERS.items():
-            try:
-                sweeps += [self._of_peer(chain, sweep) for sweep in make(chain)]
-            except ImportError as error:
-                missing.append(
-                    f"{name} could not be run: {error}; 'pip install {packages}' (the extra 'peers')"
-                )
-        return sweeps, missing
-
-    def _of_peer(self, chain: PlanarChain, sweep: Iterator[PeerSetting]) -> Iterator[Setting]:
-        for peer in sweep:
-            setting = Setting(f"{peer.program}: {peer.series}", peer.text)
-            self._others[setting] = chain, peer
-            yield setting
-
     def call(self, setting: Setting) -> Any:
-        """Run the motion in symgen or in another program."""
-        if setting in self._others:
-            peer = self._others[setting][1]
-            try:
-                return setting, peer.run()
-            except Exception as error:  # other programs may raise any exception
-                raise SimulationError(f"{peer.program}: {error}") from error
+        """Run the motion."""
         result = self.models[setting.precision].simulate(
             self.t_end, method=setting.method, rtol=setting.rtol, step=setting.step, samples=self.samples
         )
@@ -272,19 +218,8 @@ class Rods(Subject):
 
     def read(self, result: Any) -> Run:
         """Return the positions of all moving points, (times, points, axes)."""
-        if isinstance(result, tuple):
-            return self._read_peer(*result)
         along = np.stack([v.values for v in result.variables], axis=1)
         return Run(along, result.statistics["steps"], result.statistics["evaluations"])
-
-    def _read_peer(self, setting: Setting, found: Any) -> Run:
-        chain, peer = self._others[setting]
-        places = chain.places(peer.angles(found))
-        if len(places) not in (1, self.samples) or not np.isfinite(places).all():
-            raise SimulationError(f"{peer.program} did not reach the end")
-        model = self.models[FLOAT64.name]
-        order = [chain.names.index(p) for p in model.description.free]  # type: ignore[union-attr]
-        return Run(places[:, order], None, None)
 
     def reference(self) -> Reference:
         """Return a run at the tightest possible tolerance, in the widest available precision."""

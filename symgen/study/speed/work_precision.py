@@ -80,7 +80,6 @@ def work_precision(
     repeats: int = 5,
     longest: float = 0.5,
     backend: str = "auto",
-    peers: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> WorkPrecision:
     """Measure error, wall time, steps and evaluations of every method over its tolerances or steps.
@@ -107,8 +106,6 @@ def work_precision(
         Number of timings per setting.
     longest
         A sweep ends with the first run that takes longer [s].
-    peers
-        Include installed other programs, for planar open chains of rods.
     progress
         Callback that receives the completed fraction.
 
@@ -123,7 +120,6 @@ def work_precision(
         raise ModelError(f"expected repeats >= 1 and longest > 0 s, got {repeats} and {longest:g} s")
     what = subject(scene, set, backend, t_end, samples, precisions)
     asked = what.chosen(methods)
-    others, missing = what.peers() if peers else ([], [])
     try:
         reference = what.reference()
     except SimulationError as error:
@@ -134,7 +130,7 @@ def work_precision(
         ) from None
     measured = _Measured(what, reference, longest)
     pairs = [(m, p) for m in asked for p in dict.fromkeys(precisions)]
-    sweeps = [*(what.settings(m, p) for m, p in pairs), *others]
+    sweeps = [what.settings(m, p) for m, p in pairs]
     times = _timed(what, list(chain(*map(measured.worthwhile, sweeps))), repeats, progress)
     points = tuple(measured.point(setting, times[setting]) for setting in times)
     orders = tuple(measured.order(m, p) for m, p in pairs)
@@ -148,7 +144,7 @@ def work_precision(
         uncertainty=reference.uncertainty,
         points=points,
         orders=orders,
-        notes=(*missing, *measured.failures.values(), *_of_reference(points, reference)),
+        notes=(*measured.failures.values(), *_of_reference(points, reference)),
     )
 
 
