@@ -119,6 +119,8 @@ FAULTS = (
     Fault("normals for tangents", "elastic/corotational.py", "own[row + 1, column + 2] * normals[j]", "-own[row + 1, column + 2] * normals[j]", "large", LARGE),
     Fault("coupling of end rotations", "elastic/corotational.py", "cosine[0] * cosine[1] + sine[0] * sine[1]", "cosine[0] * cosine[1] - sine[0] * sine[1]", "large", LARGE),
     Fault("rotary inertia between ends", "elastic/corotational.py", "rotary / (3 if i == j else 6)", "rotary / (3 if i == j else 3)", "large", LARGE),
+    Fault("axial force of a link reversed", "elastic/nodes.py", "fixed = c * PX.symbol", "fixed = -c * PX.symbol", "large", LARGE),
+    Fault("direction of a line reversed", "elastic/nodes.py", "sp.atan2(_Y2 - _Y1", "sp.atan2(_Y1 - _Y2", "large", LARGE),
     Fault("twist that lengthens fibres", "elastic/spatial.py", '"phi_x": force *', '"phi_x": -force *', "rotor", ROTATING),
     Fault("principal axes exchanged", "elastic/spatial.py", "(0, 2, 0): JZ.symbol, (0, 0, 2): JY.symbol", "(0, 2, 0): JY.symbol, (0, 0, 2): JZ.symbol", "rotor", ROTATING),
     Fault("mass in the axial force doubled", "elastic/spatial.py", "MU.symbol * sp.integrate", "2 * MU.symbol * sp.integrate", "rotor", ROTATING),
@@ -328,7 +330,7 @@ def uncompiled_blocks() -> None:
     def module(name: str) -> Any:
         if name not in SHIPPED_BLOCKS or name == "rigid_element":  # that one is called by address
             return compiled(name)
-        if name == "corotational_beam":
+        if name in ("corotational_beam", "corotational_node"):
             made[name] = made.get(name) or compiled_block(name)
         if name not in made:
             program = lower_system(BLOCKS[name]())
@@ -363,9 +365,9 @@ def compiled_block(name: str) -> Any:
         model.operations  # noqa: B018  (derived while the file is there)
 
     def call(kernel: str) -> Any:
-        def evaluate(q: Any = (), u: Any = None, p: Any = ()) -> Any:
+        def evaluate(q: Any = (), u: Any = None, p: Any = (), work: Any = ()) -> Any:
             rates = np.zeros(12) if u is None else u
-            blocks = model.evaluate(kernel, q=q, u=rates, p=p)
+            blocks = model.evaluate(kernel, q=q, u=rates, p=p, work=work)
             return np.concatenate([block.ravel() for block in blocks.values()])
 
         return evaluate

@@ -56,6 +56,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "rigid_element": partial(_made, "models.elastic.rigid_element:rigid_element_system"),
     "elastic_place": partial(_made, "models.elastic.place:elastic_place_system"),
     "corotational_beam": partial(_made, "models.elastic.corotational:corotational_beam_system"),
+    "corotational_node": partial(_made, "models.elastic.corotational:corotational_node_system"),
     "spatial_beam": partial(_made, "models.elastic.spatial:spatial_beam_system"),
     "director_beam": partial(_made, "models.directors:director_beam_system"),
     **{name: partial(_made, f"models.loop.blocks:{name}_system") for name in _OF_LOOPS},
@@ -66,8 +67,8 @@ BLOCKS: dict[str, Callable[[], System]] = {
 #: The others are for inspection, and compiled nowhere.
 SHIPPED_BLOCKS = (
     *(f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")),
-    "rigid_element", "elastic_place", "elastic_place_tangents", "corotational_beam", "spatial_beam",
-    "director_beam", "loop_row", *SYNTHESIS,
+    "rigid_element", "elastic_place", "elastic_place_tangents", "corotational_beam", "corotational_node",
+    "spatial_beam", "director_beam", "loop_row", *SYNTHESIS,
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.

@@ -399,3 +399,35 @@ def test_mass_with_inertia_between_the_ends(tmp_path):
     assert more[2] == pytest.approx(0.0, abs=1e-12)
     hung = tip_at_rest(built(tmp_path, added), 4)[1], tip_at_rest(built(tmp_path, ""), 4)[1]
     assert hung[0] < hung[1] - 0.02
+
+
+def test_kernels_at_nodes_by_quadrature_and_differences():
+    """Shares of a force, its power, the motion of the far end, the direction of a line, and a heavy body."""
+    address, p = kernels("corotational_node"), np.array([0.7, 1.0, -9.0, 0.2, 1.5, -0.4])
+    q, v, a = RNG.standard_normal((3, 6))
+    work = np.array([2.0, 0.3, 0.6, 0.25, math.cos(0.4), math.sin(0.4), 3.0, -5.0])
+
+    def at(kernel, q=q, v=v):
+        return getattr(address, kernel)(q=q, u=np.concatenate([v, a]), p=p, work=work.copy())
+
+    def rate(kernel, part, h=1e-6):
+        (after, before) = (at(kernel, q + s * v + s * s * a / 2, v + s * a)[part] for s in (h, -h))
+        return (after - before) / (2 * h)
+
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    s, factor = (nodes + 1) / 2, p[0] * weights / 2 * (1.5 - 0.4 * (0.2 + p[0] * (nodes + 1) / 2))
+    shapes = [2 * s**3 - 3 * s**2 + 1, s**3 - 2 * s**2 + s, 3 * s**2 - 2 * s**3, s**3 - s**2]
+    assert at("shares") == pytest.approx(
+        [k * factor @ n for k, n in zip((1, p[0], 1, p[0]), shapes, strict=True)]
+    )
+    turned = np.exp(0.4j) * (3.0 - 5.0j)
+    reached = work[2] * complex(*v[:2]) + work[3] * 1j * v[2] * np.exp(1j * q[2])
+    assert at("force") @ v[:3] == pytest.approx((turned.conjugate() * reached).real)
+    assert complex(*at("far_end")[:2]) == pytest.approx(complex(*q[:2]) + p[0] * np.exp(1j * q[2]))
+    assert rate("far_end", slice(0, 4)) == pytest.approx(at("far_end")[2:], rel=1e-7)
+    assert at("chord")[0] == pytest.approx(math.atan2(q[4] - q[1], q[3] - q[0]))
+    assert rate("chord", 0) == pytest.approx(at("chord")[1], rel=1e-7)
+    weight = 2.0 * np.array([a[0] - 1.0, a[1] + 9.0, 0.15 * a[2]])
+    assert at("body")[:6] == pytest.approx([*weight, 2.0, 2.0, 0.3])
+    kinetic = v[0] ** 2 + v[1] ** 2 + 0.15 * v[2] ** 2
+    assert at("body")[6:] == pytest.approx([kinetic, -2.0 * (q[0] - 9.0 * q[1])])

@@ -29,7 +29,7 @@ PACKAGE = Path(symgen.__file__).parent
 OF_ELEMENTS = {f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")}
 OF_PLACES = {"elastic_place", "elastic_place_tangents"}
 #: The element in large rotation has the masses of the cubic one.
-ROTATING = {"corotational_beam", "director_beam"}
+ROTATING = {"corotational_beam", "corotational_node", "director_beam"}
 OF_LINKS = OF_ELEMENTS | OF_PLACES | ROTATING
 #: The element in space has shape functions of two planar ones.
 SPATIAL = {"spatial_beam"}
@@ -50,8 +50,9 @@ DEPENDENTS = {
     "elements/__init__.py": set(),
     "mechanics/elastic/hamilton.py": OF_LINKS,
     "mechanics/elastic/beam_matrices.py": OF_ELEMENTS | ROTATING,
-    "mechanics/elastic/corotational.py": {"corotational_beam"},
-    "models/elastic/corotational.py": {"corotational_beam"},
+    "mechanics/elastic/corotational.py": {"corotational_beam", "corotational_node"},
+    "mechanics/elastic/nodes.py": {"corotational_node"},
+    "models/elastic/corotational.py": {"corotational_beam", "corotational_node"},
     "mechanics/elastic/directors.py": {"director_beam"},
     "models/directors.py": {"director_beam"},
     "mechanics/elastic/spatial.py": SPATIAL | {"director_beam"},
@@ -63,7 +64,7 @@ DEPENDENTS = {
     "mechanics/elastic/shaft.py": set(),
     "models/elastic/place.py": OF_PLACES,
     "models/elastic/element.py": OF_ELEMENTS,
-    "mechanics/elastic/turning_axes.py": {"element_beam8", "element_beam8_tangents"},
+    "mechanics/elastic/turning_axes.py": {"element_beam8", "element_beam8_tangents", "corotational_node"},
     "models/elastic/fixed_axes.py": {"element_beam8", "element_beam8_tangents"},
     "mechanics/loop/dual_rows.py": {"slider_crank", "loop_row"},
     "models/loop/blocks.py": {"loop_row"},
@@ -260,6 +261,7 @@ def test_a_new_element_is_a_file_and_a_name(checkout):
     assert code == 0
     assert sorted(line for line in said if line.startswith("derived")) == [
         "derived corotational_beam: elements/cubic.py changed",
+        "derived corotational_node: elements/cubic.py changed",
         "derived director_beam: elements/cubic.py changed",
         "derived element_cubic: elements/cubic.py changed",
         "derived element_cubic_tangents: elements/cubic.py changed",

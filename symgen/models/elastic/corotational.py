@@ -1,6 +1,8 @@
-"""The beam element in large rotation as a building block: its equation, slopes, energies and strains."""
+"""The beam element in large rotation, and what acts at its nodes, as building blocks."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import sympy as sp
 
@@ -11,6 +13,8 @@ from symgen.symbolic.system import Export, Group, NamedMatrix, System
 REFERENCE = "M. A. Crisfield, Computer Methods in Applied Mechanics and Engineering 81 (1990) 131-150"
 _ROWS = tuple(x.name for x in PLACES)
 _FORCES = "N, N, N*m, N, N, N*m"
+_PLACES = Group("q", "positions and rotations of the nodes", PLACES)
+_RATES = Group("u", "their rates and second rates", (*RATES, *SECOND_RATES))
 
 
 def corotational_beam_system() -> System:
@@ -42,8 +46,8 @@ def corotational_beam_system() -> System:
         "corotational_beam",
         "Beam element in large rotation",
         (
-            Group("q", "positions and rotations of the nodes", PLACES),
-            Group("u", "their rates and second rates", (*RATES, *SECOND_RATES)),
+            _PLACES,
+            _RATES,
             Group("p", "length, section and gravity", PROPERTIES),
         ),
         matrices,
@@ -55,4 +59,38 @@ def corotational_beam_system() -> System:
         ),
         names.definitions,
         references=(REFERENCE,),
+    )
+
+
+def corotational_node_system() -> System:
+    """Return the System of bodies, forces and directions at the nodes of these elements."""
+    from symgen.mechanics.elastic import nodes  # the element does not depend on it
+
+    def column(name: str, entries: Sequence[sp.Expr], unit: str, about: str) -> NamedMatrix:
+        return NamedMatrix(name, sp.ImmutableMatrix(list(entries)), unit, about)
+
+    residual, masses, energies = nodes.body()
+    matrices = (
+        column("residual", residual, "N, N, N*m", "inertia of a body less gravity"),
+        column("masses", masses, "kg, kg, kg*m^2", "slopes of the residual by second rates"),
+        column("energies", energies, "J", "kinetic energy and potential of gravity"),
+        column("shares", nodes.shares(), "1, m, 1, m", "shares of a force along the link by node"),
+        column("force", nodes.force(), "N, N, N*m", "forces on a node by a force along the link"),
+        column("far_end", nodes.far_end(), "m, m/s, m/s^2", "place of the far end, and its rates"),
+        column("chord", nodes.chord(), "rad, rad/s", "direction of the line between the nodes, and its rate"),
+    )
+    return System(
+        "corotational_node",
+        "Bodies, forces and directions at the nodes of elements in large rotation",
+        (
+            _PLACES,
+            _RATES,
+            Group("p", "length, gravity and a force along the link", nodes.PROPERTIES),
+            Group("work", "a body, or shares of a force and the force in the axes of a link", nodes.ACTING),
+        ),
+        matrices,
+        (
+            Export("body", "a body at the first node", ("residual", "masses", "energies")),
+            *(Export(m.name, m.description, (m.name,)) for m in matrices[3:]),
+        ),
     )

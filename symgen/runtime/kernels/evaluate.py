@@ -140,6 +140,18 @@ def as_taken(library: Library, values: Sequence[float] | Array, rank_tolerance: 
     return taken
 
 
+def at_rows(address: int, y: Array, n: int, p: Array, width: int, work: Array | None = None) -> Array:
+    """Return what a kernel of a building block gives for every row of ``y`` and ``work``, (rows, width).
+
+    Rows of ``y`` hold q, n numbers, and u; the parameters ``p`` are those of all rows.
+    """
+    count, memory = len(y), np.zeros((len(y), 1)) if work is None else work
+    sizes = (0, n, y.shape[1] - n, len(p), 0 if work is None else memory.shape[1], width)
+    out = np.empty((count, width))
+    _core.call_many(address, sizes, np.zeros(count), y, n, p, memory, out)
+    return out
+
+
 def part(out: Array, block: BlockInfo) -> Array:
     """Return one block of an ``out`` array (or of rows of them), shaped; single columns lose that axis."""
     rows, columns = block.shape

@@ -1,75 +1,112 @@
 """Masses, forces and couples on elastic links in large rotation.
 
 Kernels give forces and torques over the motion of the rigid linkage. They are called with the direction of
-the line between the ends of a link, or with that of a section.
+the line between the ends of a link, or with that of a section. Those of ``corotational_node`` are derived in
+:mod:`symgen.mechanics.elastic.nodes`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime.beams.elements import SAME
-from symgen.runtime.elastic.large.links import LargeLink, hermite
+from symgen.runtime.beams.elements import SAME, kernels
+from symgen.runtime.elastic.large.links import LargeLink
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.kernels.evaluate import at_rows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Gauss points of an element for forces along it: a linear force times a cubic is exact.
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+#: Properties that the kernels ``corotational_node`` read, and the numbers that each writes.
+_PROPERTIES = ("length", "g_x", "g_y", "start", "even", "slope")
+_WRITTEN = {"body": 8, "shares": 4, "force": 3, "far_end": 6, "chord": 2}
+#: Columns of their states, x, y and theta of two nodes with first and second rates, and of what acts there.
+PLACE, ANGLE, OTHER, VELOCITY, SPEED, MOVING, SECOND = 0, 2, 3, 6, 8, 9, 12
+BODY, FORCE = 0, 2
+
+
+def at_nodes(
+    kernel: str,
+    count: int,
+    state: Mapping[int, ArrayLike] = MappingProxyType({}),
+    acting: Mapping[int, ArrayLike] = MappingProxyType({}),
+    **properties: float,
+) -> Array:
+    """Return what a kernel of ``corotational_node`` gives, (count, numbers).
+
+    ``state`` and ``acting`` have numbers of all rows, (count, k) or (k,), by their first column.
+    """
+    rows, work = np.zeros((count, 18)), np.zeros((count, 8))
+    for into, given in ((rows, state), (work, acting)):
+        for at, values in given.items():
+            into[:, at : at + np.shape(values)[-1]] = values
+    p = np.array([properties.get(name, 0.0) for name in _PROPERTIES])
+    return at_rows(kernels("corotational_node").ADDRESSES[kernel], rows, 6, p, _WRITTEN[kernel], work)
 
 
 @dataclass(frozen=True, slots=True)
 class Lumps:
-    """Rigid masses at nodes: unknowns of these (masses, 3), masses [kg], moments of inertia [kg m^2]."""
+    """Rigid bodies at nodes: unknowns (bodies, 3), and masses [kg] and moments of inertia [kg m^2]."""
 
     places: Indices
-    masses: Array
-    inertias: Array
+    bodies: Array
     gravity: Array
+
+    def _of(self, q: Array, v: Array, a: Array) -> Array:
+        """Return what the kernel ``body`` gives at states (times, unknowns), (times, bodies, 8)."""
+        state = {at: x[:, self.places].reshape(-1, 3) for at, x in ((PLACE, q), (VELOCITY, v), (SECOND, a))}
+        acting = {BODY: np.tile(self.bodies, (len(q), 1))}
+        x, y = self.gravity
+        found = at_nodes("body", len(q) * len(self.places), state, acting, g_x=x, g_y=y)
+        return found.reshape(len(q), -1, 8)
 
     @property
     def diagonal(self) -> Array:
-        """Entries of the mass matrix, (masses, 3)."""
-        return np.stack([self.masses, self.masses, self.inertias], axis=1)
+        """Entries of the mass matrix, (bodies, 3)."""
+        still = np.zeros((1, np.max(self.places) + 1))
+        return self._of(still, still, still)[0, :, 3:6]
 
-    def add(self, residual: Array, a: Array) -> None:
+    def add(self, residual: Array, q: Array, v: Array, a: Array) -> None:
         """Add inertia less gravity to residuals (times, unknowns)."""
-        force = self.diagonal * (a[:, self.places] - np.append(self.gravity, 0.0))
-        for k, own in enumerate(self.places):
-            residual[:, own] += force[:, k]
+        for own, found in zip(self.places, np.moveaxis(self._of(q, v, a), 1, 0), strict=True):
+            residual[:, own] += found[:, :3]
 
     def energies(self, q: Array, v: Array) -> Array:
         """Return kinetic energy, zero strain energy, and the potential of gravity [J]."""
-        kinetic = float(np.sum(self.diagonal * v[self.places] ** 2)) / 2
-        return np.array([kinetic, 0.0, -float(self.masses @ (q[self.places[:, :2]] @ self.gravity))])
+        kinetic, potential = np.sum(self._of(q[None], v[None], 0 * v[None])[0, :, 6:], axis=0)
+        return np.array([kinetic, 0.0, potential])
 
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """One force along a link: number of the link, row in the kernel ``loads``, unknowns and parts at nodes.
+    """One force along a link: number of the link, row in the kernel ``loads``, unknowns and shares at nodes.
 
-    ``ends`` are the parts of the force at each node, ``arms`` [m] those at its tangent.
+    ``shares`` are those of the force at each node, and at its tangent [m], (nodes, 2).
     """
 
     link: int
     row: int
     places: Indices
-    ends: Array
-    arms: Array
+    shares: Array
 
-    def add(self, residual: Array, q: Array, force: Array) -> None:
-        """Subtract a force (times, 2), on fixed axes, from residuals (times, unknowns)."""
-        angles = q[:, self.places[:, 2]]
-        x, y = force[:, :1], force[:, 1:]
-        residual[:, self.places[:, 0]] -= self.ends * x
-        residual[:, self.places[:, 1]] -= self.ends * y
-        residual[:, self.places[:, 2]] -= self.arms * (np.cos(angles) * y - np.sin(angles) * x)
+    def add(self, residual: Array, q: Array, axes: Array, force: Array) -> None:
+        """Subtract a force from residuals (times, unknowns).
+
+        ``axes`` are cosine and sine of the direction of the link, ``force`` the components in it, (times, 2).
+        """
+        times, nodes = len(q), len(self.places)
+        each = np.repeat(np.hstack([axes, force]), nodes, axis=0)
+        acting = {FORCE: np.hstack([np.tile(self.shares, (times, 1)), each])}
+        state = {PLACE: q[:, self.places].reshape(-1, 3)}
+        found = at_nodes("force", times * nodes, state, acting).reshape(times, nodes, 3)
+        for k, own in enumerate(self.places):
+            residual[:, own] -= found[:, k]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,49 +140,62 @@ class Posed:
                 )
             self.moves.append((section, ends[0]))
 
-    def __call__(self, ground: Callable[[str], Array], q: Array, v: Array) -> tuple[Array, Array]:
+    def __call__(self, ground: Callable[[str], Array], q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return coordinates and rates of free points (times, coordinates), ends of links moved.
 
-        ``ground`` gives the places of a point of the ground, (times, 2).
+        The third result are second rates of moved ends where links rotate at a constant rate. ``ground``
+        gives the places of a point of the ground, (times, 2).
         """
         n = 2 * len(self._free)
-        places, rates = q[:, :n].copy(), v[:, :n].copy()
+        places, rates, second = q[:, :n].copy(), v[:, :n].copy(), np.zeros((len(q), n))
         for section, point in self.moves:
-            other, sign = (section.start, 1.0) if point == section.end else (section.end, -1.0)
-            at = 2 * self._free.index(point)
-            if other in self._free:
-                k = 2 * self._free.index(other)
-                base, velocity = places[:, k : k + 2], rates[:, k : k + 2]
-            else:
-                base, velocity = ground(other), np.zeros_like(places[:, :2])
+            backwards = point == section.start
+            (base, velocity), (end, moving) = (
+                self._at(name, ground, places, rates)
+                for name in ((section.end, section.start) if backwards else (section.start, section.end))
+            )
             if section.place < 0:
-                apart, rate = sign * (places[:, at : at + 2] - base), rates[:, at : at + 2] - velocity
-                size = np.linalg.norm(apart, axis=1)[:, None]
-                direction, speed = apart / size, sign * np.sum(_left(apart) * rate, axis=1)[:, None] / size**2
+                apart = (end, moving, base, velocity) if backwards else (base, velocity, end, moving)
+                angle, speed = direction_of(*apart)
             else:
-                angle, speed = q[:, section.place], v[:, section.place, None]
-                direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            places[:, at : at + 2] = base + sign * section.length * direction
-            rates[:, at : at + 2] = velocity + sign * section.length * speed * _left(direction)
-        return places, rates
+                angle, speed = q[:, [section.place]], v[:, [section.place]]
+            length = -section.length if backwards else section.length
+            state = {PLACE: base, ANGLE: angle, VELOCITY: velocity, SPEED: speed}
+            found = at_nodes("far_end", len(q), state, length=length)
+            at = slice(2 * self._free.index(point), 2 * self._free.index(point) + 2)
+            places[:, at], rates[:, at], second[:, at] = np.split(found, 3, axis=1)
+        return places, rates, second
+
+    def _at(
+        self, point: str, ground: Callable[[str], Array], places: Array, rates: Array
+    ) -> tuple[Array, Array]:
+        """Return place and velocity of a point, (times, 2) each."""
+        if point not in self._free:
+            return ground(point), np.zeros((len(places), 2))
+        k = 2 * self._free.index(point)
+        return places[:, k : k + 2], rates[:, k : k + 2]
 
 
-def _left(vectors: Array) -> Array:
-    """Return vectors (n, 2) turned by a right angle to the left."""
-    return np.stack([-vectors[:, 1], vectors[:, 0]], axis=1)
+def direction_of(start: Array, velocity: Array, end: Array, moving: Array) -> tuple[Array, Array]:
+    """Return the direction of the line between two points and its rate, (times, 1) each.
+
+    Places and velocities of the points are (times, 2).
+    """
+    state = {PLACE: start, VELOCITY: velocity, OTHER: end, MOVING: moving}
+    found = at_nodes("chord", len(start), state)
+    return found[:, :1], found[:, 1:]
 
 
 def lumps_of(motion: ElasticMotion, links: Sequence[LargeLink], gravity: Array) -> Lumps | None:
     """Return the masses and moments of inertia on links, which have nodes there; None without."""
-    places, masses, inertias = [], [], []
+    places, bodies = [], []
     for link in links:
         for lump in motion.lumps(link.beam.info.link):
             places.append(_node(motion, link, lump.at))
-            masses.append(lump.mass)
-            inertias.append(lump.inertia)
+            bodies.append((lump.mass, lump.inertia))
     if not places:
         return None
-    return Lumps(np.array(places), np.array(masses), np.array(inertias), gravity)
+    return Lumps(np.array(places), np.array(bodies), gravity)
 
 
 def forces_along(motion: ElasticMotion, links: Sequence[LargeLink]) -> Iterator[Along]:
@@ -156,19 +206,16 @@ def forces_along(motion: ElasticMotion, links: Sequence[LargeLink]) -> Iterator[
         for row, profile in zip(rows, motion.profiles(name), strict=True):
             if motion.info.joints[row]:
                 continue
-            ends, arms = np.zeros(len(link.nodes)), np.zeros(len(link.nodes))
+            shares = np.zeros((len(link.nodes), 2))
             if profile.is_point:
                 own = _node(motion, link, profile.at)
-                ends[int(np.flatnonzero(link.places[:, 2] == own[2])[0])] = 1.0
+                shares[link.places[:, 2] == own[2], 0] = 1.0
             else:
                 nodes = np.array(link.nodes) * link.beam.properties.length
-                for k, (first, size) in enumerate(zip(nodes[:-1], np.diff(nodes), strict=True)):
-                    for s, weight in zip((_POINTS + 1) / 2, _WEIGHTS / 2, strict=True):
-                        part = weight * size * (profile.even + profile.slope * (first + s * size))
-                        shape = part * np.array(hermite(s))
-                        ends[k : k + 2] += shape[[0, 2]]
-                        arms[k : k + 2] += size * shape[[1, 3]]
-            yield Along(number, row, link.places, ends, arms)
+                for k, (start, length) in enumerate(zip(nodes[:-1], np.diff(nodes), strict=True)):
+                    spread = {"start": start, "even": profile.even, "slope": profile.slope}
+                    shares[k : k + 2] += at_nodes("shares", 1, length=length, **spread).reshape(2, 2)
+            yield Along(number, row, link.places, shares)
 
 
 def _node(motion: ElasticMotion, link: LargeLink, at: float) -> Indices:

@@ -7,7 +7,6 @@ welds and the direction of a held crank are constraints with multipliers.
 
 from __future__ import annotations
 
-import math
 from functools import cached_property, partial
 
 import numpy as np
@@ -16,9 +15,8 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime._beams import APPLIED, MOTION
 from symgen.runtime.beams.layout import entries_of
-from symgen.runtime.elastic.large.attached import Posed, Section, forces_along, lumps_of
+from symgen.runtime.elastic.large.attached import Posed, Section, direction_of, forces_along, lumps_of
 from symgen.runtime.elastic.large.collocation import Moment, Pattern, Slopes, pairs_of
-from symgen.runtime.elastic.large.links import cross
 from symgen.runtime.elastic.large.supports import Supports, divided, gravity_of, section_of
 from symgen.runtime.elastic.motion import ElasticMotion
 
@@ -109,10 +107,7 @@ class LargeLinkage:
         for link in self.links:
             info = link.beam.info
             first, last = (moved[:, list(d.points).index(p)] for p in (info.start, info.end))
-            apart = last - first
-            # d x d' = omega d.d, for d keeps its length.
-            rate = cross(*apart) / float(apart[0] @ apart[0])
-            angle = math.atan2(apart[0, 1], apart[0, 0])
+            angle, rate = (float(x[0, 0]) for x in direction_of(*first[:, None], *last[:, None]))
             if self._shaft in link.places[:, 2]:
                 angle = float(self.motion.angle_at(np.array(0.0)))
             for node, share in zip(link.places, link.nodes, strict=True):
@@ -144,10 +139,10 @@ class LargeLinkage:
             found[:, :n] += np.einsum("kij,ki->kj", jacobian, multipliers[:, : len(self._rows)])
         found += multipliers[:, len(self._rows) :] @ self._supports.rows
         if self._lumps:
-            self._lumps.add(found, a)
+            self._lumps.add(found, q, v, a)
         self._add_along(found, t, q, v)
         for k, (name, posed) in enumerate(zip(self._sections, self._couples, strict=True)):
-            moved = posed(partial(self._ground, t), q, v)
+            moved = posed(partial(self._ground, t), q, v)[:2]
             loads = self._joints.many_blocks("joints", t, *moved)["load"]
             found[:, self._sections[name].place] -= loads[:, n + k]
         if self._motor:
@@ -160,26 +155,16 @@ class LargeLinkage:
         """Subtract the forces along links, whose kernels read links of undeformed length."""
         columns = [APPLIED.index(f"load_force_{axis}") for axis in "xy"]
         for along, posed in self._along:
-            moved = posed(partial(self._ground, t), q, v)
+            moved = posed(partial(self._ground, t), q, v)[:2]
             loads, links = (
                 self.motion._motion.many_blocks(name, t, *moved)[name] for name in ("loads", "links")
             )
-            forward, across = loads.reshape(len(t), -1, len(APPLIED))[:, along.row, columns].T
-            cosine, sine = links.reshape(len(t), -1, len(MOTION))[:, along.link, :2].T
-            fixed = np.stack([cosine * forward - sine * across, sine * forward + cosine * across], axis=1)
-            along.add(found, q, fixed)
+            force = loads.reshape(len(t), -1, len(APPLIED))[:, along.row, columns]
+            along.add(found, q, links.reshape(len(t), -1, len(MOTION))[:, along.link, :2], force)
 
     def _shaft_terms(self, motor: Posed, t: Array, q: Array, v: Array) -> Array:
         """Return inertia, damping, stiffness and torque of a motor at its rotation, (times, 4)."""
-        places, rates = motor(partial(self._ground, t), q, v)
-        section, point = motor.moves[0]
-        work = np.zeros((len(t), self.motion._motion.info("shaft").work_size))
-        # The acceleration of a point that moves on its circle at a constant rate.
-        at = 2 * self.motion.rigid.description.free.index(point)
-        angle, rate = q[:, section.place], v[:, section.place]
-        inward = -section.length * rate**2
-        work[:, at], work[:, at + 1] = inward * np.cos(angle), inward * np.sin(angle)
-        return self.motion._motion.many("shaft", t, places, rates, work)
+        return self.motion._motion.many("shaft", t, *motor(partial(self._ground, t), q, v))
 
     def _ground(self, t: Array, point: str) -> Array:
         """Return the places of a point of the ground at times, (times, 2)."""

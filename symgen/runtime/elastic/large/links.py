@@ -10,19 +10,19 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime import _core
 from symgen.runtime.beams.data import Properties
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.elements import integral, kernels
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.large.collocation import Moment
+from symgen.runtime.kernels.evaluate import at_rows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _BLOCK = "corotational_beam"
-#: Numbers that the kernels read: places, rates with second rates, properties; and what each writes.
-_READ, _WRITTEN = (6, 12, 9), {"residual": 6, "tangent": 108, "energies": 3, "strains": 5}
+#: Numbers that each kernel writes.
+_WRITTEN = {"residual": 6, "tangent": 108, "energies": 3, "strains": 5}
 #: Column of the damping in the properties of elements.
 _DAMPING = 6
 #: Relative difference of equal sections of two elements, by rounding.
@@ -64,17 +64,12 @@ class LargeLink:
         rows[:, :6] = q.reshape(-1, 6)
         if rates is not None:
             rows[:, 6:] = rates.reshape(-1, 12)
-        out = np.empty((len(rows), _WRITTEN[kernel]))
-        address, sizes = kernels(_BLOCK).ADDRESSES[kernel], (0, *_READ, 0, _WRITTEN[kernel])
-        none = np.zeros((len(rows), 1))
+        address, width = kernels(_BLOCK).ADDRESSES[kernel], _WRITTEN[kernel]
         if self.uniform:
-            _core.call_many(address, sizes, none[:, 0], rows, 6, self.properties[0], none, out)
-        else:
-            for k, row in enumerate(self.properties):
-                own, few = np.empty((len(rows) // count, out.shape[1])), none[: len(rows) // count]
-                states = np.ascontiguousarray(rows[k::count])
-                _core.call_many(address, sizes, few[:, 0], states, 6, row, few, own)
-                out[k::count] = own
+            return at_rows(address, rows, 6, self.properties[0], width).reshape(*shape, -1)
+        out = np.empty((len(rows), width))
+        for k, own in enumerate(self.properties):
+            out[k::count] = at_rows(address, np.ascontiguousarray(rows[k::count]), 6, own, width)
         return out.reshape(*shape, -1)
 
     def at(self, fraction: float) -> tuple[int, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.beams.elements import meshed
-from symgen.runtime.elastic.large.attached import Section
+from symgen.runtime.elastic.large.attached import FORCE, Section, at_nodes
 from symgen.runtime.elastic.large.links import LargeLink, element_properties
 from symgen.runtime.elastic.motion import ElasticMotion
 
@@ -54,9 +54,9 @@ def gravity_of(motion: ElasticMotion) -> Array:
     q, u = np.split(motion._start, 2)
     columns = next(b.columns for b in kernels_of.info("energies").blocks if b.name == "energies")
     at = [columns.index(f"potential_load_{axis}") for axis in "xy"]
-    along, across = -np.atleast_2d(kernels_of.blocks("energies", 0.0, q, u)["energies"])[0][at]
-    cosine, sine = np.atleast_2d(kernels_of.blocks("links", 0.0, q, u)["links"])[0][:2]
-    return np.array([cosine * along - sine * across, sine * along + cosine * across])
+    own = -np.atleast_2d(kernels_of.blocks("energies", 0.0, q, u)["energies"])[0][at]
+    axes = np.atleast_2d(kernels_of.blocks("links", 0.0, q, u)["links"])[0][:2]
+    return at_nodes("force", 1, acting={FORCE: (1.0, 0.0, *axes, *own)})[0, :2]
 
 
 def section_of(links: Sequence[LargeLink], link: str, point: str) -> Section:

@@ -1,0 +1,102 @@
+"""Bodies, forces and directions at the nodes of elements in large rotation.
+
+The centre line of an element is Hermite's cubic through its nodes, with unit tangents in the directions of
+their rotations (:mod:`symgen.mechanics.elastic.corotational`): a force along it acts on positions and
+rotations of the nodes by its virtual work. Links between two nodes that stand for a whole link are straight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy as sp
+
+from symgen.elements import ELEMENTS
+from symgen.elements.element import LENGTH, PLACE, shape_functions
+from symgen.mechanics.elastic.corotational import GRAVITY, PLACES, RATES, SECOND_RATES
+from symgen.mechanics.elastic.hamilton import PX, PY
+from symgen.mechanics.elastic.turning_axes import COSINE, SINE
+from symgen.symbolic.quantity import quantity
+
+MASS = quantity("m", "kg", "mass of a body at the first node")
+INERTIA = quantity("I", "kg*m^2", "moment of inertia of the body")
+START = quantity("x_0", "m", "distance of the first node from the first point of the link")
+EVEN = quantity("p_0", "1", "factor of a force per length along the link")
+SLOPE = quantity("p_1", "1/m", "factor of x in it")
+END = quantity("n", "1", "share of a force at the first node")
+ARM = quantity("b", "m", "share of the force at the tangent there")
+PROPERTIES = (LENGTH, *GRAVITY, START, EVEN, SLOPE)
+ACTING = (MASS, INERTIA, END, ARM, COSINE, SINE, PX, PY)
+
+_STATE = tuple(x.symbol for x in (*PLACES, *RATES))
+_CHANGES = tuple(x.symbol for x in (*RATES, *SECOND_RATES))
+(_X1, _Y1, _T1, _X2, _Y2, _), (_VX, _VY, _VT, *_) = (tuple(x.symbol for x in of) for of in (PLACES, RATES))
+
+
+def _rate(expression: sp.Expr) -> sp.Expr:
+    """Return the rate along the motion of the nodes."""
+    return sp.Add(*(sp.diff(expression, x) * v for x, v in zip(_STATE, _CHANGES, strict=True)))
+
+
+def _direction(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    return sp.cos(angle), sp.sin(angle)
+
+
+def body() -> tuple[list[sp.Expr], list[sp.Expr], list[sp.Expr]]:
+    """Return inertia less gravity of a body at the first node, its masses, and its energies.
+
+    They are Lagrange's equation by x, y and theta of the kinetic energy and the potential of gravity, which
+    are the energies, and the factors of the second rates in it.
+    """
+    mass = MASS.symbol
+    kinetic = (mass * (_VX**2 + _VY**2) + INERTIA.symbol * _VT**2) / 2
+    potential = -mass * (GRAVITY[0].symbol * _X1 + GRAVITY[1].symbol * _Y1)
+    residual = [
+        _rate(sp.diff(kinetic, v)) + sp.diff(potential, x)
+        for x, v in zip((_X1, _Y1, _T1), (_VX, _VY, _VT), strict=True)
+    ]
+    masses = [sp.diff(e, a.symbol) for e, a in zip(residual, SECOND_RATES, strict=False)]
+    return residual, masses, [kinetic, potential]
+
+
+def shares() -> list[sp.Expr]:
+    """Return the shares of a force spread over an element: end and tangent of its first node, of its second.
+
+    The factor of the force per length is p_0 + p_1 x, with x from the first point of the link.
+    """
+    xi, length = PLACE.symbol, LENGTH.symbol
+    profile = EVEN.symbol + SLOPE.symbol * (START.symbol + length * xi)
+    element = ELEMENTS["cubic"]
+    shapes = dict(zip(element.dofs, shape_functions(element).transverse, strict=True))
+    return [
+        sp.integrate(sp.expand(profile * shapes[dof] * length), (xi, 0, 1))
+        for dof in ("w1", "theta1", "w2", "theta2")
+    ]
+
+
+def force() -> list[sp.Expr]:
+    """Return the forces on x, y and theta of the first node by a force in the axes of the rigid link."""
+    c, s = COSINE.symbol, SINE.symbol
+    fixed = c * PX.symbol - s * PY.symbol, s * PX.symbol + c * PY.symbol
+    reached = (
+        END.symbol * place + ARM.symbol * tangent
+        for place, tangent in zip((_X1, _Y1), _direction(_T1), strict=True)
+    )
+    work = sp.Add(*(f * r for f, r in zip(fixed, reached, strict=True)))
+    return [sp.diff(work, x) for x in (_X1, _Y1, _T1)]
+
+
+def far_end() -> list[sp.Expr]:
+    """Return place, velocity and acceleration of the far end of a straight link.
+
+    It has the direction of the first node, and starts there; a negative length points backwards.
+    """
+    place = [p + LENGTH.symbol * e for p, e in zip((_X1, _Y1), _direction(_T1), strict=True)]
+    velocity = [_rate(e) for e in place]
+    return [*place, *velocity, *map(_rate, velocity)]
+
+
+def chord() -> Sequence[sp.Expr]:
+    """Return the direction of the line from the first node to the second, and its rate."""
+    direction = sp.atan2(_Y2 - _Y1, _X2 - _X1)
+    return direction, _rate(direction)
