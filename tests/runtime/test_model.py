@@ -291,6 +291,23 @@ def test_plot(result, tmp_path):
     assert result.plot("time").axes[0].get_ylabel() == "s"
 
 
+@pytest.mark.parametrize("scene", ["crank_rocker", "slider_crank"])
+def test_a_plot_without_selected_outputs_has_few_curves_that_vary_and_efforts_first(scene):
+    result = symgen.build(scene).inverse_dynamics(samples=19)
+    panels = result.plot().axes
+    assert panels[0].get_ylabel() in ("N*m", "lbf*in") and panels[1].get_ylabel() in ("N", "lbf")
+    curves = {line.get_label(): line.get_ydata() for panel in panels for line in panel.lines}
+    assert max(len(panel.lines) for panel in panels) <= 8
+    assert all(np.ptp(values) > 1e-6 for values in curves.values())
+    if scene == "slider_crank":  # whose input rotates at a constant rate
+        assert "theta1.drive" in curves and "theta1.rate" not in curves and "eta2" not in curves
+    else:  # equal forces at both ends of a joint are one curve, of their magnitude
+        size = np.hypot(*result["coupler.A.force"].values.T)
+        assert (
+            curves["|crank.A.force|"] == pytest.approx(size, rel=1e-12) and "|coupler.A.force|" not in curves
+        )
+
+
 def test_a_plot_over_an_output_with_curves_of_another_result(result):
     slow = symgen.build("four_bar").simulate(0.5, samples=7)
     panel, _ = result.plot("A.position.x", "energy", over="A.position.y", compare={"slow": slow}).axes

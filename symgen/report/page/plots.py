@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from symgen.errors import ResultError
 from symgen.runtime.result.records import Variable, columns, converted
@@ -13,6 +15,10 @@ from symgen.runtime.result.result import Result
 
 #: Supported file name extensions of plots.
 DRAWN_AS = (".png", ".svg", ".pdf")
+#: Without selected outputs: most curves of a panel, and the least range of a curve over the largest value.
+_CURVES, _VARIES = 8, 1e-9
+#: SI units of the first panels of an inverse dynamics: those of efforts.
+_EFFORTS = ("N*m", "N")
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +40,8 @@ def plot(
         The result.
     names
         Outputs, such as ``C.position`` or ``C.position.x``, or points or links for all their recorded
-        outputs. All outputs if none is given.
+        outputs. If none is given, all that vary, efforts first; a panel of many curves shows magnitudes of
+        vectors, and the largest of these, without equal ones.
     file
         Output file; its extension selects the format.
     xy
@@ -54,15 +61,15 @@ def plot(
     if xy:
         return _path(result, xy, file, compare or {})
     chosen = _chosen(result, names)
-    labels = list(dict.fromkeys(result.panel(v) for v in chosen))
+    labels = list(chosen)
     figure = Figure(figsize=(9, 1.2 + 2.4 * len(labels)), layout="constrained")
     panels = dict(zip(labels, figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0], strict=True))
     colours: dict[str, Any] = {}
     for label, source, style in _curves(result, compare or {}):
         along, words = _along(source, over)
-        for variable in chosen:
-            for part in columns([_in_units_of(result, source, variable)]):
-                (line,) = panels[result.panel(variable)].plot(
+        for panel, variables in chosen.items():
+            for part in columns([_in_units_of(result, source, v) for v in variables]):
+                (line,) = panels[panel].plot(
                     along, part.values, style, label=part.name + label, color=colours.get(part.name)
                 )
                 colours.setdefault(part.name, line.get_color())
@@ -93,7 +100,8 @@ def _along(result: Result, name: str) -> tuple[Any, str]:
 
 def _in_units_of(result: Result, source: Result, variable: Variable) -> Variable:
     """Return an output of another result in the units of the first one."""
-    return converted([source.variable(variable.name)], result.units)[0]
+    (found,) = converted([source.variable(variable.name.strip("|"))], result.units)
+    return _magnitude(found) if variable.name.startswith("|") else found
 
 
 def _titled(figure: Figure, result: Result, file: str | os.PathLike[str] | None) -> Figure:
@@ -145,11 +153,65 @@ def _shown(result: Result, name: str) -> Variable:
     return converted([result.variable(name)], result.units)[0]
 
 
-def _chosen(result: Result, names: tuple[str, ...]) -> list[Variable]:
+def _chosen(result: Result, names: tuple[str, ...]) -> dict[str, list[Variable]]:
+    """Return the outputs of each panel by its label."""
     if not names:
-        return list(result.shown)
+        return _by_default(result)
     chosen: dict[str, Variable] = {}
     for name in names:
         of_owner = [v for v in result.shown if v.name.partition(".")[0] == name and "." in v.name]
         chosen.update((v.name, v) for v in of_owner or [_shown(result, name)])
-    return list(chosen.values())
+    return _panels(result, chosen.values())
+
+
+def _panels(result: Result, variables: Iterable[Variable]) -> dict[str, list[Variable]]:
+    panels: dict[str, list[Variable]] = {}
+    for variable in variables:
+        panels.setdefault(result.panel(variable), []).append(variable)
+    return panels
+
+
+def _by_default(result: Result) -> dict[str, list[Variable]]:
+    """Return the panels of a figure without selected outputs: few curves, none of them constant."""
+    found = {}
+    for label, variables in _panels(result, result.shown).items():
+        size = max(map(_size, variables))
+        varying = [v for v in columns(variables) if _range(v) > _VARIES * size]
+        if len(varying) > _CURVES:
+            varying = _largest(variables, size)
+        if varying:
+            found[label] = varying
+    if result.KIND in ("forces", "loop"):
+        units = {label: result.variable(of[0].name.strip("|")).unit for label, of in found.items()}
+        found = dict(
+            sorted(found.items(), key=lambda pair: (*_EFFORTS, units[pair[0]]).index(units[pair[0]]))
+        )
+    return found or _panels(result, result.shown)
+
+
+def _largest(variables: list[Variable], size: float) -> list[Variable]:
+    """Return the largest outputs of a panel, vectors by their magnitude, without equal ones."""
+    distinct: list[Variable] = []
+    for variable in map(_magnitude, variables):
+        equal = (np.allclose(variable.values, v.values, 0.0, _VARIES * size, True) for v in distinct)
+        if _range(variable) > _VARIES * size and not any(equal):
+            distinct.append(variable)
+    kept = sorted(distinct, key=_size, reverse=True)[:_CURVES]
+    return [v for v in distinct if any(v is k for k in kept)]
+
+
+def _magnitude(variable: Variable) -> Variable:
+    """Return the magnitude of a vector, ``|NAME|``; of another output itself."""
+    if not variable.components:
+        return variable
+    size = np.linalg.norm(variable.values, axis=-1)
+    return Variable(f"|{variable.name}|", variable.unit, variable.about, (), size)
+
+
+def _size(variable: Variable) -> float:
+    return float(np.max(np.abs(variable.values), initial=0.0, where=np.isfinite(variable.values)))
+
+
+def _range(variable: Variable) -> float:
+    values = variable.values[np.isfinite(variable.values)]
+    return float(np.ptp(values)) if values.size else 0.0
