@@ -98,6 +98,12 @@ _FORMER = {
     ("run", "--through"): "inverse-dynamics SCENE --through",
     ("--every",): "simulate SCENE --checkpoint-every SECONDS",
     ("sweep", "--speeds"): "speed-response SCENE --speeds FROM:TO:COUNT",
+    ("sweep", "--output"): "sweep SCENE --of NAME",
+    ("sensitivity", "--output"): "sensitivity SCENE --of NAME",
+    ("linearise", "--output"): "linearise SCENE --of NAME",
+    ("draw", "--path"): "draw SCENE --of NAME",
+    ("export", "--c"): "export SCENE --out FOLDER",
+    ("equilibrium", "--t"): "equilibrium SCENE --at TIME",
     ("run",): "simulate SCENE",
 }
 

@@ -89,7 +89,7 @@ def inverse_dynamics(ctx: typer.Context) -> None:
 @analysis(
     'symgen equilibrium four_bar --set links.crank.mass="2 kg"',
     "t stable segments set_ as_json backend",
-    t=o.maybe(float, "--t", "SECONDS", "Time at which loads and drives are held [s] (0)."),
+    t=o.maybe(str, "--at", "TIME", 'Time at which loads and drives are held, "0.3 s"; default: 0.'),
     stable=Annotated[
         bool,
         o.option("--stable/--any", help="Descend to a stable equilibrium, or take one of any kind nearby."),
@@ -97,7 +97,10 @@ def inverse_dynamics(ctx: typer.Context) -> None:
 )
 def equilibrium(ctx: typer.Context) -> None:
     """Find a static equilibrium, its reactions and stability."""
-    Request(ctx).carry_out("equilibrium")
+    request = Request(ctx)
+    if "t" in request.options:
+        request.options["t"] = _time(request.options["t"], "a time")
+    request.carry_out("equilibrium")
 
 
 @analysis(
@@ -137,7 +140,7 @@ def modes(ctx: typer.Context) -> None:
     "at inputs outputs coordinates set_ as_json backend",
     at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of the run, "0.3 s".'),
     inputs=o.maybe(list[str], "--input", "NAME", "An input of the scene; default: all."),
-    outputs=o.maybe(list[str], "--output", "NAME", "An output, such as A.position.x; default: coordinates."),
+    outputs=o.maybe(list[str], "--of", "NAME", "An output, such as A.position.x; default: coordinates."),
     coordinates=o.maybe(
         list[str],
         "--coordinate",
@@ -157,13 +160,13 @@ def linearise(ctx: typer.Context) -> None:
 
 
 @analysis(
-    "symgen sensitivity peaucellier --at equilibrium --output O.reaction",
+    "symgen sensitivity peaucellier --at equilibrium --of O.reaction",
     "outputs parameters at coordinates set_ as_json backend",
     required="scene outputs",
     outputs=Annotated[
         list[str],
         o.option(
-            "--output", metavar="NAME", help="Output, such as A.position.x, or frequencies. May be repeated."
+            "--of", metavar="NAME", help="Output, such as A.position.x, or frequencies. May be repeated."
         ),
     ],
     parameters=o.maybe(list[str], "--parameter", "NAME", "Tunable parameter; default: all. May be repeated."),
@@ -185,16 +188,21 @@ def sensitivity(ctx: typer.Context) -> None:
 
 def _state(request: Request, about: str) -> dict[str, Any]:
     """Return the argument ``at`` for a state on the command line: start, equilibrium or a time."""
-    from symgen.inspection.values import of_times
-
     if about == "start":
         return {}
     if about == "equilibrium":
         return {"at": request.result("equilibrium")}
-    times = of_times([about], "--at", "start, equilibrium or a time")
+    return {"at": _time(about, "start, equilibrium or a time")}
+
+
+def _time(text: str, expected: str) -> float:
+    """Return a time [s] after --at."""
+    from symgen.inspection.values import of_times
+
+    times = of_times([text], "--at", expected)
     if len(times) > 1:
-        raise ModelError(f"expected one time after --at, got {about!r}")
-    return {"at": times[0]}
+        raise ModelError(f"expected one time after --at, got {text!r}")
+    return times[0]
 
 
 @analysis(

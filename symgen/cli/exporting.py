@@ -11,13 +11,10 @@ from symgen.cli import options as o
 from symgen.cli.common import changes, command
 
 
-@command("symgen export four_bar --c four_bar_c")
+@command("symgen export four_bar --out four_bar_c")
 def export(
     scene: o.Source,
-    c: Annotated[
-        Path,
-        typer.Option("--c", metavar="FOLDER", help="Destination: an empty or new folder."),
-    ],
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Destination: an empty or new folder.")],
     set_: o.Set = None,
 ) -> None:
     """Write a scene, or the kernels of a user-defined system, as C for use in other programs.
@@ -27,5 +24,5 @@ def export(
     """
     from symgen.export import export_c
 
-    for name in export_c(scene, c, set=changes(set_)):
-        print(c / name)
+    for name in export_c(scene, out, set=changes(set_)):
+        print(out / name)

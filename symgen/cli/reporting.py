@@ -135,7 +135,7 @@ def live(
     print(file)
 
 
-@command("symgen draw crank_rocker --at 0,60,120 --path B --out poses.dxf --unit mm")
+@command("symgen draw crank_rocker --at 0,60,120 --of B --out poses.dxf --unit mm")
 def draw(
     scene: o.Scene,
     at: Annotated[
@@ -146,10 +146,10 @@ def draw(
             'length), "0:90:4" (from, to, count), or of the time, "0.3 s"; default: the beginning.',
         ),
     ] = None,
-    path: Annotated[
+    of: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="POINT",
+            metavar="NAME",
             help="A point, or joint of a loop, whose path is drawn; default: all that move. May be repeated.",
         ),
     ] = None,
@@ -178,15 +178,15 @@ def draw(
     from symgen.report.page.sheet import DRAWN_AS
     from symgen.scene.loading import override, read_scene
 
-    if path and no_paths:
-        raise ModelError("give --path or --no-paths, not both")
+    if of and no_paths:
+        raise ModelError("give --of or --no-paths, not both")
     text = override(read_scene(scene), changes(set_))
     file = out or Path(f"{text.name}.svg")
     writable(file, DRAWN_AS, "drawing")
     with _status(f"drawing of {text.name}"):
         asked: dict[str, Any] = {} if t_end is None else {"t_end": t_end}
         poses = poses_of(at, "--at") if at else None
-        paths = () if no_paths else path or None
+        paths = () if no_paths else of or None
         sheet = sheet_of(
             text, poses, paths=paths, unit=unit, samples=FRAMES if samples is None else samples, **asked
         )

@@ -125,7 +125,7 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
 
 
 @analysis(
-    "symgen sweep slider_crank --vary a4=0in:30in:7 --output theta1.drive --out offsets.zarr",
+    "symgen sweep slider_crank --vary a4=0in:30in:7 --of theta1.drive --out offsets.zarr",
     "vary list_ sobol latin_hypercube random seed analysis outputs reduce samples t_end chunk part threads "
     "processes dask dry_run set_ out plot page as_json backend",
     page=o.Page,
@@ -143,7 +143,7 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
     random=o.maybe(int, "--random", "N", "Sample ranges by random numbers.", _DESIGN),
     seed=o.maybe(int, "--seed", "N", "Seed of the samples (0).", _DESIGN),
     analysis=o.maybe(str, "--analysis", "NAME", "Such as simulate; default: that which suits the scene."),
-    outputs=o.maybe(list[str], "--output", "NAME", "An output to keep; default: all."),
+    outputs=o.maybe(list[str], "--of", "NAME", "An output to keep; default: all."),
     reduce=o.maybe(
         list[str],
         "--reduce",
@@ -228,19 +228,22 @@ def sweep(ctx: typer.Context) -> None:
 def _estimated(model: Any, own: dict[str, Any], as_json: bool) -> None:
     """Print the number of runs of a sweep, and the time of all by that of the first."""
     from symgen.runtime.sweeps.designs import design_of
-    from symgen.runtime.sweeps.sweep import estimate, sweep_of
+    from symgen.runtime.sweeps.sweep import check, estimate, sweep_of
 
-    given = {key: value for key, value in own.items() if key not in ("file", "part")}
-    named = ("sampling", "count", "seed", "analysis", "outputs", "reduce", "threads", "chunk")
-    sampling, count, seed, analysis, outputs, reduce, threads, chunk = (given.pop(k, None) for k in named)
+    given = dict(own)
+    named = ("sampling", "count", "seed", "analysis", "outputs", "reduce", "threads", "chunk", "file", "part")
+    sampling, count, seed, analysis, outputs, reduce, threads, chunk, file, part = (
+        given.pop(k, None) for k in named
+    )
     design = design_of(given.pop("vary"), sampling, count, seed or 0)
     sweep = sweep_of(model, analysis, design, outputs, reduce or "peak", given, threads)
-    chunks, time = estimate(sweep, chunk)
+    check(sweep, file, chunk, part)
+    runs, chunks, time = estimate(sweep, chunk, part)
     if as_json:
-        about = {"runs": design.count, "chunks": chunks, "seconds": time}
+        about = {"runs": runs, "chunks": chunks, "seconds": time}
         print_json({"scene": model.name, "kind": "sweep_estimate", "analysis": sweep.analysis, **about})
         return
-    console().print(f"{design.count} runs of {sweep.analysis} in {chunks} chunks: about {time:.2g} s")
+    console().print(f"{runs} runs of {sweep.analysis} in {chunks} chunks: about {time:.2g} s")
 
 
 def _part(text: str | None) -> tuple[int, int]:

@@ -18,11 +18,14 @@ from symgen.report.page.sweep_plots import (
     parameters_of,
     plot,
     plot_front,
+    unit_of,
+    values_of,
 )
 from symgen.report.tables import table
 from symgen.runtime.many.dataset import RECORDED
 from symgen.runtime.many.poses import NOTES
 from symgen.runtime.result.elastic import beyond_linear_theory
+from symgen.runtime.result.records import converters, display_units
 
 if TYPE_CHECKING:
     import xarray
@@ -49,6 +52,7 @@ def summary(runs: xarray.Dataset) -> dict[str, Any]:
             beyond += sum(beyond_linear_theory(str(text).splitlines()) for text in part[NOTES].values)
     found: dict[str, Any] = {"runs": count, "failed": failed, "first_error": first, "outputs": {}}
     longest = max((np.nanmax(sizes) for sizes, _ in recorded if not np.all(np.isnan(sizes))), default=0.0)
+    found["samples"] = int(longest)
     found["ended_early"] = int(sum(np.sum(counts[sizes < longest]) for sizes, counts in recorded))
     found["beyond_linear_theory"] = beyond
     for name in outputs_of(runs):
@@ -83,20 +87,31 @@ def _extremes(runs: xarray.Dataset, name: str, component: int | None) -> dict[st
 
 
 #: Head of the table of extremes.
-_EXTREMES = ("output", "", "value", "unit", "at (SI)")
+_EXTREMES = ("output", "", "value", "unit", "at")
 
 
-def _rows(about: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
-    """Yield the extremes of all outputs and where they occur, of a :func:`summary`."""
+def _rows(runs: xarray.Dataset, about: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
+    """Yield the extremes of all outputs and where they occur, of a :func:`summary`, in the scene's units."""
+    shown, places = display_units(runs.attrs), {p: unit_of(runs, p) for p in parameters_of(runs)}
     for name, extremes in about["outputs"].items():
         for key in ("least", "greatest"):
             if extremes[key]:
-                place = ", ".join(f"{p} = {v:.6g}" for p, v in extremes[key]["parameters"].items())
-                yield name if key == "least" else "", key, extremes[key]["value"], extremes["unit"], place
+                at = extremes[key]["parameters"]
+                place = ", ".join(
+                    f"{p} = {_with_unit(at[p] / size, unit)}" for p, (unit, size) in places.items()
+                )
+                unit, size = shown.get(extremes["unit"], (extremes["unit"], 1.0))
+                yield name if key == "least" else "", key, extremes[key]["value"] / size, unit, place
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:.6g} {unit}".strip() if unit != "1" else f"{value:.6g}"
 
 
 def _notes(about: dict[str, Any]) -> Iterator[str]:
-    """Yield the numbers of runs that failed, ended early or are beyond linear theory."""
+    """Yield the numbers of runs that failed, ended early or are beyond linear theory, and of samples."""
+    if about["samples"] > 1:
+        yield f"reductions of {about['samples']} samples per run: extremes between samples may be larger"
     if about["failed"]:
         yield f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}"
     if about["ended_early"]:
@@ -112,7 +127,7 @@ def _notes(about: dict[str, Any]) -> Iterator[str]:
 def print_sweep(runs: xarray.Dataset, console: Console) -> None:
     """Print the extremes of all outputs, where they occur, and the number of failed runs."""
     about = summary(runs)
-    console.print(table(str(runs.attrs["title"]), _EXTREMES, _rows(about), (0, 1, 3, 4)))
+    console.print(table(str(runs.attrs["title"]), _EXTREMES, _rows(runs, about), (0, 1, 3, 4)))
     for note in _notes(about):
         console.print(note)
 
@@ -122,10 +137,10 @@ def sweep_page(runs: xarray.Dataset, name: str) -> StudyPage:
     about = summary(runs)
     varied = parameters_of(runs)
     ranges = [
-        f"{float(runs[p].min()):.6g} to {float(runs[p].max()):.6g} {runs[p].attrs.get('units', '')}".strip()
+        f"{values_of(runs, p).min():.6g} to {_with_unit(values_of(runs, p).max(), unit_of(runs, p)[0])}"
         for p in varied
     ]
-    rows = [(n, key, f"{x:.6g}", unit, place) for n, key, x, unit, place in _rows(about)]
+    rows = [(n, key, f"{x:.6g}", unit, place) for n, key, x, unit, place in _rows(runs, about)]
     return StudyPage(
         name=name,
         title=str(runs.attrs["title"]),
@@ -167,7 +182,10 @@ def _quantities(found: Optimum, objective: str) -> Iterator[tuple[str, float, st
     """Yield name, value and unit of the variables, of the objective and of the constrained quantities."""
     units = {p.name: p.unit for p in found.model.description.tunable} | found.units
     quantities = {**found.parameters, objective: found.objective, **found.constraints}
-    return ((name, value, units[name]) for name, value in quantities.items())
+    shown = converters(found.model.description.units)
+    for name, value in quantities.items():
+        unit, size = shown.get(units[name], (units[name], 1.0))
+        yield name, value / size, unit
 
 
 def optimum_page(found: Optimum, objective: str, name: str) -> StudyPage:
@@ -188,8 +206,8 @@ def _of_front(front: xarray.Dataset) -> list[str]:
     return [str(name) for name in (*front.data_vars, *front.coords) if name != "converged"]
 
 
-def _front_rows(front: xarray.Dataset) -> Iterator[list[float]]:
-    return zip(*(front[name].values.tolist() for name in _of_front(front)), strict=True)  # type: ignore[return-value]
+def _front_rows(front: xarray.Dataset) -> Iterator[tuple[float, ...]]:
+    return zip(*(values_of(front, name).tolist() for name in _of_front(front)), strict=True)
 
 
 def _unmet(front: xarray.Dataset) -> list[str]:

@@ -399,7 +399,7 @@ def test_run_selects_the_analysis_that_suits_the_scene():
 def test_tables_at_an_equilibrium_are_headed_so():
     shown = call("linearise", "four_bar", "--coordinate", "crank.angle", "--at", "equilibrium").splitlines()
     assert shown[0] == "Four-bar linkage swinging freely: linearised at the equilibrium"
-    shown = call("sensitivity", "peaucellier", "--at", "equilibrium", "--output", "D.position.x").splitlines()
+    shown = call("sensitivity", "peaucellier", "--at", "equilibrium", "--of", "D.position.x").splitlines()
     assert shown[0].endswith(": derivatives at the equilibrium")
     shown = call("linearise", "four_bar", "--coordinate", "crank.angle").splitlines()
     assert shown[0].endswith(": linearised at t = 0 s")

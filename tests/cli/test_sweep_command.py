@@ -42,6 +42,10 @@ angle = "speed*t"
 [analysis]
 t_end = "6.283185307179586 s"
 
+[units]
+length = "mm"
+torque = "N*mm"
+
 [sweep]
 vary = { length = "20 cm:40 cm:3", "links.rod.mass" = ["1 kg", "3 kg"] }
 outputs = ["rod.torque"]
@@ -72,7 +76,12 @@ def test_the_table_of_a_scene_is_carried_out(scene, tmp_path):
     assert [*found] == [pytest.approx(pair) for pair in grid]
     expected = [mass * 9.81 * length / 2 for length, mass in grid]
     assert runs["rod.torque.peak"].values == pytest.approx(expected, rel=1e-12)
-    assert "rod.torque.peak" in shown and f"wrote {out}" in shown and picture.stat().st_size > 1000
+    assert (
+        f"{3 * 9.81 * 400 / 2:g}" in shown
+        and "N*mm" in shown
+        and f"wrote {out}" in shown
+        and picture.stat().st_size > 1000
+    )
     extremes = summary(runs)["outputs"]["rod.torque.peak"]
     assert extremes["greatest"]["value"] == pytest.approx(max(expected))
     assert extremes["greatest"]["parameters"] == pytest.approx({"length": 0.4, "links_rod_mass": 3.0})
@@ -188,7 +197,16 @@ def test_a_dry_run_counts_the_runs_and_writes_nothing(scene, tmp_path):
     found = json.loads(command(scene, "--dry-run", "--json", "--out", out))
     assert (found["runs"], found["chunks"], found["analysis"]) == (6, 1, "inverse_dynamics")
     assert 0.0 < found["seconds"] < 60.0 and not out.exists()
-    assert "6 runs of inverse_dynamics in 1 chunks: about" in command(scene, "--dry-run")
+    part = ["--dry-run", "--chunk", "4", "--part", "2/2"]
+    assert "2 runs of inverse_dynamics in 1 chunks: about" in command(scene, *part, "--out", "a.zarr")
+    for wrong, words in (
+        (["--out", "no/a.zarr"], "there is no folder"),
+        (["--out", "a.zip"], ".zarr or .csv"),
+    ):
+        with pytest.raises(ResultError, match=words):
+            command(scene, *part, *wrong)
+    with pytest.raises(ModelError, match="a part from 1 to 2, got 3"):
+        command(scene, "--dry-run", "--part", "3/2")
 
 
 def test_the_page_has_extremes_and_a_plot(scene, tmp_path):
@@ -196,8 +214,9 @@ def test_the_page_has_extremes_and_a_plot(scene, tmp_path):
     page = tmp_path / "sweep.html"
     command(scene, "--page", page)
     text = page.read_text(encoding="utf-8")
-    assert f"{3 * 9.81 * 0.4 / 2:.6g}" in text and "data:image/svg+xml" in text
-    assert "length = 0.4, links_rod_mass = 3" in text and ">6</dd>" in text
+    assert f"{3 * 9.81 * 400 / 2:.6g}" in text and "data:image/svg+xml" in text
+    assert "length = 400 mm, links_rod_mass = 3 kg" in text and ">6</dd>" in text
+    assert "reductions of 5 samples per run" in text
     with pytest.raises(ResultError, match=".html"):
         command(scene, "--page", tmp_path / "sweep.pdf")
     assert not (tmp_path / "sweep.pdf").exists()
@@ -205,7 +224,7 @@ def test_the_page_has_extremes_and_a_plot(scene, tmp_path):
 
 def test_histories_are_drawn_as_curves_and_paths_as_an_atlas(tmp_path):
     page = tmp_path / "atlas.html"
-    paths = ["--analysis", "kinematics", "--output", "B.position", "--reduce", "history", "--reduce", "peak"]
+    paths = ["--analysis", "kinematics", "--of", "B.position", "--reduce", "history", "--reduce", "peak"]
     command(
         "crank_rocker", "--vary", "links.coupler.length=34 cm:36 cm:3", "--samples", 9, *paths, "--page", page
     )

@@ -244,7 +244,7 @@ def test_nothing_else_is_written_over(what, tmp_path):
     else:
         folder, words = tmp_path / "nowhere" / "out", "there is no folder"
     before = sorted((p, p.read_bytes() if p.is_file() else b"") for p in tmp_path.rglob("*"))
-    done = CliRunner().invoke(app, ["export", "vertical_rods", "--c", str(folder)])
+    done = CliRunner().invoke(app, ["export", "vertical_rods", "--out", str(folder)])
     assert isinstance(done.exception, ResultError)
     assert words in str(done.exception)
     assert sorted((p, p.read_bytes() if p.is_file() else b"") for p in tmp_path.rglob("*")) == before
@@ -262,7 +262,7 @@ def test_the_list_cannot_name_files_elsewhere(tmp_path):
 
 def test_no_folder_is_left_by_a_bad_scene(tmp_path):
     (tmp_path / "bad.toml").write_text("symgen = 1\n")
-    done = CliRunner().invoke(app, ["export", str(tmp_path / "bad.toml"), "--c", str(tmp_path / "out")])
+    done = CliRunner().invoke(app, ["export", str(tmp_path / "bad.toml"), "--out", str(tmp_path / "out")])
     assert done.exit_code != 0
     assert not (tmp_path / "out").exists()
 

@@ -168,7 +168,7 @@ def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch):
 
 def test_the_command_draws(tmp_path, monkeypatch, entry):
     monkeypatch.chdir(tmp_path)
-    command = ("draw", "crank_rocker", "--at", "60 deg", "--at", "0.5 rad", "--path", "B", "--out", "b.dxf")
+    command = ("draw", "crank_rocker", "--at", "60 deg", "--at", "0.5 rad", "--of", "B", "--out", "b.dxf")
     assert entry(*command)[:2] == (0, "b.dxf\n")
     document = ezdxf.readfile(tmp_path / "b.dxf")
     centres = [np.array(c.dxf.center)[:2] for c in document.modelspace().query('CIRCLE[layer=="JOINTS"]')]
@@ -176,5 +176,5 @@ def test_the_command_draws(tmp_path, monkeypatch, entry):
     assert np.array(centres) == pytest.approx(np.array(expected), abs=1e-9)
     code, _, said = entry("draw", "four_bar", "--at", "20 mm")
     assert code == 2 and "times after --at" in said
-    code, _, said = entry("draw", "four_bar", "--path", "B", "--no-paths")
+    code, _, said = entry("draw", "four_bar", "--of", "B", "--no-paths")
     assert code == 2 and "not both" in said

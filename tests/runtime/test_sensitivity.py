@@ -255,7 +255,7 @@ def test_a_frequency_follows_the_pose_of_its_equilibrium():
 
 def test_the_command_prints_what_python_returns():
     """Reactions to weights alone are proportional to the mass per length."""
-    arguments = ["sensitivity", "peaucellier", "--at", "equilibrium", "--output", "O.reaction"]
+    arguments = ["sensitivity", "peaucellier", "--at", "equilibrium", "--of", "O.reaction"]
     printed = json.loads(call(*arguments, "--json"))
     model = symgen.build("peaucellier")
     found = model.sensitivity(["O.reaction"], at=model.equilibrium())

@@ -190,7 +190,7 @@ def test_a_dask_cluster_writes_the_same_bytes_and_outlives_a_killed_worker(model
     with LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
         os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
         model.sweep(OF, file=tmp_path / "dask.zarr", chunk=1, executor=client, **WANTED)
-        done = CliRunner().invoke(app, ["sweep", "slider_crank", "--vary", "S1=0 in:9 in:4", "--output",
+        done = CliRunner().invoke(app, ["sweep", "slider_crank", "--vary", "S1=0 in:9 in:4", "--of",
             "theta1.drive", "--dask", cluster.scheduler_address, "--out", str(tmp_path / "cli.zarr")])  # fmt: skip
         assert done.exit_code == 0, done.exception
     assert files(whole) == files(tmp_path / "dask.zarr")

@@ -7,6 +7,7 @@ import io
 import json
 import math
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -139,6 +140,9 @@ def test_a_store_of_another_sweep_is_refused(model, tmp_path):
             model.sweep(LENGTHS, file=file, **{**OPTIONS, **change})
     with pytest.raises(ResultError, match="results of another sweep"):
         model.with_parameters(c=0.31).sweep(LENGTHS, file=file, **OPTIONS)
+    shutil.rmtree(file / "A.position.peak")  # as of an earlier version, which did not keep it
+    with pytest.raises(ResultError, match=r"earlier symgen, without A\.position\.peak"):
+        model.sweep(LENGTHS, file=file, **OPTIONS)
     (tmp_path / "other.zarr").mkdir()
     with pytest.raises(ResultError, match="is not the store of a sweep"):
         model.sweep(LENGTHS, file=tmp_path / "other.zarr", **OPTIONS)
@@ -193,7 +197,7 @@ def test_wrong_sweeps_are_refused(model, vary, more, words):
 
 
 def test_wrong_names_of_stores_and_unsupported_analyses_are_refused(model, tmp_path):
-    with pytest.raises(ResultError, match=r"expected a name that ends in \.zarr"):
+    with pytest.raises(ResultError, match=r"ending in \.zarr or \.csv for the results"):
         model.sweep(LENGTHS, file=tmp_path / "x.nc", **OPTIONS)
     with pytest.raises(ResultError, match="there is no folder"):
         model.sweep(LENGTHS, file=tmp_path / "no" / "x.zarr", **OPTIONS)

@@ -12,6 +12,7 @@ from symgen.errors import ResultError, nearest
 from symgen.report.page.plots import save
 from symgen.runtime.many.dataset import RECORDED
 from symgen.runtime.many.poses import FLOQUET
+from symgen.runtime.result.records import display_units
 
 if TYPE_CHECKING:
     import xarray
@@ -82,18 +83,18 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
     x = varied[0]
     figure = Figure(figsize=(8, 1.0 + 3.0 * len(chosen)), layout="constrained")
     for panel, name in zip(figure.subplots(len(chosen), 1, squeeze=False)[:, 0], chosen, strict=True):
-        values = np.asarray(runs[name].values, dtype=float)
+        values = values_of(runs, name)
         label = label_of(runs, name)
         panel.set_xlabel(label_of(runs, x))
         if len(varied) == 1:
             order = np.argsort(runs[x].values, kind="stable")
-            panel.plot(runs[x].values[order], values[order], marker=".")
+            panel.plot(values_of(runs, x)[order], values[order], marker=".")
             panel.set_ylabel(label)
             panel.grid(alpha=0.3)
             continue
         size = values if values.ndim == 1 else np.sqrt(np.sum(values**2, axis=1))
         stability = _around_one(size) if name == FLOQUET else {}
-        drawn = _map(panel, runs[x].values, runs[varied[1]].values, size, len(varied) == 2, stability)
+        drawn = _map(panel, values_of(runs, x), values_of(runs, varied[1]), size, len(varied) == 2, stability)
         if stability:
             label = "largest Floquet multiplier"
         panel.set_ylabel(label_of(runs, varied[1]))
@@ -111,7 +112,7 @@ def plot_front(front: xarray.Dataset, file: str | os.PathLike[str] | None = None
     first, second = (str(name) for name in [*front.data_vars][:2])
     figure = Figure(figsize=(8, 4), layout="constrained")
     panel: Any = figure.subplots()
-    panel.plot(front[first].values, front[second].values, marker="o")
+    panel.plot(values_of(front, first), values_of(front, second), marker="o")
     panel.set(xlabel=label_of(front, first), ylabel=label_of(front, second))
     panel.grid(alpha=0.3)
     if file is not None:
@@ -140,7 +141,7 @@ def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[
     heights = [1.7 * -(-count // across) if name in paths else 3.0 for name in names]
     parts: Any = figure.subfigures(len(names), 1, squeeze=False, height_ratios=heights)
     for part, name in zip(parts[:, 0], names, strict=True):
-        values = np.asarray(runs[name].values[:count], dtype=float)
+        values = values_of(runs, name)[:count]
         of_paths = f" by {', '.join(parameters_of(runs))}" if name in paths else ""
         part.suptitle(label_of(runs, name) + of_paths, fontsize="medium")
         if name in paths:
@@ -172,7 +173,7 @@ def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[
 def _titles(runs: xarray.Dataset) -> list[str]:
     """Return the values of the parameters of the drawn runs."""
     part = runs.isel(run=slice(0, DRAWN))
-    columns = [[f"{x:.4g}" for x in part[p].values] for p in parameters_of(part)]
+    columns = [[f"{x:.4g}" for x in values_of(part, p)] for p in parameters_of(part)]
     return [", ".join(row) for row in zip(*columns, strict=True)]
 
 
@@ -180,12 +181,23 @@ def _coordinate(runs: xarray.Dataset, name: str) -> tuple[str, Any]:
     """Return the label and the values of the coordinate of a history, (samples,) or (runs, samples)."""
     inner = next(d for d in runs[name].dims if d not in ("run", "axis"))
     names = sorted((c for c in runs.coords if inner in runs[c].dims), key=lambda c: c == "time")
-    return label_of(runs, str(names[0])), np.asarray(runs[names[0]].values, dtype=float)
+    return label_of(runs, str(names[0])), values_of(runs, str(names[0]))
+
+
+def unit_of(runs: xarray.Dataset, name: str) -> tuple[str, float]:
+    """Return name and size in SI of the unit in which a variable is shown."""
+    unit = runs[name].attrs.get("units", "")
+    return display_units(runs.attrs).get(unit, (unit, 1.0))
+
+
+def values_of(runs: xarray.Dataset, name: str) -> Any:
+    """Return the values of a variable in the unit in which it is shown."""
+    return np.asarray(runs[name].values, dtype=float) / unit_of(runs, name)[1]
 
 
 def label_of(runs: xarray.Dataset, name: str) -> str:
-    """Return the name of a variable with its unit."""
-    unit = runs[name].attrs.get("units", "")
+    """Return the name of a variable with the unit in which it is shown."""
+    unit, _ = unit_of(runs, name)
     return f"{name} [{unit}]" if unit not in ("", "1") else name
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _SI = {"length": ("m", 1.0), "force": ("N", 1.0), "angle": ("rad", 1.0), "stress": ("Pa", 1.0)}
+#: Attribute of datasets of many runs, whose values are in SI.
+_DISPLAY_UNITS = "display_units"
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +156,18 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
         "Pa": (stress, per_stress),
         "1": ("1", 1.0),
     }
+
+
+def attributes_of(d: Described, title: str) -> dict[str, str]:
+    """Return the attributes of a dataset of many runs: its title, and the display units of the scene."""
+    return {"title": f"{d.title}: {title}", _DISPLAY_UNITS: json.dumps(d.units)}
+
+
+def display_units(attributes: Mapping[str, str]) -> dict[str, tuple[str, float]]:
+    """Return the :func:`converters` of a dataset of many runs by its attributes."""
+    return converters(
+        {of: tuple(unit) for of, unit in json.loads(attributes.get(_DISPLAY_UNITS, "{}")).items()}
+    )
 
 
 def of_model(d: Described, given: Iterable[float] | Mapping[str, float], **how: Any) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symgen.errors import ModelError
+from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.optimisation import Optimum, optimum_of
 
 if TYPE_CHECKING:
@@ -87,5 +88,5 @@ def _dataset(model: Any, found: Sequence[Optimum], first: str, second: str) -> x
         for name in kept[0].parameters
     }
     runs = sum(o.runs for o in found)
-    title = f"{model.description.title}: Pareto front of {first} and {second}"
-    return xarray.Dataset(data, parameters, {"title": title, "runs": runs, "gradients": kept[0].gradients})
+    attributes = attributes_of(model.description, f"Pareto front of {first} and {second}")
+    return xarray.Dataset(data, parameters, {**attributes, "runs": runs, "gradients": kept[0].gradients})

@@ -136,6 +136,8 @@ class Problem:
         sweep = sweep_of(
             self.model, self.analysis, design, self.outputs, "history", self.arguments, self.threads
         )
+        if not self._components:
+            sweep.check_outputs()
         self.runs += len(points)
         try:
             arrays = sweep.dataset()

@@ -29,8 +29,8 @@ ENDING = ".zarr"
 class Memory:
     """Results of a sweep in memory."""
 
-    def __init__(self, layout: Layout, count: int, chunk: int, title: str) -> None:
-        self.layout, self.count, self.chunk, self.title = layout, count, chunk, title
+    def __init__(self, layout: Layout, count: int, chunk: int, attributes: Mapping[str, str]) -> None:
+        self.layout, self.count, self.chunk, self.attributes = layout, count, chunk, attributes
         self.arrays = {entry.name: entry.empty(count) for entry in layout.entries}
 
     def is_done(self, first: int) -> bool:
@@ -51,7 +51,7 @@ class Memory:
         coordinates: dict[str, Any] = {e.name: made.pop(e.name) for e in entries if e.coordinate}
         if self.layout.axes:
             coordinates["axis"] = list(self.layout.axes)
-        return xarray.Dataset(made, coordinates, {"title": self.title})
+        return xarray.Dataset(made, coordinates, self.attributes)
 
 
 class Zarr:
@@ -73,7 +73,7 @@ class Zarr:
         self.path = path
 
     @classmethod
-    def created(cls, path: Path, layout: Layout, count: int, chunk: int, title: str, identity: str) -> Zarr:
+    def created(cls, path: Path, layout: Layout, sweep: Any, chunk: int) -> Zarr:
         """Create an empty store, which appears complete; another process may be faster."""
         import zarr
         from numcodecs import Zstd
@@ -83,9 +83,9 @@ class Zarr:
             aside.chmod(0o755)
             group = zarr.open_group(aside, mode="w", zarr_format=2)
             coordinates = " ".join(e.name for e in layout.entries if e.coordinate and " " not in e.name)
-            group.attrs.update({"title": title, "sweep": {"identity": identity, "chunk": chunk}})
+            group.attrs.update({**sweep.attributes, "sweep": {"identity": sweep.identity, "chunk": chunk}})
             for entry in layout.entries:
-                shape = (count, *entry.sizes)
+                shape = (sweep.design.count, *entry.sizes)
                 group.create_array(
                     entry.name,
                     shape=shape,
@@ -98,7 +98,7 @@ class Zarr:
             about = {"long_name": "1 where the run is finished", "coordinates": coordinates}
             group.create_array(
                 DONE,
-                shape=(count,),
+                shape=(sweep.design.count,),
                 chunks=(chunk,),
                 dtype="u1",
                 fill_value=None,

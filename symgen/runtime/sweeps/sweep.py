@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -15,15 +15,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.atomic import writable
 from symgen.errors import CapabilityError, ModelError, ResultError, check_known, nearest
-from symgen.runtime.many.dataset import Keep, dataset_of
+from symgen.runtime.many.dataset import Keep, chosen, dataset_of
+from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import reductions
 from symgen.runtime.many.runs import FAILURES, Runs, carried_out, variants
+from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.designs import Design
 from symgen.runtime.sweeps.executors import Found, submitted
 from symgen.runtime.sweeps.layout import Layout, layout_of
 from symgen.runtime.sweeps.stores import ENDING, Memory, Zarr, needed
-from symgen.runtime.sweeps.tables import table_at, write_table
+from symgen.runtime.sweeps.tables import TABLE, table_at, write_table
 from symgen.version import __version__
 
 if TYPE_CHECKING:
@@ -70,9 +73,10 @@ class Sweep:
     threads: int | None = None
 
     @property
-    def title(self) -> str:
-        """Title of the dataset."""
-        return f"{self.model.description.title}: sweep of {self.analysis}, {self.design.count} runs"
+    def attributes(self) -> dict[str, str]:
+        """Attributes of the dataset."""
+        title = f"sweep of {self.analysis}, {self.design.count} runs"
+        return attributes_of(self.model.description, title)
 
     @property
     def identity(self) -> str:
@@ -100,6 +104,7 @@ class Sweep:
         values = self.model.parameters
         for name in self.design.names:
             check_known(name, values, f"{self.model.name} has no tunable parameter")
+        self.check_outputs()
         names = self.design.names
         rows = self.design.values(0, min(_TRIED, self.design.count))
         tried = np.vstack([[values[name] for name in names], rows])
@@ -114,6 +119,15 @@ class Sweep:
             return layout_of(dataset_of(self.model.description, self.analysis, columns, found), names)
         assert failure is not None  # noqa: S101 - there is one run at least
         raise failure
+
+    def check_outputs(self) -> None:
+        """Raise ModelError for unknown outputs of elastic links: a static shape has those of a motion."""
+        if not self.keep.outputs or self.analysis not in ("simulate", "periodic"):
+            return  # other analyses refuse them after a pose, or after a run that takes no longer
+        if "quasi_static" in self.model.capabilities:
+            with suppress(*FAILURES):
+                shape = self.model.quasi_static(samples=2)
+                chosen(shape.variables, [name for name in self.keep.outputs if name != FLOQUET])
 
     def _runs(self, columns: Mapping[str, Array]) -> Runs:
         return Runs(self.model, self.analysis, *variants(self.model, columns, None), self.arguments)
@@ -178,18 +192,9 @@ def carry_out(
     executor: Any = None,
 ) -> xarray.Dataset:
     """Carry out the missing chunks of a sweep, or of one part of them; see :meth:`symgen.Model.sweep`."""
-    number, parts = part
-    table = table_at(file, sweep.keep)
-    if not 1 <= number <= parts:
-        raise ModelError(f"expected a part from 1 to {parts}, got {number}")
-    if parts > 1 and (file is None or table):
-        raise ModelError("parts of a sweep are written to one store: give its file, NAME.zarr")
-    if chunk is not None and chunk < 1:
-        raise ModelError(f"expected a chunk of one run or more, got {chunk}")
+    table = check(sweep, file, chunk, part)
     store, layout = _store(sweep, None if table else file, chunk)
-    count = sweep.design.count
-    own = [(first, min(first + store.chunk, count)) for first in range(0, count, store.chunk)]
-    own = own[number - 1 :: parts]
+    own = _chunks(sweep.design.count, store.chunk, part)
     missing = [span for span in own if not store.is_done(span[0])]
     finished = len(own) - len(missing)
 
@@ -217,16 +222,55 @@ def carry_out(
     return runs
 
 
-def estimate(sweep: Sweep, chunk: int | None = None) -> tuple[int, float]:
-    """Return the number of chunks of a sweep, and its time [s] by that of its first runs."""
+def check(
+    sweep: Sweep, file: str | os.PathLike[str] | None, chunk: int | None, part: tuple[int, int]
+) -> Path | None:
+    """Raise ModelError or ResultError where results cannot be written; return the path of a table."""
+    number, parts = part
+    table = table_at(file, sweep.keep)
+    if not 1 <= number <= parts:
+        raise ModelError(f"expected a part from 1 to {parts}, got {number}")
+    if parts > 1 and (file is None or table):
+        raise ModelError("parts of a sweep are written to one store: give its file, NAME.zarr")
+    if chunk is not None and chunk < 1:
+        raise ModelError(f"expected a chunk of one run or more, got {chunk}")
+    if file is None or table:
+        return table
+    needed("zarr")
+    if Path(file).is_dir() and Path(file).suffix == ENDING:
+        _own(sweep, Zarr(Path(file)))
+    else:
+        writable(file, (ENDING, TABLE), "results")
+    return None
+
+
+def _own(sweep: Sweep, store: Zarr) -> Zarr:
+    """Return a store; raise ResultError if its results are those of another sweep."""
+    if store.identity != sweep.identity:
+        raise ResultError(
+            f"{store.path} has the results of another sweep: other parameters, analysis, outputs or samples\n"
+            "  Give another name, or remove it."
+        )
+    return store
+
+
+def _chunks(count: int, size: int, part: tuple[int, int]) -> list[tuple[int, int]]:
+    """Return the first run of each chunk of a part, and that after its last."""
+    number, parts = part
+    return [(first, min(first + size, count)) for first in range(0, count, size)][number - 1 :: parts]
+
+
+def estimate(sweep: Sweep, chunk: int | None, part: tuple[int, int]) -> tuple[int, int, float]:
+    """Return the numbers of runs and chunks of a part of a sweep, and its time [s] by that of first runs."""
     layout, count, spent, done = sweep.layout(), sweep.design.count, 0.0, 0
     while done < min(count, _TIMED) and spent < _PATIENCE:
         last = min(2 * done + 1, count)
         begun = perf_counter()
         sweep.arrays(layout, sweep.design.values(done, last))
         spent, done = perf_counter() - begun + spent, last
-    size = chunk or sweep.chunk(layout)
-    return -(-count // size), spent / done * count
+    own = _chunks(count, chunk or sweep.chunk(layout), part)
+    runs = sum(last - first for first, last in own)
+    return runs, len(own), spent / done * runs
 
 
 def _store(
@@ -239,22 +283,14 @@ def _store(
                 f"the results of {sweep.design.count} runs are too large for memory: take fewer, or give a "
                 "sweep a file"
             )
-        return Memory(layout, sweep.design.count, chunk or sweep.chunk(layout), sweep.title), layout
-    needed("zarr")
-    path = Path(file)
-    if path.suffix != ENDING:
-        raise ResultError(f"expected a name that ends in {ENDING} for the results, got {path.name!r}")
-    if not path.absolute().parent.is_dir():
-        raise ResultError(f"cannot write {path}: there is no folder {path.parent}")
-    layout = sweep.layout()
-    if path.exists():
-        store = Zarr(path)
-    else:
-        size = chunk or sweep.chunk(layout)
-        store = Zarr.created(path, layout, sweep.design.count, size, sweep.title, sweep.identity)
-    if store.identity != sweep.identity:
+        return Memory(layout, sweep.design.count, chunk or sweep.chunk(layout), sweep.attributes), layout
+    path, layout = Path(file), sweep.layout()
+    size = chunk or sweep.chunk(layout)
+    store = _own(sweep, Zarr(path) if path.exists() else Zarr.created(path, layout, sweep, size))
+    absent = [entry.name for entry in layout.entries if entry.name not in store.group]
+    if absent:
         raise ResultError(
-            f"{path} has the results of another sweep: other parameters, analysis, outputs or samples\n"
+            f"{path} was begun by an earlier symgen, without {', '.join(absent)}: it cannot be continued\n"
             "  Give another name, or remove it."
         )
     return store, layout
