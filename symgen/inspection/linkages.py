@@ -94,12 +94,10 @@ class RodsView(View):
 
     def moved(self, model: Any, samples: int, **asked: Any) -> Result:
         """Return the kinematics of a driven linkage, up to a dead centre, or a run under forces."""
-        d = model.description
-        free = d.coordinates > len(d.constraints) - len(d.redundant)  # redundant ones prescribe nothing
-        if free or "kinematics" not in model.capabilities:
+        if "kinematics" not in model.capabilities:
             return super().moved(model, samples, **asked)
-        stop = asked.pop("t_end", None)
-        found: Result = model.kinematics(stop=stop, samples=samples, of=d.points, **asked)
+        stop, of = asked.pop("t_end", None), model.description.points
+        found: Result = model.kinematics(stop=stop, samples=samples, of=of, **asked)
         return found
 
     def posed(self, model: Any, values: Sequence[float], over: str) -> Result:

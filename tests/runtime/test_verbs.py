@@ -19,6 +19,7 @@ ELASTIC = {"periodic", "quasi_static", "large_rotation", "speed_response", "in_s
 EXACT = {"sensitivity"}
 SUPPORTED = {
     "four_bar": RODS,
+    "double_four_bar": RODS,  # as many constraints as coordinates, one of them redundant
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch", "sensitivity", "jacobian"},
     "cssp": {"simulate", "assemblies", "batch", "linearise", "sensitivity", "mass_matrix", "jacobian"},

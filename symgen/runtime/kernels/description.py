@@ -211,6 +211,11 @@ class Description(Described):
         return len(self.free) * len(self.axes)
 
     @property
+    def freedom(self) -> int:
+        """Degrees of freedom that constraints and drives leave; redundant constraints prescribe nothing."""
+        return self.coordinates - len(self.constraints) + len(self.redundant)
+
+    @property
     def extent(self) -> str:
         """Numbers of coordinates and constraints, in words."""
         return f"{self.coordinates} coordinates, {len(self.constraints)} constraints"

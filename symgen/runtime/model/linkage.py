@@ -136,8 +136,7 @@ class LinkageModel(Model):
         return Bonds(self._evaluator, self.analysis("kinematics"))
 
     def _refused(self, name: str) -> str | None:
-        d = self.description
-        missing = d.coordinates - len(d.constraints)
+        missing = self.description.freedom
         if name in ("kinematics", "inverse_dynamics", "assemblies") and missing > 0:
             return (
                 f"it has more degrees of freedom than drives and needs {missing} more "

@@ -70,8 +70,7 @@ class RodModel(LinkageModel):
         if name in ("equilibrium", "modes") and self._never_rests:
             return self._never_rests
         d = self.description
-        held = d.coordinates == len(d.constraints) - len(d.redundant)
-        if name == "modes" and held and not d.plane:  # a plane linkage vibrates across its plane, too
+        if name == "modes" and not (d.freedom or d.plane):  # a plane linkage vibrates across its plane, too
             return "constraints and drives hold every freedom: nothing oscillates"
         return super()._refused(name)
 
