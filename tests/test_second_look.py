@@ -1652,9 +1652,8 @@ def test_18_files_are_checked_before_anything_else(tmp_path, command, option):
     assert isinstance(done.exception, ResultError)
 
 
-@pytest.mark.parametrize("count", [80, full(600)])
+@pytest.mark.parametrize("count", [80, full(1200)])
 def test_22_wrong_calls_give_a_named_error(count, tmp_path, monkeypatch):
-    """All of them: ``benchmarks/mutated_calls.py``."""
     monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     calls = wrong_calls(tmp_path)

@@ -10,7 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 from shared.ball_poles import CASE, CRANK, Straight
-from shared.full import full
+from shared.full import full, full_unless
 from typer.testing import CliRunner
 
 import symgen
@@ -21,7 +21,7 @@ from symgen.scene.loading import scene_path
 
 STRICT = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-O0", "-ffp-contract=off")
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-#: One of each kind, small: rods, a driven loop, elastic links with constraints. ``benchmarks/exports.py`` takes all.
+#: One of each kind, small: rods, a driven loop, elastic links with constraints.
 SCENES = ("vertical_rods", "screw_jack", "elastic_slider_crank")
 
 
@@ -67,19 +67,31 @@ def folders(tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("name", "compiler"),
-    [
-        pytest.param("vertical_rods", "gcc", marks=needs("gcc")),
-        pytest.param("vertical_rods", "clang", marks=(needs("clang"), pytest.mark.full)),
-        pytest.param("screw_jack", "clang", marks=needs("clang")),
-        pytest.param("elastic_slider_crank", "gcc", marks=needs("gcc")),
-    ],
+    full_unless(
+        lambda *case: case in zip(SCENES, ("gcc", "clang", "gcc"), strict=True),
+        [(name, compiler) for name in symgen.shipped_scenes() for compiler in ("gcc", "clang")],
+    ),
 )
-def test_the_same_bits(name, compiler, folders):
-    program = compiled(folders[name], name, compiler, "check")
+def test_the_same_bits(name, compiler, folders, tmp_path):
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    folder = folders.get(name, tmp_path / name)
+    if name not in folders:
+        export_c(name, folder)
+    program = compiled(folder, name, compiler, "check")
     assert "all the same to the last bit" in run(program, "--bits")
     if name == "elastic_slider_crank":  # whose shapes LAPACK solves in the library
         said = run(program)
         assert re.search(r"^outputs +\d+ numbers", said, re.M) and ", 0 by too much" in said
+
+
+@needs("cmake")
+@pytest.mark.full
+def test_cmake_builds_and_tests_an_export(tmp_path):
+    export_c("vertical_rods", tmp_path / "vertical_rods")
+    for step in ("cmake -S . -B build", "cmake --build build", "ctest --test-dir build"):
+        said = run_in(tmp_path / "vertical_rods", *step.split())
+    assert "100% tests passed" in said
 
 
 @needs("gcc")

@@ -1,4 +1,4 @@
-"""Starts of random and of shipped scenes against plain geometry; ``benchmarks/random_starts.py`` takes more of them."""
+"""Starts of random and of shipped scenes against plain geometry."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROUNDING = 1e-13
 POINTS_AND_LINKS = [p.stem for p in sorted(SHIPPED.glob("*.toml")) if "loop" not in read_scene(p.stem).data]
 
 
-@pytest.mark.parametrize(("count", "least"), [(6, 5), full(20, 17)])
+@pytest.mark.parametrize(("count", "least"), [(6, 5), full(200, 170)])
 def test_starts_of_random_scenes(count, least):
     outcomes, errors = judged(range(count))
     assert {seed: error for seed, error in errors.items() if error > ROUNDING} == {}

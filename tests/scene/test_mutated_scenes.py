@@ -1,4 +1,4 @@
-"""Mutated scene files: a scene or a named error. ``benchmarks/mutated_scenes.py`` takes thousands of them."""
+"""Mutated scene files: a scene or a named error."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from symgen.errors import SceneError
 PATIENCE = 20.0
 
 
-@pytest.mark.parametrize("files", [30, full(150)])
+@pytest.mark.parametrize("files", [30, full(1000)])
 def test_mutated_scenes_give_a_scene_or_a_named_error(files, tmp_path, monkeypatch):
     monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path / "cache"))
     warm_up()

@@ -10,7 +10,6 @@ import signal
 import sys
 import time
 import tomllib
-import traceback
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -336,15 +335,3 @@ def warm_up() -> None:
     for name in ("four_bar", "rssr", "tumbling_body"):
         run_within(symgen.build(name, backend="numpy"), 60.0)
     symgen.build("elastic_four_bar", backend="numpy").simulate(samples=2, rtol=0.5)
-
-
-def named(error: BaseException) -> str:
-    """Return where an error came from: faults with the same cause go by one name."""
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if "symgen" in f.filename and "tests" not in f.filename] or frames
-    where = (
-        ""
-        if isinstance(error, AssertionError)
-        else f" in {Path(own[-1].filename).name}:{own[-1].lineno} {own[-1].name}"
-    )
-    return f"{type(error).__name__}{where}: {str(error)[:160]}"
