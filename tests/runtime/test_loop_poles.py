@@ -39,7 +39,7 @@ def test_components_without_a_pole(driven, degrees):
             assert np.isnan(value) == (f"{name}.{axis}" in pole.residues)
             if not np.isnan(value):
                 assert value == pytest.approx(np.mean(sides[of][:, i]), abs=2e-6), (name, axis)
-    assert turn.variable("S4").values == pytest.approx(Closed(Offsets(0, 270, 3.5), np.radians(degrees)).S4)
+    assert turn.variable("S4").values == pytest.approx(Closed(Offsets(0, 270, 3.5), np.radians([degrees])).S4)
 
 
 def test_a_turn_is_smooth_across_them(driven):

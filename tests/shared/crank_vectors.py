@@ -78,10 +78,6 @@ class Crank:
     def motion(self, theta1: Jet, S1: Jet, spin: Jet | float = 0.0, branch: int = 1) -> Motion:
         return Motion(self, jet(theta1), jet(S1), jet(spin), branch)
 
-    def limit_of_S1(self) -> float:
-        """Largest constant S1 with which a full turn is possible, alpha4 = 270 deg."""
-        return float(np.sqrt(Real(self.a2) ** 2 - (Real(self.a1) + Real(self.a4)) ** 2))
-
 
 class Motion:
     """All joint variables with rates, and the frames {2}, {3}, {4} of crank, rod and slider."""
@@ -99,14 +95,31 @@ class Motion:
         self.S4 = -along + branch * sqrt(self.discriminant)
         self.p3 = -(self.k4 * self.S4[..., None]) - np.array([a4, 0, 0], dtype=Real)
         self.u = (self.p3 - self.p2) / a2
+
+    @cached_property
+    def _heading(self) -> Jet:
+        return atan2(self.u[..., 1], self.u[..., 0])
+
+    @cached_property
+    def theta2(self) -> Jet:
+        return self._heading - self.theta1
+
+    @cached_property
+    def eta2(self) -> Jet:
         ux, uy, uz = (self.u[..., i] for i in range(3))
-        heading = atan2(uy, ux)
-        self.theta2 = heading - theta1
-        self.eta2 = -atan2(uz, sqrt(ux * ux + uy * uy))
-        self.frame2 = about_z(theta1)
-        self.gauge = about_z(heading) @ about_y(self.eta2)
-        self.frame3 = self.gauge @ about_x(spin)
-        self.frame4 = about_x(zero - alpha4)
+        return -atan2(uz, sqrt(ux * ux + uy * uy))
+
+    @cached_property
+    def frame2(self) -> Jet:
+        return about_z(self.theta1)
+
+    @cached_property
+    def frame3(self) -> Jet:
+        return about_z(self._heading) @ about_y(self.eta2) @ about_x(self.spin)
+
+    @cached_property
+    def frame4(self) -> Jet:
+        return about_x(Jet(np.full_like(self.theta1.value, -Real(self.crank.alpha4))))
 
     @cached_property
     def _bend(self) -> Jet:
