@@ -33,9 +33,6 @@ TORQUE = (31.57202591, 2.98141345, -0.17147759, -1.04151706, 0.40580695)
 TORQUE_EXTREMES = (50.90, -53.63)
 #: Largest forces of the joints on a grid of a degree without bearings: joint, lbf, at degrees.
 PEAK_FORCES = {"M": (45.471, 16), "A": (44.843, 16), "B": (44.853, 353), "Q": (51.624, 354)}
-#: Relative errors of the first two frequencies of a pinned beam by so many elements; and one clamped element.
-PINNED = {1: (7.1475e-4, 8.133e-3), 2: (1.01e-6, 7.15e-4), 3: (3e-8, 1.2e-5)}
-CLAMPED = 2.1e-6
 #: Frequencies [Hz] of the structure in its pose: crank, degrees.
 FREQUENCIES = {
     ("held", 0): (7.9504, 83.6901, 122.9784, 325.306, 364.5383, 464.524, 1185.0178, 1491.6969, 3094.6776, 4216.245),

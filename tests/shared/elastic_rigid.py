@@ -1,4 +1,4 @@
-"""The rigid four-bar of the thesis by plain NumPy, in ft, slug, s, lbf and rad: motion, forces, moments.
+"""The rigid four-bar of the thesis by plain NumPy, in ft, slug, s, lbf and rad: motion and forces.
 
 Every array of vectors has the crank angles before the components. Numbers of the linkage may be complex, so
 that the imaginary part of a result is its derivative along a tiny imaginary part of a number.
@@ -7,7 +7,7 @@ that the imaginary part of a result is its derivative along a tiny imaginary par
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -33,9 +33,6 @@ class FourBar:
     @property
     def period(self) -> float:
         return 2 * math.pi / self.speed
-
-    def stiffer(self, times: float) -> FourBar:
-        return replace(self, EI=self.EI * times, EA=self.EA * times)
 
     def motion(self, crank) -> Motion:
         return Motion(self, np.atleast_1d(np.asarray(crank, dtype=float)))
@@ -145,23 +142,3 @@ class Motion:
             "first": np.stack([m_crank, on_coupler, b_output]),
             "torque": torque,
         }
-
-    def moment(self, link: int, at: float = 0.5):
-        """Internal bending moment of a rigid link, E I w'' with w to the left, at a fraction of its length."""
-        e, x = unit(self.directions[link]), at * self.lengths[link]
-        shear = dot(self.forces["first"][link], left(e))
-        own = dot(self.origins[link], left(e))
-        couple = self.forces["torque"] if link == 0 else 0.0
-        inertia = self.bar.m * (own * x**2 / 2 + self.accelerations[link] * x**3 / 6)
-        return -couple + shear * x - inertia
-
-    @cached_property
-    def inertia(self):
-        """Moment of inertia of the whole linkage as seen by the crank."""
-        bar, m = self.bar, self.bar.m
-        energy = 0.5 * m * bar.a**3 / 3 * self.rates[0] ** 2 + 0.5 * m * bar.c**3 / 3 * self.rates[2] ** 2
-        vA = bar.a * bar.speed * left(unit(self.t1))
-        vG = vA + (bar.b / 2 * self.rates[1])[:, None] * left(unit(self.angles[1]))
-        energy = energy + 0.5 * m * bar.b * dot(vG, vG) + 0.5 * m * bar.b**3 / 12 * self.rates[1] ** 2
-        energy = energy + 0.5 * bar.bearing * (dot(vA, vA) + bar.c**2 * self.rates[2] ** 2)
-        return 2 * energy / bar.speed**2
