@@ -42,8 +42,9 @@ def outcome(case, trial):
     return found_in(case.name, trial.label)
 
 
-#: Errors below this are those of rounding and of the reference solutions, which differ between machines.
-ROUND_OFF = 1e-11
+#: Errors and drifts below these are of rounding and of reference solutions, which differ between machines: 3e-13
+#: to 3e-11 were seen of one row where rank is lost.
+ROUND_OFF, ROUND_OFF_OF_DRIFT = 1e-11, 5e-15
 #: Cases that go through every method with a bound; others take their first.
 EVERY_METHOD = ("vertical_rods", "double_four_bar, 0 m", "far_origin", "thesis_four_bar")
 
@@ -59,10 +60,12 @@ EVERY_METHOD = ("vertical_rods", "double_four_bar, 0 m", "far_origin", "thesis_f
     ids=[f"{c.name}-{t.label}".replace(" ", "_") for c, t in TRIALS],
 )
 def test_what_must_hold_does(case, trial):
-    """Bounds are within ten times the error."""
+    """Bounds are within ten times the error, and of drifts within ten times the drift."""
     found = outcome(case, trial)
     assert found.holds, (found.found, found.said)
     assert trial.bound is None or trial.bound <= 10 * max(found.found.error, ROUND_OFF), found.found.error
+    if trial.bound is not None and case.drift_of:
+        assert case.most_drift <= 10 * max(found.found.drift, ROUND_OFF_OF_DRIFT), found.found.drift
     if not found.survived:
         assert not found.required
         assert len(found.said) > 20

@@ -33,7 +33,7 @@ class DrivenLoop(Case):
     set: Mapping[str, Any] = field(default_factory=dict)
     through: bool = False
     bound: float = 5e-15
-    most_drift: float = 1e-13
+    most_drift: float = 4e-14
     family: str = "loops"
     drift_of: str = "closure"
 
@@ -61,7 +61,7 @@ class FreeLoop(Case):
     rtol: float
     step: float
     bounds: Mapping[str, float]
-    most_drift: float = 1e-13
+    most_drift: float = 4e-14
     family: str = "loops"
     drift_of: str = "closure"
 

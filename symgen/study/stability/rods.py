@@ -48,7 +48,7 @@ class Rods(Case):
     t_end: float | None = None
     samples: int = 51
     more: tuple[Trial, ...] = ()
-    most_drift: float = 1e-12
+    most_drift: float = 1e-14
     family: str = "rods"
     drift_of: str = "constraints [m]"
 
@@ -244,7 +244,7 @@ CASES: tuple[Case, ...] = (
         step=1e-3,
         bounds=_bounds(1e-7, 5e-7, 8e-9, 3e-5, 4e-8, 1e-7, 2e-7, 5e-9, 6e-5, 6e-5),
         more=(Trial("dopri5", {"rtol": 1e-9}), Trial("radau5", {"rtol": 1e-8})),
-        most_drift=1e-8,
+        most_drift=1e-9,
         samples=3,
     ),
 )
