@@ -2,38 +2,19 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import symgen
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
-
-
-def load(name):
-    before = list(sys.path)
-    sys.path.insert(0, str(FOLDER))
-    try:
-        spec = importlib.util.spec_from_file_location(f"{name}_benchmark", FOLDER / f"{name}.py")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[spec.name] = module
-        spec.loader.exec_module(module)
-        return module
-    finally:
-        sys.path[:] = before
-
 
 @pytest.fixture(scope="module")
-def speed():
+def speed(load):
     return load("elastic")
 
 
 @pytest.fixture(scope="module")
-def methods():
+def methods(load):
     return load("elastic_methods")
 
 

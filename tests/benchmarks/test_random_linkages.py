@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from types import ModuleType
-
 import pytest
 
 import symgen
 from symgen.runtime.rods import kinematics
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
-
-@pytest.fixture
-def random_linkages(monkeypatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    import random_linkages
-
-    return random_linkages
+@pytest.fixture(scope="module")
+def random_linkages(load):
+    return load("random_linkages")
 
 
 @pytest.mark.parametrize("stop", [0.7, 1.5])
