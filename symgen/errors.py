@@ -44,7 +44,7 @@ class SceneError(SymgenError):
     def located(self, *, where: str = "", file: str = "") -> SceneError:
         """Return the same error with the outer table or the file in front of its location."""
         place = ".".join(part for part in (where, self.where) if part)
-        return SceneError(self.problem, where=place, file=self.file or file, hint=self.hint)
+        return type(self)(self.problem, where=place, file=self.file or file, hint=self.hint)
 
     def __str__(self) -> str:
         *path, key = self.where.split(".")
@@ -55,6 +55,10 @@ class SceneError(SymgenError):
         head = " ".join(part for part in (f"{self.file}:" if self.file else "", place) if part)
         text = f"{head}: {self.problem}" if place else f"{head} {self.problem}".strip()
         return f"{text}\n  {self.hint}" if self.hint else text
+
+
+class NoLinkageError(SceneError):
+    """No linkage with the prescribed properties was found, or none exists. Change the prescribed values."""
 
 
 #: Least distance of joints of an elastic link from its ends and from each other, over its length.

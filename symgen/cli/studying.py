@@ -89,7 +89,7 @@ def synthesise(
         write(
             out,
             {
-                f"{stem}_{i}.toml": d.linkage.toml(result.title).encode()
+                f"{stem}_{i}.toml": d.linkage.toml(result.title, result.units).encode()
                 for i, d in enumerate(result.designs, 1)
             },
         )

@@ -23,36 +23,65 @@ if TYPE_CHECKING:
 
 #: Most linkages of which a page has drawings.
 _DRAWN = 60
-_CHART_UNITS = "lengths in m; mu: transmission angle in deg over a revolution of the crank"
 _NOUNS = {"spherical": "spherical four-bar"}
+#: Name of the output's range by linkage, and columns for it.
+_RANGES = {"four-bar": "swing", "slider-crank": "stroke"}
+#: Error of a fit; smaller ones are rounding [rad, size].
+_FITTED = 1e-9
 
 
-def _heads(found: Any) -> tuple[str, ...]:
-    lengths = found.designs[0].linkage.lengths
-    names = (name.removesuffix("_link") for name in lengths)
-    return ("", "class", *names, "mu min", "mu max", "error")
+def _shown_in(found: Any) -> tuple[tuple[str, float], tuple[str, float]]:
+    """Return name and size in SI of the units of lengths and angles."""
+    return found.units.get("length", ("m", 1.0)), found.units.get("angle", ("deg", math.radians(1.0)))
+
+
+def _unit_of(found: Any, si: str) -> tuple[str, float]:
+    length, angle = _shown_in(found)
+    return {"m": length, "rad": angle}.get(si, ("", 1.0))
+
+
+def _heads(found: Any, design: Any) -> tuple[str, ...]:
+    """Return the heads of the columns that tables of designs and charts share."""
+    moves = _RANGES.get(found.linkage)
+    names = (name.removesuffix("_link") for name in design.linkage.lengths)
+    return (*names, *((moves, "time ratio") if moves else ()), "mu min", "mu max")
+
+
+def _cells(found: Any, design: Any) -> Iterator[str]:
+    """Yield lengths or arcs, range of the output, time ratio and transmission angles of a linkage."""
+    length, angle = _shown_in(found)
+    arcs = found.linkage == "spherical"
+    for value in design.linkage.lengths.values():
+        yield f"{value / (angle if arcs else length)[1]:.5g}"
+    moves = _RANGES.get(found.linkage)
+    if moves:
+        size = (length if moves == "stroke" else angle)[1]
+        yield _or_dash(design.quantities.get(moves, math.nan) / size, ".5g")
+        yield _or_dash(design.quantities.get("time_ratio", math.nan), ".4g")
+    for end in ("minimum", "maximum"):
+        yield _or_dash(design.quantities.get(f"transmission_{end}", math.nan) / angle[1], ".2f")
+
+
+def _or_dash(value: float, form: str) -> str:
+    return "-" if math.isnan(value) else f"{value:{form}}"
 
 
 def _units(found: Any) -> str:
-    what = "arcs in deg" if found.linkage == "spherical" else "lengths in m"
+    (length, _), (angle, _) = _shown_in(found)
+    what = f"arcs in {angle}" if found.linkage == "spherical" else f"lengths in {length}, angles in {angle}"
     from_ = " from the guide's normal" if found.linkage == "slider-crank" else ""
-    return (
-        f"{what}; mu: transmission angle in deg{from_} over a revolution of the crank, - where it makes none"
+    return f"{what}; mu: transmission angle{from_} over a revolution of the crank, - where it makes none"
+
+
+def _table(found: Any) -> TableView:
+    """Return the table of designs; errors of rounding have no column."""
+    fitted = any(design.linkage.error > _FITTED for design in found.designs)
+    rows = (
+        (str(i), d.linkage.grashof, *_cells(found, d), *([f"{d.linkage.error:.1e}"] if fitted else []))
+        for i, d in enumerate(found.designs, start=1)
     )
-
-
-def _rows(found: Any) -> Iterator[tuple[str, ...]]:
-    """Yield number, class, lengths or arcs, transmission angles and error of every linkage."""
-    for i, design in enumerate(found.designs, start=1):
-        angles = (design.quantities.get(f"transmission_{end}", math.nan) for end in ("minimum", "maximum"))
-        unit = math.degrees(1.0) if found.linkage == "spherical" else 1.0
-        yield (
-            str(i),
-            design.linkage.grashof,
-            *(f"{unit * length:.6g}" for length in design.linkage.lengths.values()),
-            *("-" if math.isnan(angle) else f"{math.degrees(angle):.2f}" for angle in angles),
-            f"{design.linkage.error:.1e}",
-        )
+    heads = ("", "class", *_heads(found, found.designs[0]), *(["error"] if fitted else []))
+    return TableView(heads, tuple(rows))
 
 
 def _title(found: Any) -> str:
@@ -69,7 +98,8 @@ def _faults(found: Any) -> Iterator[str]:
 
 def print_synthesis(found: Any, console: Console) -> None:
     """Print class, lengths and transmission angles of every linkage, and the faults of their motion."""
-    console.print(table(_title(found), _heads(found), _rows(found), texts=(1,), keys=2))
+    designs = _table(found)
+    console.print(table(_title(found), designs.head, designs.rows, texts=(1,), keys=2))
     console.print(_units(found))
     for fault in _faults(found):
         console.print(fault)
@@ -81,44 +111,45 @@ def synthesis_page(found: Any, name: str) -> StudyPage:
         name=name,
         title=_title(found),
         facts=(),
-        tables=(TableView(_heads(found), tuple(_rows(found))),),
-        drawings=tuple(_drawn(i, d.linkage).svg() for i, d in enumerate(found.designs[:_DRAWN], start=1)),
+        tables=(_table(found),),
+        drawings=tuple(
+            _drawn(i, d.linkage, _shown_in(found)[0]).svg()
+            for i, d in enumerate(found.designs[:_DRAWN], start=1)
+        ),
         notes=(_units(found)[0].upper() + _units(found)[1:], *_faults(found)),
     )
 
 
-def _chart_rows(chart: Any) -> Iterator[tuple[str, ...]]:
-    """Yield value, lengths and transmission angles of every linkage of a chart."""
-    unit = math.degrees(1.0) if chart.unit == "rad" else 1.0
-    for x, designs in zip(chart.values, chart.designs, strict=True):
-        for design in designs:
-            angles = (design.quantities[f"transmission_{end}"] for end in ("minimum", "maximum"))
-            lengths = design.linkage.lengths.values()
-            yield (
-                f"{unit * x:.6g}",
-                *(f"{length:.6g}" for length in lengths),
-                *(f"{math.degrees(angle):.2f}" for angle in angles),
-            )
+def _chart_table(chart: Any) -> TableView:
+    """Return the table of a design chart: the value, and the columns of each linkage."""
+    _, size = _unit_of(chart, chart.unit)
+    rows = (
+        (f"{x / size:.6g}", *_cells(chart, design))
+        for x, designs in zip(chart.values, chart.designs, strict=True)
+        for design in designs
+    )
+    design = next(d for designs in chart.designs for d in designs)
+    return TableView((_over(chart), *_heads(chart, design)), tuple(rows))
+
+
+def _over(chart: Any) -> str:
+    """Return the varied quantity with its unit."""
+    unit, _ = _unit_of(chart, chart.unit)
+    return f"{chart.name} [{unit}]" if unit else chart.name
 
 
 def _chart_gaps(chart: Any) -> Iterator[str]:
-    unit = math.degrees(1.0) if chart.unit == "rad" else 1.0
+    _, size = _unit_of(chart, chart.unit)
     for x, reason in zip(chart.values, chart.reasons, strict=True):
         if reason:
-            yield f"{unit * x:.6g}: {reason}"
-
-
-def _chart_heads(chart: Any) -> tuple[str, ...]:
-    design = next(d for designs in chart.designs for d in designs)
-    names = (name.removesuffix("_link") for name in design.linkage.lengths)
-    unit = {"rad": " [deg]", "m": " [m]"}.get(chart.unit, "")
-    return (chart.name + unit, *names, "mu min", "mu max")
+            yield f"{x / size:.6g}: {reason}"
 
 
 def print_chart(chart: Any, console: Console) -> None:
     """Print lengths and transmission angles of all linkages of a design chart."""
-    console.print(table(chart.title or "Design chart", _chart_heads(chart), _chart_rows(chart), keys=1))
-    console.print(_CHART_UNITS)
+    rows = _chart_table(chart)
+    console.print(table(chart.title or "Design chart", rows.head, rows.rows, keys=1))
+    console.print(_units(chart))
     for gap in _chart_gaps(chart):
         console.print(gap)
 
@@ -129,14 +160,14 @@ def chart_page(chart: Any, name: str) -> StudyPage:
         name=name,
         title=chart.title or "Design chart",
         facts=(),
-        tables=(TableView(_chart_heads(chart), tuple(_chart_rows(chart))),),
-        notes=(_CHART_UNITS[0].upper() + _CHART_UNITS[1:], *_chart_gaps(chart)),
+        tables=(_chart_table(chart),),
+        notes=(_units(chart)[0].upper() + _units(chart)[1:], *_chart_gaps(chart)),
         figures=(plain_figure(lambda: plot_chart(chart), f"Lengths and angles over {chart.name}"),),
     )
 
 
 def plot_chart(chart: Any, file: str | os.PathLike[str] | None = None) -> Figure:
-    """Plot lengths [m] and angles [deg] of the linkages of a design chart over the varied quantity.
+    """Plot lengths and angles of the linkages of a design chart over the varied quantity.
 
     Raises
     ------
@@ -147,20 +178,22 @@ def plot_chart(chart: Any, file: str | os.PathLike[str] | None = None) -> Figure
 
     figure = Figure(figsize=(8, 7), layout="constrained")
     panels = figure.subplots(2, 1, sharex=True)
-    unit = math.degrees(1.0) if chart.unit == "rad" else 1.0
-    rows = [(unit * x, d) for x, designs in zip(chart.values, chart.designs, strict=True) for d in designs]
+    (length, per_length), (angle, per_angle) = _shown_in(chart)
+    _, size = _unit_of(chart, chart.unit)
+    rows = [(x / size, d) for x, designs in zip(chart.values, chart.designs, strict=True) for d in designs]
     several = any(len(designs) > 1 for designs in chart.designs)
     line = {"marker": ".", "linestyle": "none" if several else "-"}
     lengths = rows[0][1].linkage.lengths
     for name in lengths:
-        panels[0].plot([x for x, _ in rows], [d.linkage.lengths[name] for _, d in rows], label=name, **line)
+        ys = [d.linkage.lengths[name] / per_length for _, d in rows]
+        panels[0].plot([x for x, _ in rows], ys, label=name, **line)
     angles = [n for n in rows[0][1].quantities if n not in lengths and n != chart.name and _is_angle(n)]
     for name in angles:
-        ys = [math.degrees(d.quantities[name]) for _, d in rows]
+        ys = [d.quantities[name] / per_angle for _, d in rows]
         panels[1].plot([x for x, _ in rows], ys, label=name, **line)
-    panels[0].set_ylabel("lengths [m]")
-    panels[1].set_ylabel("angles [deg]")
-    panels[1].set_xlabel(_chart_heads(chart)[0])
+    panels[0].set_ylabel(f"lengths [{length}]")
+    panels[1].set_ylabel(f"angles [{angle}]")
+    panels[1].set_xlabel(_over(chart))
     for panel in panels:
         panel.grid(alpha=0.3)
         panel.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -176,7 +209,7 @@ def _is_angle(name: str) -> bool:
     return name.startswith(shown)
 
 
-def _drawn(number: int, linkage: Any) -> Sheet:
+def _drawn(number: int, linkage: Any, length: tuple[str, float]) -> Sheet:
     """Return the drawing of a linkage at its first pose, that of axes seen from their mean."""
     at = {name: getattr(linkage, name) for name in "OABCP" if hasattr(linkage, name)}
     ends = [("crank", "O", "A"), ("coupler", "A", "B"), ("rocker", "C", "B"), ("", "A", "P"), ("", "B", "P")]
@@ -192,8 +225,8 @@ def _drawn(number: int, linkage: Any) -> Sheet:
         turned = linkage.parameters["start"] + np.linspace(0.0, 2 * np.pi, 121)
         lines.append(Line("path", "", linkage.angles(turned)["P.position"].values))
     nodes = tuple(Node(name, place, kinds.get(name, "joint")) for name, place in at.items())
-    unit = "m" if "P" in at else "radii"
-    return Sheet(f"linkage {number}", [Sketch(nodes, tuple(lines), np.zeros(2), unit)], {}, (unit, 1.0))
+    unit, scale = ("m", length) if "P" in at else ("radii", ("radii", 1.0))
+    return Sheet(f"linkage {number}", [Sketch(nodes, tuple(lines), np.zeros(2), unit)], {}, scale)
 
 
 def _on_sphere(axes: dict[str, Any], ends: list[tuple[str, str, str]]) -> tuple[list[Line], dict[str, Any]]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from symgen.calls import checked
-from symgen.errors import SceneError, nearest
-from symgen.scene.units import LENGTH, NUMBER
+from symgen.errors import NoLinkageError, SceneError, nearest
+from symgen.scene.units import LENGTH, NUMBER, Shown
 from symgen.synthesis.synthesise import LIMITS, Design, Synthesis, synthesise
 from symgen.synthesis.tasks import LimitTask, SliderLimitTask, read_task, value
 
@@ -29,6 +29,8 @@ class DesignChart:
         For each value the linkages found, without faults; none where there is none.
     reasons
         For each value why there is none, empty where there are some.
+    units
+        Those of tables and plots, by ``length`` and ``angle``.
     """
 
     title: str
@@ -38,6 +40,7 @@ class DesignChart:
     values: tuple[float, ...]
     designs: tuple[tuple[Design, ...], ...]
     reasons: tuple[str, ...]
+    units: Shown
 
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers, in SI units: what ``symgen synthesise --vary --json`` prints."""
@@ -73,7 +76,7 @@ def design_chart(
     SceneError
         For anything wrong in the task, a quantity that the linkage does not have, or no linkage at any value.
     """
-    title, asked = read_task(task)
+    head, asked = read_task(task)
     if not isinstance(asked, LimitTask | SliderLimitTask):
         raise SceneError(f"expected a task of limit positions, got {asked.kind!r}", where="kind")
     units = {n: unit for n, unit, _ in LIMITS[asked.linkage].quantities}
@@ -87,9 +90,7 @@ def design_chart(
         try:
             found: Synthesis | None = synthesise({**own, name: text})
             reason = ""
-        except SceneError as error:
-            if "no " not in str(error):
-                raise
+        except NoLinkageError as error:
             found, reason = None, str(error).partition("\n")[0]
         kept = tuple(d for d in found.designs if not d.faults) if found else ()
         if found and not kept:
@@ -99,9 +100,11 @@ def design_chart(
     if not designs:
         raise SceneError(f"expected values of {name}, got none")
     if not any(designs):
-        raise SceneError(f"no linkage at any of the {len(designs)} values of {name}: {reasons[0]}")
+        raise NoLinkageError(f"no linkage at any of the {len(designs)} values of {name}: {reasons[0]}")
     numbers = tuple(float(x) for x in values)
-    return DesignChart(title, asked.linkage, name, unit, numbers, tuple(designs), tuple(reasons))
+    return DesignChart(
+        head.title, asked.linkage, name, unit, numbers, tuple(designs), tuple(reasons), head.units
+    )
 
 
 def values_of(task: str | os.PathLike[str], option: str) -> tuple[str, list[float]]:

@@ -23,7 +23,14 @@ from symgen.synthesis.search import (
 )
 from symgen.synthesis.slider_crank import SliderCrank
 from symgen.synthesis.spherical import SphericalFourBar
-from symgen.synthesis.tasks import FunctionTask, SliderFunctionTask, SphericalFunctionTask, value, values
+from symgen.synthesis.tasks import (
+    SIZES,
+    FunctionTask,
+    SliderFunctionTask,
+    SphericalFunctionTask,
+    value,
+    values,
+)
 
 Array = NDArray[np.float64]
 
@@ -44,7 +51,7 @@ def _pairs(task: Any, starts: tuple[str, str], slides: bool = False) -> _Pairs:
     if len(x) != len(y):
         raise SceneError(f"expected as many outputs as inputs, {len(x)}, got {len(y)}", where="output")
     size = float(np.ptp(y)) if slides else 1.0
-    if not size > 0:
+    if not size >= SIZES[0] and slides:
         raise SceneError("expected different positions of the slider", where="output")
     texts = {n: getattr(task, n) for n in starts}
     dims = {starts[0]: NUMBER, starts[1]: LENGTH if slides else NUMBER}
@@ -86,8 +93,8 @@ def four_bars(task: FunctionTask) -> Found:
     """
     pairs = _pairs(task, ("crank_start", "rocker_start"))
     size = value(task.fixed_link, LENGTH, "fixed_link")
-    if size <= 0:
-        raise SceneError(f"expected a length above zero, got {size:g} m", where="fixed_link")
+    if size < SIZES[0]:
+        raise SceneError(f"expected a length of {SIZES[0]:g} m or more, got {size:g} m", where="fixed_link")
     names = ("d_over_a", "d_over_c", "third", *pairs.starts)
     rows, errors, found = _searched(pairs, "synthesis_function", names, _ratios, task)
     linkages, poses = [], []

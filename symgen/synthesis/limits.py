@@ -16,6 +16,7 @@ from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.linkage import angle
 from symgen.synthesis.search import Search, conditions, search
 from symgen.synthesis.slider_crank import SliderCrank
+from symgen.synthesis.tasks import SIZES
 
 Array = NDArray[np.float64]
 
@@ -218,8 +219,8 @@ def _check(kind: Kind, given: dict[str, float]) -> None:
         )
     for name, number in given.items():
         unit = next(u for n, u, _ in kind.quantities if n == name)
-        if unit == "m" and not (0 < number < np.inf or number == least.get(name)):
-            wanted = "of zero or more" if name in least else "above zero"
+        if unit == "m" and not (number >= SIZES[0] or number == least.get(name)):
+            wanted = f"{'of zero, or ' if name in least else ''}of {SIZES[0]:g} m or more"
             raise SceneError(f"expected a length {wanted}, got {number:.6g} m", where=name)
         if unit == "1" and not 0 < number < np.inf:
             raise SceneError(f"expected a ratio above zero, got {number:.6g}", where=name)
@@ -247,8 +248,8 @@ def _sample(kind: Kind, generator: np.random.Generator, given: dict[str, float])
     return np.array([named[n] * (scale if n in kind.lengths else 1.0) for n in kind.names])
 
 
-def _time_ratio(x: dict[str, float]) -> float:
-    more = x["crank_folded"] - x["crank_extended"]
+def time_ratio(more: float) -> float:
+    """Return the ratio of the rotations of a crank, of which one is ``more`` [rad] than half a revolution."""
     return float((np.pi + more) / (np.pi - more))
 
 
@@ -264,7 +265,7 @@ def _crank_rocker(generator: np.random.Generator) -> dict[str, float]:
         out[f"transmission_{pose}"] = angle(d, side, c)
     out["swing"] = out["rocker_extended"] - out["rocker_folded"]
     out["transmission_least"], out["transmission_greatest"] = angle(d - a, b, c), angle(d + a, b, c)
-    return out | {"time_ratio": _time_ratio(out)}
+    return out | {"time_ratio": time_ratio(out["crank_folded"] - out["crank_extended"])}
 
 
 def _is_crank_rocker(x: dict[str, float]) -> bool:
@@ -302,7 +303,7 @@ def _measured_crank_rocker(linkage: FourBar) -> Iterator[tuple[str, float]]:
     yield "transmission_folded", float(transmission[2])
     yield "transmission_least", float(transmission[3])
     yield "transmission_greatest", float(transmission[4])
-    yield "time_ratio", _time_ratio({"crank_extended": extended, "crank_folded": folded})
+    yield "time_ratio", time_ratio(folded - extended)
 
 
 def _slider_crank(generator: np.random.Generator) -> dict[str, float]:
@@ -316,7 +317,7 @@ def _slider_crank(generator: np.random.Generator) -> dict[str, float]:
     out["transmission_least"], out["transmission_greatest"] = (
         float(np.arccos(x / l)) for x in (e + r, e - r)
     )
-    return out | {"time_ratio": _time_ratio(out)}
+    return out | {"time_ratio": time_ratio(out["crank_folded"] - out["crank_extended"])}
 
 
 def _is_slider_crank(x: dict[str, float]) -> bool:
@@ -352,7 +353,7 @@ def _measured_slider_crank(linkage: SliderCrank) -> Iterator[tuple[str, float]]:
     yield "stroke", float(slider[0] - slider[1])
     yield "transmission_least", float(transmission[2])
     yield "transmission_greatest", float(transmission[3])
-    yield "time_ratio", _time_ratio({"crank_extended": extended, "crank_folded": folded})
+    yield "time_ratio", time_ratio(folded - extended)
 
 
 def _transmission_of_rocker(linkage: FourBar) -> tuple[float, float]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from symgen.runtime.model.kinematic import KinematicModel
     from symgen.runtime.result.result import Result
     from symgen.scene.schema import Scene
+    from symgen.scene.units import Shown
 
 Array = NDArray[np.float64]
 
@@ -77,9 +78,11 @@ class Linkage(ABC):
 
         return Scene(**self.tables())
 
-    def toml(self, title: str = "") -> str:
-        """Return the scene as the text of a TOML file, under the title of a task and its own."""
+    def toml(self, title: str = "", units: Shown | None = None) -> str:
+        """Return the scene as the text of a TOML file, under the title and with the units of a task."""
         tables = self.tables()
+        if units:
+            tables["units"] = {of: name for of, (name, _) in units.items()}
         if title:
             own = tables["title"]
             tables["title"] = f"{title}: {own[0].lower()}{own[1:]}"

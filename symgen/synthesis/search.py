@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from symgen.errors import SceneError
 from symgen.runtime import _core
 from symgen.runtime.kernels.library import shipped_module
+from symgen.synthesis.tasks import SIZES
 
 Array = NDArray[np.float64]
 Equations = Callable[[Array], tuple[Array, Array]]
@@ -221,6 +222,6 @@ def enough(conditions: int, unknowns: int, what: str, which: str) -> None:
 def size_of(places: Array) -> float:
     """Return the size of the points; raise SceneError if they are one."""
     size = float(np.linalg.norm(np.ptp(places, axis=0)))
-    if not size > 0:
-        raise SceneError("expected points at different places", where="points")
+    if not size >= SIZES[0]:
+        raise SceneError(f"expected points at different places, got {size:g} m between them", where="points")
     return size

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import SceneError, SimulationError
+from symgen.errors import NoLinkageError, SimulationError
+from symgen.scene.units import Shown
 from symgen.synthesis import dyads, function, limits
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.linkage import Linkage, angle
@@ -43,8 +44,9 @@ class Design:
     linkage
         A ``FourBar``, ``SliderCrank`` or ``SphericalFourBar``, with their lengths and angles.
     quantities
-        Lengths [m] and angles [rad] measured in a run, if the crank turns: least and greatest transmission
-        angle, range of the rocker, and those of the limit positions if the task prescribes some.
+        Lengths [m], angles [rad] and ratios measured in a run, if the crank turns: least and greatest
+        transmission angle, swing or stroke and time ratio, and those of limit positions if the task
+        prescribes some. A time ratio of other tasks is that of the slower to the faster way: at least one.
     faults
         Faults of the motion: precision points on another branch, in another order, or out of reach.
     """
@@ -57,13 +59,17 @@ class Design:
 @checked
 @dataclass(frozen=True, slots=True)
 class Synthesis:
-    """All linkages found; ``designs`` without faults come first, those of least error before others."""
+    """All linkages found; ``designs`` without faults come first, those of least error before others.
+
+    ``units`` are those of tables, by ``length`` and ``angle``; values are in SI.
+    """
 
     title: str
     kind: str
     linkage: str
     designs: tuple[Design, ...]
     search: Search
+    units: Shown
 
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers, in SI units: what ``symgen synthesise --json`` prints."""
@@ -98,9 +104,9 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
     Raises
     ------
     SceneError
-        For anything wrong in the task, and when no linkage was found or can exist.
+        For anything wrong in the task; ``NoLinkageError`` when no linkage was found or can exist.
     """
-    title, asked = read_task(task)
+    head, asked = read_task(task)
     if isinstance(asked, LimitTask | SliderLimitTask):
         kind = LIMITS[asked.linkage]
         given, ranges = asked.given()
@@ -112,11 +118,11 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
         if not designs:
             reason = kind.why_not(given, ranges)
             if reason:
-                raise SceneError(
+                raise NoLinkageError(
                     f"no {_NOUNS[asked.linkage]} has these values, which contradict: {reason}",
                     hint="Change the prescribed values.",
                 )
-            raise SceneError(
+            raise NoLinkageError(
                 _nothing(asked, search) + _greatest(kind, given, ranges, asked),
                 hint="Change the prescribed values, or try more starts.",
             )
@@ -127,9 +133,11 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
         designs = [_checked(own, partial(run, own, poses)) for own, poses in pairs]
         search = found.search
     if not designs:
-        raise SceneError(_nothing(asked, search), hint="Change the prescribed values, or try more starts.")
+        raise NoLinkageError(
+            _nothing(asked, search), hint="Change the prescribed values, or try more starts."
+        )
     ordered = tuple(sorted(designs, key=lambda d: bool(d.faults)))
-    return Synthesis(title, asked.kind, asked.linkage, ordered, search)
+    return Synthesis(head.title, asked.kind, asked.linkage, ordered, search, head.units)
 
 
 #: Limit positions by linkage.
@@ -195,7 +203,7 @@ def _stopped(linkage: Linkage, time: float) -> str:
 
 
 def _limits(kind: limits.Kind, linkage: Linkage, given: dict[str, float]) -> Faults:
-    quantities = dict(kind.measured(linkage)) | _over_revolution(linkage)
+    quantities = _over_revolution(linkage) | dict(kind.measured(linkage))
     size = max(linkage.lengths.values())
     sizes = {n: size if n in kind.lengths else 1.0 for n in given if n in quantities}
     missed = {n: abs(quantities[n] - given[n]) / unit for n, unit in sizes.items()}
@@ -206,7 +214,7 @@ def _over_revolution(linkage: Linkage) -> dict[str, float]:
     """Return extremes over a revolution: of transmission angles, and of the rocker or slider."""
     if not linkage.turns:
         return {}
-    directions, moves = _extremes(linkage)
+    directions, moves, more = _extremes(linkage)
     run = linkage.angles(np.array(directions))
     transmission = _transmission(linkage, run)
     found = {
@@ -215,11 +223,15 @@ def _over_revolution(linkage: Linkage) -> dict[str, float]:
     }
     if moves:
         found[moves] = float(np.ptp(_output(linkage, run)))
+        found["time_ratio"] = limits.time_ratio(abs(more))
     return found
 
 
-def _extremes(linkage: Linkage) -> tuple[list[float], str]:
+def _extremes(linkage: Linkage) -> tuple[list[float], str, float]:
     """Return directions of the crank [rad] at which extremes are, and the name of the output's range.
+
+    The last value is the rotation of the crank [rad] from one limit position to the other, over half a
+    revolution.
 
     Those of the transmission angle are on the fixed link, or normal to the guide. In those of the output
     coupler and crank are in line.
@@ -230,16 +242,18 @@ def _extremes(linkage: Linkage) -> tuple[list[float], str]:
             float(np.arcsin(linkage.height / (l + r))),
             np.pi + float(np.arcsin(linkage.height / (l - r))),
         ]
+        more = inline[1] - np.pi - inline[0]
         if (linkage.B - linkage.A) @ linkage.along < 0:
             inline = [np.pi - x for x in inline]
-        return [linkage.guide + x for x in (np.pi / 2, -np.pi / 2, *inline)], "slider_range"
-    moves = "rocker_range" if linkage.grashof == "crank-rocker" else ""
+        return [linkage.guide + x for x in (np.pi / 2, -np.pi / 2, *inline)], "stroke", more
+    moves = "swing" if linkage.grashof == "crank-rocker" else ""
     a, b, c, d = linkage.lengths.values()
     if isinstance(linkage, SphericalFourBar):
-        return [0.0, np.pi], ""
+        return [0.0, np.pi], "", 0.0
     towards = float(np.arctan2(*(cast("FourBar", linkage).C - cast("FourBar", linkage).O)[::-1]))
     inline = [angle(c, d, b + a), np.pi + angle(c, d, b - a)] if moves else []
-    return [towards + x for x in (0.0, np.pi, *inline, *(-x for x in inline))], moves
+    more = inline[1] - np.pi - inline[0] if moves else 0.0
+    return [towards + x for x in (0.0, np.pi, *inline, *(-x for x in inline))], moves, more
 
 
 def _transmission(linkage: Linkage, run: Any) -> Array:

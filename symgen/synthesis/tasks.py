@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,15 @@ from symgen.mechanics.synthesis.limits import QUANTITIES, SLIDER_QUANTITIES
 from symgen.scene.expressions import parse_value
 from symgen.scene.faults import scene_error
 from symgen.scene.loading import read_scene
-from symgen.scene.reading import at
+from symgen.scene.reading import at, shown_units
+from symgen.scene.schema import Units
 from symgen.scene.table import Table, Text, Value, absent
-from symgen.scene.units import LENGTH, NUMBER, Dimension
+from symgen.scene.units import LENGTH, NUMBER, Dimension, Shown
 
 Array = NDArray[np.float64]
+
+#: Least and greatest size of linkages [m]: beyond them powers of lengths lose their accuracy.
+SIZES = 1e-9, 1e9
 
 Starts = Annotated[int, Field(ge=1, le=1_000_000, description="Number of random starts of the search.")]
 Seed = Annotated[int, Field(ge=0, description="Seed of the starts: the same seed gives the same results.")]
@@ -262,11 +266,19 @@ class Document(Table):
 
     symgen: Literal[1]
     title: Text = ""
+    units: Units = Units()
     synthesis: dict[str, Any]
 
 
-def read_task(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[str, Task]:
-    """Return title and task of a file, or of its tables in Python.
+class Head(NamedTuple):
+    """Title of a file, and the units in which its results are shown."""
+
+    title: str
+    units: Shown
+
+
+def read_task(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Head, Task]:
+    """Return head and task of a file, or of the table in Python.
 
     Raises
     ------
@@ -274,13 +286,14 @@ def read_task(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[str, 
         For anything wrong in it, naming file, table and key.
     """
     if isinstance(source, Mapping):
-        return "", _task(dict(source), "")
+        return Head("", {}), _task(dict(source), "")
     if not Path(source).is_file():
         raise SceneError(f"there is no file called {os.fspath(source)!r}", hint="See docs/synthesis.md.")
     text = read_scene(source)
     try:
         document = Document(**text.data)
-        return document.title or text.name, _task(document.synthesis, "synthesis")
+        head = Head(document.title or text.name, shown_units(document.units))
+        return head, _task(document.synthesis, "synthesis")
     except ValidationError as error:
         raise scene_error(Document, error).located(file=text.file) from None
     except SceneError as error:
@@ -310,9 +323,12 @@ def _task(table: dict[str, Any], where: str) -> Task:
 
 
 def value(text: str | int | float, dim: Dimension, where: str) -> float:
-    """Return a quantity in SI units."""
+    """Return a quantity in SI units; lengths up to the largest."""
     with at(where):
-        return float(parse_value(text, {}, dim))
+        found = float(parse_value(text, {}, dim))
+    if dim == LENGTH and abs(found) > SIZES[1]:
+        raise SceneError(f"expected at most {SIZES[1]:g} m, got {found:g} m", where=where)
+    return found
 
 
 def values(texts: list[str | int | float], dim: Dimension, where: str) -> Array:

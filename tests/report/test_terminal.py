@@ -90,7 +90,7 @@ def test_four_bars_fit_80_columns():
         for angles in ({}, {"transmission_minimum": 0.7, "transmission_maximum": 2.5})
     ]
     terminals = Terminals()
-    print_synthesis(SimpleNamespace(title="", linkage="four-bar", designs=designs), terminals)
+    print_synthesis(SimpleNamespace(title="", linkage="four-bar", designs=designs, units={}), terminals)
     terminals.check()
     assert re.search(r" - +- ", terminals.texts[1]) and "143.24" in terminals.texts[0]
 

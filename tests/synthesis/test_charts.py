@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import tomllib
 
 import numpy as np
 import pytest
@@ -61,7 +62,19 @@ def test_a_chart_over_the_swing(tmp_path):
     """Case II: lengths by its closed form; no linkage where the rocker would not swing."""
     file, plot, page = tmp_path / "task.toml", tmp_path / "chart.png", tmp_path / "chart.html"
     lines = [f"{key} = {json.dumps(value)}" for key, value in CASE_2.items()]
-    file.write_text("\n".join(["symgen = 1", "[synthesis]", "starts = 20", 'swing = "1 deg"', *lines]))
+    file.write_text(
+        "\n".join(
+            [
+                "symgen = 1",
+                "[units]",
+                'length = "mm"',
+                "[synthesis]",
+                "starts = 20",
+                'swing = "1 deg"',
+                *lines,
+            ]
+        )
+    )
     printed = json.loads(
         call("synthesise", file, "--vary", "swing=10deg:90deg:5", "--json", "--plot", plot, "--page", page)
     )
@@ -74,7 +87,14 @@ def test_a_chart_over_the_swing(tmp_path):
         assert [design[n] for n in ("crank", "coupler", "rocker")] == pytest.approx(wanted, rel=1e-8)
     legend = [t.get_text() for t in plot_chart(design_chart(file, "swing", [1.0])).axes[1].get_legend().texts]
     assert {"transmission_least", "transmission_greatest"} <= {*legend} <= {*LimitTask.model_fields}
-    assert "swing [deg]" in call("synthesise", file, "--vary", "swing=50deg:60deg:2")
+    shown = call("synthesise", file, "--vary", "swing=50deg:60deg:2")
+    assert "swing [deg]" in shown and "lengths in mm" in shown and " 1.25 " in shown  # of 200 and 160 deg
+    assert f" {1000 * case_2(math.radians(60), math.radians(30), math.radians(50))[1]:.5g} " in shown
+    file.write_text(file.read_text().replace('"1 deg"', '"60 deg"'))
+    designs = call("synthesise", file, "--out", tmp_path / "designs")
+    assert "lengths in mm" in designs
+    scene = tomllib.loads((tmp_path / "designs" / "four_bar_1.toml").read_text())
+    assert scene["units"] == {"length": "mm"}
     for words, message in (
         (("swing=50deg:60deg:2", "--out", tmp_path / "out"), "a design chart has no scenes"),
         (("swing=50deg:60deg:1",), "expected NAME=START:STOP:COUNT"),

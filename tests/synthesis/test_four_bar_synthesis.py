@@ -146,7 +146,9 @@ def test_asked_properties_that_no_linkage_has_are_named():
             "Add a length and, for example, transmission_least, which may be a range",
         ),
         ({"kind": "limits", "crank": "1 deg", "rocker": "1 m", "coupler": "1 m", "swing": "1 deg"}, "crank"),
-        ({"kind": "limits", "crank": "-1 m", "rocker": "1 m", "coupler": "1 m", "swing": "1 deg"}, "above zero, got -1 m"),
+        ({"kind": "limits", "crank": "-1 m", "rocker": "1 m", "coupler": "1 m", "swing": "1 deg"}, "1e-09 m or more, got -1 m"),
+        ({"kind": "limits", "fixed_link": "1e200 m", "swing": "60 deg"}, "expected at most 1e\\+09 m, got 1e\\+200 m"),
+        ({"kind": "function", "fixed_link": "1e-200 m", "input": [0, 1], "output": [0, 1]}, "1e-09 m or more, got 1e-200 m"),
         ({"kind": "limits", "crank": "1 m", "rocker": "1 m", "coupler": "1 m", "swing": "190 deg"}, "and 180 deg, got 190 deg"),
         (
             {"kind": "limits", "fixed_link": "1 m", "swing": "60 deg", "rocker_folded": "30 deg",
@@ -416,6 +418,21 @@ def test_the_size_of_a_linkage_is_free(size):
 def test_degenerate_tasks_are_refused(task, message):
     with pytest.raises(SceneError, match=message):
         symgen.synthesise(task)
+
+
+def test_swing_and_time_ratio_of_any_crank_rocker():
+    """Case II: the crank turns by 180 deg and 50 - 30 deg one way, and by the rest the other way."""
+    task = {"kind": "limits", "fixed_link": "1 m", "swing": "60 deg", "crank_extended": "30 deg",
+            "crank_folded": "50 deg"}  # fmt: skip
+    linkage = symgen.synthesise(task).designs[0].linkage
+    run = linkage.angles([0.6, 1.1, 1.9])
+    ground = {"ground_x": ["0 m", "1 m"], "ground_y": ["0 m", "0 m"]}
+    points, angles = in_metres(run["P.position"].values), run["coupler.angle"].values.tolist()
+    found = symgen.synthesise({"kind": "motion", "points": points, "angles": angles, **ground})
+    again = next(d for d in found.designs if d.linkage.grashof == "crank-rocker")
+    assert again.linkage.lengths == pytest.approx(linkage.lengths, rel=1e-9)
+    assert again.quantities["swing"] == pytest.approx(math.radians(60), rel=1e-9)
+    assert again.quantities["time_ratio"] == pytest.approx(200 / 160, rel=1e-9)
 
 
 def test_a_file_that_is_not_there_and_a_scene_in_its_place(tmp_path):

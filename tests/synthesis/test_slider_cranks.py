@@ -86,7 +86,8 @@ def test_an_in_line_slider_crank():
     """Without an offset the stroke is twice the crank, and both strokes take the same time."""
     (design,) = found(kind="limits", stroke="20 cm", offset="0 m", coupler="30 cm")
     assert [*design.linkage.lengths.values()] == pytest.approx([0.1, 0.3, 0.0], abs=1e-12)
-    assert design.quantities["slider_range"] == pytest.approx(0.2, rel=1e-9)
+    assert design.quantities["stroke"] == pytest.approx(0.2, rel=1e-9)
+    assert design.quantities["time_ratio"] == pytest.approx(1.0, rel=1e-9)
     assert design.quantities["transmission_minimum"] == pytest.approx(math.acos(0.1 / 0.3), rel=1e-9)
 
 
