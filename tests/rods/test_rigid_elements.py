@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import shared.elastic_golden as golden
 import sympy as sp
+from shared.elastic_reference import RIG
 from shared.linkages import GRAVITY, at, circles, ground, rod
 from shared.shipped import derived
 from typer.testing import CliRunner
@@ -51,30 +54,10 @@ def four_bar():
     return symgen.build(thesis())
 
 
-#: Forces at M, A, B, Q [lbf], torque and moments at mid-length of crank, coupler, output [lbf ft], by degree.
-GOLDEN = {
-    0: (
-        (7.23432752, -20.54161152, 6.04186195, -20.54161152, 14.02712246, -24.24121565, 25.65366176, -28.68074061),
-        11.98260672,
-        (5.99130336, 0.64430510, -0.78765765),
-    ),
-    60: (
-        (5.75364601, 4.87082760, 5.15741322, 3.83812213, 1.96720776, 2.20593971, -0.83892546, 2.01767306),
-        1.48597739,
-        (0.74298869, -0.05993076, 0.34930041),
-    ),
-    200: (
-        (-3.49730219, -2.25807778, -2.37675109, -1.85023053, -0.21342032, -0.62421698, 0.46163187, 0.14783258),
-        -0.54002155,
-        (-0.27001078, 0.08212743, -0.12302353),
-    ),
-}  # fmt: skip
-
-
 @pytest.mark.parametrize("elements", [1, 2, 3, 10])
 def test_golden_forces(four_bar, elements):
-    found = four_bar.inverse_dynamics(at=np.radians(list(GOLDEN)), elements=elements)
-    for i, (joints, torque, moments) in enumerate(GOLDEN.values()):
+    found = four_bar.inverse_dynamics(at=np.radians(list(golden.FORCES)), elements=elements)
+    for i, (first, second, (torque, *moments)) in enumerate(golden.FORCES.values()):
         # The thesis' F pulls on what lies before a node, towards Q: at M it is minus the ground's force.
         ours = [
             -found.variable("M.reaction").values[i],
@@ -82,7 +65,7 @@ def test_golden_forces(four_bar, elements):
             found.variable("coupler.B.force").values[i],
             found.variable("Q.reaction").values[i],
         ]
-        assert np.concatenate(ours) / LBF == pytest.approx(joints, abs=1e-7)
+        assert np.concatenate(ours) / LBF == pytest.approx([*first, *second], abs=1e-7)
         assert found.variable("crank.torque").values[i] / LBF / FT == pytest.approx(torque, abs=1e-7)
         middle = [found.variable(f"{k}@0.5.moment").values[i] for k in ("crank", "coupler", "output")]
         assert np.array(middle) / LBF / FT == pytest.approx(moments, abs=1e-7)
@@ -96,58 +79,28 @@ def test_golden_forces(four_bar, elements):
 
 def test_golden_torques_with_bearings():
     model = symgen.build(thesis(bearings=True))
-    found = model.inverse_dynamics(at=np.radians([0, 60, 120, 200, 300]))
-    golden = [31.57202591, 2.98141345, -0.17147759, -1.04151706, 0.40580695]
+    found = model.inverse_dynamics(at=np.radians(golden.DEGREES))
     torque = found.variable("crank.torque").values / LBF / FT
-    assert torque == pytest.approx(golden, abs=1e-6 * 53.63)
+    assert torque == pytest.approx(golden.TORQUE, rel=1e-6)
     over = model.inverse_dynamics(samples=3601).variable("crank.torque").values / LBF / FT
-    assert [over.max(), over.min()] == pytest.approx([50.90, -53.63], abs=0.005)
+    assert [over.max(), over.min()] == pytest.approx(golden.TORQUE_EXTREMES, abs=0.005)
 
 
 def test_golden_peaks_over_the_turn(four_bar):
     found = four_bar.inverse_dynamics(samples=361)
     assert found.over[0] == pytest.approx(np.arange(361.0), abs=1e-9)
     named = {"M": "M.reaction", "A": "crank.A.force", "B": "coupler.B.force", "Q": "Q.reaction"}
-    peaks = [(45.471, 16), (44.843, 16), (44.853, 353), (51.624, 354)]
-    for (value, angle), name in zip(peaks, named.values(), strict=True):
+    for joint, (value, angle) in golden.PEAK_FORCES.items():
+        name = named[joint]
         assert found.greatest[name][0] / LBF == pytest.approx(value, abs=6e-4)
         assert np.degrees(found.greatest[name][1]) == pytest.approx(angle)
     # The method file has 61 for its own scaling of the equations.
     assert found.condition < 61
 
 
-def newton_euler(theta, w, mu, a=7 / 12, b=10 / 12, c=1.0, d=11 / 12):
-    """Joint forces at M, A, B, Q and the torque of the same linkage, in ft, slug, s: links written out."""
-    A = a * np.array([np.cos(theta), np.sin(theta)])
-    B = circles(A, [d, 0.0], b, c)
-    e2, e3 = (B - A) / b, (B - [d, 0.0]) / c
-
-    def left(v):
-        return np.array([-v[1], v[0]])
-
-    va, aa = w * left(A), -(w**2) * A
-    w2, w3 = np.linalg.solve(np.column_stack([b * left(e2), -c * left(e3)]), -va)
-    rhs = -aa + w2**2 * b * e2 - w3**2 * c * e3
-    al2, al3 = np.linalg.solve(np.column_stack([b * left(e2), -c * left(e3)]), rhs)
-    ab = aa + al2 * b * left(e2) - w2**2 * b * e2
-    lengths, centres = (a, b, c), (A / 2, (A + B) / 2, (B + [d, 0.0]) / 2)
-    accelerations, turning = (aa / 2, (aa + ab) / 2, ab / 2), (0.0, al2, al3)
-    ends = ((np.zeros(2), A), (A, B), (B, np.array([d, 0.0])))
-    matrix, right = np.zeros((9, 9)), np.zeros(9)
-    for i in range(3):
-        mass = mu * lengths[i]
-        for k, sign in ((i, -1.0), (i + 1, 1.0)):
-            lever = ends[i][k - i] - centres[i]
-            matrix[3 * i : 3 * i + 2, 2 * k : 2 * k + 2] = sign * np.eye(2)
-            matrix[3 * i + 2, 2 * k : 2 * k + 2] = sign * np.array([-lever[1], lever[0]])
-        right[3 * i : 3 * i + 3] = [*(mass * accelerations[i]), mass * lengths[i] ** 2 / 12 * turning[i]]
-    matrix[2, 8] = 1.0
-    return np.linalg.solve(matrix, right)
-
-
 def test_equal_to_newton_and_euler_at_every_degree(four_bar):
-    w = RPM * 2 * np.pi / 60
-    expected = np.array([newton_euler(t, w, 0.00459375) for t in np.radians(np.arange(361))])
+    forces = replace(RIG, bearing=0.0).motion(np.radians(np.arange(361))).forces
+    expected = np.hstack([*-forces["first"], forces["Q"], forces["torque"][:, None]])
     for elements in (1, 2, 3):
         found = four_bar.inverse_dynamics(samples=361, elements=elements)
         ours = np.hstack(
