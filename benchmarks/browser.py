@@ -148,13 +148,6 @@ def look(pages: Sequence[Path], widths: Sequence[int], folder: Path) -> dict[tup
     return found
 
 
-def picture(page: Path, seen: Seen, file: Path, folder: Path) -> None:
-    """Save a screenshot of a whole page, or of its first 16000 px."""
-    around, height = folder / "around.html", min(seen.height, 16000)
-    around.write_text(_AROUND.replace("FRAMES", _frame(page.resolve().as_uri(), seen.width, height)))
-    _run(around, max(seen.width, 500), height, folder, f"--screenshot={file}", "--virtual-time-budget=5000")
-
-
 def _frame(source: str, width: int, height: int) -> str:
     return f'<iframe src="{source}" style="width: {width}px; height: {height}px; border: 0"></iframe>'
 

@@ -2,7 +2,6 @@
 
 The WebAssembly of each page runs in Node.js, whose engine is that of Chromium, at random values of sliders.
 The same C compiled for this machine computes the same frames; the tests of symgen compare that with its runs.
-Elastic links are compared with the runs themselves, at every setting.
 It needs Zig (``pip install 'symgen[live]'``), Node.js and a C compiler.
 """
 
@@ -27,11 +26,8 @@ from numpy.typing import NDArray
 from symgen.codegen.emit import SourceFile
 from symgen.export.live import sources_of
 from symgen.inspection import live as inspected
-from symgen.inspection.view import drawn_scene
-from symgen.pipeline.build import build_asked
 from symgen.report.page.live import Live, live
 from symgen.scene.loading import read_scene
-from symgen.study.sweeps import tunable
 from symgen.toolchain.wasm import compile_wasm
 
 Array = NDArray[np.float64]
@@ -44,8 +40,6 @@ SCENES = {
     "four_bar": {},
     "elastic_four_bar": {},
 }  # fmt: skip
-#: Scenes whose results are compared with those of symgen too: its quasi-static shapes.
-ELASTIC = ("elastic_four_bar",)
 FRAMES, SETTINGS = 241, 100
 #: Most bytes of a page, difference over the largest value of a unit, and time of a change [ms]: a picture
 #: at 60 per second.
@@ -99,8 +93,6 @@ def measured() -> Measurement:
         found = _in_node(page, settings)
         whole = sum(one["reached"] == FRAMES for one in found["found"])
         error = _error(page, files, settings, found["found"])
-        if name in ELASTIC:
-            error = max(error, _error_of_shapes(name, vary, page, settings, found["found"]))
         rows.append(
             {"scene": name, "sliders": sum(s.low is not None for s in page.sliders), "page [kB]": size / 1e3,
              "median [ms]": found["median"], "most [ms]": found["most"], "difference": error}
@@ -173,34 +165,6 @@ def _error(page: Live, files: Sequence[SourceFile], settings: Array, found: Sequ
                 size = np.max(np.abs(here[:, columns]), initial=0.0)
                 if size:
                     worst = max(worst, float(np.max(np.abs(here - there)[:, columns]) / size))
-    return worst
-
-
-def _error_of_shapes(
-    name: str, vary: dict[str, str], page: Live, settings: Array, found: Sequence[Any]
-) -> float:
-    """Return the largest difference from quasi-static shapes of symgen, over the largest value of a unit."""
-    text, _ = tunable(read_scene(name), vary)
-    model = build_asked(drawn_scene(text).text, backend="c")
-    names, worst = [p.name for p in model.description.parameters], 0.0
-    for values, other in zip(settings.tolist(), found, strict=True):
-        run = model.with_parameters(**dict(zip(names, values, strict=True))).quasi_static(samples=FRAMES)
-        there = np.frombuffer(b64decode(other["table"])).reshape(-1, len(page.outputs))
-        by_unit: dict[str, list[tuple[Array, Array]]] = {}
-        for (output, unit, _), column in zip(page.outputs, there.T, strict=True):
-            owner, _, axis = output.rpartition(".")
-            if output in run:
-                truth = run.variable(output).values
-            elif run.variable(owner).values.ndim == 2:
-                truth = run.variable(owner).values[:, "xy".index(axis)]
-            else:  # a component of a deflection
-                continue
-            if len(column) != len(truth) or not np.isfinite(column).all():
-                return np.inf
-            by_unit.setdefault(unit, []).append((column, truth))
-        for pairs in by_unit.values():
-            size = max(float(np.max(np.abs(truth))) for _, truth in pairs)
-            worst = max(worst, *(float(np.max(np.abs(own - truth))) / size for own, truth in pairs))
     return worst
 
 

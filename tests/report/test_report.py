@@ -19,7 +19,7 @@ from symgen.errors import SceneError, SymgenError
 from symgen.inspection.measured import speed_caption, speed_figure, speed_table
 from symgen.inspection.page import scene_page
 from symgen.report.page.page import render
-from symgen.scene.loading import read_scene
+from symgen.scene.loading import read_scene, shipped_scenes
 from symgen.study.speed.work_precision import Point, WorkPrecision
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -96,6 +96,16 @@ def test_a_page_in_a_browser(seen, name, width):
     found = seen[name, width]
     assert found.width == width
     assert found.math > 20 and found.faults == []
+
+
+@in_chromium
+@pytest.mark.full
+@pytest.mark.parametrize("name", [name for name in shipped_scenes() if name not in SCENES])
+def test_every_page_in_a_browser(name, tmp_path):
+    page = tmp_path / f"{name}.html"
+    page.write_text(render(scene_page(read_scene(name), speed=False, told=lambda _: None)))
+    assert page.stat().st_size < 2_000_000
+    assert [found.faults for found in browser.look([page], WIDTHS, tmp_path).values()] == [[], []]
 
 
 @in_chromium
