@@ -54,7 +54,7 @@ def plot(
     Raises
     ------
     ResultError
-        If no output of a name was recorded, or the file cannot be written.
+        If no output of a name was recorded, a result to compare with is none, or the file cannot be written.
     """
     from matplotlib.figure import Figure
 
@@ -83,6 +83,9 @@ def plot(
 
 def _curves(result: Result, compare: Mapping[str, Result]) -> list[tuple[str, Result, str]]:
     """Return the results of a plot with what their labels end with and their line style."""
+    for of, other in compare.items():
+        if not isinstance(other, Result):
+            raise ResultError(f"expected results to compare with, got {other!r} for {of!r}")
     styles = cycle(("--", ":", "-."))
     return [("", result, "-"), *((f", {of}", other, next(styles)) for of, other in compare.items())]
 
