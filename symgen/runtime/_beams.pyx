@@ -333,6 +333,43 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined, Py_ssize_t l
     return 0
 
 
+cdef class _Packed:
+    """A checked layout in the arrays of the core."""
+
+    cdef beam_layout of
+    cdef const double[::1] constants
+    cdef list kept
+
+    cdef const Py_ssize_t *keep(self, values) except NULL:
+        """Keep an array of indices, and return where they are."""
+        cdef Py_ssize_t[::1] made = np.append(values, -1).astype(np.intp)
+        self.kept.append(made)
+        return &made[0]
+
+
+cdef _Packed _packed(layout, RigidMotion motion):
+    """Return the arrays of a layout about a rigid motion, which the layout keeps: many equations share one."""
+    cdef _Packed made
+    key = motion.sizes.links // _MOTION, motion.sizes.joints, motion.sizes.loads // len(APPLIED)
+    if key not in layout.packed:
+        _check_layout(layout, key[0], key[1], key[2])
+        made = _Packed()
+        made.kept = []
+        made.of.counts = layout.counts
+        made.of.sizes, made.of.constants_at = made.keep(layout.sizes), made.keep(layout.constants_at)
+        made.of.link_of, made.of.joints = made.keep(layout.link_of), made.keep(layout.joints)
+        made.of.places, made.of.places_at = made.keep(layout.places), made.keep(layout.places_at)
+        made.of.slots, made.of.slots_at = made.keep(layout.slots), made.keep(layout.slots_at)
+        made.of.joint_places, made.of.joint_at = made.keep(layout.joint_places), made.keep(layout.joint_at)
+        made.of.mass_slots, made.of.damping_slots = made.keep(layout.mass_slots), made.keep(layout.damping_slots)
+        made.of.stiffness_slots = made.keep(layout.stiffness_slots)
+        made.of.loads_at = made.keep(layout.loads_at)
+        made.of.rows, made.of.columns = made.keep(layout.rows), made.keep(layout.columns)
+        made.constants = np.append(layout.constants, 0.0)
+        layout.packed[key] = made
+    return layout.packed[key]
+
+
 cdef class BeamEquations(Integrable):
     """The equations of the elastic motion of one linkage; one per thread of work.
 
@@ -350,33 +387,21 @@ cdef class BeamEquations(Integrable):
     cdef readonly Py_ssize_t whole
     cdef readonly bint thesis
     cdef const elastic_table *api
-    cdef dict kept
+    cdef _Packed packed
 
     def __init__(self, RigidMotion motion, layout, bint thesis):
-        cdef beam_layout wanted
-        cdef dict kept = {}
-        _check_layout(layout, motion.sizes.links // _MOTION, motion.sizes.joints,
-                      motion.sizes.loads // len(APPLIED))
-        self.motion, self.kept, self.thesis = motion, kept, thesis
+        cdef _Packed packed = _packed(layout, motion)
+        cdef beam_layout wanted = packed.of
+        self.motion, self.packed, self.thesis = motion, packed, thesis
         self.of, self.api = motion.equations.of, motion.api
-        wanted.counts, wanted.thesis = layout.counts, thesis
-        wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)
-        wanted.link_of, wanted.joints = _kept(kept, layout.link_of), _kept(kept, layout.joints)
-        wanted.places, wanted.places_at = _kept(kept, layout.places), _kept(kept, layout.places_at)
-        wanted.slots, wanted.slots_at = _kept(kept, layout.slots), _kept(kept, layout.slots_at)
-        wanted.joint_places, wanted.joint_at = _kept(kept, layout.joint_places), _kept(kept, layout.joint_at)
-        wanted.mass_slots, wanted.damping_slots = _kept(kept, layout.mass_slots), _kept(kept, layout.damping_slots)
-        wanted.stiffness_slots = _kept(kept, layout.stiffness_slots)
-        wanted.loads_at = _kept(kept, layout.loads_at)
-        wanted.rows, wanted.columns = _kept(kept, layout.rows), _kept(kept, layout.columns)
-        cdef const double[::1] constants = np.ascontiguousarray([*np.ravel(layout.constants), 0.0])
+        wanted.thesis = thesis
         self.core = <equations *>calloc(1, self.api.beams_struct)
         self.bytes = self.api.beams_bytes(&wanted)
         self.memory = calloc(1, self.bytes)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         self.api.beams_bind(<beams *>self.core, motion.core, &wanted, self.memory)
-        self.of.api.widen(wanted.counts.constant_count, &constants[0], NULL, self.api.beams_constants(<beams *>self.core))
+        self.of.api.widen(wanted.counts.constant_count, &packed.constants[0], NULL, self.api.beams_constants(<beams *>self.core))
         self.bound(np.zeros(1))
         self.whole = layout.unknowns
 
@@ -468,13 +493,6 @@ cdef class BeamEquations(Integrable):
         if self.m:
             bound[:, seen.inner:] = self._array(seen.bound, (self.m, seen.whole - seen.inner))
         return status, found, bound
-
-
-cdef const Py_ssize_t *_kept(dict kept, values) except NULL:
-    """Keep an array of numbers, and return where they are."""
-    cdef Py_ssize_t[::1] made = np.array([*np.ravel(values), -1], dtype=np.intp)
-    kept[len(kept)] = made
-    return &made[0]
 
 
 cdef class BeamSteps:

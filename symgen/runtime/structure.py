@@ -61,19 +61,19 @@ def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tup
     ModelError
         When something moves without mass, or a number of the matrices is not finite.
     """
-    from scipy.linalg import LinAlgError, cholesky, solve_triangular, svd
+    from scipy.linalg.lapack import dtrtrs  # for small matrices the checks of scipy.linalg cost more
 
     for what, matrix in (("mass", mass), ("stiffness", stiffness / np.outer(sizes, sizes))):
         if not np.all(np.isfinite(matrix)):
             raise ModelError(f"{name}: the {what} matrix has a number that is not finite at these parameters")
     factor = _factor(name, stiffness, sizes)
     try:
-        root = cholesky((mass + mass.T) / 2, lower=True)
-    except LinAlgError:
+        root = np.linalg.cholesky((mass + mass.T) / 2)
+    except np.linalg.LinAlgError:
         raise ModelError(f"{name} has no modes: something of the structure has no mass") from None
-    _, speeds, vectors = svd(solve_triangular(root, factor.T, lower=True).T)
+    _, speeds, vectors = np.linalg.svd(dtrtrs(root, factor.T, lower=True)[0].T)
     rigid = len(mass) - len(factor)
-    shapes = solve_triangular(root, vectors[::-1].T, lower=True, trans="T")
+    shapes = dtrtrs(root, vectors[::-1].T, lower=True, trans=True)[0]
     return np.concatenate([np.zeros(rigid), speeds[::-1]]), shapes, rigid
 
 
@@ -95,11 +95,12 @@ def _factor(name: str, stiffness: Array, sizes: Array) -> Array:
     upper, order, rank, _ = dpstrf(scaled, tol=n * np.finfo(float).eps)
     order = order - 1
     upper = np.triu(upper)[:rank]
-    null = np.vstack([-np.linalg.solve(upper[:, :rank], upper[:, rank:]), np.eye(n - rank)])
-    left = null.T @ scaled[np.ix_(order, order)] @ null
-    noise = np.sum(np.abs(null) * (np.abs(scaled[np.ix_(order, order)]) @ np.abs(null)), axis=0)
-    if np.any(np.diagonal(left) < -ROUND_OFF * n * noise):
-        raise UnstableError(f"{name} is unstable at rest in this pose: a spring pushes it away")
+    if rank < n:
+        null = np.vstack([-np.linalg.solve(upper[:, :rank], upper[:, rank:]), np.eye(n - rank)])
+        ordered = scaled[np.ix_(order, order)]
+        noise = np.sum(np.abs(null) * (np.abs(ordered) @ np.abs(null)), axis=0)
+        if np.any(np.diagonal(null.T @ ordered @ null) < -ROUND_OFF * n * noise):
+            raise UnstableError(f"{name} is unstable at rest in this pose: a spring pushes it away")
     found: Array = np.empty((rank, n))
     found[:, order] = upper
     return found * sizes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,8 @@ class Layout:
         ``constants``. They are kept ``apart`` from the matrices where they are few; else these are full.
     loads_at
         For link k its forces are those from ``loads_at[k]`` to ``loads_at[k + 1]``.
+    packed
+        Checked arrays of the core, by the numbers that the kernels of the rigid motion write.
     """
 
     unknowns: int
@@ -71,6 +73,7 @@ class Layout:
     damped: Array
     apart: bool
     damped_at: int
+    packed: dict[tuple[int, ...], Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def counts(self) -> dict[str, int]:

@@ -39,15 +39,17 @@ def modes_with_errors(motion: ElasticMotion, t: float, moving: bool) -> ElasticM
         exact = solve(whole, whole.equations(), t)
         lowest = exact.frequencies[: len(found.frequencies)]
         found = replace(found, without_reduction=(lowest, len(exact.frequencies)))
-    if len(exact.frequencies) > _REFINED:
-        return found
-    finer = (whole or motion).refined()
-    try:
-        fine = solve(finer, finer.equations(), t).frequencies
-    except (SimulationError, ModelError):  # unstable with finer elements alone
-        return found
-    pairs = exact.frequencies[: len(found.frequencies)], fine[: len(found.frequencies)]
-    return replace(found, errors_of_elements=relative(*pairs))
+    count = len(found.frequencies)
+
+    def of_elements() -> Array:
+        finer = (whole or motion).refined()
+        try:
+            fine = solve(finer, finer.equations(), t).frequencies
+        except (SimulationError, ModelError):  # unstable with finer elements alone
+            return np.zeros(0)
+        return relative(exact.frequencies[:count], fine[:count])
+
+    return found if len(exact.frequencies) > _REFINED else replace(found, estimate=of_elements)
 
 
 def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> ElasticModes:
@@ -62,15 +64,13 @@ def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: flo
     """
     status, mass, damping, stiffness, _, basis = equations.matrices(t, _beams.AT_REST)
     motion.check(equations, status, t)
-    shown = np.eye(len(mass)) if basis is None else basis[0]
-    speeds, shapes, rigid = modes_at_rest(
-        motion.rigid.name, mass, stiffness, stiffness_sizes(equations, shown)
-    )
+    sizes = stiffness_sizes(equations, None if basis is None else basis[0])
+    speeds, shapes, rigid = modes_at_rest(motion.rigid.name, mass, stiffness, sizes)
     return ElasticModes(
         motion.rigid.name,
         float(motion.angle_at(np.array(t))),
         speeds / (2 * math.pi),
-        shown @ shapes,
+        shapes if basis is None else basis[0] @ shapes,
         motion.layout.names,
         rigid=rigid,
         ratios=_ratios(damping, speeds, shapes),
@@ -79,7 +79,7 @@ def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: flo
 
 def _ratios(damping: Array, speeds: Array, shapes: Array) -> Array:
     """Return phi^T C phi / (2 w) of shapes phi of unit modal mass; zero where w is."""
-    damped = np.einsum("ik,ij,jk->k", shapes, damping, shapes, optimize=True)
+    damped = np.sum(shapes * (damping @ shapes), axis=0)
     return np.divide(damped, 2 * speeds, out=np.zeros_like(speeds), where=speeds > 0.0)
 
 

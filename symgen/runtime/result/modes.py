@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ def relative(found: Array, exact: Array) -> Array:
 
 
 @checked
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, repr=False)
 class ElasticModes:
     """Modes of the structure in one pose of its rigid links, by rising frequency.
 
@@ -38,9 +39,8 @@ class ElasticModes:
     without_reduction
         Where links are reduced: the frequencies [Hz] without that, as many of the lowest, and the number of
         unknowns then. Empty and the same number where none is.
-    errors_of_elements
-        Parts by which the elements make frequencies too high: over those of elements divided in two, less
-        one. Frequencies of zero have none. Empty where it is not measured: of more than 400 unknowns.
+    estimate
+        Gives ``errors_of_elements``.
     rigid
         Number of the first modes that strain nothing: the nullity of the stiffness at rest.
     ratios
@@ -55,7 +55,7 @@ class ElasticModes:
     names: tuple[str, ...]
     growth: Array = field(default_factory=lambda: np.zeros(0))
     without_reduction: tuple[Array, int] | None = None
-    errors_of_elements: Array = field(default_factory=lambda: np.zeros(0))
+    estimate: Callable[[], Array] | None = None
     rigid: int = 0
     ratios: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -64,6 +64,18 @@ class ElasticModes:
         more = ", ..." if len(self.frequencies) > 3 else ""
         pose = f"{math.degrees(self.angle):.6g} degrees"
         return f"<ElasticModes {self.name!r} at {pose}: {found}{more} Hz, {len(self.frequencies)} modes>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "errors_of_elements": self.errors_of_elements, "estimate": None}
+
+    @cached_property
+    def errors_of_elements(self) -> Array:
+        """Parts by which the elements make frequencies too high: over those of halved elements, less one.
+
+        The first request, which printing makes, solves the halved elements. Frequencies of zero have none.
+        Empty where it is not measured: of more than 400 unknowns.
+        """
+        return self.estimate() if self.estimate else np.zeros(0)
 
     @property
     def errors(self) -> Array:
