@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from symgen.cli import app
 from symgen.errors import ModelError, ResultError, SceneError
 from symgen.report.sweeps import plot, summary
 from symgen.runtime.sweeps.designs import Normal, Uniform
-from symgen.study.sweeps import of_file, of_options, varied
+from symgen.scene.loading import read_scene
+from symgen.scene.schema import Scene
+from symgen.study.sweeps import of_file, of_options, tunable, varied
 
 #: A pendulum that is driven around; the moment of gravity at the crank is mass*g*length/2*cos(angle).
 SCENE = """
@@ -137,6 +140,24 @@ def test_values_are_read_in_their_units(scene):
 def test_wrong_values_are_refused(scene, vary, words):
     with pytest.raises((ModelError, SceneError), match=words):
         varied(scene, vary)
+
+
+def test_the_end_of_a_run_follows_the_parameters(scene):
+    """One revolution at every speed: a scene's end by a parameter that is varied, and that is tuned."""
+    text = read_scene(scene)
+    text = replace(text, data={**text.data, "analysis": {"t_end": "2*pi/speed"}})
+    names, speeds = tunable(text, ["speed"]), np.array([0.5, 1.0, 4.0])
+    model = symgen.build(Scene(**names[0].data))
+    cosine = np.cos(np.pi / 2 * np.arange(5))
+    wanted = {
+        "inverse_dynamics": ("rod.torque", 9.81 * 0.5 * cosine),
+        "simulate": ("P.position", 0.5 * cosine),
+    }
+    for analysis, (output, of_one) in wanted.items():
+        runs = model.sweep({"speed": speeds}, analysis, outputs=[output], reduce="history", samples=5)
+        assert runs["time"].values[:, -1] == pytest.approx(2 * math.pi / speeds, rel=1e-14)
+        found = runs[output].isel(axis=0) if "axis" in runs[output].dims else runs[output]
+        assert found.values == pytest.approx(np.tile(of_one, (3, 1)), abs=1e-8)
 
 
 def test_wrong_options_are_refused(scene):

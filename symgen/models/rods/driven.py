@@ -6,7 +6,15 @@ from symgen.models.rods import outputs
 from symgen.models.rods.linearised import driven_motion
 from symgen.models.rods.linkage import REFERENCE, RodsModel
 from symgen.models.rods.start import assembly_exports
-from symgen.models.rods.system import bonds, definitions, groups, kinematic_exports, places
+from symgen.models.rods.system import (
+    bonds,
+    definitions,
+    groups,
+    kinematic_exports,
+    places,
+    run_end,
+    run_end_kernel,
+)
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.system import Export, System
 
@@ -25,7 +33,7 @@ def driven_system(linkage: Linkage) -> System:
     asked = outputs.asked(model)
     start, start_kernels = assembly_exports(model)
     moved, following = driven_motion(model)
-    derived = [*bonds(model), *places(model)]
+    derived, end = [*bonds(model), *places(model)], run_end(model)
     # A requested driven angle is that of its drive, which counts revolutions.
     names = {m.name for m in (*derived, *moved)}
     exports = [
@@ -33,12 +41,13 @@ def driven_system(linkage: Linkage) -> System:
         Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
         *start_kernels,
         *following,
+        *run_end_kernel(end),
     ]
     return System(
         name=model.linkage.name,
         title=model.linkage.title,
         groups=groups(model),
-        matrices=(*derived, *(m for m in asked if m.name not in names), *start, *moved),
+        matrices=(*derived, *(m for m in asked if m.name not in names), *start, *moved, *end),
         exports=tuple(exports),
         definitions=definitions(model),
         references=(REFERENCE,),

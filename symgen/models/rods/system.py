@@ -36,7 +36,7 @@ def linkage_system(linkage: Linkage) -> System:
         model, *(m.matrix for m in equations if m.name in ("mass_matrix", "constraint_jacobian"))
     )
     residual, refining = refinement(model)
-    points, events = _points(model), _events(model)
+    points, events, end = _points(model), _events(model), run_end(model)
     derived = {m.name for m in (*equations, *points)}
     return System(
         name=linkage.name,
@@ -49,6 +49,7 @@ def linkage_system(linkage: Linkage) -> System:
             *start,
             *residual,
             *events,
+            *end,
         ),
         exports=(
             *exports,
@@ -56,6 +57,7 @@ def linkage_system(linkage: Linkage) -> System:
             *start_kernels,
             *refining,
             *_events_kernel(events),
+            *run_end_kernel(end),
         ),
         definitions=definitions(model),
         saddle_point=SaddlePoint(
@@ -305,6 +307,17 @@ def _events_asked(model: RodsModel) -> list[NamedMatrix]:
 def _events_kernel(events: list[NamedMatrix]) -> list[Export]:
     about = "what passes zero at each event, and at each switching point of a load; angles of loads and links"
     return [Export("events", about, tuple(m.name for m in events))] if events else []
+
+
+def run_end(model: RodsModel) -> list[NamedMatrix]:
+    """Return the end of the run where it depends on tunable parameters; else it is a number."""
+    end = model.linkage.t_end
+    return [named(model, "t_end", [end], "s", "end of the run")] if end.free_symbols else []
+
+
+def run_end_kernel(end: list[NamedMatrix]) -> list[Export]:
+    """Return the kernel of the end of the run."""
+    return [Export("run_end", "end of the run by tunable parameters", ("t_end",))] if end else []
 
 
 def _exports(model: RodsModel) -> list[Export]:

@@ -117,6 +117,8 @@ def compiled_runs(
     starts = {s.t for s in states} if states is not None else {0.0}
     if not in_c or d.events or d.held or source.redundant or not d.coordinates or len(starts) > 1:
         return None
+    if d.kernel("run_end") and arguments.get("t_end") is None and arguments.get("t_eval") is None:
+        return None  # each has its own end
     if chosen.method.needs_tangent or d.coordinates > LARGE:  # a large linkage has a start of its own
         return None
     own = getattr(model, "_own", lambda state: state)

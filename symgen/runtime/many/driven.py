@@ -301,6 +301,8 @@ def driven_runs(
     rows = given_of(model.evaluator, columns, states)
     t, bonds = starts.pop(), model._bonds()
     given = {name: value for name, value in arguments.items() if value is not None}
+    if d.kernel("run_end") and "stop" not in given:
+        return None
     asked = (LinkageForces if loads else LinkageMotion)(**given).instants(d.t_end)
     times = asked.times(d.name, bonds.driving)
     nodes = nodes_of(min(asked.start, t), max(asked.stop, t), np.unique(times))

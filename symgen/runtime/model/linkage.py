@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +36,14 @@ class LinkageModel(Model):
     description: Description
 
     _start: Start | None = None
+
+    def __init__(self, *arguments: Any, **more: Any) -> None:
+        super().__init__(*arguments, **more)
+        if self.is_changed and self.description.kernel("run_end"):
+            rest, own = np.zeros(self.description.coordinates), np.array(self.given)
+            evaluator = Evaluator(self.description, self._library, own)
+            (end,) = evaluator.blocks("run_end", 0.0, rest, rest)["t_end"]
+            self.description = replace(self.description, t_end=float(end))
 
     @cached_property
     def _evaluator(self) -> Evaluator:

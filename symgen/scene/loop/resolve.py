@@ -80,7 +80,8 @@ def _variables(read: LoopReader, rows: Rows, drives: Mapping[str, sp.Expr | None
         about = f"{place.entry} of joint {place.row + 1}, between {rows.joined(place.row)}"
         value, rate, acceleration = symbols(place.name, place.dimension, about)
         named = place.named
-        guess = read.loop.start.get(place.name, 0)
+        where = f"loop.start.{place.name}"
+        guess = read.folded(read.value(read.loop.start.get(place.name, 0), place.dimension, where), where)
         yield Variable(
             value,
             rate,
@@ -88,7 +89,7 @@ def _variables(read: LoopReader, rows: Rows, drives: Mapping[str, sp.Expr | None
             place.row,
             named.role if named else "dependent",
             named.motion if named else ZERO,
-            named.start if named else read.value(guess, place.dimension, f"loop.start.{place.name}"),
+            named.start if named else guess,
             named.start_rate if named else ZERO,
             drives[place.name],
             guessed=place.name in read.loop.start,
