@@ -125,9 +125,7 @@ def _steps(model: symgen.Model) -> tuple[Case, float]:
     states = steps.follow(0.0, start, times)
     if len(states) < POSES:
         raise RuntimeError(f"{model.name} is followed to t = {times[len(states)]:g} s only")
-    return Case(lambda: steps.follow(0.0, start, times), POSES), float(
-        np.max(np.abs(bonds.missed(Poses(times, states))[0]))
-    )
+    return Case(lambda: steps.follow(0.0, start, times), POSES), float(bonds.errors(Poses(times, states))[0])
 
 
 def _in_lanes(model: symgen.Model, with_forces: bool) -> tuple[Case, Array]:

@@ -78,16 +78,16 @@ def follow(
     order = np.argsort(times, kind="stable")
     ahead = times[order]
     first = int(np.searchsorted(ahead, begin.t))  # those before it are followed backwards
-    rows = _rows(d, len(times))
+    rows = kernels.empty(len(times))
     failed, low, high = None, first, first
     for way in (slice(None, first), slice(first, None)):  # of two ends the earlier is reported
         wanted = ahead[way] if way.start is not None else ahead[way][::-1].copy()
         if not len(wanted):
             continue
-        made = tuple(a[way] for a in rows) if way.start is not None else _rows(d, first)
+        made = tuple(a[way] for a in rows) if way.start is not None else kernels.empty(first)
         longest = max(abs(wanted[-1] - begin.t), LEAST_RANGE) / PARTS
         q = np.append(begin.q, 0.0)  # in the end the last pose that was reached
-        status, count, at = follow_over(kernels, equations, begin.t, q, wanted, longest, made)
+        status, count, at = follow_over(kernels, equations, begin.t, q, wanted, longest, *made)
         if way.start is not None:
             high = first + count
         else:
@@ -139,7 +139,7 @@ def follow_through(
     times, poses, turning = walk(kernels, begin, kernels.time_of(stop), samples)
     equations = kernels.stepping(d.having("dependent"), begin.rank)
     count = len(times)
-    rows = _rows(d, count)
+    rows = kernels.empty(count)
     kept = [
         i
         for i in range(count)
@@ -189,20 +189,13 @@ def moving_at(kernels: LoopKernels, begin: Closed, t: float) -> Array:
     """
     d = kernels.description
     equations = kernels.equations(d.having("dependent"), begin.rank)
-    rows, q = _rows(d, 1), np.append(begin.q, 0.0)
+    rows, q = kernels.empty(1), np.append(begin.q, 0.0)
     longest = max(abs(t - begin.t), LEAST_RANGE) / PARTS
-    status, _, at = follow_over(kernels, equations, begin.t, q, np.array([t]), longest, rows)
+    status, _, at = follow_over(kernels, equations, begin.t, q, np.array([t]), longest, *rows)
     if status != _core.DONE:
         raise SimulationError(why_stopped(kernels, equations, status, at, q[:-1], t), time=at)
     state: Array = rows[0][0]
     return state
-
-
-def _rows(d: LoopDescription, count: int) -> tuple[Array, Array, Array]:
-    """Return arrays for states, outputs and diagnosis of so many samples."""
-    info = d.kernel("outputs")
-    size = info.out_size if info else 0
-    return np.zeros((count, 3 * d.coordinates + 7)), np.zeros((count, size + 1)), np.zeros((count, 5))
 
 
 def driven(d: LoopDescription) -> None:

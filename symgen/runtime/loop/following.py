@@ -7,6 +7,9 @@ smoothly, and angles that go straight on describe the same closure on the far si
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,7 +41,7 @@ def follow_over(
     q: Array,
     wanted: Array,
     longest: float,
-    rows: Rows,
+    *rows: Array,
 ) -> tuple[int, int, float]:
     """Follow the loop as ``equations.follow`` does, stepping over poles of the angles of ball joints.
 
@@ -51,7 +54,7 @@ def follow_over(
         reached += count
         if status == _core.DONE or status in (_core.NOT_FINITE, _loop.INCONSISTENT):
             return status, reached, at
-        far = _beyond(kernels, equations, begin, (at, q[:-1]), float(wanted[reached]), rows)
+        far = _beyond(kernels, equations, begin, (at, q[:-1]), float(wanted[reached]))
         if far is None:
             return status, reached, at
         way = np.sign(far[0] - at)
@@ -68,18 +71,12 @@ def follow_over(
     return status, reached, at
 
 
-def _like(rows: Rows, count: int) -> Rows:
-    """Return empty rows of states, outputs and diagnosis for so many samples."""
-    return tuple(np.zeros((count, a.shape[1])) for a in rows)
-
-
 def _beyond(
     kernels: LoopKernels,
     equations: _loop.LoopEquations,
     begin: tuple[float, Array],
     stopped: tuple[float, Array],
     target: float,
-    rows: Rows,
 ) -> tuple[float, Array] | None:
     """Return a closed pose behind the pole at which following stopped; None without such a pole."""
     t, q = stopped
@@ -91,37 +88,41 @@ def _beyond(
     for distance in _OVER:
         size = kernels.description.size if kernels.lead.is_length else 1.0
         step = way * distance * size / abs(rate)
-        before = _before(equations, begin, t + step * _BEFORE, way, _like(rows, len(_BEFORE)))
-        if before is None:
+        times = t + step * _BEFORE
+        before = follow_about(kernels, equations.follow, begin, times)
+        if before is None or np.any(before[2][:, _loop.STATUS] == _loop.BLIND):
             continue
-        poses = before[:, :n]
+        poses = before[0][:, :n]
         far = t + step, np.append(_ONWARD @ poses, 0.0)
         if equations.close(*far) != _core.DONE:
             continue
         found = far[1][:-1]
-        times = t + step * _BEFORE
         links = [standing(kernels, float(x), pose) for x, pose in zip(times, poses, strict=True)]
         if np.max(np.abs(_ONWARD @ np.array(links) - standing(kernels, far[0], found))) < _LINKS:
             return far[0], found
     return None
 
 
-def _before(
-    equations: _loop.LoopEquations, begin: tuple[float, Array], times: Array, way: float, rows: Rows
-) -> Array | None:
-    """Return the states at times that approach a pole, followed from a pose; None where that fails."""
-    first = int(np.count_nonzero((times - begin[0]) * way < 0.0))  # those behind the pose
-    for part, turn in ((slice(0, first), -1), (slice(first, None), 1)):
-        wanted = times[part][::turn].copy()
-        if not len(wanted):
+def follow_about(
+    kernels: LoopKernels, follow: Callable[..., Any], begin: tuple[float, Array], times: Array
+) -> Rows | None:
+    """Return states, outputs and diagnosis at times, followed from a pose before and behind it.
+
+    Times rise or fall; ``follow`` has the arguments of ``equations.follow``. None where that fails.
+    """
+    found = kernels.empty(len(times))
+    order = np.argsort(np.abs(times - begin[0]), kind="stable")
+    for part in (order[times[order] >= begin[0]], order[times[order] < begin[0]]):
+        if not len(part):
             continue
-        own = _like(rows, len(wanted))
+        rows, wanted = kernels.empty(len(part)), times[part]
         longest = max(float(np.max(np.abs(wanted - begin[0]))), 1e-12)
-        status, *_ = equations.follow(begin[0], np.append(begin[1], 0.0), wanted, longest, *own)
-        if status != _core.DONE or np.any(own[2][:, _loop.STATUS] == _loop.BLIND):
+        status, *_ = follow(begin[0], np.append(begin[1], 0.0), wanted, longest, *rows)
+        if status != _core.DONE:
             return None
-        rows[0][part] = own[0][::turn]
-    return rows[0]
+        for whole, own in zip(found, rows, strict=True):
+            whole[part] = own
+    return found
 
 
 def _inside(
@@ -134,7 +135,7 @@ def _inside(
     rows: Rows,
 ) -> bool:
     """Give poses at times between the place where following stopped and the far side of the pole."""
-    back, q = _like(rows, len(wanted)), np.append(far[1], 0.0)
+    back, q = kernels.empty(len(wanted)), np.append(far[1], 0.0)
     longest = max(abs(far[0] - near[0]), 1e-12)
     _, count, at = equations.follow(far[0], q, wanted[::-1].copy(), longest, *back)
     left = len(wanted) - count
@@ -179,10 +180,6 @@ def _write(
     state[:n] = pose
     diagnosis[:] = 0.0
     diagnosis[_loop.CLOSURE], diagnosis[_loop.STATUS] = defect, _loop.BLIND
-    info = kernels.description.kernel("outputs")
-    if info:
-        work, made = np.zeros((1, kernels.work_size + 1)), np.zeros((1, len(out)))
-        address = kernels.library.addresses["outputs"]
-        sizes, y = kernels.description.sizes_of("outputs"), np.append(state[: 2 * n], 0.0)[None]
-        _core.call_many(address, sizes, np.array([t]), y, n, kernels.parameters, work, made)
-        out[:] = made[0]
+    if kernels.has("outputs"):
+        y, work = np.append(state[: 2 * n], 0.0)[None], np.zeros((1, kernels.work_size + 1))
+        out[:] = kernels.rows("outputs", np.array([t]), y, work)[0]

@@ -142,6 +142,12 @@ class LoopKernels:
             rank,
         )
 
+    def empty(self, count: int) -> tuple[Array, Array, Array]:
+        """Return arrays for states, outputs and diagnosis of so many samples of a followed loop."""
+        n, info = self.description.coordinates, self._infos.get("outputs")
+        size = info.out_size if info else 0
+        return np.zeros((count, 3 * n + 7)), np.zeros((count, size + 1)), np.zeros((count, 5))
+
     @property
     def tolerance(self) -> float:
         """Defect of closure that is tolerated: of rotations, and of lengths over the size of the loop."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from symgen.runtime import _core, _loop
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.ball_poles import ball_pole
-from symgen.runtime.loop.following import follow_over
+from symgen.runtime.loop.following import follow_about, follow_over
 from symgen.runtime.loop.frames import standing
 from symgen.runtime.loop.kernels import LoopKernels
 
@@ -121,7 +122,7 @@ def _continued(
     """
     d, t = kernels.description, float(samples.times[i])
     n, info = d.coordinates, d.kernel("outputs")
-    around = _around(kernels, equations, start, samples, t)
+    around = _around(kernels, equations, start, t)
     if around is None or info is None:
         return None
     links = [standing(kernels, float(x), q) for x, q in zip(around.times, around.states[:, :n], strict=True)]
@@ -153,7 +154,6 @@ def _around(
     kernels: LoopKernels,
     equations: _loop.LoopEquations,
     start: tuple[float, Array],
-    samples: Samples,
     t: float,
 ) -> Samples | None:
     """Return poses on both sides of a time; None where the input rests or they cannot be reached."""
@@ -161,7 +161,11 @@ def _around(
     if rate == 0.0:
         return None
     reach = _APART * (kernels.description.size if kernels.lead.is_length else 1.0) / abs(rate)
-    return _followed(kernels, equations, start, t + reach * _STEPS, samples)
+    times = t + reach * _STEPS
+    found = follow_about(kernels, partial(follow_over, kernels, equations), start, times)
+    if found is None or np.any(found[2][:, _loop.STATUS] != _core.DONE):
+        return None
+    return Samples(times, *found)
 
 
 def _refined(
@@ -173,7 +177,7 @@ def _refined(
 ) -> bool:
     """Replace the outputs of a sample by interpolation; return True if its branch is smooth there."""
     t, n = float(samples.times[i]), kernels.description.coordinates
-    around = _around(kernels, equations, start, samples, t)
+    around = _around(kernels, equations, start, t)
     if around is None:
         return False
     sound = float(samples.diagnosis[i, _loop.SOUNDNESS])
@@ -191,37 +195,6 @@ def _refined(
     better = (_NEXT * np.abs(limit - coarse) < change) & (change < _MARGIN * size * CLOSED / sound**3)
     samples.out[i, better] = limit[better]
     return True
-
-
-def _followed(
-    kernels: LoopKernels,
-    equations: _loop.LoopEquations,
-    start: tuple[float, Array],
-    times: Array,
-    like: Samples,
-) -> Samples | None:
-    """Return the loop at increasing times, followed from a pose; None where it cannot be followed."""
-    count = len(times)
-    made = Samples(
-        times,
-        np.zeros((count, like.states.shape[1])),
-        np.zeros((count, like.out.shape[1])),
-        np.zeros((count, like.diagnosis.shape[1])),
-    )
-    first = int(np.searchsorted(times, start[0]))
-    for part, way in ((slice(first, None), 1), (slice(0, first), -1)):
-        wanted = times[part][::way].copy()
-        if not len(wanted):
-            continue
-        rows = tuple(np.zeros((len(wanted), a.shape[1])) for a in (made.states, made.out, made.diagnosis))
-        longest = max(float(np.max(np.abs(wanted - start[0]))), 1e-12)
-        q = np.append(start[1], 0.0)
-        status, *_ = follow_over(kernels, equations, start[0], q, wanted, longest, rows)
-        if status != _core.DONE or np.any(rows[2][:, _loop.STATUS] != _core.DONE):
-            return None
-        for whole, row in zip((made.states, made.out, made.diagnosis), rows, strict=True):
-            whole[part] = row[::way]
-    return made
 
 
 def of_blind(kernels: LoopKernels, times: Array) -> Iterator[str]:

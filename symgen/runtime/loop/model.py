@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import CapabilityError, InitialStateError, ModelError, nearest
+from symgen.errors import CapabilityError, InitialStateError, ModelError, check_known
 from symgen.runtime import _core
 from symgen.runtime.closure.assemblies import search
 from symgen.runtime.closure.later import closed_later
@@ -22,7 +22,7 @@ from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.motion import rates_at_start
-from symgen.runtime.model.arguments import Poses, Run, takes
+from symgen.runtime.model.arguments import Derivatives, Poses, Run, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.state import AssemblyModes, State
@@ -189,80 +189,54 @@ class LoopModel(Model):
         poses = (dict(zip(names, q.tolist(), strict=True)) for q in found)
         return AssemblyModes(poses, "closures of loops of joints are searched from many starts")
 
-    def _sensitivity(
-        self,
-        outputs: Sequence[str],
-        parameters: Sequence[str] | None = None,
-        at: State | float | None = None,
-        t_end: float | None = None,
-        t_eval: ArrayLike | None = None,
-        method: str | None = None,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        max_steps: int | None = None,
-        max_step: float | None = None,
-    ) -> Sensitivity:
+    @takes(Derivatives)
+    def _sensitivity(self, asked: Derivatives) -> Sensitivity:
         from symgen.runtime.linearisation.loops import sensitivity
         from symgen.runtime.linearisation.record import at_times
 
-        if not outputs:
+        at = asked.at
+        if not asked.outputs:
             raise ModelError("expected outputs to differentiate, got none")
-        options_of = (method, rtol, atol, step, max_steps, max_step)
         if not self.is_driven:
-            return self._along_run(outputs, parameters, at, t_end, t_eval, options_of)
-        if isinstance(at, State) or any(x is not None for x in (t_end, *options_of)):
+            return self._along_run(asked)
+        if isinstance(at, State) or asked.t_end is not None or asked.of_run:
             raise ModelError(
                 f"the inputs of {self.name} prescribe its motion, so that there is no run: give a time for "
                 "at, or times for t_eval"
             )
-        by = self._differentiated(parameters)
-        kernels = self._tangents("loop_sensitivity", outputs)
+        by = self._differentiated(asked.parameters)
+        kernels = self._tangents("loop_sensitivity", asked.outputs)
         begin = self.closed_start()
 
         def found(times: Sequence[float]) -> list[Sensitivity]:
             return sensitivity(self.kernels, kernels, begin, times, by)
 
-        return at_times(found, None if at is None else real(at, "the time of derivatives"), t_eval, begin.t)
+        t = None if at is None else real(at, "the time of derivatives")
+        return at_times(found, t, asked.t_eval, begin.t)
 
-    def _along_run(
-        self,
-        outputs: Sequence[str],
-        parameters: Sequence[str] | None,
-        at: State | float | None,
-        t_end: float | None,
-        t_eval: ArrayLike | None,
-        options_of: tuple[Any, ...],
-    ) -> Sensitivity:
+    def _along_run(self, asked: Derivatives) -> Sensitivity:
         """Return derivatives along a run under forces; without an end those at the state."""
-        from symgen.runtime.integrate.options import options
         from symgen.runtime.linearisation.free_loops import FreePose
         from symgen.runtime.linearisation.loop_runs import at_run, follow, steps_of
-        from symgen.runtime.linearisation.runs import MOST_STEPS, Path
+        from symgen.runtime.linearisation.runs import Path
 
         d, rank = self.description, self.closed_start().rank
-        if at is not None and not isinstance(at, State):
+        if asked.at is not None and not isinstance(asked.at, State):
             raise ModelError(f"{self.name} moves freely: give t_end or t_eval for derivatives along its run")
-        start = self.initial_state() if at is None else at
+        start = self.initial_state() if asked.at is None else asked.at
         free = [d.variables[i].name for i in d.having("free")]
-        by = self._differentiated(parameters, [*free, *(f"{name}'" for name in free)])
-        kernels = self._tangents("loop_linearisation", outputs)
+        by = self._differentiated(asked.parameters, [*free, *(f"{name}'" for name in free)])
+        kernels = self._tangents("loop_linearisation", asked.outputs)
 
         def pose(state: State) -> FreePose:
             return FreePose(self.kernels, kernels, state)
 
-        if t_end is None and t_eval is None:
+        if not asked.along:
             y = np.concatenate([start.q, start.u])[None]
             only = Path(np.array([start.t]), y, np.zeros((1, 0)), (0,))
             return at_run(only, pose, self.kernels, None, by)
         pose(start)
-        times = reals(t_end, "t_end") if t_eval is None else reals(t_eval, "t_eval")
-        if not len(times):
-            raise ModelError("expected increasing times for t_eval, at least one, got none")
-        method, rtol, atol, step, max_steps, max_step = options_of
-        most = MOST_STEPS if max_steps is None else max_steps
-        last = float(times[-1]) if t_end is None else t_end
-        chosen = options(last, method, rtol, atol, step, 2, most, max_step=max_step)
+        times, chosen = asked.run()
         path = follow(self.kernels, rank, start, chosen, times)
         of_steps = self._kernels_of("loop_variation", (), lanes=True)
         return at_run(path, pose, self.kernels, steps_of(self.kernels, of_steps, rank, chosen), by)
@@ -329,8 +303,7 @@ class LoopModel(Model):
         d = self.description
         chosen = d.inputs if inputs is None else tuple(inputs)
         for name in chosen:
-            if name not in d.inputs:
-                raise ModelError(f"{self.name} has no input {name!r}. {nearest(name, d.inputs)}")
+            check_known(name, d.inputs, f"{self.name} has no input")
         names = [d.variables[i].name for i in d.having("free")] if coordinates is None else coordinates
         shown = names if outputs is None else outputs
         return self._free_pose(at, shown).state_space(chosen, coordinates)

@@ -84,19 +84,16 @@ class _Follower:
 
     def __init__(self, kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> None:
         self.kernels, self.equations, self.t, self.start = kernels, equations, t, q
-        info = kernels.description.kernel("outputs")
-        self.out = np.zeros((1, (info.out_size if info else 0) + 1))
-        self.states = np.zeros((1, 3 * len(q) + 7))
+        self.states, self.out, self._diagnosis = kernels.empty(1)
         self.q, self.hold = q, 0.0
 
     def __call__(self, t: float) -> float:
-        q, diagnosis = np.append(self.start, 0.0), np.zeros((1, 5))
-        span = max(abs(t - self.t), 1e-12)
-        rows = self.states, self.out, diagnosis
-        status, *_ = follow_over(self.kernels, self.equations, self.t, q, np.array([t]), span, rows)
+        q, span = np.append(self.start, 0.0), max(abs(t - self.t), 1e-12)
+        rows = self.states, self.out, self._diagnosis
+        status, *_ = follow_over(self.kernels, self.equations, self.t, q, np.array([t]), span, *rows)
         self.q = self.states[0, : len(self.start)].copy()
         # Zero where a pole of the angles of a ball joint hides it: a change of sign there ends at that pole.
-        self.hold = float(diagnosis[0, _loop.HOLD]) if status == _core.DONE else np.nan
+        self.hold = float(self._diagnosis[0, _loop.HOLD]) if status == _core.DONE else np.nan
         return self.hold
 
 
@@ -135,9 +132,8 @@ def _around(
 def at_state(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> tuple[Array, Array]:
     """Return rates, and accelerations with the closing wrench, of the closed loop at (t, q)."""
     n = kernels.description.coordinates
-    info = kernels.description.kernel("outputs")
-    states, out = np.zeros((1, 3 * n + 7)), np.zeros((1, (info.out_size if info else 0) + 1))
-    status, *_ = equations.follow(t, np.append(q, 0.0), np.array([t]), 1.0, states, out, np.zeros((1, 5)))
+    states, *others = kernels.empty(1)
+    status, *_ = equations.follow(t, np.append(q, 0.0), np.array([t]), 1.0, states, *others)
     if status != _core.DONE:
         return np.zeros(n), np.zeros(n + 6)
     return states[0, n : 2 * n], states[0, 2 * n : 3 * n + 6]

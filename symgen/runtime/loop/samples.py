@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime import _core
 from symgen.runtime.closure.redundancy import Mask, undetermined
 from symgen.runtime.loop.frames import product
 from symgen.runtime.loop.kernels import LoopKernels
@@ -92,11 +91,7 @@ class Samples:
         for part in self.parts:
             work = np.zeros((len(part.rows), self.kernels.work_size + 1))
             work[:, : n + 6] = part.found[:, : n + 6]
-            made = np.zeros((len(part.rows), out.shape[1]))
-            address, p = self.kernels.library.addresses["outputs"], part.kernels.parameters
-            sizes = d.sizes_of("outputs")
-            _core.call_many(address, sizes, part.times, part.states, n, p, work, made)
-            out[part.rows] = made
+            out[part.rows] = part.kernels.rows("outputs", part.times, part.states, work)
         for i, q, u, a in self._in_table:
             self._write(i, out[i], q, u, a)
         return out

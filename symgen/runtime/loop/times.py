@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime.rods.instants import bisected
+
 Array = NDArray[np.float64]
 #: Value, rate and acceleration of an input at many times, shape (times, 3).
 Input = Callable[[Array], Array]
@@ -17,7 +19,6 @@ _GROWTH, _STEPS, _CHUNK = 0.01, 6144, 512
 _PARTS = 64
 #: First step where the input starts at rest and its acceleration gives no scale [s].
 _AT_REST = 1e-12
-_REFINEMENTS = 100
 #: Part of a value that rounding leaves.
 _CLOSE = 4 * float(np.finfo(float).eps)
 
@@ -73,13 +74,7 @@ def _with_turns(lead: Input, t: Array, jets: Array) -> tuple[Array, Array]:
         turns = np.flatnonzero(jets[:-1, 1] * jets[1:, 1] < 0.0)
     if not len(turns):
         return t, jets[:, 0]
-    low, high, sign = t[turns].copy(), t[turns + 1].copy(), np.sign(jets[turns, 1])
-    for _ in range(_REFINEMENTS):
-        middle = 0.5 * (low + high)
-        before = lead(middle)[:, 1] * sign > 0.0
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-        if np.all(np.abs(high - low) <= 2.0 * np.spacing(np.abs(high))):
-            break
+    high = bisected(lambda x: lead(x)[:, 1], np.zeros(len(turns)), t[turns], t[turns + 1])
     whole = np.insert(t, turns + 1, high)
     return whole, np.insert(jets[:, 0], turns + 1, lead(high)[:, 0])
 
@@ -98,32 +93,9 @@ def _passages(lead: Input, values: Array, nodes: Array, reached: Array) -> Array
     times[which[at_node]] = nodes[ends[at_node]]
     which, ends = which[~at_node], ends[~at_node]
     if len(which):
-        times[which] = _roots(lead, values[which], nodes[ends - 1], nodes[ends])
+        between = nodes[ends - 1], nodes[ends]
+        times[which] = bisected(lambda t: lead(t)[:, 0], values[which], *between)
     return times
-
-
-def _roots(lead: Input, values: Array, low: Array, high: Array) -> Array:
-    """Return the times between two at which a monotone input has its value: Newton's method, kept inside."""
-    low, high = low.copy(), high.copy()
-    rises = lead(high)[:, 0] > values
-    t, best, error = 0.5 * (low + high), 0.5 * (low + high), np.full(len(values), np.inf)
-    for k in range(_REFINEMENTS):
-        jets = lead(t)
-        gap = jets[:, 0] - values
-        better = np.abs(gap) < error
-        best, error = np.where(better, t, best), np.where(better, np.abs(gap), error)
-        below = (gap < 0.0) == rises
-        low, high = np.where(below, t, low), np.where(below, high, t)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = gap / jets[:, 1]
-        trial = t - step
-        inside = (trial - low) * (trial - high) <= 0.0
-        moved = np.where(inside & (k % 4 != 3), trial, 0.5 * (low + high))
-        still = (gap == 0.0) | (moved == t) | (np.abs(high - low) <= np.spacing(np.abs(high)))
-        if np.all(still | (inside & (np.abs(step) <= np.spacing(np.abs(t))))):
-            break
-        t = np.where(still, t, moved)
-    return best
 
 
 def _slack(value: Array | float) -> Array:

@@ -7,11 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from symgen.errors import ModelError
 from symgen.precision import Precision
 from symgen.runtime.integrate.checkpoint import Keeping, keeping
 from symgen.runtime.integrate.options import Options, options, sample_count
+from symgen.runtime.kernels.arguments import reals
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -136,6 +139,54 @@ class LinkageForces(LinkageRange):
 
     elements: int = 1
     sections: Sequence[float] = (0.5,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Derivatives:
+    """Derivatives of outputs by parameters, at a pose or along a run."""
+
+    outputs: Sequence[str]
+    parameters: Sequence[str] | None = None
+    at: Any = None
+    t_end: float | None = None
+    t_eval: ArrayLike | None = None
+    method: str | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    step: float | None = None
+    max_steps: int | None = None
+    max_step: float | None = None
+
+    @property
+    def along(self) -> bool:
+        """Whether they are along a run."""
+        return self.t_end is not None or self.t_eval is not None
+
+    @property
+    def of_run(self) -> list[str]:
+        """Names of the options of a run that are given."""
+        names = ("method", "rtol", "atol", "step", "max_steps", "max_step")
+        return [name for name in names if getattr(self, name) is not None]
+
+    def run(self) -> tuple[NDArray[np.float64], Options]:
+        """Return the times [s] of derivatives along a run, and its checked options."""
+        from symgen.runtime.linearisation.runs import MOST_STEPS
+
+        times = reals(self.t_end, "t_end") if self.t_eval is None else reals(self.t_eval, "t_eval")
+        if not len(times):
+            raise ModelError("expected increasing times for t_eval, at least one, got none")
+        last = float(times[-1]) if self.t_end is None else self.t_end
+        most = MOST_STEPS if self.max_steps is None else self.max_steps
+        how = (last, self.method, self.rtol, self.atol, self.step, 2, most)
+        return times, options(*how, max_step=self.max_step)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkageDerivatives(Derivatives):
+    """Derivatives of outputs of a linkage."""
+
+    coordinates: Sequence[str] = ()
+    integrals: Sequence[str] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.model.arguments import LinkageMotion, takes
 from symgen.runtime.model.model import Model
-from symgen.runtime.result.state import AssemblyModes, State, coordinates
+from symgen.runtime.result.state import AssemblyModes, State, coordinates, state_at
 from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
@@ -87,11 +87,7 @@ class LinkageModel(Model):
     def _state(self, t: float, q: Array, u: Array) -> State:
         if not np.isfinite(t):
             raise ModelError(f"expected a finite time of the state, got {t!r}")
-        parts = self._evaluator.blocks("points", t, q, u)
-        named = [
-            dict(zip(self.description.points, parts[k], strict=True)) for k in ("positions", "velocities")
-        ]
-        return State(t, q.copy(), u.copy(), *named)
+        return state_at(self._evaluator, t, q, u)
 
     def state(
         self,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.runtime.model.arguments import LinkageForces, LinkageMotion, LinkageRun, takes
+from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageMotion, LinkageRun, takes
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, AssemblyModes, State
@@ -97,11 +97,10 @@ class PlaneModel(RodModel):
             found = self.in_space._linearise(self._whole(state), coordinates=coordinates, **options)
         return replace(found, at_equilibrium=at_equilibrium)
 
-    def _sensitivity(  # type: ignore[override]
-        self, outputs: Sequence[str], at: State | Equilibrium | float | None = None, **options: Any
-    ) -> Sensitivity:
-        begin = self._whole(at) if at is None or isinstance(at, State) else at
-        return self.in_space._sensitivity(outputs, at=begin, **options)
+    @takes(LinkageDerivatives)
+    def _sensitivity(self, asked: LinkageDerivatives) -> Sensitivity:
+        at = self._whole(asked.at) if isinstance(asked.at, State) else asked.at
+        return self.in_space._sensitivity(replace(asked, at=at))
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         if coordinates is None:

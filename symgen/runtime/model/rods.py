@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, check_known
 from symgen.runtime import _core
 from symgen.runtime.integrate.causes import without_direction
-from symgen.runtime.integrate.options import Options, options
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
-from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.model.arguments import LinkageForces, LinkageRun, takes
+from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
 from symgen.runtime.result.recording import wound
 from symgen.runtime.result.result import Result
-from symgen.runtime.result.state import Accelerations, State, finite
+from symgen.runtime.result.state import Accelerations, State, finite, reactions_at
 from symgen.runtime.rods.redundancy import least_norm, not_unique
 from symgen.runtime.rods.start import Start, start
 
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.linearisation.state_space import Tangents
-    from symgen.runtime.result.elastic import ElasticResult
     from symgen.runtime.result.forces import Forces
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
@@ -118,10 +115,7 @@ class RodModel(LinkageModel):
         work, n, redundant = self._solution(state, typed=True), d.coordinates, self._found().redundant
         of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
         points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
-        reactions = {}
-        if self._evaluator.has("reactions"):
-            found = self._evaluator.blocks("reactions", state.t, state.q, state.u, work)
-            reactions = dict(zip(d.ground, found["reactions"], strict=True))
+        reactions = reactions_at(self._evaluator, state.t, state.q, state.u, work)
         open_rows = not_unique(self._evaluator, state.t, state.q, len(redundant))
         multipliers = dict(zip(d.constraints, work[n:-1].tolist(), strict=True))
         return Accelerations(points, multipliers, reactions, tuple(d.constraints[i] for i in open_rows))
@@ -182,8 +176,7 @@ class RodModel(LinkageModel):
             check_known(name, d.inputs, f"{self.name} has no input")
         if isinstance(at, float | int):
             reached = self.simulate(at, samples=2).final
-            places, rates = ({p: reached[p][of] for p in d.free} for of in ("position", "velocity"))
-            at = self.state(places, rates, float(at))
+            at = self._moving(lambda p, word: reached[p][word], float(at))
         positions = [f"{p}.position.{axis}" for p in d.free for axis in d.axes]
         names = positions if coordinates is None else list(coordinates)
         wanted = dict.fromkeys([*derivatives(d, names), *(outputs or ())])
@@ -194,86 +187,59 @@ class RodModel(LinkageModel):
         found = state_space(tangents, names, coordinates is not None, given, shown)
         return replace(found, at_equilibrium=at is not None and not isinstance(at, State))
 
-    def _sensitivity(
-        self,
-        outputs: Sequence[str],
-        parameters: Sequence[str] | None = None,
-        at: State | Equilibrium | ElasticResult | float | None = None,
-        coordinates: Sequence[str] = (),
-        t_end: float | None = None,
-        t_eval: ArrayLike | None = None,
-        integrals: Sequence[str] = (),
-        method: str | None = None,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        max_steps: int | None = None,
-        max_step: float | None = None,
-    ) -> Sensitivity:
+    @takes(LinkageDerivatives)
+    def _sensitivity(self, asked: LinkageDerivatives) -> Sensitivity:
         from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose
         from symgen.runtime.linearisation.state_space import derivatives
         from symgen.runtime.rods.equilibrium import Equilibrium
 
+        at, along, coordinates, d = asked.at, asked.along, asked.coordinates, self.description
         if not (at is None or isinstance(at, State | Equilibrium | float | int)):
             raise ModelError(f"{self.name}: expected a state, an equilibrium or a time for at, got {at!r}")
-        along = t_end is not None or t_eval is not None
-        how = {"method": method, "rtol": rtol, "atol": atol, "step": step, "max_step": max_step}
-        of_run = {**how, "max_steps": max_steps, "integrals": integrals or None}
-        if not along and any(x is not None for x in of_run.values()):
-            given = ", ".join(name for name, x in of_run.items() if x is not None)
-            raise ModelError(f"{given} is for derivatives along a run: give t_end or t_eval, too")
+        if not along and (given := asked.of_run + ["integrals"] * bool(asked.integrals)):
+            raise ModelError(f"{', '.join(given)} is for derivatives along a run: give t_end or t_eval, too")
         initial = [*coordinates, *(f"{name}'" for name in coordinates)] if along else []
-        by = self._differentiated(parameters, initial)
-        frequencies = "frequencies" in outputs
+        by = self._differentiated(asked.parameters, initial)
+        frequencies = "frequencies" in asked.outputs
         if frequencies and (along or at is None or isinstance(at, State | float | int)):
             raise ModelError("frequencies are those of an equilibrium: give model.equilibrium() for at")
-        outputs = [name for name in outputs if name != "frequencies"]
-        names = tuple(dict.fromkeys([*derivatives(self.description, coordinates), *outputs]))
+        outputs = [name for name in asked.outputs if name != "frequencies"]
+        names = tuple(dict.fromkeys([*derivatives(d, coordinates), *outputs]))
         if isinstance(at, float | int):
             driven = self.kinematics(at=[at], over="time")
-            places, rates = (
-                {p: driven[f"{p}.{word}"].values[0] for p in self.description.free}
-                for word in ("position", "velocity")
-            )
-            at = self.state(places, rates, float(at))
+            at = self._moving(lambda p, word: driven[f"{p}.{word}"].values[0], float(at))
         if along:
-            begin = at if at is None or isinstance(at, State) else at.state
-            start = self.initial_state() if begin is None else begin
-            if not outputs and not integrals:
+            start = self.initial_state() if at is None else at if isinstance(at, State) else at.state
+            if not outputs and not asked.integrals:
                 raise ModelError("expected outputs or integrals to differentiate along a run, got none")
-            if len(start.q) != self.description.coordinates:
+            if len(start.q) != d.coordinates:
                 raise ModelError(
-                    f"{self.name}: expected a state of {self.description.coordinates} coordinates for at, "
+                    f"{self.name}: expected a state of {d.coordinates} coordinates for at, "
                     f"got one of {len(start.q)}\n  Give one of this model."
                 )
-            times = reals(t_end, "t_end") if t_eval is None else reals(t_eval, "t_eval")
-            if not len(times):
-                raise ModelError("expected increasing times for t_eval, at least one, got none")
-            last = float(times[-1]) if t_end is None else t_end
-            from symgen.runtime.linearisation.runs import MOST_STEPS
-
-            most = MOST_STEPS if max_steps is None else max_steps
-            chosen = options(last, method, rtol, atol, step, 2, most, max_step=max_step)
-            return self._along_run(outputs, names, by, coordinates, start, times, integrals, chosen)
+            return self._along_run(asked, outputs, names, by, start)
         if at is None or isinstance(at, State):
             return at_pose(self._tangents(at, names, "sensitivity"), outputs, by, coordinates)
         vibration = self.analysis("vibration") if frequencies else None
         return at_equilibrium(self._tangents(at, names, "sensitivity"), outputs, by, vibration)
 
+    def _moving(self, of: Callable[[str, str], Any], t: float) -> State:
+        """Return the state at a time [s] from a function of points and of ``position`` and ``velocity``."""
+        places, rates = ({p: of(p, word) for p in self.description.free} for word in ("position", "velocity"))
+        return self.state(places, rates, t)
+
     def _along_run(
         self,
+        asked: LinkageDerivatives,
         outputs: Sequence[str],
         names: tuple[str, ...],
         by: tuple[str, ...],
-        coordinates: Sequence[str],
         start: State,
-        times: Array,
-        integrals: Sequence[str],
-        chosen: Options,
     ) -> Sensitivity:
         """Return derivatives along a run; ``names`` are the outputs of the kernels ``sensitivity``."""
         from symgen.runtime.linearisation.runs import at_run, follow
 
+        times, chosen = asked.run()
         tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
         path = follow(self._evaluator, tangent, len(self.redundant), start, chosen, times)
 
@@ -284,17 +250,16 @@ class RodModel(LinkageModel):
             held._evaluator = Evaluator(self.description, self._library, given)
             return held._tangents(state, names, "sensitivity")
 
-        kernels = self.analysis("variation", outputs=tuple(integrals))
-        return at_run(path, tangents, self._evaluator, kernels, outputs, by, coordinates, chosen)
+        kernels = self.analysis("variation", outputs=tuple(asked.integrals))
+        return at_run(path, tangents, self._evaluator, kernels, outputs, by, asked.coordinates, chosen)
 
     @takes(LinkageForces)
     def _inverse_dynamics(self, asked: LinkageForces) -> Forces:
-        from symgen.runtime.rods.forces.analysis import ForceTask, analyse
+        from symgen.runtime.rods.forces.analysis import analyse
 
         begin = self.initial_state() if asked.state is None else asked.state
-        task = ForceTask(asked.instants(self.description.t_end), asked.elements, asked.sections)
         redundant = len(self._found().redundant)
-        return analyse(self._bonds(), self.analysis("forces"), begin.q, begin.t, redundant, task)
+        return analyse(self._bonds(), self.analysis("forces"), begin, redundant, asked)
 
     def _equilibrium(
         self, state: State | None = None, t: float | None = None, stable: bool = True

@@ -13,7 +13,7 @@ from symgen.errors import ModelError, nearest
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
-from symgen.runtime.result.recording import nearest_turn
+from symgen.runtime.result.recording import nearest_turn, of_points, shaped
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.poses import Poses
@@ -107,7 +107,6 @@ def recorded(
     d, evaluator = bonds.description, bonds.evaluator
     r, v = bonds.moving(samples)
     a = bonds.accelerating(samples)
-    errors = np.max(np.abs(bonds.missed(samples)), axis=(1, 2), initial=0.0)
     units = bonds.units()
     variables = [
         Variable(name, units[name], f"drive {name}", (), values)
@@ -127,10 +126,8 @@ def recorded(
         axes=d.axes,
         coordinate=coordinate,
         variables=tuple(variables),
-        drift=Drift(float(errors[0]), float(errors[1])),
-        final={
-            p: {"position": r[-1, i].tolist(), "velocity": v[-1, i].tolist()} for i, p in enumerate(d.points)
-        },
+        drift=Drift(*bonds.errors(samples)),
+        final=of_points(d, r[-1], v[-1]),
         statistics={
             "t": float(samples.times[-1]),
             "steps": len(samples),
@@ -156,11 +153,7 @@ def coordinate_of(
 def _asked(bonds: Bonds, samples: Poses, along: Along) -> list[Variable]:
     """Return the outputs of the scene."""
     given = samples.times, samples.q, samples.u, samples.accelerations
-    found = bonds.evaluator.many_blocks("outputs", *given)
-    made = [
-        Variable(b.name, b.unit, b.about, b.rows, found[b.name][:, 0] if b.shape == (1, 1) else found[b.name])
-        for b in bonds.evaluator.info("outputs").blocks
-    ]
+    made = shaped(bonds.evaluator.info("outputs"), bonds.evaluator.many("outputs", *given))
     angles = {f"{link}.angle": link for link in bonds.description.links}
     return [
         replace(x, values=along.counted(angles[x.name], x.values)) if x.name in angles else x for x in made

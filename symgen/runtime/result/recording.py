@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.integrate.options import Options
-from symgen.runtime.kernels.description import KernelInfo
+from symgen.runtime.kernels.description import Description, KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, converters, over_time
@@ -185,10 +185,13 @@ def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list
     d = evaluator.description
     n = d.coordinates
     found = evaluator.blocks("points", t, y[:n], y[n : 2 * n])
-    positions, velocities = found["positions"].tolist(), found["velocities"].tolist()
-    return {
-        p: {"position": x, "velocity": v} for p, x, v in zip(d.points, positions, velocities, strict=True)
-    }
+    return of_points(d, found["positions"], found["velocities"])
+
+
+def of_points(d: Description, positions: Array, velocities: Array) -> dict[str, dict[str, list[float]]]:
+    """Return position [m] and velocity [m/s] of every point from those of all, (points, axes)."""
+    rows = zip(d.points, positions.tolist(), velocities.tolist(), strict=True)
+    return {p: {"position": x, "velocity": v} for p, x, v in rows}
 
 
 def outputs(
@@ -198,23 +201,17 @@ def outputs(
     info = evaluator.find("outputs")
     if info is None or not len(times):
         return ()
-    n = evaluator.description.coordinates
-    rows = states if n else np.zeros((len(times), 1))
-    work = np.zeros((len(times), 1))
+    n, work = evaluator.description.coordinates, None
     if info.work_size:
-        work = equations.solutions(times, rows)
-    if info.work_size and redundant:
+        work = equations.solutions(times, states if n else np.zeros((len(times), 1)))
+    if work is not None and redundant:
         work = np.array(
             [
                 least_norm(evaluator, t, y[:n], solution, redundant)
                 for t, y, solution in zip(times, states, work, strict=True)
             ]
         )
-    out = np.zeros((len(times), info.out_size + 1))
-    address = evaluator.library.addresses["outputs"]
-    sizes = evaluator.description.sizes_of("outputs")
-    _core.call_many(address, sizes, times, rows, n, evaluator.parameters, work, out)
-    return shaped(info, out)
+    return shaped(info, evaluator.many("outputs", times, states[:, :n], states[:, n : 2 * n], work))
 
 
 def continued(variables: tuple[Variable, ...], links: Sequence[str], turns: Array) -> tuple[Variable, ...]:

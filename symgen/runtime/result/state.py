@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.calls import checked
 from symgen.errors import ModelError, check_known
 from symgen.runtime.kernels.description import Description
+from symgen.runtime.kernels.evaluate import Evaluator
 
 Array = NDArray[np.float64]
 Pose = TypeVar("Pose")
@@ -33,6 +34,24 @@ class State:
     u: Array
     positions: dict[str, Array]
     velocities: dict[str, Array]
+
+
+def state_at(evaluator: Evaluator, t: float, q: Array, u: Array) -> State:
+    """Return the state of a linkage by its coordinates and their rates."""
+    parts, points = evaluator.blocks("points", t, q, u), evaluator.description.points
+    named = [dict(zip(points, parts[k], strict=True)) for k in ("positions", "velocities")]
+    return State(t, q.copy(), u.copy(), *named)
+
+
+def reactions_at(evaluator: Evaluator, t: float, q: Array, u: Array, work: Array) -> dict[str, Array]:
+    """Return the force of the ground on a linkage [N] at every ground point.
+
+    ``work`` starts with accelerations and multipliers.
+    """
+    if not evaluator.has("reactions"):
+        return {}
+    found = evaluator.blocks("reactions", t, q, u, work)["reactions"]
+    return dict(zip(evaluator.description.ground, found, strict=True))
 
 
 class AssemblyModes(tuple[Pose, ...]):

@@ -100,11 +100,12 @@ class Bonds:
         """Return the positions of all points [m], shape (points, axes)."""
         return self.evaluator.blocks("points", t, q, self._rest)["positions"]
 
-    def missed(self, poses: Poses) -> Array:
-        """Return Phi over its scale [m] and its rate [m/s] at many poses, (2, poses, m)."""
+    def errors(self, poses: Poses) -> tuple[float, float]:
+        """Return the largest of Phi over its scale [m] and of its rate [m/s] at many poses."""
         found = self.kinematics.many("closure", poses.times, poses.q, poses.u)
         values, scale, rates = np.split(found[:, : 3 * self.m], 3, axis=1)
-        return np.stack([values / scale, rates / scale])
+        place, rate = (float(np.max(np.abs(x / scale), initial=0.0)) for x in (values, rates))
+        return place, rate
 
     def moving(self, poses: Poses) -> tuple[Array, Array]:
         """Return positions [m] and velocities [m/s] of all points at many poses, (poses, points, axes)."""

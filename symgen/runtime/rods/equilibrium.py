@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.result.state import State
+from symgen.runtime.result.state import State, reactions_at, state_at
 from symgen.runtime.rods.assemblies import polished
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.linear import Linearised, Statics
@@ -246,22 +246,16 @@ def describe(statics: Statics, q: Array, found: Linearised) -> Equilibrium:
     d, evaluator, rest = bonds.description, bonds.evaluator, np.zeros(bonds.n)
     work = np.zeros(evaluator.work_size + bonds.n + bonds.m + 1)
     work[bonds.n : bonds.n + bonds.m] = found.multipliers
-    reactions = {}
-    if evaluator.has("reactions"):
-        rows = evaluator.blocks("reactions", t, q, rest, work)["reactions"]
-        reactions = dict(zip(d.ground, rows.reshape(len(d.ground), len(d.axes)), strict=True))
     info = d.kernel("outputs")
     outputs = evaluator.blocks("outputs", t, q, rest, work) if info else {}
-    parts = evaluator.blocks("points", t, q, rest)
-    named = [dict(zip(d.points, parts[k], strict=True)) for k in ("positions", "velocities")]
     return Equilibrium(
-        state=State(t, q.copy(), rest, *named),
+        state=state_at(evaluator, t, q, rest),
         stability=found.stability(),
         freedoms=found.freedoms,
         residual=float(np.max(np.abs(found.unbalanced), initial=0.0)),
         scale=found.scale,
         multipliers=dict(zip(d.constraints, found.multipliers.tolist(), strict=True)),
-        reactions=reactions,
+        reactions=reactions_at(evaluator, t, q, rest, work),
         outputs=outputs,
         units={b.name: b.unit for b in info.blocks} if info else {},
         linearised=found,

@@ -159,12 +159,17 @@ def _first(drive: Callable[[Array], Array], times: Array, taken: Array, targets:
     for end, place in ((high, before + 1), (low, before)):  # where both have it, the first
         met = taken[place] == targets
         low, high = np.where(met, end, low), np.where(met, end, high)
-    rising = taken[before] < targets
+    return bisected(drive, targets, low, high)
+
+
+def bisected(function: Callable[[Array], Array], targets: Array, low: Array, high: Array) -> Array:
+    """Return the times between two at which a function passes each target, to neighbouring numbers."""
+    rising = function(low) < targets
     while True:
         middle = (low + high) / 2
         if np.all((middle == low) | (middle == high)):
             break
-        is_before = (drive(middle) < targets) == rising
+        is_before = (function(middle) < targets) == rising
         low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
-    nearer = np.abs(drive(low) - targets) <= np.abs(drive(high) - targets)
+    nearer = np.abs(function(low) - targets) <= np.abs(function(high) - targets)
     return np.where(nearer, low, high)

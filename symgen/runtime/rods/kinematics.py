@@ -28,16 +28,6 @@ Array = NDArray[np.float64]
 _STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
-    """What to follow: from ``start`` to ``stop`` [s], at so many times, through dead centres or not."""
-
-    start: float
-    stop: float
-    samples: int
-    through: bool
-
-
 def driven(bonds: Bonds, q: Array, t: float) -> None:
     """Check that the drives determine the motion.
 
@@ -100,7 +90,7 @@ def analyse(
         raise ModelError("give at or through, not both: values are evaluated on one assembly branch")
     driven(bonds, q, t)
     times = asked.times(bonds.description.name, bonds.driving)
-    found = follow(bonds, q, t, Task(asked.start, asked.stop, len(times), through), times)
+    found = follow(bonds, q, t, asked, times, through)
     if not len(found.samples):
         where = "; ".join(p.describe(shown) for p in found.poses)
         raise SimulationError(
@@ -137,8 +127,12 @@ def _order_of(found: Followed, times: Array, shown: Mapping[str, tuple[str, floa
     return np.array([places[t] for t in times.tolist()], dtype=np.intp)
 
 
-def follow(bonds: Bonds, q: Array, t: float, asked: Task, times: Array) -> Followed:
+def follow(
+    bonds: Bonds, q: Array, t: float, asked: Instants, times: Array, through: bool = False
+) -> Followed:
     """Follow the linkage from the pose q at the time t over a range, and sample it at times in it.
+
+    With ``through`` the curve continues past turning points, otherwise it ends there.
 
     Raises
     ------
@@ -164,7 +158,7 @@ def follow(bonds: Bonds, q: Array, t: float, asked: Task, times: Array) -> Follo
     if sound is not None:
         samples = sound.poses[sound.asked]
         return Followed(samples, sound.asked, sound.poses, [], [], [])
-    path = _path(curve, q, t, asked)
+    path = _path(curve, q, t, asked, through)
     poses = singular_poses(curve, path, asked.start, asked.stop)
     rows: list[tuple[float, Array, Array, Array]] = []
     near: list[int] = []
@@ -188,7 +182,7 @@ def _poses(rows: Sequence[tuple[float, Array, Array, Array]], n: int) -> Poses:
     return Poses(np.array([row[0] for row in rows]), states)
 
 
-def _duration(bonds: Bonds, q: Array, t: float, asked: Task) -> float:
+def _duration(bonds: Bonds, q: Array, t: float, asked: Instants) -> float:
     """Return about the time in which the drives move by the linkage's size, at most about the range.
 
     Points of the linkage would do as well, but next to a dead centre they are as fast as one likes. A power
@@ -199,20 +193,20 @@ def _duration(bonds: Bonds, q: Array, t: float, asked: Task) -> float:
     return 2.0 ** round(math.log2(min(whole, bonds.length(q) / fastest) if fastest > 0 else whole))
 
 
-def _path(curve: Curve[Bonds], q: Array, t: float, asked: Task) -> list[CurvePoint]:
+def _path(curve: Curve[Bonds], q: Array, t: float, asked: Instants, through: bool) -> list[CurvePoint]:
     """Return the curve through the start, from low to high times where it does not fold."""
     x = curve.at(curve.join(q, t))
     if x is None:
         raise SimulationError(f"the pose to start from does not meet the constraints at t = {t:g} s", time=t)
     ends = min(asked.start, t), max(asked.stop, t)
-    forward = curve.walk(curve.point(x), ends, asked.through, _STEPS)
+    forward = curve.walk(curve.point(x), ends, through, _STEPS)
     if forward[-1] is forward[0] and len(forward) > 1:
         return forward
     if forward[-1].speed > TURNING and forward[-1].x[-1] < ends[1] / curve.duration:
         raise _stuck(curve, forward[-1])
     if asked.start >= t:
         return forward
-    back = curve.walk(curve.point(x, np.append(np.zeros(len(q)), -1.0)), ends, asked.through, _STEPS)
+    back = curve.walk(curve.point(x, np.append(np.zeros(len(q)), -1.0)), ends, through, _STEPS)
     if back[-1].speed < -TURNING and back[-1].x[-1] > ends[0] / curve.duration:
         raise _stuck(curve, back[-1])
     turned = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(back[1:])]
@@ -309,7 +303,7 @@ def _near_crossing(
 
 
 def _elsewhere(
-    curve: Curve[Bonds], q: Array, asked: Task, covered: list[Range]
+    curve: Curve[Bonds], q: Array, asked: Instants, covered: list[Range]
 ) -> tuple[list[SingularPose], list[Range]]:
     """Look for assemblies in the times not covered; return their dead centres and ranges."""
     poses: list[SingularPose] = []
@@ -321,14 +315,13 @@ def _elsewhere(
             found, _ = assemblies(curve.bonds, q, float(t), tries=8)
             if not found:
                 continue
-            whole = Task(asked.start, asked.stop, 2, False)
             start = curve.at(curve.join(found[0], float(t)))
             if start is None:
                 continue
             ways = [np.append(np.zeros(len(q)), s) for s in (1.0, -1.0)]
             ends = [curve.walk(curve.point(start, w), (asked.start, asked.stop), False, _STEPS) for w in ways]
             path = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(ends[1][1:])] + ends[0]
-            poses += singular_poses(curve, path, whole.start, whole.stop)
+            poses += singular_poses(curve, path, asked.start, asked.stop)
             times = [p.x[-1] * curve.duration for p in path]
             apart.append((float(max(min(times), asked.start)), float(min(max(times), asked.stop))))
     return poses, apart
@@ -339,7 +332,7 @@ def _span(curve: Curve[Bonds], part: list[CurvePoint]) -> Range:
     return ends[0], ends[1]
 
 
-def _gaps(covered: list[Range], asked: Task) -> list[Range]:
+def _gaps(covered: list[Range], asked: Instants) -> list[Range]:
     gaps, at = [], asked.start
     for low, high in sorted(covered):
         if low > at:

@@ -14,40 +14,24 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.model.arguments import LinkageForces
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.recorded_motion import coordinate_of
+from symgen.runtime.result.recording import of_points
 from symgen.runtime.result.records import Drift, Variable, converters, of_model
+from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, Unknown, solve
 from symgen.runtime.rods.forces.multipliers import by_multipliers
 from symgen.runtime.rods.instants import Instants
-from symgen.runtime.rods.kinematics import Followed, Task, driven, follow
+from symgen.runtime.rods.kinematics import Followed, driven, follow
 from symgen.runtime.rods.poses import Poses
 
 Array = NDArray[np.float64]
 _MOST_ELEMENTS, _MOST_SAMPLES = 1000, 100_000
 #: A smaller part of an unknown in the forces that nothing balances is rounding.
 _OPEN = 1e-6
-
-
-@dataclass(frozen=True, slots=True)
-class ForceTask:
-    """Task of an analysis of forces.
-
-    Attributes
-    ----------
-    range
-        Where forces are evaluated.
-    elements
-        Into how many elements a link is cut.
-    sections
-        At which parts of the length of links section forces are given, besides those between elements.
-    """
-
-    range: Instants
-    elements: int
-    sections: Sequence[float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +66,8 @@ def driving(loads: Evaluator, times: Array) -> dict[str, Array]:
     return {f"{row.split(' ')[0]}.angle": column for row, column in zip(rows, values.T, strict=True)}
 
 
-def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, asked: ForceTask) -> Forces:
-    """Return the forces over a motion that starts from the pose q at the time t.
+def analyse(bonds: Bonds, loads: Evaluator, begin: State, redundant: int, asked: LinkageForces) -> Forces:
+    """Return the forces over a motion that starts from a state.
 
     ``redundant`` is how many constraints follow from the others wherever the linkage goes.
 
@@ -95,12 +79,12 @@ def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, 
         If a requested pose cannot be reached, or does not determine the forces: it names direction, rank and
         the undetermined forces.
     """
-    began = perf_counter()
-    linkage, asked = _Linkage(bonds, loads, redundant), _checked(asked)
-    driven(bonds, q, t)
-    times = asked.range.times(bonds.description.name, linkage.driving)
-    found = follow(bonds, q, t, Task(asked.range.start, asked.range.stop, len(times), False), times)
-    poses = _poses(linkage, found, times, asked.range.at is not None)
+    began, d = perf_counter(), bonds.description
+    linkage, asked, over = _Linkage(bonds, loads, redundant), _checked(asked), asked.instants(d.t_end)
+    driven(bonds, begin.q, begin.t)
+    times = over.times(d.name, linkage.driving)
+    found = follow(bonds, begin.q, begin.t, over, times)
+    poses = _poses(linkage, found, times, over.at is not None)
     assembly = Assembly(bonds, loads, poses, asked.elements)
     solution = by_multipliers(bonds, loads, poses, assembly) or solve(assembly)
     unknown = np.flatnonzero(~np.isfinite(solution.x).all(axis=1))
@@ -111,21 +95,21 @@ def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, 
     notes = [*_notes(linkage, assembly, solution, found)]
     if len(lost):
         causes = [_undetermined(linkage, assembly, solution, i) for i in lost.tolist()]
-        if asked.range.at is not None or len(lost) == len(poses):
+        if over.at is not None or len(lost) == len(poses):
             raise SimulationError(causes[0], time=float(poses.times[lost[0]]))
         notes += causes
         poses = poses[np.setdiff1d(np.arange(len(poses)), lost)]
         assembly = Assembly(bonds, loads, poses, asked.elements)
         solution = solve(assembly)
-    return _recorded(linkage, assembly, solution, poses, found, asked, notes, began)
+    return _recorded(linkage, assembly, solution, poses, found, asked, over, notes, began)
 
 
-def _checked(asked: ForceTask) -> ForceTask:
+def _checked(asked: LinkageForces) -> LinkageForces:
     elements = count(asked.elements, "the number of elements")
     if not 1 <= elements <= _MOST_ELEMENTS:
         raise ModelError(f"expected between 1 and {_MOST_ELEMENTS} elements of a link, got {elements}")
-    if not 2 <= asked.range.samples <= _MOST_SAMPLES:
-        raise ModelError(f"expected between 2 and {_MOST_SAMPLES} samples, got {asked.range.samples}")
+    if not 2 <= asked.samples <= _MOST_SAMPLES:
+        raise ModelError(f"expected between 2 and {_MOST_SAMPLES} samples, got {asked.samples}")
     sections = reals(asked.sections, "the sections, parts of the length of a link").tolist()
     for share in sections:
         if not 0.0 < share < 1.0:
@@ -217,7 +201,7 @@ def _notes(linkage: _Linkage, assembly: Assembly, solution: Solution, found: Fol
 
 
 def _variables(
-    linkage: _Linkage, assembly: Assembly, solution: Solution, asked: ForceTask
+    linkage: _Linkage, assembly: Assembly, solution: Solution, asked: LinkageForces
 ) -> Iterator[Variable]:
     axes, x = assembly.description.axes, solution.x
     for name, values in linkage.driving(np.array(assembly.times)).items():
@@ -281,14 +265,13 @@ def _recorded(
     solution: Solution,
     poses: Poses,
     found: Followed,
-    asked: ForceTask,
+    asked: LinkageForces,
+    over: Instants,
     notes: Sequence[str],
     began: float,
 ) -> Forces:
     d, bonds = linkage.bonds.description, linkage.bonds
-    errors = np.max(np.abs(bonds.missed(poses)), axis=(1, 2), initial=0.0)
-    positions, velocities = bonds.moving(poses)
-    drive = next(iter(linkage.drives(0.0)), "") if asked.range.over == "input" else ""
+    drive = next(iter(linkage.drives(0.0)), "") if over.over == "input" else ""
     times = poses.times
     coordinate, variables = coordinate_of(times, [*_variables(linkage, assembly, solution, asked)], drive)
     return Forces(
@@ -296,17 +279,14 @@ def _recorded(
             d,
             bonds.evaluator.given.tolist(),
             method="elements",
-            t_end=asked.range.stop,
+            t_end=over.stop,
             backend=bonds.evaluator.library.backend,
         ),
         axes=d.axes,
         coordinate=coordinate,
         variables=tuple(variables),
-        drift=Drift(float(errors[0]), float(errors[1])),
-        final={
-            p: {"position": positions[-1, i].tolist(), "velocity": velocities[-1, i].tolist()}
-            for i, p in enumerate(d.points)
-        },
+        drift=Drift(*bonds.errors(poses)),
+        final=of_points(d, *(x[-1] for x in bonds.moving(poses))),
         statistics={
             "t": float(poses.times[-1]),
             "steps": len(poses),

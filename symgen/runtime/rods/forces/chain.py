@@ -8,13 +8,14 @@ beyond the last node is zero. The section force beyond the first node, the other
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime import _core
+from symgen.runtime.kernels.evaluate import at_rows
 from symgen.runtime.kernels.library import shipped_module
 
 Array = NDArray[np.float64]
@@ -32,12 +33,8 @@ class ElementKernels:
         self, kernel: str, q: Array, u: Array, p: tuple[float, ...], shape: tuple[int, ...]
     ) -> Array:
         """Return the output of a kernel for each pose, (poses, *shape): q and u of shape (poses, 6)."""
-        poses = len(q)
-        work, out = np.zeros((poses, 1)), np.zeros((poses, int(np.prod(shape))))
-        y = np.ascontiguousarray(np.hstack([q, u]))
-        sizes = (1, 6, 6, len(p), 0, out.shape[1])
-        _core.call_many(self._addresses[kernel], sizes, np.zeros(poses), y, 6, np.array(p), work, out)
-        return out.reshape(poses, *shape)
+        given = self._addresses[kernel], np.hstack([q, u]), 6, np.array(p)
+        return at_rows(*given, math.prod(shape)).reshape(len(q), *shape)
 
 
 @dataclass(frozen=True, slots=True)
