@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, ResultError, SymgenError, check_known
 from symgen.inspection.values import of_times
-from symgen.inspection.view import Drawn, bare, drawn_scene
+from symgen.inspection.view import Drawn, bare, drawn_scene, stops
 from symgen.methods import load, method_of
 from symgen.pipeline.build import build_asked
 from symgen.report.page.animation import Film, traces_of
@@ -53,6 +53,8 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
     drawn = drawn_scene(text)
     model = _built(drawn)
     result = drawn.view.filmed(model, samples, **asked)
+    if stops(result):  # there and back
+        result = _thinned(result, np.array([*range(result.count), *range(result.count - 2, 0, -1)]))
     sketches = drawn.view.sketches(drawn.resolved, model, result)
     words = drawn.view.film_text(drawn.resolved, result)
     return Film(_shown(result, drawn.plotted), sketches, words, _shown(result, drawn.arrows).shown)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SymgenError
+from symgen.errors import ModelError, SimulationError, SymgenError
 from symgen.inspection.picture import (
     SEEN,
     bent_outputs,
@@ -85,9 +85,14 @@ class RodsView(View):
         return [f"{p.name}{_POSITION}" for p in resolved.as_written.points]
 
     def filmed(self, model: Any, samples: int, **asked: Any) -> Result:
-        """Return a run under forces, or the kinematics of a scene that has none."""
+        """Return a run under forces, or the kinematics of a scene that has none or a dead centre."""
         if "simulate" in model.capabilities:
-            return super().moved(model, samples, **asked)
+            try:
+                return super().moved(model, samples, **asked)
+            except SimulationError:
+                if "kinematics" not in model.capabilities:
+                    raise
+                return self.moved(model, samples, **asked)
         stop = asked.pop("t_end", None)
         found: Result = model.kinematics(stop=stop, samples=samples, **asked)
         return found
@@ -183,7 +188,7 @@ class ElasticView(RodsView):
     def film_text(self, resolved: Linkage, result: Result) -> str:
         """Return the caption, with the magnification of deflections if the result has them."""
         if not deflected(resolved, result):
-            return self.film_caption
+            return super().film_text(resolved, result)
         return _of_deflections(magnification(resolved, result))
 
     def drawn_outputs(self, resolved: Linkage) -> Sequence[str]:

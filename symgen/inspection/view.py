@@ -12,6 +12,7 @@ from symgen.errors import ModelError
 from symgen.methods import method_of
 from symgen.report.page.drawing import Drawing, Sketch
 from symgen.report.page.page import Fact, TableView
+from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText, check_scene
@@ -71,7 +72,7 @@ class View:
 
     def film_text(self, resolved: Any, result: Result) -> str:
         """Return the caption of the moving picture of a result."""
-        return self.film_caption
+        return self.film_caption + (_STOPS if stops(result) else "")
 
     def recorded(self, resolved: Any, data: Mapping[str, Any]) -> dict[str, Any]:
         """Return the tables of a scene with those that its drawn outputs need."""
@@ -201,6 +202,15 @@ def view_of(thing: Any) -> View:
     """Return the view of the method of a resolved scene or a model."""
     view: View = method_of(thing).load("view")()
     return view
+
+
+#: Part of the caption of a motion that its drives cannot continue.
+_STOPS = " The drive cannot pass a dead centre: the motion up to it is shown there and back."
+
+
+def stops(result: Result) -> bool:
+    """Return whether a motion ends before its range does, at a dead centre."""
+    return isinstance(result, Motion) and bool(result.unassemblable or result.out_of_reach)
 
 
 def bare(d: Any, along: Coordinate, variables: Sequence[Variable], hertz: float = 0.0) -> Result:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -84,6 +85,8 @@ def _tunable(text: SceneText, key: str) -> tuple[SceneText, str]:
     value: Any = text.data
     for part in key.split("."):
         value = value.get(part) if isinstance(value, dict) else _at(value, part)
+    if value is None:
+        value = _drawn_length(text, key)
     if not isinstance(value, str | int | float) or isinstance(value, bool):
         raise SceneError(
             f"there is no parameter {key!r}, and no key of that path with one value",
@@ -94,6 +97,19 @@ def _tunable(text: SceneText, key: str) -> tuple[SceneText, str]:
     name = re.sub(r"\W+", "_", key)
     with_parameter = _with(text, {**parameters, name: {"value": value, "tunable": True, "about": key}})
     return override(with_parameter, {key: name}), name
+
+
+def _drawn_length(text: SceneText, key: str) -> str | None:
+    """Return the drawn length of a link, for the key ``links.NAME.length``; None for other keys."""
+    from symgen.scene.resolve import resolve
+
+    table, _, name = key.removesuffix(".length").partition(".")
+    if table != "links" or not key.endswith(".length") or name not in text.data.get("links", {}):
+        return None
+    linkage: Any = resolve(check_scene(text))
+    places = {p.name: [linkage.number(x) for x in p.at] for p in linkage.points}
+    link = next((k for k in linkage.links if k.name == name), None)
+    return f"{math.dist(places[link.start], places[link.end])!r} m" if link else None
 
 
 def _at(value: Any, part: str) -> Any:

@@ -124,6 +124,11 @@ def test_values_are_read_in_their_units(scene):
     model, found = varied(scene, vary)
     assert found == {"length": Uniform(0.2, 0.4), "links_rod_mass": Normal(2.0, 0.1)}
     assert dict(model.parameters) == pytest.approx({"length": 0.5, "links_rod_mass": 2.0})
+    text = read_scene(scene)
+    text.data["links"]["rod"].pop("length")  # the drawn one
+    drawn, names = tunable(text, ["links.rod.length"])
+    assert names == {"links.rod.length": "links_rod_length"}
+    assert drawn.data["parameters"]["links_rod_length"]["value"] == "0.5 m"
 
 
 @pytest.mark.parametrize(

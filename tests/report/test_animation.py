@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from types import SimpleNamespace
 
@@ -47,6 +48,33 @@ def test_a_crank_rocker_turns_as_two_circles_say():
     assert places(data)[:, before] == pytest.approx(found["A"], abs=0)
     assert places(data)[:, before + 1] == pytest.approx(found["B"], abs=0)
     assert {c["name"] for c in data["curves"]} >= {"B.position.x", "crank.torque"}
+
+
+@pytest.mark.parametrize("mass", [None, "1 kg"])
+def test_a_motion_up_to_a_dead_centre_is_shown_there_and_back(mass):
+    """The crank stops where coupler and rocker are in line: the distance AC is then the sum of their lengths."""
+    scene = read_scene("crank_rocker")
+    links = {"crank": ["O", "A"], "coupler": ["A", "B"], "rocker": ["C", "B"]}
+    scene.data.clear()
+    scene.data.update(
+        symgen=1, parameters={"speed": "1 rad/s"},
+        points={
+            "O": {"at": ["0 m", "0 m"], "ground": True}, "C": {"at": ["0.5 m", "0 m"], "ground": True},
+            "A": {"at": ["0.38 m", "0 m"]}, "B": {"at": ["0.4 m", "0.3 m"]},
+        },
+        links={n: {"points": ends} | ({"mass": mass} if mass else {}) for n, ends in links.items()},
+        drivers=[{"link": "crank", "angle": "speed*t"}], analysis={"t_end": "6 s"}
+        | ({} if mass else {"kind": "kinematics"}),
+    )  # fmt: skip
+    film = film_of(scene, 41)
+    b, c = math.hypot(0.02, 0.3), math.hypot(0.1, 0.3)
+    stop = math.acos((0.38**2 + 0.5**2 - (b + c) ** 2) / (2 * 0.38 * 0.5))
+    times = film.result.time
+    top = int(np.argmax(times))
+    assert stop - 6 / 40 <= times[top] <= stop and "dead centre" in film.caption
+    assert np.array_equal(times[top + 1 :], times[1:top][::-1])
+    there, back = film.sketches[top - 1], film.sketches[top + 1]
+    assert np.array_equal([n.at for n in there.nodes], [n.at for n in back.nodes])
 
 
 def test_the_caption_counts_the_curves_that_are_not_drawn():

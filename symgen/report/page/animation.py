@@ -71,7 +71,7 @@ def animation(film: Film, *, plots: bool = True, framed: bool = False) -> str:
             "label": label,
             "values": _rounded(along, float(np.ptp(along)) or 1.0),
         },
-        "duration": float(np.ptp(film.result.time)) if film.result.count > 1 else 0.0,
+        "duration": float(np.sum(np.abs(np.diff(film.result.time)))),
         "view": np.round(view_of_paper(first), 6).tolist(),
         "low": low.tolist(),
         "high": high.tolist(),

@@ -93,7 +93,7 @@ def movie(film: Film, file: Path) -> None:
 
     paper = Paper.of(film.sketches)
     count, along = film.result.count, film.result.over
-    own = float(np.ptp(film.result.time)) if count > 1 else 0.0
+    own = float(np.sum(np.abs(np.diff(film.result.time))))
     seconds = float(np.clip(own or _TIMELESS, _SHORTEST, _LONGEST))
     shown = np.unique(np.linspace(0, count - 1, min(count, round(_RATE * seconds) + 1)).round().astype(int))
     shown = shown[: max(1, len(shown) - 1)]  # the last is the first of the next round
