@@ -117,6 +117,8 @@ def test_modes_are_carried_along_by_the_rigid_motion(tmp_path):
     deflection = run["bar.deflection"].values
     displacement = run["tip.displacement"].values
     assert displacement[0] == pytest.approx([0.0, 1e-3], abs=1e-12)
+    with pytest.raises(ModelError, match=r"far below the length of the links, .* m, got 1e\+300 m"):
+        model.simulate(initial=[1e300])
     # The tip turns with the strip, and no faster.
     rate = np.array([-3.0, 4.0, -1.0]) @ displacement[:, 0] / 2e-6
     assert rate == pytest.approx(-20.0 * 1e-3, rel=1e-4)

@@ -84,8 +84,15 @@ def of_modes(
     Raises
     ------
     ModelError
-        For more amplitudes than modes, and as :func:`elastic_modes`.
+        For more amplitudes than modes, those longer than the links, and as :func:`elastic_modes`.
     """
+    longest = max(beam.properties.length for beam in motion.beams)
+    beyond = next((size for size in amplitudes if abs(size) > longest), None)
+    if beyond is not None:
+        raise ModelError(
+            f"{motion.rigid.name}: expected amplitudes of the initial modes far below the length "
+            f"of the links, {longest:.3g} m, got {beyond:g} m"
+        )
     places = np.linspace(0.0, 1.0, _PLACES)
     tables = [beam.table(places.tolist()) for beam in motion.beams]
     found, first = np.zeros((len(times), motion.layout.unknowns)), dict[int, Array]()

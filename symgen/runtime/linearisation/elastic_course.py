@@ -111,9 +111,8 @@ class Course:
         apart = times[:, None] - self.times
         met = apart == 0.0
         terms = self._weights / np.where(met, 1.0, apart)
+        terms = np.where(np.any(met, axis=1)[:, None], met, terms)  # all points are at the start of no motion
         found: Array = terms / np.sum(terms, axis=1, keepdims=True)
-        at = np.any(met, axis=1)
-        found[at] = met[at]
         return found
 
     def rows(self, j: int, times: Array) -> Dual:
