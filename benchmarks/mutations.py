@@ -3,8 +3,8 @@
 ``python benchmarks/mutations.py`` copies the tree, and for every fault of ``FAULTS`` replaces one piece of a
 file of ``symgen/mechanics`` in the copy: a sign, a factor, a missing term. What the file decides is derived
 anew, a scene is run, and the named test is run; then the file is put back. Kernels of building blocks are not
-compiled for this: their derived program runs in NumPy. The element in large rotation, which runs call by its
-address, is compiled anew. ``--only WORD`` takes the faults whose file or name has the word.
+compiled for this: their derived program runs in NumPy. Elements in large rotation and conditions of synthesis,
+which are called by their address, are compiled anew. ``--only WORD`` takes the faults whose file or name has the word.
 
 The equation of an elastic link in fixed axes (``turning_axes.py``) is for inspection, and the recursion of
 chains and rigid elements are compiled blocks: no fault is put there.
@@ -57,7 +57,7 @@ EULER, ROWS = "tests/mechanics/test_dual_euler.py", "tests/mechanics/test_dual_r
 LOOPS = "tests/loop/test_loop_kernels.py"
 HAMILTON, WEIGHTS = "tests/mechanics/test_hamilton.py", "tests/elastic/test_weights.py"
 LARGE, ENERGIES = "tests/elastic/test_corotational.py", "tests/elastic/test_elastic_energies.py"
-ROTATING = "tests/elastic/test_rotor.py"
+ROTATING, SPACE = "tests/elastic/test_rotor.py", "tests/elastic/test_directors.py"
 SYNTHESIS, NINE = "tests/synthesis/test_four_bar_synthesis.py", "tests/synthesis/test_nine_points.py"
 SLIDERS, SPHERES = "tests/synthesis/test_slider_cranks.py", "tests/synthesis/test_spherical.py"
 FAULTS = (
@@ -126,6 +126,14 @@ FAULTS = (
     Fault("mass in the axial force doubled", "elastic/spatial.py", "MU.symbol * sp.integrate", "2 * MU.symbol * sp.integrate", "rotor", ROTATING),
     Fault("rotation of fibres to the first degree", "elastic/spatial.py", " + rotation.cross(once) / 2", "", "rotor", ROTATING),
     Fault("centrifugal load reversed", "elastic/spatial.py", "f.name: sp.diff(energy, f)", "f.name: -sp.diff(energy, f)", "rotor", ROTATING),
+    Fault("stretch of the chord halved", "elastic/directors.py", "_dot(chord, chord) / length**2 - 1) / 2", "_dot(chord, chord) / length**2 - 1) / 4", "space", SPACE),
+    Fault("twist by a sum of products", "elastic/directors.py", "- _dot(second[3], first[2])", "+ _dot(second[3], first[2])", "space", SPACE),
+    Fault("mean slopes in the axial strain", "elastic/directors.py", "2 * a**2 - a * b + 2 * b**2", "2 * a**2 + a * b + 2 * b**2", "space", SPACE),
+    Fault("bending planes exchanged", "elastic/directors.py", '"z": BENDING_Z.symbol, "y": BENDING_Y.symbol', '"z": BENDING_Y.symbol, "y": BENDING_Z.symbol', "space", SPACE),
+    Fault("antisymmetric bending", "elastic/directors.py", "3 * stiffness / length", "2 * stiffness / length", "space", SPACE),
+    Fault("damping reversed", "elastic/directors.py", "strain + DAMPING.symbol * rate", "strain - DAMPING.symbol * rate", "space", SPACE),
+    Fault("gravity on tangents reversed", "elastic/directors.py", "*(-x for x in leant)", "*leant", "space", SPACE),
+    Fault("inertias of fibres exchanged", "elastic/directors.py", "(2, JZ.symbol), (3, JY.symbol)", "(2, JY.symbol), (3, JZ.symbol)", "space", SPACE),
     Fault("rate of gravity in rotating axes", "elastic/energies.py", "GY.symbol: -OMEGA.symbol * GX.symbol", "GY.symbol: OMEGA.symbol * GX.symbol", "weight", ENERGIES),
     Fault("lift left out of the potential", "elastic/energies.py", '-steps["gravity_work"] - MU.symbol * LIFT.symbol', '-steps["gravity_work"]', "weight", ENERGIES),
     Fault("masses along a link in its energy", "elastic/energies.py", "own[k] * at**power", "2 * own[k] * at**power", "elastic", ENERGIES),
@@ -308,6 +316,8 @@ def results(scene: str) -> dict[str, list[float]]:
         run = model.inverse_dynamics(samples=7)
     elif scene == "rods":
         run = model.simulate(0.4, samples=5)
+    elif scene == "space":
+        run = model.simulate(0.0005, rtol=0.5, samples=3)
     elif scene == "large":
         run = model.large_rotation(elements=2, revolutions=0.02, rtol=0.5, samples=3)
     else:
@@ -322,7 +332,7 @@ def uncompiled_blocks() -> None:
     from symgen.codegen.emit import emit
     from symgen.codegen.target import Target
     from symgen.lowering.program import lower_system
-    from symgen.models import BLOCKS, SHIPPED_BLOCKS
+    from symgen.models import BLOCKS, SHIPPED_BLOCKS, SYNTHESIS
     from symgen.runtime.kernels import library
 
     compiled, made = library.shipped_module, {}
@@ -330,7 +340,7 @@ def uncompiled_blocks() -> None:
     def module(name: str) -> Any:
         if name not in SHIPPED_BLOCKS or name == "rigid_element":  # that one is called by address
             return compiled(name)
-        if name in ("corotational_beam", "corotational_node"):
+        if name in ("corotational_beam", "corotational_node", "director_beam", *SYNTHESIS):
             made[name] = made.get(name) or compiled_block(name)
         if name not in made:
             program = lower_system(BLOCKS[name]())
