@@ -32,6 +32,8 @@ SIZES = Path(__file__).with_name("sizes.json")
 NAMES = (*BLOCKS, *symgen.shipped_scenes())
 #: Models whose C is compiled with warnings as errors unless all are.
 COMPILED = (*BLOCKS, "four_bar", "peaucellier", "mass_ratios", "slider_crank", "rssr", "elastic_slider_crank")
+#: Those that the optimiser looks at too, for its warnings.
+OPTIMISED = ("element_beam8", "corotational_beam", "four_bar", "slider_crank", "elastic_slider_crank")
 
 
 @pytest.fixture(scope="module")
@@ -145,12 +147,13 @@ def test_c_is_no_larger_than_stored(name):
 def test_c_compiles_without_a_warning(name, tmp_path):
     for file in emit(lowered(name), Target(), "x" * 64):
         (tmp_path / file.name).write_text(file.text)
-    for source in sorted(tmp_path.glob("*.c")):
-        subprocess.run(
-            ["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wdouble-promotion", "-O1"]
-            + ["-c", str(source), "-o", str(tmp_path / "x.o")],
-            check=True,
-        )
+    subprocess.run(
+        ["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wdouble-promotion", "-O1", "-c"]
+        + ([] if name in OPTIMISED else ["-fsyntax-only"])
+        + [source.name for source in sorted(tmp_path.glob("*.c"))],
+        check=True,
+        cwd=tmp_path,
+    )
 
 
 def test_zeros_in_a_row_are_a_loop():

@@ -195,17 +195,18 @@ def test_elastic_links_run_to_a_time_or_over_revolutions():
 @pytest.mark.parametrize(
     "result",
     [
-        lambda: symgen.build("crank_rocker").kinematics(samples=4),
-        lambda: symgen.build("crank_rocker").inverse_dynamics(samples=4),
-        lambda: symgen.build("slider_crank").kinematics(at=[0.5]),
-        lambda: symgen.build("four_bar").simulate(0.1, samples=2),
+        lambda _: symgen.build("crank_rocker").kinematics(samples=4),
+        lambda _: symgen.build("crank_rocker").inverse_dynamics(samples=4),
+        lambda _: symgen.build("slider_crank").kinematics(at=[0.5]),
+        lambda _: symgen.build("four_bar").simulate(0.1, samples=2),
+        lambda speed_response: speed_response,
     ],
-    ids=["kinematics", "inverse_dynamics", "loop", "simulate"],
+    ids=["kinematics", "inverse_dynamics", "loop", "simulate", "speed_response"],
 )
 def test_every_result_has_facts_and_a_page_in_a_notebook(result, speed_response):
-    for found in (result(), speed_response):
-        assert dict(found.facts)
-        assert found._repr_html_().startswith("<")
+    found = result(speed_response)
+    assert dict(found.facts)
+    assert found._repr_html_().startswith("<")
 
 
 def test_a_run_is_repeated_from_the_state_that_it_was_given():

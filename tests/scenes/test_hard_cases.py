@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import sympy as sp
+from shared.full import full
 from shared.oracle import Oracle, relative_error
 from shared.shipped import derived
 
@@ -231,7 +232,9 @@ def test_every_passage_is_found_however_large_the_steps(options):
     assert found and abs(float(found[1]) - 0.9) < 5e-9
 
 
-@pytest.mark.parametrize("drawn", [["0 m", "0 m", "-2 m"], ["2 m", "0 m", "0 m"], ["2 m", "0.3 m", "0.1 m"]])
+@pytest.mark.parametrize(
+    "drawn", [["0 m", "0 m", "-2 m"], full(["2 m", "0 m", "0 m"]), ["2 m", "0.3 m", "0.1 m"]]
+)
 def test_a_bead_stays_on_its_rod_whatever_the_attitude(drawn):
     """Guided along a rod that turns in space: three small oscillations at rest, known in closed form."""
     half = [f"{float(x.split()[0]) / 2} m" for x in drawn]
