@@ -144,7 +144,7 @@ def test_a_design_that_breaks_a_constraint_dominates_no_other():
         return Optimum(*parts, converged, "", "exact", 1, None)
 
     tunable = SimpleNamespace(name="f", unit="1")
-    model = SimpleNamespace(description=SimpleNamespace(tunable=[tunable], title=""))
+    model = SimpleNamespace(description=SimpleNamespace(tunable=[tunable], title="", units={}))
     front = pareto._dataset(
         model, [found(0.0, 0.0, False), found(1.0, 2.0, True), found(2.0, 3.0, True)], "f", "g"
     )

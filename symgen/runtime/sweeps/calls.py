@@ -171,7 +171,7 @@ class Sweeps:
         """Return the values of tunable parameters that minimise an output: see ``docs/sweeps.md``.
 
         A least peak, or a bound on one, is a bound on every sample: a smooth problem. Gradients are exact, by
-        :meth:`sensitivity`, where drives prescribe the motion and it has the outputs; else differences.
+        :meth:`sensitivity`, where it has the outputs; else differences, and ``gradients`` says why.
 
         Parameters
         ----------

@@ -36,7 +36,7 @@ class Optimum:
     converged, message
         Whether the method met its tolerance, and its own message.
     gradients
-        ``exact``, or ``differences``.
+        ``exact``, ``differences`` and why, or ``none``.
     runs
         Number of runs.
     model
@@ -109,7 +109,7 @@ def optimum_of(
         {name: problem.unit(quantity) for name, quantity in {objective: goal, **kept}.items()},
         bool(found.success),
         str(found.message),
-        "exact" if problem.exact else "differences",
+        "none" if method == "differential-evolution" else problem.gradients,
         problem.runs,
         model.with_parameters(**values),
     )

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import combinations, islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SimulationError, nearest
+from symgen.errors import ModelError, SimulationError, SymgenError, nearest
 from symgen.runtime.many.dataset import RECORDED
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import REDUCTIONS, mean_weights
@@ -25,6 +27,8 @@ Array = NDArray[np.float64]
 _STEP = 1e-5
 #: Agreement of exact derivatives with differences at the start, over the largest.
 _AGREE = 1e-4
+#: Sets of independent coordinates that are tried.
+_TRIED = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,13 +103,18 @@ class Problem:
         if not self.outputs:
             raise ModelError("expected an output of the runs as the objective or in a constraint, got none")
         self.analysis, self.arguments, self.threads = analysis, arguments, threads
-        self.runs, self.exact = 0, False
+        self.runs, self.exact, self.reason = 0, False, ""
         self._held: dict[bytes, dict[str, Array]] = {}
         self._slopes: dict[bytes, dict[str, Array]] = {}
         self._components: dict[str, tuple[str, ...]] = {}
         self._units: dict[str, str] = {}
         self._times: Array | None = None
         self._size = 0.0
+
+    @property
+    def gradients(self) -> str:
+        """How gradients are computed: ``exact``, or ``differences`` and why."""
+        return "exact" if self.exact else f"differences ({self.reason})"
 
     def parameters(self, x: Array) -> Array:
         """Return the values of the variables in SI units."""
@@ -138,6 +147,7 @@ class Problem:
         )
         if not self._components:
             sweep.check_outputs()
+        self.analysis = sweep.analysis
         self.runs += len(points)
         try:
             arrays = sweep.dataset()
@@ -191,32 +201,61 @@ class Problem:
         return {name: (found[name][: len(x)] - found[name][len(x) :]) / apart for name in self.outputs}
 
     def _exact(self, x: Array) -> dict[str, Array]:
-        """Return exact derivatives at the poses of all samples, where drives prescribe these by the time."""
+        """Return exact derivatives of all samples: of prescribed motions at their times, and along runs."""
         values = dict(zip(self.names, self.parameters(x).tolist(), strict=True))
-        changed = self.model.with_parameters(**values)
+        changed, names = self.model.with_parameters(**values), list(self.names)
         labels = {n: [f"{n}.{c}" if c else n for c in self._components[n] or ("",)] for n in self.outputs}
         flat = [label for of_one in labels.values() for label in of_one]
-        assert self._times is not None  # noqa: S101 - there was a run
-        each = [changed.sensitivity(flat, list(self.names), at=float(t)).derivatives for t in self._times]
+        if self.analysis in ("kinematics", "inverse_dynamics"):
+            times = [] if self._times is None else self._times.tolist()
+            each = [changed.sensitivity(flat, names, at=t).derivatives for t in times]
+        else:
+            result = getattr(changed, str(self.analysis))(**self.arguments)
+            self.runs += 1
+            if result.KIND == "elastic":
+                each = list(result.gradient(flat, names).derivatives)
+            else:
+                first, held = self._at_start(changed, flat)
+                along = result.gradient(flat, names, coordinates=held, t_eval=result.time[1:])
+                each = [first, *along.derivatives]
         stacked = np.stack(each) * (self.high - self.low)  # (samples, outputs, variables)
         place = {label: i for i, label in enumerate(flat)}
         return {n: stacked[:, [place[label] for label in labels[n]]].transpose(2, 0, 1) for n in self.outputs}
 
+    def _at_start(self, model: Any, outputs: list[str]) -> tuple[Array, tuple[str, ...]]:
+        """Return exact derivatives at the start, and angles of links that determine it and are held."""
+        d = model.description
+        angles = [f"{link}.angle" for link in getattr(d, "links", ())] if d.method == "rods" else []
+        count = d.freedom if d.method == "rods" else 0
+        for held in islice(combinations(angles, count), _TRIED):
+            with suppress(ModelError):
+                found: Array = model.sensitivity(outputs, list(self.names), coordinates=held).derivatives
+                return found, held
+        return model.sensitivity(outputs, list(self.names)).derivatives, ()
+
     def choose_gradients(self, x: Array) -> None:
         """Take exact derivatives where the model has them and they agree with differences at the start."""
         self.at(x)
-        # Of driven loops, which have no state-space models, differences of runs in lanes take less time.
-        if self._times is None or not {"sensitivity", "linearise"} <= {*self.model.capabilities}:
+        prescribed = self.analysis in ("kinematics", "inverse_dynamics")
+        if prescribed and "linearise" not in self.model.capabilities:
+            self.reason = "those of many driven loops take less time"
+            return
+        if prescribed and self._times is None:
+            self.reason = "the times of the samples depend on the variables"
             return
         rough = self._differences(x)
         try:
             exact = self._exact(x)
-        except (ModelError, SimulationError):
+        except (SymgenError, AttributeError) as error:  # of an analysis without derivatives
+            self.reason = str(error).partition("\n")[0]
             return
         self.exact = all(
-            np.allclose(exact[n], rough[n], rtol=0.0, atol=_AGREE * max(np.max(np.abs(rough[n])), 1e-300))
+            exact[n].shape == rough[n].shape
+            and np.allclose(exact[n], rough[n], rtol=0.0, atol=_AGREE * max(np.max(np.abs(rough[n])), 1e-300))
             for n in self.outputs
         )
+        if not self.exact:
+            self.reason = "exact derivatives are at fixed times, and differ from those of the samples"
 
     def of(self, quantity: Quantity, values: Array) -> Array:
         """Return the samples (..., samples) from which a quantity is reduced, of those with components."""
