@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 from scipy.special import ellipk
+from shared.full import full
 
 import symgen
 from symgen.errors import ModelError
@@ -267,7 +268,7 @@ def tip_at_rest(model, count):
 WEIGHTLESS = STRIP.replace("-3 m/s^2", "0 m/s^2")
 
 
-@pytest.mark.parametrize("base", [STRIP, WEIGHTLESS])
+@pytest.mark.parametrize("base", [STRIP, full(WEIGHTLESS)])
 def test_force_along_a_strip_is_that_of_its_weight(tmp_path, base):
     """A constant force per length bends it as gravity does: the elastica with both."""
     forced = '[[distributed_forces]]\nlink = "strip"\nforce = ["0 N/m", "-6 N/m"]\n'

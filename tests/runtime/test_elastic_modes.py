@@ -92,7 +92,7 @@ def test_clamped_crank(tmp_path):
 FLAPPING = {6: 7.3604, 12: 13.1702}
 
 
-@pytest.mark.parametrize("speed", FLAPPING)
+@pytest.mark.parametrize("speed", full_unless(lambda speed: speed == 12, FLAPPING))
 @pytest.mark.parametrize("element, elements", [("beam8", 4), ("cubic", 16)])
 def test_rotating_cantilever(tmp_path, element, elements, speed):
     """In its plane the square is less by that of the speed."""
