@@ -82,6 +82,42 @@ def test_rigid_motions_have_their_energy_and_no_strain():
     assert strain < 1e-20 * SECTION[4]
 
 
+@pytest.mark.parametrize("axis", [1, 2])
+def test_a_bent_line_is_longer_by_the_mean_of_its_slopes(axis):
+    """The nodes stay and turn: w'^2/2 of the cubic with these end slopes, in either plane."""
+    q, slopes = straight(np.eye(3)), (2e-3, 1.5e-3)
+    for node, slope in enumerate(slopes):
+        q[12 * node + 3 : 12 * node + 12] = rotation(slope * np.eye(3)[axis]).T.ravel()
+    points, weights = np.polynomial.legendre.leggauss(3)
+    x = (1 + points) / 2
+    inclined = slopes[0] * (1 - 4 * x + 3 * x**2) + slopes[1] * (3 * x**2 - 2 * x)
+    assert call("strains", q)[0] == pytest.approx(weights @ inclined**2 / 4, rel=1e-5)
+
+
+def test_damping_is_that_of_the_linear_beam_where_nothing_is_strained():
+    q, v, damped = straight(), np.concatenate([RNG.standard_normal(24), np.zeros(24)]), SECTION.copy()
+    damped[8] = 1e-3
+    stiffness = call("tangent", q).reshape(3, 24, 24)[2]
+    found = call("residual", q, v, damped) - call("residual", q, v)
+    np.testing.assert_allclose(found, 1e-3 * stiffness @ v[:24], rtol=1e-9, atol=1e-12 * SECTION[4])
+
+
+def test_weight_is_that_of_hermites_cubic():
+    q, p, (length, mu) = straight() + 0.1 * RNG.standard_normal(24), SECTION.copy(), SECTION[:2]
+    p[9:] = gravity = np.array([1.0, 2.0, -9.0])
+    points, weights = np.polynomial.legendre.leggauss(2)
+    x = (1 + points) / 2
+    shapes = [
+        1 - 3 * x**2 + 2 * x**3,
+        length * x * (1 - x) ** 2,
+        3 * x**2 - 2 * x**3,
+        length * x**2 * (x - 1),
+    ]
+    line = np.einsum("ki,kj->ij", shapes, q.reshape(8, 3)[[0, 1, 4, 5]])
+    expected = -mu * length * weights / 2 @ line @ gravity
+    assert call("energies", q, STILL, p)[2] == pytest.approx(expected, rel=1e-12)
+
+
 def test_forces_are_those_of_the_energies_and_slopes_are_differences():
     q = straight() + 0.05 * RNG.standard_normal(24)
     u, p, h = RNG.standard_normal(48), SECTION.copy(), 1e-6
