@@ -198,7 +198,7 @@ def _expected(motion: MeshedMotion, recorded: list[Recorded]) -> tuple[Table, ..
     variables = [
         *outputs(motion, links, shapes),
         *recovered(motion, found),
-        *forces(motion, equations, found, np.zeros_like(shapes)),
+        *forces(motion, equations, found, np.zeros_like(shapes)).variables,
     ]
     values = {v.name: v.values.reshape(_COMPARED, -1) for v in variables}
     columns = []

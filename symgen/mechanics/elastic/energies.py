@@ -1,19 +1,24 @@
-"""Energies of a moving elastic link, to the second degree in its displacements, as sums of its constants.
+"""Energies and virtual work of a moving elastic link, to the second degree in its displacements.
 
 The kinetic energy, the strain energy and the potential of gravity of
 :func:`symgen.mechanics.elastic.hamilton.derive` are sorted by fields, rates and motion. Their terms have the
-constant matrices and load vectors of the equation.
+constant matrices and load vectors of the equation. So has the virtual work of inertia and gravity in a
+translation along or across the link, and in a rotation about its first point, while the displacements keep
+their components in the link's axes: each particle moves like its velocity (6.7) by v_x, v_y and omega.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import sympy as sp
 
 from symgen.mechanics.elastic.hamilton import (
+    APPLIED,
+    AX,
+    AY,
     FIELDS,
     GX,
     GY,
@@ -25,6 +30,7 @@ from symgen.mechanics.elastic.hamilton import (
     ROTARY,
     VX,
     VY,
+    Term,
     X,
     derive,
 )
@@ -34,7 +40,9 @@ from symgen.symbolic.quantity import quantity
 LIFT = quantity("g_0", "m^2/s^2", "gravity times the position of the first point")
 #: Energies, with the part of the equation of motion that each belongs to.
 ENERGIES = {"kinetic": "inertia", "strain": "elastic", "potential": "inertia"}
-_MOTION = (OMEGA, *PATH, LIFT)
+#: Forces [N] and moment [N m] of inertia and gravity, with the velocity that each works on.
+WORK = {"force_x": VX, "force_y": VY, "moment": OMEGA}
+_MOTION = (OMEGA, OMEGA_RATE, AX, AY, *PATH, LIFT)
 #: Rates of the motion of a link in its rotating axes, in which gravity has rates too.
 _RATES = {
     OMEGA.symbol: OMEGA_RATE.symbol,
@@ -47,12 +55,12 @@ _RATES = {
 
 @dataclass(frozen=True, slots=True)
 class EnergyWeight:
-    """Factor of a constant in an energy: of s'^T C s', s'^T C s, s^T C s, C^T s' or C^T s.
+    """Factor of a constant in an energy or a force: of s'^T C s', s'^T C s, s^T C s, C^T s' or C^T s.
 
     Attributes
     ----------
     energy, constant
-        Name in ``ENERGIES``, and in ``CONSTANTS``.
+        Name in ``ENERGIES`` or ``WORK``, and in ``CONSTANTS``.
     orders
         Orders of the rates that the constant multiplies, one or two.
     value
@@ -67,7 +75,9 @@ class EnergyWeight:
     @property
     def name(self) -> str:
         """Name among all weights."""
-        return f"{self.energy}_{'rate_' if self.orders == (1,) else ''}{self.constant}"
+        plain = self.energy in ENERGIES and len(self.orders) == 2
+        order = 0 if plain else self.orders[0]
+        return f"{self.energy}_{('', 'rate_', 'second_rate_')[order]}{self.constant}"
 
 
 def rate(value: sp.Expr) -> sp.Expr:
@@ -77,7 +87,7 @@ def rate(value: sp.Expr) -> sp.Expr:
 
 @lru_cache(maxsize=1)
 def energy_weights() -> tuple[EnergyWeight, ...]:
-    """Return the energies of the elastic motion of a link, without those of its rigid motion."""
+    """Return energies and forces of the elastic motion of a link, without those of its rigid motion."""
     densities = {name: c.densities(derive()) for name, c in CONSTANTS.items()}
     found = []
     for energy, terms in _sorted().items():
@@ -87,7 +97,7 @@ def energy_weights() -> tuple[EnergyWeight, ...]:
                 test, trial = (*fields, "")[:2]
                 groups.setdefault((orders, motion), {})[test, trial] = density
         for (orders, motion), group in groups.items():
-            constant, factor = multiple(ENERGIES[energy], None, group, densities)
+            constant, factor = multiple(ENERGIES.get(energy, "inertia"), None, group, densities)
             found.append(EnergyWeight(energy, constant, orders, factor * motion))
     return tuple(found)
 
@@ -98,7 +108,7 @@ def rigid_energies(
     length: sp.Expr,
     lumps: Sequence[tuple[sp.Expr, sp.Expr, sp.Expr]],
 ) -> dict[str, sp.Expr]:
-    """Return the energies [J] of the rigid motion of a link by name.
+    """Return energies [J], forces [N] and moment [N m] of the rigid motion of a link by name.
 
     Parameters
     ----------
@@ -128,22 +138,48 @@ def rigid_energies(
 
 @lru_cache(maxsize=1)
 def _sorted() -> dict[str, dict[tuple[tuple[str, ...], tuple[int, ...], sp.Expr], sp.Expr]]:
-    """Return densities of the energies by fields, the orders of their rates, and the motion.
+    """Return densities of energies and forces by fields, the orders of their rates, and the motion.
 
-    Fields with rates come first.
+    Fields with the most rates come first.
     """
-    steps = {step.name: step.expressions[0] for step in derive().steps}
+    steps = {step.name: step.expressions for step in derive().steps}
     symbols = [q.symbol for q in FIELDS.values()]
     found: dict[str, dict[tuple[tuple[str, ...], tuple[int, ...], sp.Expr], sp.Expr]] = {}
-    potential = -steps["gravity_work"] - MU.symbol * LIFT.symbol
-    expressions = steps["kinetic_energy"], steps["strain_energy"], potential
-    for energy, density in zip(ENERGIES, expressions, strict=True):
+    potential = -steps["gravity_work"][0] - MU.symbol * LIFT.symbol
+    expressions = (
+        steps["kinetic_energy"][0],
+        steps["strain_energy"][0],
+        potential,
+        *_forces(steps["velocity"]),
+    )
+    for energy, density in zip((*ENERGIES, *WORK), expressions, strict=True):
         terms = found.setdefault(energy, {})
         for powers, factor in sp.Poly(density, *symbols, *(q.symbol for q in _MOTION)).terms():
             names = [name for name, p in zip(FIELDS, powers, strict=False) for _ in range(p)]
-            moved = [(name.removesuffix("_t"), int(name.endswith("_t"))) for name in names]
+            moved = [(name.rstrip("_t"), name.count("t")) for name in names]
             moved.sort(key=lambda pair: -pair[1])
             by = zip(_MOTION, powers[len(symbols) :], strict=True)
             motion = sp.Mul(*(q.symbol**p for q, p in by))
             terms[tuple(name for name, _ in moved), tuple(order for _, order in moved), motion] = factor
     return found
+
+
+def _forces(velocity: Sequence[sp.Expr]) -> Iterator[sp.Expr]:
+    """Yield densities of the forces and the moment of ``WORK``."""
+    rows = {"u": velocity[0], "w": velocity[1], "phi": OMEGA.symbol}
+    for q in WORK.values():
+        moved = {test: sp.diff(place, q.symbol) for test, place in rows.items()}
+        yield sp.Add(
+            *(
+                moved[t.test] * t.motion * t.density * _trial(t)
+                for t in derive().terms
+                if t.part == "inertia" and not t.motion.free_symbols & {q.symbol for q in APPLIED}
+            )
+        )
+
+
+def _trial(term: Term) -> sp.Expr:
+    """Return the field of a term with its rates; 1 of a load."""
+    return (
+        FIELDS[f"{term.trial}_{'t' * term.order}".removesuffix("_")].symbol if term.trial else sp.Integer(1)
+    )

@@ -14,7 +14,8 @@ import sympy as sp
 from symgen.elements import ELEMENTS
 from symgen.loads.load import Load
 from symgen.loads.measure import Profile
-from symgen.mechanics.elastic.energies import LIFT, energy_weights, rate, rigid_energies
+from symgen.mechanics.elastic.energies import ENERGIES as OF_LINK
+from symgen.mechanics.elastic.energies import LIFT, WORK, energy_weights, rate, rigid_energies
 from symgen.mechanics.elastic.hamilton import GX, GY, PX, PY, VX, VY
 from symgen.mechanics.elastic.moving_frame import local, moving_frame
 from symgen.mechanics.elastic.shaft import ROTATION, TERMS, powers, rigid_crank, shaft
@@ -44,15 +45,19 @@ MOTION = (
 APPLIED = tuple(w.name for w in _WEIGHTS if w.applied)
 #: Those of them that a joint force does not have: it changes the axial force alone.
 _OF_LOADS = tuple(w.name for w in _WEIGHTS if w.applied and w.constant != "geometric_force")
-#: Columns of ``energies``: factors of the constants of a link in its energies, those of its rigid motion, and
-#: the rates of all.
+#: Columns of ``energies``: factors of the constants of a link in its energies with their rates, and in the
+#: virtual work of its inertia and weight; ``rigid`` those of its rigid motion.
 ENERGIES = tuple(
     f"{name}{ending}"
-    for name in (*(w.name for w in energy_weights()), "kinetic_rigid", "potential_rigid")
-    for ending in ("", "_rate")
+    for of, endings in ((OF_LINK, ("", "_rate")), (WORK, ("",)))
+    for name in (
+        *(w.name for w in energy_weights() if w.energy in of),
+        *(f"{energy}_rigid" for energy in of if energy != "strain"),
+    )
+    for ending in endings
 )
 #: Columns of ``profiles``: see :class:`symgen.runtime.beams.data.Profile`.
-_PROFILE = ("at", "even", "slope", "follows")
+_PROFILE = ("at", "even", "slope", "follows", "mass")
 #: Matrices of a rigid crank.
 CRANK = ("rotation", "arm")
 #: Columns of ``properties``: see :class:`symgen.runtime.beams.links.Properties`.
@@ -102,7 +107,7 @@ def motion_system(linkage: Linkage) -> System:
         ("modal_damping", [[ratio] for ratio in damping.ratios] if damping else [], "1", ("ratio",)),
         ("stations", _stations(linkage), "1, m", ("at", "fibre")),
         ("lumps", [own for _, *own in lumps(linkage)], "m, kg, kg*m^2", ("at", "mass", "inertia")),
-        ("profiles", [_shape(linkage, *x) for x in along], "m, 1, 1/m, 1", _PROFILE),
+        ("profiles", [_shape(model, *x) for x in along], "m, 1, 1/m, 1, kg", _PROFILE),
     ):
         if rows:
             matrices.append(_table(model, name, rows, unit, columns))
@@ -165,10 +170,11 @@ def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile | CarriedPoint]
         yield from ((beam.link, c) for c in sorted(joints, key=lambda c: linkage.number(c.along)))
 
 
-def _shape(linkage: Linkage, link: str, acting: Profile | CarriedPoint) -> Sequence[sp.Expr]:
+def _shape(model: RodsModel, name: str, acting: Profile | CarriedPoint) -> Sequence[sp.Expr]:
     if isinstance(acting, CarriedPoint):
-        return acting.along * linkage.link(link).length, ZERO, ZERO, ZERO
-    return *acting.shape, sp.Integer(bool(acting.on.follows))
+        link = model.linkage.link(name)
+        return acting.along * link.length, ZERO, ZERO, ZERO, dict(model.joint_masses(link)).get(acting, ZERO)
+    return *acting.shape, sp.Integer(bool(acting.on.follows)), ZERO
 
 
 def profiles_of(linkage: Linkage, name: str, load: Load) -> Iterator[Profile]:
@@ -192,7 +198,7 @@ _ABOUT = {
     "modal_damping": "damping ratios of the modes of the structure",
     "stations": "where strains are asked for: fraction of the length, fibre",
     "lumps": "masses on elastic links: distance from the first point, mass, moment of inertia",
-    "profiles": "where forces along elastic links act, or factors of 1 and x; 1 where they follow sections",
+    "profiles": "forces along links: places, or factors of 1 and x; 1 where they follow; mass at joints",
     "loads": "weights of the loads and geometric stiffness by forces along elastic links",
     CRANK[0]: "rotation of a rigid crank by the displacement of its end",
     CRANK[1]: "displacement of the end of a rigid crank by its rotation",
@@ -246,8 +252,8 @@ def _energies(
     mass, rotary = ([*map(hidden, of)] for of in (beam.section.mass, turned))
     rigid = rigid_energies(mass, rotary, hidden(linkage.link(beam.link).length), own)
     values = {w.name: w.value for w in energy_weights()} | rigid
-    found = (e for value in values.values() for e in (sp.sympify(value), rate(value)))
-    return [shown(e.xreplace(motion)) for e in found]
+    values |= {f"{name}_rate": rate(value) for name, value in values.items()}
+    return [shown(sp.sympify(values[column]).xreplace(motion)) for column in ENERGIES]
 
 
 def _row(columns: Sequence[str], motion: Mapping[sp.Symbol, sp.Expr]) -> list[sp.Expr]:

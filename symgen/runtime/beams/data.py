@@ -72,13 +72,14 @@ class Profile:
     """How a force lies along a link: per length ``even + slope*x``, x [m] from the first point of the link.
 
     Where both are zero it is one force, ``at`` metres from the first point. With ``follows``, it rotates with
-    the sections.
+    the sections. ``mass`` is the part of the link's mass [kg] that the rigid linkage has at a joint there.
     """
 
     at: float
     even: float = 0.0
     slope: float = 0.0
     follows: float = 0.0
+    mass: float = 0.0
 
     @property
     def is_point(self) -> bool:

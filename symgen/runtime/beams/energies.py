@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams.forces import Motion, modal_rates, own_motion
-from symgen.runtime.beams.links import Beam
+from symgen.runtime.beams.forces import Forces, Motion, modal_rates, of_coordinates, own_motion
+from symgen.runtime.beams.second_order import Shortening, rows_work, shortening
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
 
@@ -17,27 +17,49 @@ Array = NDArray[np.float64]
 #: Factors in the energies of a link, each (times,), by the columns of the kernel ``energies``.
 Weights = Mapping[str, Array]
 
-#: Terms of a link's energies: what energy, its factor, its matrix C, and which of (s, s', s'') are x and y of
-#: x^T C y. The last is no energy but the power that damping takes.
-_SQUARES = (
+Term = tuple[str, str, str, tuple[int, ...]]
+#: Terms of a link's energies, and of the virtual work of its inertia and weight: what energy or force, its
+#: factor, its matrix C or load vector, and which of (s, s', s'') are x and y of x^T C y, or x of C^T x.
+_TERMS: tuple[Term, ...] = (
     ("kinetic", "kinetic_mass", "mass", (1, 1)),
     ("kinetic", "kinetic_gyroscopic", "gyroscopic", (1, 0)),
     ("kinetic", "kinetic_centrifugal", "centrifugal", (0, 0)),
     ("strain", "strain_stiffness", "stiffness", (0, 0)),
-    ("", "", "damping", (1, 1)),
+    ("kinetic", "kinetic_rate_load_x", "load_x", (1,)),
+    ("kinetic", "kinetic_rate_load_y", "load_y", (1,)),
+    ("kinetic", "kinetic_rate_load_turn", "load_turn", (1,)),
+    ("kinetic", "kinetic_load_x", "load_x", (0,)),
+    ("kinetic", "kinetic_load_y", "load_y", (0,)),
+    ("kinetic", "kinetic_load_out", "load_out", (0,)),
+    ("potential", "potential_load_x", "load_x", (0,)),
+    ("potential", "potential_load_y", "load_y", (0,)),
 )
-#: The same of C^T x with a load vector C.
-_SUMS = (
-    ("kinetic", "kinetic_rate_load_x", "load_x", 1),
-    ("kinetic", "kinetic_rate_load_y", "load_y", 1),
-    ("kinetic", "kinetic_rate_load_turn", "load_turn", 1),
-    ("kinetic", "kinetic_load_x", "load_x", 0),
-    ("kinetic", "kinetic_load_y", "load_y", 0),
-    ("kinetic", "kinetic_load_out", "load_out", 0),
-    ("potential", "potential_load_x", "load_x", 0),
-    ("potential", "potential_load_y", "load_y", 0),
+_WORK: tuple[Term, ...] = (
+    ("force_x", "force_x_load_x", "load_x", (0,)),
+    ("force_x", "force_x_load_y", "load_y", (0,)),
+    ("force_x", "force_x_rate_load_y", "load_y", (1,)),
+    ("force_x", "force_x_second_rate_load_x", "load_x", (2,)),
+    ("force_y", "force_y_load_x", "load_x", (0,)),
+    ("force_y", "force_y_load_y", "load_y", (0,)),
+    ("force_y", "force_y_rate_load_x", "load_x", (1,)),
+    ("force_y", "force_y_second_rate_load_y", "load_y", (2,)),
+    ("moment", "moment_centrifugal", "centrifugal", (0, 0)),
+    ("moment", "moment_rate_centrifugal", "centrifugal", (1, 0)),
+    ("moment", "moment_second_rate_gyroscopic", "gyroscopic", (2, 0)),
+    ("moment", "moment_load_out", "load_out", (0,)),
+    ("moment", "moment_load_x", "load_x", (0,)),
+    ("moment", "moment_load_y", "load_y", (0,)),
+    ("moment", "moment_rate_load_out", "load_out", (1,)),
+    ("moment", "moment_second_rate_load_turn", "load_turn", (2,)),
 )
-_LOADS = ("load_x", "load_y", "load_out", "load_turn")
+#: Virtual motions of a link by the force that works on them: the factors with these values.
+_MOVES = {
+    "force_x": "kinetic_rate_load_x",
+    "force_y": "kinetic_rate_load_y",
+    "moment": "kinetic_rate_load_turn",
+}
+#: Part of the displacements from which terms of first and second degree are computed.
+_SMALL = 1 / 64
 #: Part of the largest power that is none.
 _NOTHING = 1e-9
 #: Part of the larger mean power by which means of all and of every other sample may differ.
@@ -105,7 +127,7 @@ def energies(
     rigid: tuple[Array, Array, Array],
     found: Motion,
     accelerations: Array,
-    torque: Array | None,
+    acting: Forces,
 ) -> Energies | None:
     """Return energies and powers; None of the thesis' form, which has no rates in fixed axes.
 
@@ -115,27 +137,39 @@ def energies(
         Coordinates, rates, and accelerations with multipliers of :meth:`ElasticMotion.rigid_motion`.
     accelerations
         S'' (times, unknowns).
-    torque
-        Torque of the shaft on a held crank [N m], (times,).
+    acting
+        Joint forces and torque; where the shaft alone does work, the torque of second degree takes its place.
     """
     if found.thesis:
         return None
+    torque = next((v.values for v in acting.variables if v.name == f"{motion.info.crank}.torque"), None)
+    second = None
+    if motion.info.mode != "held":
+        torque = None
+    elif torque is not None and motion.info.shaft_alone and found.rates is not None:
+        second = shortening(motion, rigid, found, accelerations)
+        torque = torque_of_second_degree(motion, rigid, found, accelerations, acting, second)
     weights, of_shaft = of_links(motion, found.times, *rigid)
     summed = {name: np.zeros(len(found.times)) for name in ("kinetic", "strain", "potential")}
     dissipated, rates = np.zeros((2, len(found.times)))
-    for k, (beam, x) in enumerate(zip(motion.beams, weights, strict=True)):
-        s, v, a = own_motion(motion, found, accelerations, k)
-        own, rate, damping = _energies(beam, x, s, v, a)
+    for k, x in enumerate(weights):
+        forms = Forms(motion, found, accelerations, k, second)
+        own, rate = _energies(x, forms)
         for name, energy in own.items():
-            summed[name] += energy
+            summed[name] = summed[name] + energy
         rates += rate
-        dissipated += damping
+        dissipated += forms("damping", (1, 1))
     dissipated += np.sum(modal_rates(motion, found) ** 2, axis=1)
     still = np.zeros_like(found.displacements) if found.rates is None else found.rates
     moved = found.displacements, still, accelerations
-    kinetic, potential, power = of_joints(motion, found.times, rigid, moved)
+    kinetic, potential, power, _ = of_joints(motion, found.times, rigid, moved)
     summed["kinetic"] += kinetic
     summed["potential"] += potential
+    if second is not None:
+        kinetic, rate = second.kinetic(motion, rigid)
+        summed["kinetic"] += kinetic
+        summed["potential"] += second.lifted[0]
+        rates += rate + second.lifted[1]
     shaft = None if torque is None else torque * _speed(motion, found, weights, rigid[1])
     if of_shaft is not None:
         flywheel, by_flywheel, shaft = _of_shaft(motion, of_shaft, *moved)
@@ -155,6 +189,43 @@ def energies(
     )
 
 
+def torque_of_second_degree(
+    motion: ElasticMotion,
+    rigid: tuple[Array, Array, Array],
+    found: Motion,
+    accelerations: Array,
+    acting: Forces,
+    second: Shortening,
+) -> Array:
+    """Return the torque [N m] of the shaft on a held crank, to the second degree in displacements, (times,).
+
+    It is the virtual work per angle of the crank, at constant displacements of the joints in fixed axes and
+    constant elastic unknowns: inertia and weight act at displaced points, and forces at joints on links that
+    rotate. Shortening moves masses; its slope by the angle works against the constraints of the rigid motion.
+    """
+    unit, still = second.unit, np.zeros_like(found.displacements)
+    weights, _ = of_links(motion, found.times, *rigid)
+    turned, _ = of_links(motion, found.times, rigid[0], unit, rigid[2])
+    torque = np.zeros(len(found.times))
+    for k, (x, by) in enumerate(zip(weights, turned, strict=True)):
+        forms = Forms(motion, found, accelerations, k, second)
+        work = {force: x[f"{force}_rigid"] for force in _MOVES}
+        for force, factor, constant, orders in _WORK:
+            work[force] = work[force] + x[factor] * forms(constant, orders)
+        for pair, (force_x, force_y) in zip(
+            motion.beams[k].joints, map(np.transpose, acting.at_joints[k]), strict=True
+        ):
+            s = found.displacements[:, motion.layout.of_links[k][list(pair)]]
+            s[:, motion.layout.of_links[k][list(pair)] < 0] = 0.0
+            work["moment"] = work["moment"] - (s[:, 0] * force_y - s[:, 1] * force_x)
+        torque += sum(by[move] * work[force] for force, move in _MOVES.items())
+    moved = found.displacements, still if found.rates is None else found.rates, accelerations
+    load = of_joints(motion, found.times, rigid, moved)[3]
+    torque -= np.sum(load * unit, axis=1)
+    torque += rows_work(motion, rigid, found, acting.constraints, unit)
+    return torque + second.torque(motion, rigid, found.times)
+
+
 def of_links(
     motion: ElasticMotion, times: Array, q: Array, u: Array, solutions: Array
 ) -> tuple[Sequence[Weights], Array | None]:
@@ -171,8 +242,10 @@ def of_links(
 
 def of_joints(
     motion: ElasticMotion, times: Array, rigid: Sequence[Array], elastic: Sequence[Array]
-) -> tuple[Array, Array, Array]:
-    """Return kinetic and potential energy of all but elastic links, and the power of their loads and inertia.
+) -> tuple[Array, ...]:
+    """Return energies and loads of all but elastic links, to the second degree in the displacements.
+
+    Kinetic and potential energy [J], power of the loads less inertia [W], and these loads [N] by coordinate.
 
     Parameters
     ----------
@@ -181,47 +254,65 @@ def of_joints(
     elastic
         S, S' and S'' (times, unknowns), which are added.
     """
-    d, names = motion.rigid.description, motion.layout.names
-    columns = [names.index(f"{p}.{axis}") for p in d.free for axis in d.axes]
-    s, v, a = (x[:, columns] for x in elastic)
-    q, u, solutions = rigid[0] + s, rigid[1] + v, rigid[2].copy()
-    solutions[:, : a.shape[1]] += a
+    moved = [x[:, of_coordinates(motion)] for x in elastic]
     kernels = motion.rigid.analysis("elastic_joints")
-    energy = kernels.many_blocks("energy", times, q, u, solutions)
-    load = kernels.many_blocks("joints", times, q, u, solutions)["load"]
-    power = np.sum(load[:, : u.shape[1]] * u, axis=1)
-    return energy["kinetic_energy"][:, 0], energy["potential_energy"][:, 0], power
+
+    def at(size: float) -> tuple[Array, ...]:
+        q, u = (x + size * more for x, more in zip(rigid[:2], moved[:2], strict=True))
+        solutions = rigid[2].copy()
+        solutions[:, : u.shape[1]] += size * moved[2]
+        energy = kernels.many_blocks("energy", times, q, u, solutions)
+        load = kernels.many_blocks("joints", times, q, u, solutions)["load"][:, : u.shape[1]]
+        kinetic, potential = (energy[f"{name}_energy"][:, 0] for name in ("kinetic", "potential"))
+        return kinetic, potential, np.sum(load * u, axis=1), load
+
+    sides = zip(at(-_SMALL), at(0.0), at(_SMALL), strict=True)
+    return tuple(
+        x + (up - down) / (2 * _SMALL) + (up + down - 2 * x) / (2 * _SMALL**2) for down, x, up in sides
+    )
 
 
-def _energies(beam: Beam, x: Weights, s: Array, v: Array, a: Array) -> tuple[dict[str, Array], Array, Array]:
-    """Return the energies of a link by name, the sum of their rates, and the power that its damping takes.
+class Forms:
+    """Values x^T C y and C^T x of a link, (times,), of its unknowns with their rates, shortening included."""
 
-    s, v, a are its unknowns with their rates, (times, n).
-    """
-    squares, rates_of_squares = np.zeros((2, len(_SQUARES), len(s)))
-    sums, rates_of_sums = np.zeros((2, len(_SUMS), len(s)))
-    moved = np.stack([s, v, a])
-    left, right = np.array([places for _, _, _, places in _SQUARES]).T
-    place, load = np.array([[way, _LOADS.index(load)] for _, _, load, way in _SUMS]).T
-    for piece in beam.pieces:
-        own = moved[:, :, list(piece.at)]
-        forms = np.stack([getattr(piece, constant) for _, _, constant, _ in _SQUARES])
-        before = own[left] @ forms
-        squares += np.sum(before * own[right], axis=2)
-        # The damping comes last: the rate of its power is no energy's.
-        after = (own[left[:-1] + 1] @ forms[:-1]) * own[right[:-1]] + before[:-1] * own[right[:-1] + 1]
-        rates_of_squares[:-1] += np.sum(after, axis=2)
-        each = np.moveaxis(own @ np.stack([getattr(piece, name) for name in _LOADS], axis=1), 2, 1)
-        sums += each[place, load]
-        rates_of_sums += each[place + 1, load]
-    found = {name: x.get(f"{name}_rigid", np.zeros(len(s))) for name in ("kinetic", "strain", "potential")}
+    def __init__(
+        self,
+        motion: ElasticMotion,
+        found: Motion,
+        accelerations: Array,
+        k: int,
+        second: Shortening | None,
+    ) -> None:
+        states = own_motion(motion, found, accelerations, k)
+        self._pieces = [(piece, [x[:, list(piece.at)] for x in states]) for piece in motion.beams[k].pieces]
+        self._more = (
+            {} if second is None else dict(zip(("load_x", "load_out"), second.bubbles[k], strict=True))
+        )
+
+    def __call__(self, constant: str, orders: Sequence[int]) -> Array:
+        """Return the value of a matrix or load vector, with the orders of the rates that it multiplies."""
+        first, *second = orders
+        found = self._more[constant][first] if constant in self._more else 0.0
+        for piece, states in self._pieces:
+            by = states[first] @ getattr(piece, constant)
+            found = found + (np.sum(by * states[second[0]], axis=1) if second else by)
+        return np.asarray(found)
+
+    def rate(self, constant: str, orders: Sequence[int]) -> Array:
+        """Return the rate of the same."""
+        raised = [[order + (i == k) for i, order in enumerate(orders)] for k in range(len(orders))]
+        return np.sum([self(constant, places) for places in raised], axis=0)
+
+
+def _energies(x: Weights, forms: Forms) -> tuple[dict[str, Array], Array]:
+    """Return the energies of a link by name, and the sum of their rates."""
+    found = {name: x.get(f"{name}_rigid", np.zeros(1)) for name in ("kinetic", "strain", "potential")}
     rate = x["kinetic_rigid_rate"] + x["potential_rigid_rate"]
-    terms = [*_SQUARES[:-1], *_SUMS]
-    forms, changes = np.vstack([squares[:-1], sums]), np.vstack([rates_of_squares[:-1], rates_of_sums])
-    for (name, factor, _, _), form, change in zip(terms, forms, changes, strict=True):
-        found[name] = found[name] + x[factor] * form
-        rate = rate + x[factor] * change + x[f"{factor}_rate"] * form
-    return found, rate, squares[-1]
+    for name, factor, constant, orders in _TERMS:
+        value = forms(constant, orders)
+        found[name] = found[name] + x[factor] * value
+        rate = rate + x[factor] * forms.rate(constant, orders) + x[f"{factor}_rate"] * value
+    return found, rate
 
 
 def _of_shaft(

@@ -67,16 +67,33 @@ class Motion:
         return self._own[k]
 
 
-def forces(
-    motion: ElasticMotion, equations: BeamEquations, found: Motion, accelerations: Array
-) -> list[Variable]:
+@dataclass(frozen=True, slots=True)
+class Forces:
+    """Forces of a motion in fixed axes.
+
+    Attributes
+    ----------
+    variables
+        The outputs.
+    at_joints
+        Forces on the elastic links at their joints [N], (times, 2) each.
+    constraints
+        J^T lambda of the equations of motion by constraint, (times, unknowns).
+    """
+
+    variables: list[Variable]
+    at_joints: list[list[Array]]
+    constraints: dict[str, Array]
+
+
+def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion, accelerations: Array) -> Forces:
     """Return the forces and couples on elastic links at joints and welds, and the torque on a crank not free.
 
     They are of the whole motion, rigid and elastic, on fixed axes: of every link M s'' + C s' + K s - Q at
     its joints, Eq. (7.27). The axial force of a link that keeps its length is of its constraint.
     """
     bound = _bound(motion, equations, found, accelerations)
-    crank, free, made = motion.info.crank, motion.info.mode == "free", []
+    crank, free, made, at_joints = motion.info.crank, motion.info.mode == "free", [], []
     by_modes = forces_on_links(motion.layout, motion.beams)
     rates_of_modes = modal_rates(motion, found)
     for k, beam in enumerate(motion.beams):
@@ -91,6 +108,7 @@ def forces(
                     ends[end] += here
                 elif (there := felt[1 - end]) is not None:  # the ground holds it
                     ends[end] -= there
+        at_joints.append(ends)
         for point, force in zip(beam.info.points, ends, strict=True):
             made.append(joint_force(name, point, force))
         for dof, point in beam.info.welded.items():
@@ -100,7 +118,13 @@ def forces(
             made.append(torque(name, rows[:, beam.dofs.index("theta@0")]))
     if f"{crank}_drive" in bound:
         made.append(torque(crank, _of_drive(motion, found, bound[f"{crank}_drive"])))
-    return made
+    return Forces(made, at_joints, bound)
+
+
+def of_coordinates(motion: ElasticMotion) -> list[int]:
+    """Return the unknowns that displace the coordinates of the rigid linkage, in their order."""
+    d = motion.rigid.description
+    return [motion.layout.names.index(f"{p}.{axis}") for p in d.free for axis in d.axes]
 
 
 def joint_force(link: str, point: str, values: Array) -> Variable:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -19,8 +19,6 @@ from symgen.runtime.result.records import Coordinate, Variable, over_time
 
 Array = NDArray[np.float64]
 
-#: Part of the larger by which both may differ without a note.
-_BALANCED = 0.05
 #: Part of the largest stress below which one is round-off.
 _NOISE = 1e-9
 #: Steps of the run that a run is compared with, over its own, and the error estimate over its error.
@@ -170,19 +168,6 @@ def deflection(beam: Beam, own: Array, at: float) -> Array:
     (_, first), *_, (_, last) = beam.joints
     found: Array = own @ beam.rows(at).w - (1 - at) * own[:, first] - at * own[:, last]
     return found
-
-
-def of_powers(powers: tuple[float, float] | None) -> Iterator[str]:
-    """Say that the two are not equal, as they are in a steady state."""
-    if powers is None:
-        return
-    shaft, damping = powers
-    if abs(shaft - damping) > _BALANCED * max(abs(shaft), damping):
-        yield (
-            f"mean power of the shaft, {shaft:.4g} W, and of damping, {damping:.4g} W, differ: torque and "
-            "joint forces are of first order in the deflections, mean power is of second order; compare with "
-            "large rotation"
-        )
 
 
 def in_mode(

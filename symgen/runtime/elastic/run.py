@@ -28,7 +28,7 @@ from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.elastic.jumps import explicit, jump_times
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import coordinate_of, of_powers, outputs, recovered, selected
+from symgen.runtime.elastic.outputs import coordinate_of, outputs, recovered, selected
 from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import held, initial
 from symgen.runtime.elastic.steps import (
@@ -276,10 +276,9 @@ class _Recorded:
         whole = Motion(self.times, rigid[0], links, loads, found.displacements, found.rates, thesis)
         made = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
         accelerations = accelerations_of(motion, self.equations, whole)
-        made += forces(motion, self.equations, whole, accelerations)
-        shaft = next((v.values for v in made if v.name == f"{motion.info.crank}.torque"), None)
-        held = shaft if motion.info.mode == "held" else None
-        balance = energies(motion, rigid, whole, accelerations, held)
+        acting = forces(motion, self.equations, whole, accelerations)
+        made += acting.variables
+        balance = energies(motion, rigid, whole, accelerations, acting)
         made += balance.variables() if balance else ()
         return made, whole, balance
 
@@ -323,7 +322,6 @@ class _Recorded:
             *_of_stability(self.found),
             *_of_steps(motion, task, self.found),
             *d.remarks,
-            *of_powers(self._mean_powers),
             *of_crank(motion, whole),
             *of_reductions(motion),
             *of_lengths(motion),
