@@ -219,9 +219,7 @@ def _derived(model: RodsModel, name: str, expression: sp.Expr, unit: str, order:
             f"{name} depends on more than the pose, so it is no coordinate",
             hint="Choose the angle of a link, or components of the position of points.",
         )
-    rate = model.calculus.rate
     unit = per_second(unit)
     if order == 1:
-        return name + RATE, rate(expression), unit
-    terms = [slope * model.acceleration_of[q] for q, slope in model.calculus.gradient(expression).items()]
-    return name + 2 * RATE, sp.Add(rate(rate(expression)), *terms), per_second(unit)
+        return name + RATE, model.calculus.rate(expression), unit
+    return name + 2 * RATE, model.second_rate(expression), per_second(unit)

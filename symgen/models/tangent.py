@@ -18,6 +18,7 @@ import sympy as sp
 from symgen.models.rods.linearised import analysis_of, slopes_by, stiffness_row
 from symgen.models.rods.linkage import Gradient, RodsModel
 from symgen.models.rods.matrix import named
+from symgen.symbolic.calculus import ONE, chained
 from symgen.symbolic.system import Export, System
 
 if TYPE_CHECKING:
@@ -59,19 +60,12 @@ def _unknowns(model: RodsModel) -> list[str]:
 
 def _by_positions(model: RodsModel) -> list[Gradient]:
     """Return the rows of dR/dq: minus the stiffness, then the slopes of gamma - J a."""
-    own = {x.symbol: a.symbol for p in model.free for x, a in zip(model.q[p], model.a[p], strict=True)}
-    forces = [
-        {q: -slope for q, slope in stiffness_row(model, x.symbol, model.constraints).items()}
-        for x in model.coordinates
-    ]
+    gradient, own = model.calculus.gradient, model.acceleration_of
+    forces = [chained([(-ONE, stiffness_row(model, x.symbol, model.constraints))]) for x in model.coordinates]
     bound = []
     for gamma, row in zip(model.acceleration_rhs, model.jacobian, strict=True):
-        slopes = [(gamma, sp.Integer(1))] + [(slope, -own[q]) for q, slope in row.items() if q in own]
-        total: dict[sp.Symbol, list[sp.Expr]] = {}
-        for expression, factor in slopes:
-            for q, slope in model.calculus.gradient(expression).items():
-                total.setdefault(q, []).append(factor * slope)
-        bound.append(_summed(total))
+        moved = ((-own[x.symbol], gradient(row[x.symbol])) for x in model.coordinates if x.symbol in row)
+        bound.append(chained([(ONE, gradient(gamma)), *moved]))
     return [*forces, *bound]
 
 
@@ -81,8 +75,3 @@ def _by_rates(model: RodsModel) -> list[Gradient]:
     right = [*model.applied, *model.acceleration_rhs]
     by_rates = slopes_by(model, rates)
     return [by_rates(expression) for expression in right]
-
-
-def _summed(terms: dict[sp.Symbol, list[sp.Expr]]) -> Gradient:
-    summed = {q: sp.Add(*each) for q, each in terms.items()}
-    return {q: slope for q, slope in summed.items() if slope != 0}

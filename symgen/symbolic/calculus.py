@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import sympy as sp
 from sympy.core.cache import cacheit
@@ -69,12 +69,7 @@ class Calculus:
 
     def gradient(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
         """Return the nonzero partial derivatives with respect to the coordinates."""
-        result: dict[sp.Symbol, list[sp.Expr]] = {}
-        for s, slope in self._partials(expression, self._gradient):
-            for q, inner in self._gradient[s].items():
-                result.setdefault(q, []).append(slope * inner)
-        summed = {q: sp.Add(*terms) for q, terms in result.items()}
-        return {q: value for q, value in summed.items() if value != 0}
+        return chained((slope, self._gradient[s]) for s, slope in self._partials(expression, self._gradient))
 
     @staticmethod
     def _partials(
@@ -104,6 +99,16 @@ class Calculus:
         rows = [self.gradient(e) for e in expressions]
         entries = [[row.get(q, ZERO) for q in self.coordinates] for row in rows]
         return sp.ImmutableMatrix(len(rows), len(self.coordinates), [e for row in entries for e in row])
+
+
+def chained(parts: Iterable[tuple[sp.Expr, Mapping[sp.Symbol, sp.Expr]]]) -> dict[sp.Symbol, sp.Expr]:
+    """Return the sum of gradients, each after the slope by what it is a gradient of; no zeros."""
+    found: dict[sp.Symbol, list[sp.Expr]] = {}
+    for slope, gradient in parts:
+        for q, inner in gradient.items():
+            found.setdefault(q, []).append(slope * inner)
+    summed = {q: sp.Add(*terms) for q, terms in found.items()}
+    return {q: value for q, value in summed.items() if value != 0}
 
 
 @cacheit

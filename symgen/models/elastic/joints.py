@@ -42,25 +42,19 @@ def joints_system(linkage: Linkage) -> System:
     model = RodsModel(_without_beams(linkage))
     bound = _bound(model, linkage)
     coordinates = [x.symbol for x in model.coordinates]
-    accelerations = {x.symbol: a.symbol for p in model.q for x, a in zip(model.q[p], model.a[p], strict=True)}
-    load = [
-        f
-        - sp.Add(*(model.mass_entries.get((q, other), ZERO) * accelerations[other] for other in coordinates))
-        for q, f in zip(coordinates, model.applied, strict=True)
-    ]
     more = entries(model, linkage)
     names, about = (
         [s.name for s in coordinates],
         "force less inertia in the rigid motion, couples on sections",
     )
-    names, load = [*names, *(at for at, _ in more["load"])], [*load, *(e for _, e in more["load"])]
+    names, load = [*names, *(at for at, _ in more["load"])], [*model.balance, *(e for _, e in more["load"])]
     matrices = [named(model, "load", load, "N or N*m" if more["load"] else "N", about, rows=names)]
     # The axial force of an elastic link is in its elements.
     elastic = {b.link for b in linkage.elastic}
     matrices += linearised(model, [c for c in bound if c.link not in elastic], more)
     rows = _rows(model, linkage, bound)
     if rows:
-        matrices += _jacobians(model, rows, accelerations, names)
+        matrices += _jacobians(model, rows, names)
     about = "the linkage without its elastic links, linearised about the rigid motion"
     exports = [Export("joints", about, tuple(m.name for m in matrices))]
     energies = {"kinetic_energy": model.kinetic_energy, "potential_energy": model.potential_energy}
@@ -130,22 +124,13 @@ def _rows(
 def _jacobians(
     model: RodsModel,
     rows: Mapping[str, Mapping[sp.Symbol, sp.Expr]],
-    accelerations: dict[sp.Symbol, sp.Symbol],
     columns: Sequence[str],
 ) -> Iterator[NamedMatrix]:
     """Yield the Jacobian of the rows, by coordinates and rotations, with first and second rate."""
-    calculus = model.calculus
-
-    def second(expression: sp.Expr) -> sp.Expr:
-        by = calculus.gradient(expression)
-        return sp.Add(
-            calculus.rate(calculus.rate(expression)), *(slope * accelerations[s] for s, slope in by.items())
-        )
-
     rates: tuple[tuple[str, str, Callable[[sp.Expr], sp.Expr]], ...] = (
         ("jacobian", "1, m", lambda e: e),
-        ("jacobian_rate", "1/s", calculus.rate),
-        ("jacobian_second_rate", "1/s^2", second),
+        ("jacobian_rate", "1/s", model.calculus.rate),
+        ("jacobian_second_rate", "1/s^2", model.second_rate),
     )
     for name, unit, of in rates:
         by_name = [{s.name: of(e) for s, e in row.items()} for row in rows.values()]

@@ -13,10 +13,9 @@ from symgen.mechanics.rods.particles import Vector, cross, dot, length_constrain
 from symgen.models.rods.loads import Loads, product
 from symgen.models.rods.points import Points, bar_name
 from symgen.scene.rods.linkage import Linkage, RigidLink
+from symgen.symbolic.calculus import ONE, ZERO, chained
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.switch import Sign
-
-_ZERO, _ONE = sp.Integer(0), sp.Integer(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +82,7 @@ def _shared_joints(model: Points) -> Iterator[Constraint]:
             if not free & model.calculus.gradient(own - other).keys():
                 continue  # ground on ground: the row constrains no moving point
             label = f"the joint {point.name} of link {link.name}"
-            yield Constraint(name, label, own - other, _ONE, "m", carrier=link.name)
+            yield Constraint(name, label, own - other, ONE, "m", carrier=link.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +116,7 @@ def guide_rows(model: Points) -> Iterator[GuideRow]:
                 j, k = (i + 1) % 3, (i + 2) % 3
                 name = f"{guide.name}_{point}_{model.axes[i]}"
                 row = Constraint(name, label, d[j] * there[k] - d[k] * there[j], link.length, "m^2")
-                by_d, by_r = [_ZERO] * 3, [_ZERO] * 3
+                by_d, by_r = [ZERO] * 3, [ZERO] * 3
                 by_d[j], by_d[k], by_r[k], by_r[j] = there[k], -there[j], d[j], -d[k]
                 yield GuideRow(row, link.name, point, tuple(by_d), tuple(by_r))
 
@@ -153,7 +152,7 @@ def _across_a_turning_rod(
     more = (d[0] - d[2]) * (d[0] + d[2]) / squared
     side = calculus.define(f"{name}_side", Sign(more), "1", about)
     # For a side of zero c is not along d either: its components x and z differ then.
-    c = ((1 - side) / 2, _ZERO, 1 + side)
+    c = ((1 - side) / 2, ZERO, 1 + side)
     z = calculus.define(f"{name}_place", dot(d, r) / squared, "1", f"place of {point} along {link.name}")
     first = named("across", product(d, c), "m", f"a vector across {link.name}")
     upright = tuple(x / link.length for x in product(first, d))
@@ -174,12 +173,8 @@ def _across_a_turning_rod(
 
 def _chained(model: Points, *parts: tuple[Vector, Vector]) -> dict[sp.Symbol, sp.Expr]:
     """Return the gradient by coordinate of vectors, each with the derivative by its components in front."""
-    found: dict[sp.Symbol, list[sp.Expr]] = {}
-    for slopes, vector in parts:
-        for slope, component in zip(slopes, vector, strict=True):
-            for q, inner in model.calculus.gradient(component).items():
-                found.setdefault(q, []).append(slope * inner)
-    return {q: sp.Add(*terms) for q, terms in found.items()}
+    pairs = (pair for slopes, vector in parts for pair in zip(slopes, vector, strict=True))
+    return chained((slope, model.calculus.gradient(component)) for slope, component in pairs)
 
 
 def _kept_components(model: Points, start: str, end: str) -> list[int]:
@@ -195,7 +190,7 @@ def _drivers(model: Points) -> Iterator[Constraint]:
         across = (-sp.sin(driver.angle), sp.cos(driver.angle))
         along = model.along[driver.link]
         yield Constraint(
-            f"{driver.link}_drive", f"the drive of link {driver.link}", dot(across, along), _ONE, "m"
+            f"{driver.link}_drive", f"the drive of link {driver.link}", dot(across, along), ONE, "m"
         )
 
 
@@ -211,7 +206,7 @@ def angle_rows(model: Points) -> Iterator[AngleRow]:
     """|a||b| sin of the change of the angle from b to a: it is constant where links are welded."""
     for kept in model.linkage.kept_angles:
         (ax, ay), length = model.along[kept.link], model.linkage.link(kept.link).length
-        bx, by = model.along[kept.other] if kept.other else (_ONE, _ZERO)
+        bx, by = model.along[kept.other] if kept.other else (ONE, ZERO)
         c, s = kept.cosine, kept.sine
         expression = c * (bx * ay - by * ax) - s * (ax * bx + ay * by)
         label = f"the weld of {kept.link} to {kept.other or 'the ground'} at {kept.point}"
@@ -220,7 +215,7 @@ def angle_rows(model: Points) -> Iterator[AngleRow]:
             slopes[kept.other] = (c * ay - s * ax, -c * ax - s * ay)
             row = Constraint(kept.name, label, expression, length, "m^2")
         else:
-            row = Constraint(kept.name, label, expression, _ONE, "m")
+            row = Constraint(kept.name, label, expression, ONE, "m")
         yield AngleRow(row, slopes)
 
 

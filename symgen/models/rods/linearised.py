@@ -28,7 +28,7 @@ from symgen.models.rods.system import (
     with_ground,
 )
 from symgen.scene.rods.linkage import TIME, Linkage
-from symgen.symbolic.calculus import ONE, ZERO, partial
+from symgen.symbolic.calculus import ONE, ZERO, chained, partial
 from symgen.symbolic.names import Names
 from symgen.symbolic.system import Definition, Export, NamedMatrix, System
 
@@ -105,15 +105,12 @@ def linearised(
     rates = [x.symbol for p in model.free for x in model.u[p]]
     by_rates = slopes_by(model, rates)
     own = dict(zip(rates, q, strict=True))
-    mass: dict[sp.Symbol, Gradient] = {}
-    for (a, b), value in model.mass_entries.items():
-        mass.setdefault(a, {})[b] = value
     stiffness = {s: stiffness_row(model, s, bound) for s in q}
     damping = {
         s: {own[u]: -slope for u, slope in by_rates(f).items()} for s, f in zip(q, model.applied, strict=True)
     }
     for name, rows, unit, about in (
-        ("mass_matrix", mass, "kg", "mass matrix, M"),
+        ("mass_matrix", model.mass_rows, "kg", "mass matrix, M"),
         ("stiffness", stiffness, "N/m", "stiffness K = -d(f - J^T lambda)/dq"),
         ("damping", damping, "N*s/m", "damping C = -df/du"),
     ):
@@ -162,17 +159,13 @@ def drives(model: RodsModel) -> Iterator[NamedMatrix]:
 
 def stiffness_row(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) -> Gradient:
     """Return one row of K by coordinate: the slope of J^T lambda - f, of the constraints ``bound``."""
-    held = [-model.force.get(row, ZERO)]
+    held = [(-ONE, model.force.get(row, ZERO))]
     held += [
-        model.multipliers[c.name].symbol * gradient[row]
+        (model.multipliers[c.name].symbol, gradient[row])
         for c, gradient in zip(model.constraints, model.jacobian, strict=True)
         if c in bound and row in gradient
     ]
-    total: dict[sp.Symbol, list[sp.Expr]] = {}
-    for term in held:
-        for s, slope in model.calculus.gradient(term).items():
-            total.setdefault(s, []).append(slope)
-    return {s: sp.Add(*slopes) for s, slopes in total.items()}
+    return chained((factor, model.calculus.gradient(term)) for factor, term in held)
 
 
 def slopes_by(
@@ -187,13 +180,8 @@ def slopes_by(
     known: dict[sp.Symbol, Gradient] = {x: {x: ONE} for x in arguments}
 
     def gradient(expression: sp.Expr) -> Gradient:
-        terms: dict[sp.Symbol, list[sp.Expr]] = {}
-        for s in sorted(expression.free_symbols & known.keys(), key=lambda s: str(s.name)):
-            slope = partial(expression, s)
-            for u, inner in known[s].items():
-                terms.setdefault(u, []).append(slope * inner)
-        summed = {u: sp.Add(*slopes) for u, slopes in terms.items()}
-        return {u: slope for u, slope in summed.items() if slope != 0}
+        inside = sorted(expression.free_symbols & known.keys(), key=lambda s: str(s.name))
+        return chained((partial(expression, s), known[s]) for s in inside)
 
     _ = (
         model.force,

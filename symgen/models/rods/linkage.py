@@ -17,7 +17,7 @@ from symgen.models.rods.constraints import ConstrainedPoints
 from symgen.models.rods.joint_forces import JointForces
 from symgen.models.rods.loads import product
 from symgen.scene.rods.linkage import TIME, RigidLink
-from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.calculus import ONE, ZERO, chained
 from symgen.symbolic.constants import vanishes
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
@@ -136,13 +136,9 @@ class RodsModel(ConstrainedPoints):
     @cached_property
     def force(self) -> Gradient:
         """Force on every coordinate [N]: minus the gradient of the potential, plus the other loads."""
-        parts: dict[sp.Symbol, list[sp.Expr]] = {}
-        for q, slope in self.calculus.gradient(self.loads.potential).items():
-            parts.setdefault(q, []).append(-slope)
-        for force, gradient, _ in (*self.loads.others, *self.loads.conservative):
-            for q, slope in gradient.items():
-                parts.setdefault(q, []).append(force * slope)
-        return {q: sp.Add(*terms) for q, terms in parts.items()}
+        parts = [(-ONE, self.calculus.gradient(self.loads.potential))]
+        parts += [(force, slopes) for force, slopes, _ in (*self.loads.others, *self.loads.conservative)]
+        return chained(parts)
 
     @cached_property
     def power(self) -> sp.Expr:
@@ -228,6 +224,11 @@ class RodsModel(ConstrainedPoints):
     def acceleration_of(self) -> dict[sp.Symbol, sp.Symbol]:
         """The acceleration of every coordinate, ground included."""
         return {q.symbol: a.symbol for p in self.q for q, a in zip(self.q[p], self.a[p], strict=True)}
+
+    def second_rate(self, expression: sp.Expr) -> sp.Expr:
+        """Return the second time derivative, accelerations included."""
+        rate, slopes = self.calculus.rate, self.calculus.gradient(expression)
+        return sp.Add(rate(rate(expression)), *(v * self.acceleration_of[q] for q, v in slopes.items()))
 
     @cached_property
     def constraint_forces(self) -> dict[sp.Symbol, list[sp.Expr]]:

@@ -32,16 +32,10 @@ def refinement(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
 def residual(model: RodsModel) -> list[sp.Expr]:
     """Return f - M a - J^T lambda, then gamma - J a, over the accelerations and multipliers in ``work``."""
     q = [x.symbol for x in model.coordinates]
-    a = [x.symbol for p in model.free for x in model.a[p]]
-    multipliers = [model.multipliers[c.name].symbol for c in model.constraints]
-    columns: dict[sp.Symbol, list[sp.Expr]] = {}
-    rows: list[sp.Expr] = []
-    for gamma, row, multiplier in zip(model.acceleration_rhs, model.jacobian, multipliers, strict=True):
-        rows.append(gamma - sp.Add(*(row[s] * b for s, b in zip(q, a, strict=True) if s in row)))
-        for s in row:
-            columns.setdefault(s, []).append(row[s] * multiplier)
-    above = [f - sp.Add(*columns.get(s, ())) for s, f in zip(q, model.balance, strict=True)]
-    return [*above, *rows]
+    above = [f - sp.Add(*model.constraint_forces.get(s, ())) for s, f in zip(q, model.balance, strict=True)]
+    rows = zip(model.acceleration_rhs, model.jacobian, strict=True)
+    own = model.acceleration_of
+    return above + [gamma - sp.Add(*(row[s] * own[s] for s in q if s in row)) for gamma, row in rows]
 
 
 def _spread(model: RodsModel) -> bool:
