@@ -85,7 +85,7 @@ class _Near:
         self._places = np.array(self.solved, dtype=np.intp)
         self.by = list(by) or self.solved
         self.guided = np.isin(self.solved, self.by)
-        lengths = np.array([v.is_length for v in d.variables])[self._places]
+        lengths = kernels.lengths[self._places]
         self._unit = np.where(lengths, d.size, np.pi)
         table = kernels("rows", 0.0, guess, np.zeros_like(guess))["rows"]
         extent = max(d.size, float(np.sum(np.abs(table[:, [1, 4]]))))
@@ -192,10 +192,9 @@ def distance(kernels: LoopKernels, q: Array, other: Array, of: Sequence[int] | N
     Lengths are measured by the size of the loop, angles in half turns, less whole revolutions; those of
     screws, which advance with every revolution, are measured whole.
     """
-    lengths = np.array([v.is_length for v in kernels.description.variables])
     gap = q - other
     gap = np.where(kernels.periodic, (gap + np.pi) % _WHOLE - np.pi, gap)
-    gap = gap / np.where(lengths, kernels.description.size, np.pi)
+    gap = gap / np.where(kernels.lengths, kernels.description.size, np.pi)
     return float(np.linalg.norm(gap if of is None else gap[list(of)]))
 
 
@@ -207,9 +206,8 @@ def same_assembly(kernels: LoopKernels, t: float, q: Array, other: Array) -> boo
 
 def _advanced(kernels: LoopKernels, q: Array, other: Array) -> bool:
     """Return True if two poses differ by whole revolutions of screws and in no other angle."""
-    angles = np.array([not v.is_length for v in kernels.description.variables])
-    gap = np.where(angles, q - other, 0.0)
-    screws = angles & ~kernels.periodic
+    gap = np.where(kernels.lengths, 0.0, q - other)
+    screws = ~kernels.lengths & ~kernels.periodic
     turned = np.abs((gap + np.pi) % _WHOLE - np.pi)
     return bool(np.any(np.abs(gap[screws]) > np.pi) and np.all(turned < _SAME))
 

@@ -26,10 +26,9 @@ _TOLERABLE = 1e-3
 
 def scaled_screws(kernels: LoopKernels, t: float, q: Array) -> Array:
     """Return the screws of all variables, shape (6, n), made dimensionless by the size of the loop."""
-    d = kernels.description
     screws: Array = kernels("position", t, q, np.zeros_like(q))["closure_jacobian"].copy()
-    screws[3:] /= d.size
-    scaled: Array = screws * np.array([d.size if v.is_length else 1.0 for v in d.variables])
+    screws[3:] /= kernels.description.size
+    scaled: Array = screws * kernels.scale
     return scaled
 
 
@@ -74,7 +73,7 @@ def _moved(kernels: LoopKernels, t: float, q: Array, rank: int) -> Array | None:
     """Return a closure at a distance, along a motion that the screws allow; None if there is none."""
     d = kernels.description
     solved = d.having("dependent")
-    scale = np.array([d.size if d.variables[j].is_length else 1.0 for j in solved])
+    scale = kernels.scale[solved]
     close, basis = Closing(kernels, t), _basis(kernels, t, q, rank)
     for motion in (np.sum(basis, axis=0), *basis, *-basis):
         start = q.copy()

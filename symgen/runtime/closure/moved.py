@@ -64,7 +64,7 @@ def moved_to(kernels: LoopKernels, begin: Closed, wanted: Array, t: float, at_on
         When it does not close, or leaves its assembly on the way.
     """
     d = kernels.description
-    scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
+    scale = kernels.scale
     equations = kernels.equations(d.having("dependent"), begin.rank)
     free = d.having("free")
     steps = 1

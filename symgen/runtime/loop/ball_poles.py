@@ -53,7 +53,7 @@ def ball_pole(kernels: LoopKernels, t: float, q: Array) -> list[str]:
     solved = d.having("dependent")
     if "S" not in d.joints or not solved:
         return []
-    scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
+    scale = kernels.scale
     _, values, right = np.linalg.svd(scaled_screws(kernels, t, q)[:, solved])
     least = float(values[-1] / values[0]) if len(values) == len(solved) else 0.0
     if least > _FAR:

@@ -29,7 +29,7 @@ class LoopBonds:
     def __init__(self, kernels: LoopKernels, q: Array) -> None:
         d = kernels.description
         self.kernels, self.whole, self.solved = kernels, q.copy(), d.having("dependent")
-        self.scale = np.array([1.0 if v.is_length else d.size for v in d.variables])
+        self.scale = d.size / kernels.scale
         self.size = d.size
 
     def pose(self, x: Array, t: float) -> Array:

@@ -68,7 +68,7 @@ def follow(
         values = kernels.leads_at(times)[:, 0] if len(times) and np.all(np.isfinite(times)) else times
     if values is None or not len(values) or not np.all(np.isfinite(values)):
         raise ModelError(f"expected finite values of the {over}, at least one")
-    if np.max(np.abs(values)) > _FARTHEST * (d.size if kernels.lead.is_length else 1.0):
+    if np.max(np.abs(values)) > _FARTHEST * kernels.lead_scale:
         raise ModelError(
             f"expected values of {kernels.lead.name} below {_FARTHEST:g} radians or sizes of the loop"
         )

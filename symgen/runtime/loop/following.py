@@ -86,8 +86,7 @@ def _beyond(
     way = 1.0 if target > t else -1.0
     n = len(q)
     for distance in _OVER:
-        size = kernels.description.size if kernels.lead.is_length else 1.0
-        step = way * distance * size / abs(rate)
+        step = way * distance * kernels.lead_scale / abs(rate)
         times = t + step * _BEFORE
         before = follow_about(kernels, equations.follow, begin, times)
         if before is None or np.any(before[2][:, _loop.STATUS] == _loop.BLIND):

@@ -134,7 +134,7 @@ class LoopKernels:
             self.given,
             self.work_size,
             outputs.out_size if outputs else 0,
-            [v.is_length for v in d.variables],
+            self.lengths.tolist(),
             solved,
             self.inputs,
             [i for i, v in enumerate(d.variables) if v.unknown],
@@ -175,18 +175,16 @@ class LoopKernels:
     @cached_property
     def pitches(self) -> Array:
         """Translation along a joint for each radian of an angle [m/rad]; zero of all but helical joints."""
-        angles = np.array([not v.is_length for v in self.description.variables])
         slopes = np.max(np.abs(self._slopes[:, :, _LENGTHS]), axis=(1, 2), initial=0.0)
-        pitches: Array = np.where(angles & (slopes > 1e-14 * self.description.size), slopes, 0.0)
+        pitches: Array = np.where(~self.lengths & (slopes > 1e-14 * self.description.size), slopes, 0.0)
         return pitches
 
     @cached_property
     def periodic(self) -> NDArray[np.bool_]:
         """Of every variable, whether a whole revolution of it leaves all links where they are."""
-        angles = np.array([not v.is_length for v in self.description.variables])
         turns = self._slopes[:, :, np.logical_not(_LENGTHS)]
         whole = np.all(np.abs(turns - np.round(turns)) < 1e-14, axis=(1, 2))
-        periodic: NDArray[np.bool_] = angles & whole & (self.pitches == 0.0)
+        periodic: NDArray[np.bool_] = ~self.lengths & whole & (self.pitches == 0.0)
         return periodic
 
     def prescribed(self, t: float) -> Array:
@@ -195,6 +193,21 @@ class LoopKernels:
             return np.zeros((0, 3))
         nothing = np.zeros(self.description.coordinates)
         return self("inputs", t, nothing, nothing)["inputs"].reshape(-1, 3)
+
+    @cached_property
+    def lengths(self) -> NDArray[np.bool_]:
+        """Of every variable, whether it is a length and not an angle."""
+        return np.array([v.is_length for v in self.description.variables], dtype=bool)
+
+    @cached_property
+    def scale(self) -> Array:
+        """Of every variable, the size of the loop where it is a length, and one where it is an angle."""
+        return np.where(self.lengths, self.description.size, 1.0)
+
+    @property
+    def lead_scale(self) -> float:
+        """The scale of the first input."""
+        return float(self.scale[self.inputs[self.number_of_lead]])
 
     @property
     def lead(self) -> VariableInfo:

@@ -160,7 +160,7 @@ def _around(
     rate = kernels.lead_at(t)[1]
     if rate == 0.0:
         return None
-    reach = _APART * (kernels.description.size if kernels.lead.is_length else 1.0) / abs(rate)
+    reach = _APART * kernels.lead_scale / abs(rate)
     times = t + reach * _STEPS
     found = follow_about(kernels, partial(follow_over, kernels, equations), start, times)
     if found is None or np.any(found[2][:, _loop.STATUS] != _core.DONE):
@@ -183,10 +183,7 @@ def _refined(
     sound = float(samples.diagnosis[i, _loop.SOUNDNESS])
     if not np.min(around.diagnosis[:, _loop.SOUNDNESS]) > _BETTER * sound:
         return False
-    scale = np.array(
-        [kernels.description.size if v.is_length else 1.0 for v in kernels.description.variables]
-    )
-    pose = np.abs(_FINE @ around.states[:, :n] - samples.states[i, :n]) / scale
+    pose = np.abs(_FINE @ around.states[:, :n] - samples.states[i, :n]) / kernels.scale
     if not np.max(pose) < _POSE + _MARGIN * CLOSED / sound:
         return False
     limit, coarse = _FINE @ around.out, _COARSE @ around.out

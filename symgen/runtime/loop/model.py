@@ -100,7 +100,7 @@ class LoopModel(Model):
         d, kernels = self.description, self.kernels
         q, t = np.append(d.start, 0.0), 0.0
         own, asked = np.array([p.default for p in d.parameters]), np.array(self.given)
-        scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
+        scale = kernels.scale
         equations = kernels.equations(d.having("dependent"), d.rank)
         for part in STAGES:
             stage = kernels.at((1 - part) * own + part * asked)

@@ -93,7 +93,7 @@ def rates_at(kernels: LoopKernels, begin: Closed, given: Array) -> Array:
     d = kernels.description
     u = given.copy()
     u[kernels.inputs] = kernels.prescribed(begin.t)[:, 1]
-    scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
+    scale = kernels.scale
     solved, held = d.having("dependent"), d.having("input", "free")
     screws = scaled_screws(kernels, begin.t, begin.q)
     asked = screws[:, held] @ (u / scale)[held]

@@ -119,7 +119,7 @@ def _around(
     rate = kernels.lead_at(t)[1]
     if rate == 0.0:
         return None
-    step = _BESIDE * (kernels.description.size if kernels.lead.is_length else 1.0) / rate
+    step = _BESIDE * kernels.lead_scale / rate
     times, rows, follower = step * _PLACES, [], _Follower(kernels, equations, *start)
     for after in times.tolist():
         follower(t + after)
