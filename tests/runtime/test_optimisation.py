@@ -12,7 +12,7 @@ from shared.variants import crank_rocker_with_lengths
 
 import symgen
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.sweeps.problem import Problem, Quantity
+from symgen.runtime.sweeps.problem import Problem, Quantity, Search
 from symgen.scene.loading import SceneText, check_scene, read_scene
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "barrier.toml"
@@ -82,6 +82,11 @@ def test_constraints_hold_and_bind(model):
     assert found.objective == pytest.approx(np.min(rms), rel=0.2)
 
 
+def problem_of(model, bounds, quantity, samples):
+    search = Search(model, bounds, {}, None, {}, 1e-8, 200, None, {"samples": samples})
+    return Problem(bounds, [quantity], search)
+
+
 def test_exact_gradients_are_those_of_the_closed_form(model):
     bounds, x = {"stiffness": RANGE["stiffness"], "height": RANGE["height"]}, np.array([0.2, 0.4])
     k, h = (low + (high - low) * y for (low, high), y in zip(bounds.values(), x, strict=True))
@@ -100,7 +105,7 @@ def test_exact_gradients_are_those_of_the_closed_form(model):
     }
     for reduction, expectation in expected.items():
         quantity = Quantity.named(f"arm.torque.{reduction}")
-        problem = Problem(model, bounds, [quantity], None, {"samples": 16}, None)
+        problem = problem_of(model, bounds, quantity, 16)
         for exact in (False, True):
             problem.at(x)
             problem.exact = exact
@@ -132,7 +137,7 @@ def test_gradients_of_whole_runs_are_exact(tmp_path):
     file = tmp_path / "rod.toml"
     file.write_text(ROD)
     rod = symgen.build(file)
-    problem = Problem(rod, {"m": (1.0, 3.0)}, [Quantity.named("rod.angle.final")], None, {"samples": 6}, None)
+    problem = problem_of(rod, {"m": (1.0, 3.0)}, Quantity.named("rod.angle.final"), 6)
     problem.choose_gradients(np.array([0.5]))
     assert problem.exact
     angles = 1.5 * np.linspace(0.0, 0.5, 6) ** 2 / 0.5**2 / 2.0

@@ -200,20 +200,11 @@ class Sweeps:
             When a run fails; differential evolution takes that point as the worst.
         """
         from symgen.runtime.sweeps.optimisation import optimum_of
+        from symgen.runtime.sweeps.problem import Search
 
+        limits, shared = constraints or {}, (tolerance, iterations, threads, arguments)
         return optimum_of(
-            self,
-            variables,
-            objective,
-            constraints or {},
-            analysis,
-            method,
-            start or {},
-            tolerance,
-            iterations,
-            seed,
-            threads,
-            arguments,
+            Search(self, variables, limits, analysis, start or {}, *shared, method, seed), objective
         )
 
     @checked
@@ -256,20 +247,10 @@ class Sweeps:
             As :meth:`optimise`.
         """
         from symgen.runtime.sweeps.pareto import front_of
+        from symgen.runtime.sweeps.problem import Search
 
-        return front_of(
-            self,
-            variables,
-            objectives,
-            constraints or {},
-            points,
-            analysis,
-            start or {},
-            tolerance,
-            iterations,
-            threads,
-            arguments,
-        )
+        limits, shared = constraints or {}, (tolerance, iterations, threads, arguments)
+        return front_of(Search(self, variables, limits, analysis, start or {}, *shared), objectives, points)
 
 
 for _call in (

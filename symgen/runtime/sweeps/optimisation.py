@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, check_known, shown
-from symgen.runtime.sweeps.problem import Problem, Quantity
+from symgen.runtime.sweeps.problem import Problem, Quantity, Search
 
 Array = NDArray[np.float64]
 #: Most iterations.
@@ -58,48 +58,34 @@ class Optimum:
         return {name: getattr(self, name) for name in self.__slots__ if name != "model"}
 
 
-def optimum_of(
-    model: Any,
-    variables: Mapping[str, Any],
-    objective: str,
-    constraints: Mapping[str, Any],
-    analysis: str | None,
-    method: str,
-    start: Mapping[str, float],
-    tolerance: float,
-    iterations: int,
-    seed: int,
-    threads: int | None,
-    arguments: Mapping[str, Any],
-    measured: Sequence[str] = (),
-) -> Optimum:
+def optimum_of(search: Search, objective: str, measured: Sequence[str] = ()) -> Optimum:
     """Return the parameters of least objective; see :meth:`symgen.Model.optimise`.
 
     ``measured`` are quantities without bounds, whose values are among those of the constraints.
     """
+    model, start, method = search.model, search.start, search.method
     check_known(method, METHODS, "there is no method")
-    bounds = {name: _pair(name, pair, open_ended=False) for name, pair in variables.items()}
+    bounds = {name: _pair(name, pair, open_ended=False) for name, pair in search.variables.items()}
     if not bounds:
         raise ModelError("expected variables with their bounds, got none")
-    limits = {name: _pair(name, pair, open_ended=True) for name, pair in constraints.items()}
+    limits = {name: _pair(name, pair, open_ended=True) for name, pair in search.constraints.items()}
     for name in (*bounds, *start):
         check_known(name, model.parameters, f"{model.name} has no tunable parameter")
     for name in start.keys() - bounds.keys():
         raise ModelError(f"the start has {name}, which is not among the variables {', '.join(bounds)}")
-    if tolerance <= 0.0 or not 1 <= iterations <= _MOST:
-        raise ModelError(
-            f"expected a tolerance above 0 and 1 to {_MOST} iterations, got {tolerance:g}, {iterations}"
-        )
+    if search.tolerance <= 0.0 or not 1 <= search.iterations <= _MOST:
+        got = f"{search.tolerance:g}, {search.iterations}"
+        raise ModelError(f"expected a tolerance above 0 and 1 to {_MOST} iterations, got {got}")
     goal = Quantity.named(objective, bounds)
     kept = {name: Quantity.named(name, bounds) for name in (*limits, *measured)}
-    problem = Problem(model, bounds, [goal, *kept.values()], analysis, arguments, threads)
+    problem = Problem(bounds, [goal, *kept.values()], search)
     begin = np.array([start.get(name, model.parameters[name]) for name in bounds])
     x = np.clip((begin - problem.low) / (problem.high - problem.low), 0.0, 1.0)
     pairs = [(kept[name], *limits[name]) for name in limits]
     if method == "differential-evolution":
-        found = _evolved(problem, goal, pairs, tolerance, iterations, seed)
+        found = _evolved(problem, goal, pairs)
     else:
-        found = _descended(problem, goal, pairs, x, method, tolerance, iterations)
+        found = _descended(problem, goal, pairs, x)
     x = np.clip(found.x[: len(bounds)], 0.0, 1.0)
     values = dict(zip(bounds, problem.parameters(x).tolist(), strict=True))
     return Optimum(
@@ -132,15 +118,7 @@ def _pair(name: str, pair: Any, *, open_ended: bool) -> tuple[float, float]:
 _Limits = Sequence[tuple[Quantity, float, float]]
 
 
-def _descended(
-    problem: Problem,
-    goal: Quantity,
-    limits: _Limits,
-    x: Array,
-    method: str,
-    tolerance: float,
-    iterations: int,
-) -> Any:
+def _descended(problem: Problem, goal: Quantity, limits: _Limits, x: Array) -> Any:
     """Minimise by gradients. The largest sample becomes a further variable, an upper bound of all samples."""
     from scipy.optimize import NonlinearConstraint, minimize
 
@@ -165,15 +143,16 @@ def _descended(
     for quantity, low, high in limits:
         rules.append(_between(problem, quantity, low, high, count, len(begin)))
     made = [NonlinearConstraint(f, a, b, jac=j) for f, j, a, b in rules]
-    options = {"ftol": tolerance} if method == "SLSQP" else {"gtol": tolerance, "xtol": tolerance}
+    search = problem.search
+    options = dict.fromkeys(("ftol",) if search.method == "SLSQP" else ("gtol", "xtol"), search.tolerance)
     return minimize(
         value,
         begin,
         jac=slope,
-        method=method,
+        method=search.method,
         bounds=[(0.0, 1.0)] * count + [(None, None)] * bounded,
         constraints=made,
-        options={"maxiter": iterations, **options},
+        options={"maxiter": search.iterations, **options},
     )
 
 
@@ -212,9 +191,7 @@ def _between(problem: Problem, quantity: Quantity, low: float, high: float, coun
     return value, slope, low / size, high / size
 
 
-def _evolved(
-    problem: Problem, goal: Quantity, limits: _Limits, tolerance: float, iterations: int, seed: int
-) -> Any:
+def _evolved(problem: Problem, goal: Quantity, limits: _Limits) -> Any:
     """Minimise by differential evolution: all points of a generation are runs of one call."""
     from scipy.optimize import NonlinearConstraint, differential_evolution
 
@@ -237,9 +214,9 @@ def _evolved(
         value,
         [(0.0, 1.0)] * len(problem.names),
         constraints=made,
-        seed=np.random.default_rng(seed),
-        tol=tolerance,
-        maxiter=iterations,
+        seed=np.random.default_rng(problem.search.seed),
+        tol=problem.search.tolerance,
+        maxiter=problem.search.iterations,
         vectorized=True,
         updating="deferred",
         polish=False,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.optimisation import Optimum, optimum_of
+from symgen.runtime.sweeps.problem import Search
 
 if TYPE_CHECKING:
     import xarray
@@ -18,44 +20,23 @@ if TYPE_CHECKING:
 _SLACK = 1e-6
 
 
-def front_of(
-    model: Any,
-    variables: Mapping[str, Any],
-    objectives: Sequence[str],
-    constraints: Mapping[str, Any],
-    points: int,
-    analysis: str | None,
-    start: Mapping[str, float],
-    tolerance: float,
-    iterations: int,
-    threads: int | None,
-    arguments: Mapping[str, Any],
-) -> xarray.Dataset:
+def front_of(search: Search, objectives: Sequence[str], points: int) -> xarray.Dataset:
     """Return designs none of which is better in both objectives; see :meth:`symgen.Model.pareto`."""
     if len(objectives) != 2 or len({*objectives}) != 2:
         raise ModelError(f"expected two objectives, got {', '.join(objectives) or 'none'}")
     if points < 2:
         raise ModelError(f"expected two points of a Pareto front or more, got {points}")
     first, second = objectives
-
-    def optimum(
-        objective: str, bounds: Mapping[str, Any], start: Mapping[str, float], *measured: str
-    ) -> Optimum:
-        options = (analysis, "SLSQP", start, tolerance, iterations, 0, threads, arguments)
-        return optimum_of(model, variables, objective, bounds, *options, measured)
-
-    of_second, of_first = (
-        optimum(second, constraints, start, first),
-        optimum(first, constraints, start, second),
-    )
-    least, greatest = constraints.get(second, (None, None))  # which the optimisations have accepted
+    of_second, of_first = optimum_of(search, second, [first]), optimum_of(search, first, [second])
+    least, greatest = search.constraints.get(second, (None, None))  # which the optimisations have accepted
     ends = of_second.objective, of_first.constraints[second]
-    found, start = [], of_second.parameters
+    found, start = list[Optimum](), of_second.parameters
     for bound in np.linspace(*ends, points) + _SLACK * abs(ends[1] - ends[0]):
         highest = bound if greatest is None else min(bound, greatest)
-        found.append(optimum(first, {**constraints, second: (least, float(highest))}, start))
+        bounds = {**search.constraints, second: (least, float(highest))}
+        found.append(optimum_of(replace(search, constraints=bounds, start=start), first))
         start = found[-1].parameters
-    return _dataset(model, found, first, second)
+    return _dataset(search.model, found, first, second)
 
 
 def _dataset(model: Any, found: Sequence[Optimum], first: str, second: str) -> xarray.Dataset:

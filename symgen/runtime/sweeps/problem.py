@@ -85,24 +85,38 @@ class Quantity:
 _WEIGHTS = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Search:
+    """Arguments of an optimisation but its objective; see :meth:`symgen.Model.optimise`."""
+
+    model: Any
+    variables: Mapping[str, Any]
+    constraints: Mapping[str, Any]
+    analysis: str | None
+    start: Mapping[str, float]
+    tolerance: float
+    iterations: int
+    threads: int | None
+    arguments: Mapping[str, Any]
+    method: str = "SLSQP"
+    seed: int = 0
+
+
 class Problem:
     """Samples of outputs, and their derivatives, at values of the variables over their ranges, 0 to 1."""
 
     def __init__(
         self,
-        model: Any,
         bounds: Mapping[str, tuple[float, float]],
         quantities: Sequence[Quantity],
-        analysis: str | None,
-        arguments: Mapping[str, Any],
-        threads: int | None,
+        search: Search,
     ) -> None:
-        self.model, self.names = model, tuple(bounds)
+        self.search, self.model, self.names = search, search.model, tuple(bounds)
         self.low, self.high = np.array([*bounds.values()]).T
         self.outputs = list(dict.fromkeys(q.output for q in quantities if q.reduction))
         if not self.outputs:
             raise ModelError("expected an output of the runs as the objective or in a constraint, got none")
-        self.analysis, self.arguments, self.threads = analysis, arguments, threads
+        self.analysis = search.analysis
         self.runs, self.exact, self.reason = 0, False, ""
         self._held: dict[bytes, dict[str, Array]] = {}
         self._slopes: dict[bytes, dict[str, Array]] = {}
@@ -142,9 +156,8 @@ class Problem:
             When a run fails, and all are needed as a ``whole``.
         """
         design = Listed(self.names, self.parameters(points))
-        sweep = sweep_of(
-            self.model, self.analysis, design, self.outputs, "history", self.arguments, self.threads
-        )
+        s = self.search
+        sweep = sweep_of(self.model, self.analysis, design, self.outputs, "history", s.arguments, s.threads)
         if not self._components:
             sweep.check_outputs()
         self.analysis = sweep.analysis
@@ -160,7 +173,7 @@ class Problem:
             raise ModelError(f"{FLOQUET} is one value of a run, without samples: it cannot be optimised")
         failed = [(i, str(e)) for i, e in enumerate(arrays["error"].values) if e]
         sizes = arrays[RECORDED].values
-        self._size = self._size or float(self.arguments.get("samples", np.nanmax(sizes)))
+        self._size = self._size or float(s.arguments.get("samples", np.nanmax(sizes)))
         short = np.flatnonzero(np.isfinite(sizes) & (sizes != self._size)).tolist()
         failed += [(i, f"the run ended early: {sizes[i]:g} of {self._size:g} samples") for i in short]
         if failed and whole:
@@ -210,7 +223,7 @@ class Problem:
             times = [] if self._times is None else self._times.tolist()
             each = [changed.sensitivity(flat, names, at=t).derivatives for t in times]
         else:
-            result = getattr(changed, str(self.analysis))(**self.arguments)
+            result = getattr(changed, str(self.analysis))(**self.search.arguments)
             self.runs += 1
             if result.KIND == "elastic":
                 each = list(result.gradient(flat, names).derivatives)
