@@ -16,7 +16,7 @@ from unittest.mock import patch
 
 import numpy as np
 from harness import Case, Measurement, Required, Timing, arguments, measure, report_repeats
-from linkages import LINKAGES
+from linkages import LINKAGES, meeting
 from numpy.typing import NDArray
 
 import symgen
@@ -80,9 +80,8 @@ def measured(slack: float) -> Measurement:
         cases[PEER] = Case(lambda: peer.step_fast_with_kinematics(POSES - 1), POSES - 1)
         places[PEER] = peer.step_fast_with_kinematics(POSES - 1)[0][-1, -1]
     timings: dict[str, Timing] = measure(cases, ROUNDS)
-    errors = {
-        how: float(np.linalg.norm(place - _closed(2 * np.pi))) for how, place in places.items()
-    } | missed
+    closed = meeting(np.array([CRANK, 0.0]), np.array([BASE, 0.0]), COUPLER, ROCKER)
+    errors = {how: float(np.linalg.norm(place - closed)) for how, place in places.items()} | missed
     rows = [
         {
             "route": how,
@@ -149,17 +148,6 @@ def _in_lanes(model: symgen.Model, with_forces: bool) -> tuple[Case, Array]:
             lanes.follow(0.0, *given, times)
 
     return Case(blocks, BLOCKS * RUNS * OF_A_RUN), places
-
-
-def _closed(angle: float) -> Array:
-    """Return where B is at an angle of the crank: circles about A and C meet, above the line between them."""
-    a = CRANK * np.array([np.cos(angle), np.sin(angle)])
-    d = np.array([BASE, 0.0]) - a
-    far = float(np.hypot(*d))
-    along = (COUPLER**2 - ROCKER**2 + far**2) / (2 * far)
-    across = np.sqrt(COUPLER**2 - along**2)
-    place: Array = a + (d * along + np.array([-d[1], d[0]]) * across) / far
-    return place
 
 
 def _pylinkage() -> Any:

@@ -1,31 +1,22 @@
-"""Sweeps: peaks of joint forces of many variants, against vectorised NumPy; sweeps killed at random times.
+"""Sweeps: peaks of joint forces of many variants, against vectorised NumPy.
 
 The variants of ``crank_rocker`` have other lengths of all links; every one is followed over a revolution. The
 same peaks are computed by NumPy from equations that SymPy derives here on its own and prints by ``lambdify``:
 the closure by Newton's method from angle to angle, velocities and accelerations, and nine balances for the
 joint forces and the torque, all vectorised over the variants. Processor times are compared per pose.
 
-A sweep is then killed (SIGKILL) at random times and started again until it ends, and workers of two processes
-and of a local Dask cluster of two, where Dask is installed, are killed at random times while they work,
-``--kills N`` sweeps of each kind. Every store must have the bytes of that of one thread. Two processes carry
-out a list of many more variants at few poses: memory must not grow with their number.
+Two processes carry out a list of many more variants at few poses: memory must not grow with their number.
 """
 
 from __future__ import annotations
 
-import os
-import random
 import resource
-import signal
 import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
-from importlib.util import find_spec
-from multiprocessing import active_children, get_context
 from pathlib import Path
-from threading import Event, Thread
-from time import perf_counter, process_time, sleep
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -34,7 +25,6 @@ from harness import Measurement, Required, parser_of, report_repeats
 
 import symgen
 from symgen.runtime.sweeps.designs import Uniform
-from symgen.runtime.sweeps.stores import DONE
 from symgen.scene.loading import SHIPPED, read_scene
 
 RUNS, POSES, BY_NUMPY, BY_ONE = 100_000, 361, 1000, 20 * 1024
@@ -48,19 +38,14 @@ OUTPUTS = ["crank.torque", "crank.O.force", "crank.A.force", "coupler.B.force", 
 MOST_WALL, MOST_MEMORY, FASTER, LARGEST_ERROR = 60.0, 1024.0, 20.0, 1e-9
 #: Rounds of times of one thread and of NumPy, which alternate.
 ROUNDS = 3
-#: Sweeps that are killed: runs, runs of a chunk, kills of each process, and their seed.
-VICTIMS, CHUNK, LIVES, SEED = 8192, 256, 2, 1
-#: Longest time for which a kill waits for the work to come to its chunk [s].
-PATIENCE = 600.0
 
 
 def main() -> int:
     """Measure, print, and return the exit code."""
     parser = parser_of(__doc__)
     parser.add_argument("--slack", type=float, default=1.0, help="divide the required ratio of times by this")
-    parser.add_argument("--kills", type=int, default=10, help="number of sweeps of each kind that are killed")
     options = parser.parse_args()
-    return report_repeats(partial(measured, options.slack, options.kills, []), options)
+    return report_repeats(partial(measured, options.slack), options)
 
 
 def _model() -> symgen.Model:
@@ -99,11 +84,8 @@ def _sweep(
     )
 
 
-Survivors = list[tuple[str, int, int]]
-
-
-def measured(slack: float, kills: int, survived: Survivors) -> Measurement:
-    """Measure once; sweeps are killed in the first repeat only."""
+def measured(slack: float) -> Measurement:
+    """Measure once."""
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -135,8 +117,6 @@ def measured(slack: float, kills: int, survived: Survivors) -> Measurement:
         rows.append(_row("list by two processes, here", MANY, FEW, wall_many, busy))
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         of_workers = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-        if kills and not survived:
-            survived += _survived(folder, kills)
     ratio = (of_numpy / BY_NUMPY) / (alone / BY_ONE)
     required = [
         Required(
@@ -147,15 +127,8 @@ def measured(slack: float, kills: int, survived: Survivors) -> Measurement:
         Required("processor time of NumPy for that of the sweep", ratio, FASTER / slack, True, True),
         Required("error of the peaks over the largest", float(max(errors)), LARGEST_ERROR, False),
         Required("failed runs", float(failed), 0.0, False),
-        *(
-            Required(
-                f"of {kills} sweeps, {what} killed: stores with the bytes of one thread", same, kills, True
-            )
-            for what, same, _ in survived
-        ),
     ]
-    notes = [f"{kills} sweeps, {what} killed {count} times in all." for what, _, count in survived]
-    return Measurement("Sweeps", rows, required, notes)
+    return Measurement("Sweeps", rows, required, [])
 
 
 def _timed(task: Callable[[], Any]) -> tuple[float, float]:
@@ -250,105 +223,6 @@ class _Reference:
     @staticmethod
     def _stacked(values: Any, count: int) -> Any:
         return np.stack([np.broadcast_to(v, count) for v in values], axis=1)
-
-
-def _survived(folder: Path, sweeps: int) -> Survivors:
-    """Return what was killed, how many stores then have the bytes of one thread, and the kills."""
-    whole = folder / "whole.zarr"
-    _sweep(whole, VICTIMS, 1, CHUNK)
-    bytes_of_one, lives = _files(whole), random.Random(SEED)
-    found = [("the process", *_of_processes(folder, bytes_of_one, lives, sweeps))]
-    of_two = _of_workers(folder, bytes_of_one, lives, sweeps, 2, _children)
-    found.append(("a worker of two processes", *of_two))
-    if find_spec("distributed"):
-        from distributed import Client, LocalCluster
-
-        with (
-            LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster,
-            Client(cluster) as client,
-        ):
-            workers = partial(_workers, cluster)
-            of_dask = _of_workers(folder, bytes_of_one, lives, sweeps, client, workers)
-            found.append(("a worker of Dask", *of_dask))
-    return found
-
-
-def _of_processes(
-    folder: Path, whole: dict[str, bytes], lives: random.Random, sweeps: int
-) -> tuple[int, int]:
-    """Kill the process of sweeps in two threads; return the stores with the right bytes, and the kills.
-
-    Each sweep is killed when random numbers of its chunks are written, within the time of a chunk or so.
-    """
-    same, kills = 0, 0
-    for i in range(sweeps):
-        store = folder / f"killed{i}.zarr"
-        for chunks in [*sorted(lives.sample(range(VICTIMS // CHUNK - 2), LIVES)), None]:
-            process = get_context("fork").Process(target=_sweep, args=(store, VICTIMS, 2, CHUNK))
-            process.start()
-            if chunks is not None:
-                _wait_for(store, chunks, process.is_alive)
-                sleep(lives.uniform(0.0, 0.05))
-                if process.is_alive():
-                    process.kill()
-                    kills += 1
-            process.join()
-        same += _files(store) == whole
-    return same, kills
-
-
-def _wait_for(store: Path, chunks: int, working: Callable[[], bool]) -> None:
-    """Wait until so many chunks of a store are written, or the work has ended."""
-    until = perf_counter() + PATIENCE
-    while working() and perf_counter() < until:
-        if sum(1 for path in (store / DONE).glob("[0-9]*") if path.name.isdecimal()) >= chunks:
-            return
-        sleep(0.002)
-
-
-def _of_workers(
-    folder: Path,
-    whole: dict[str, bytes],
-    lives: random.Random,
-    sweeps: int,
-    executor: Any,
-    pids: Callable[[], list[int]],
-) -> tuple[int, int]:
-    """Kill a worker of sweeps when a random number of chunks is written; return as :func:`_of_processes`."""
-    same, kills = 0, 0
-    for i in range(sweeps):
-        store, ended = folder / f"{type(executor).__name__}{i}.zarr", Event()
-        chunks = lives.randrange(VICTIMS // CHUNK - 2)
-
-        def kill(store: Path = store, ended: Event = ended, chunks: int = chunks) -> None:
-            nonlocal kills
-            _wait_for(store, chunks, lambda: not ended.is_set())
-            there = pids()
-            if there and not ended.is_set():
-                os.kill(lives.choice(there), signal.SIGKILL)
-                kills += 1
-
-        killer = Thread(target=kill)
-        killer.start()
-        _sweep(store, VICTIMS, 1, CHUNK, executor)
-        ended.set()
-        killer.join()
-        same += _files(store) == whole
-    return same, kills
-
-
-def _workers(cluster: Any) -> list[int]:
-    return [nanny.pid for nanny in cluster.workers.values() if nanny.pid]
-
-
-def _children() -> list[int]:
-    return [process.pid for process in active_children() if process.pid]
-
-
-def _files(store: Path) -> dict[str, bytes]:
-    """Return the files of a store but those that a kill left behind."""
-    every = (path for path in store.rglob("*") if path.is_file() and path.suffix != ".partial")
-    return {str(path.relative_to(store)): path.read_bytes() for path in every}
 
 
 if __name__ == "__main__":

@@ -5,11 +5,14 @@ from __future__ import annotations
 import importlib.util
 import os
 import pickle
+import random
 import signal
 import subprocess
 import sys
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import suppress
+from itertools import islice
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -173,6 +176,44 @@ def test_processes_end_with_the_one_that_started_them(tmp_path):
     while any(map(_is_there, started)):
         assert time.monotonic() < until
         time.sleep(0.02)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("victim", ["sweep", "worker"])
+def test_sweeps_killed_at_random_times_end_with_the_same_bytes(victim, tmp_path):
+    """The process that sweeps is killed and started again, or one of its two workers is killed, ten times."""
+    program, chances, kills = tmp_path / "sweeping.py", random.Random(1), 0
+    program.write_text(
+        "import sys, symgen\n"
+        "from multiprocessing import active_children\n"
+        "if __name__ == '__main__':\n"
+        "    def tell(_): print(*(p.pid for p in active_children()), flush=True)\n"
+        "    of, to = {'S1': [1e-6 * i for i in range(3200)]}, {'file': sys.argv[1], 'executor': 2}\n"
+        "    symgen.build('slider_crank').sweep(of, chunk=64, progress=tell, samples=361, **to)\n"
+    )
+    for store in ("whole.zarr", "killed.zarr"):
+        ended = False
+        while not ended:
+            with subprocess.Popen(
+                [sys.executable, program, tmp_path / store], stdout=subprocess.PIPE, text=True
+            ) as process:
+                while store == "killed.zarr" and kills < 10:
+                    lines = list(islice(process.stdout, chances.randint(1, 6)))
+                    time.sleep(chances.uniform(0.0, 0.05))
+                    if not lines or process.poll() is not None:
+                        break
+                    kills += 1
+                    if victim == "sweep":
+                        process.kill()
+                        break
+                    with suppress(ProcessLookupError):
+                        os.kill(int(chances.choice(lines[-1].split())), signal.SIGKILL)
+                process.communicate()
+            ended = process.returncode == 0
+            assert ended or process.returncode == -signal.SIGKILL
+    whole, killed = files(tmp_path / "whole.zarr"), files(tmp_path / "killed.zarr")
+    assert kills >= 5
+    assert whole == {name: content for name, content in killed.items() if not name.endswith(".partial")}
 
 
 def _is_there(pid):
