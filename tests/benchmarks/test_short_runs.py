@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 
 import numpy as np
@@ -54,19 +53,7 @@ def test_synthesis_of_a_task_of_every_kind(load):
     assert all(line.holds for line in measured.required), measured.required
 
 
-def test_precisions(load):
-    bench = load("precisions")
-    lines = bench.required([row for name in ("four_bar", "slider_crank") for row in bench.confirmed(name)])
-    assert len(lines) == 2 and all(line.holds for line in lines), lines
-
-
 def test_states_of_extreme_numbers_do_not_stop_the_core(load):
     sanitized = load("sanitized")
     with np.errstate(all="ignore"):
         assert "calls of kernels" in sanitized.scene("four_bar")
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-def test_an_export_has_the_same_bits(load):
-    (line,) = load("exports").tried("vertical_rods", ("gcc",))
-    assert line.endswith("all the same to the last bit")
