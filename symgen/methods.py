@@ -120,7 +120,8 @@ _LINKAGE = {
     "start": "symgen.pipeline.describe:with_state",
     "momentum": "symgen.models.momentum.rows:momentum_system",
 }
-_DRIVE, _CRANK, _INPUT = (f"symgen.inspection.values:{name}" for name in ("of_drive", "of_crank", "of_input"))
+_VALUES = "symgen.inspection.values"
+_DRIVE, _CRANK, _INPUT = (f"{_VALUES}:{name}" for name in ("of_drive", "of_crank", "of_input"))
 _OF_RODS = {
     "simulate": Command("symgen.report.motion:print_result"),
     "kinematics": Command("symgen.report.analyses:print_motion", _DRIVE),
@@ -204,9 +205,13 @@ METHODS = Registry[Method](
                 **_LINKAGE,
                 model="symgen.pipeline.spatial:spatial_model",
                 record="symgen.models.record:of_linkage",
+                accuracy="symgen.study.accuracy.kernels:of_spatial",
                 view="symgen.inspection.linkages:RodsView",
                 state="symgen.inspection.state:of_linkage",
-                commands={"simulate": Command("symgen.report.elastic:print_elastic_result")},
+                commands={
+                    "simulate": Command("symgen.report.elastic:print_elastic_result"),
+                    "modes": Command("symgen.report.elastic:print_elastic_modes", f"{_VALUES}:of_pose"),
+                },
             ),
             Method(
                 "rods",

@@ -66,6 +66,11 @@ def of_crank(_: Any, texts: Sequence[str], option: str) -> Values:
     return _read(texts, _DEGREES, {NUMBER: "input"}, expected)
 
 
+def of_pose(_: Any, texts: Sequence[str], option: str) -> Values:
+    """Return the times of poses [s]; raise ModelError for other text."""
+    return of_times(texts, option), "time"
+
+
 def of_times(texts: Sequence[str], option: str, expected: str = "times") -> list[float]:
     """Return times [s]; raise ModelError for other text. ``expected`` names what is accepted."""
     return _read(texts, (1.0, "time"), {TIME: "time"}, f'{expected} after {option}, such as "0.3 s"')[0]

@@ -1,15 +1,17 @@
-"""The beam element with directors as a building block: its equation, slopes, energies and strains."""
+"""The beam element with directors as a building block: its equation, slopes, energies and sections."""
 
 from __future__ import annotations
 
 import sympy as sp
 
 from symgen.mechanics.elastic.directors import (
+    FIBRES,
+    FRACTION,
     PLACES,
     RATES,
+    RESULTANTS,
     SECOND_RATES,
     SECTION,
-    STRAINS,
     director_beam,
 )
 from symgen.symbolic.names import Names
@@ -44,7 +46,7 @@ def director_beam_system() -> System:
             "kinetic energy, strain energy, potential of gravity",
             ("kinetic", "strain", "gravity"),
         ),
-        NamedMatrix("strains", made.strains, "1, rad", "axial strain, end rotations, twist", STRAINS),
+        NamedMatrix("section", made.section, "1; N*m; Pa; m", "strains, torque, stress, place", RESULTANTS),
     )
     return System(
         "director_beam",
@@ -52,14 +54,14 @@ def director_beam_system() -> System:
         (
             Group("q", "positions and directors of the nodes", PLACES),
             Group("u", "their rates and second rates", (*RATES, *SECOND_RATES)),
-            Group("p", "length, section, damping and gravity", SECTION),
+            Group("p", "length, section, damping, gravity, fraction", (*SECTION, *FIBRES, FRACTION)),
         ),
         matrices,
         (
             Export("residual", about, ("residual",)),
             Export("tangent", "slopes of the residual", ("mass", "damping", "stiffness")),
             Export("energies", "energies of the element", ("energies",)),
-            Export("strains", "strains of the element", ("strains",)),
+            Export("section", "strains and stress in a section of the element", ("section",)),
         ),
         names.definitions,
         references=REFERENCES,

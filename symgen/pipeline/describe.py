@@ -249,7 +249,7 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.models.elastic.links import loads_along, lumps
     from symgen.pipeline.user_model import definition_of
     from symgen.runtime.beams.data import BeamInfo
-    from symgen.runtime.kernels.elastic_description import ElasticInfo
+    from symgen.runtime.kernels.elastic_description import ElasticInfo, JointInfo
     from symgen.scene.rods.linkage import CarriedPoint
 
     crank, along = linkage.crank, list(loads_along(linkage))
@@ -260,7 +260,12 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         )
         terms = [term for load in linkage.loads for term in load.terms(3)]
         alone = not any(term.force or not term.on.integrable for term in terms)
-        return ElasticInfo(beams, "", "", (), (), (), outputs=linkage.outputs, shaft_alone=alone)
+        base = {x.name: x.base for x in linkage.links} | {x.name: x.base for x in linkage.bodies}
+        base |= dict.fromkeys((b.link for b in linkage.elastic), ())
+        joints = tuple(JointInfo(j.kind, j.point, j.links, base[j.links[-1]]) for j in linkage.joints)
+        return ElasticInfo(
+            beams, "", "", (), (), (), outputs=linkage.outputs, shaft_alone=alone, joints_in_space=joints
+        )
     acting = list(couples(linkage))
     on_sections = [
         (name, point) for _, term, _ in acting for _, point in term.on.points for _, name in term.on.links

@@ -26,8 +26,7 @@ def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Cons
     moving = any(len(p.growth) for p in poses)
     head, columns = ["mode"], []
     for p in poses:
-        pose = f"{math.degrees(p.angle):.6g} deg"
-        head.append(f"{pose} [Hz]")
+        head.append(f"{p.pose} [Hz]")
         columns.append([f"{x:.6g}" for x in p.frequencies])
         if np.any(p.ratios):
             head.append("damping ratio")

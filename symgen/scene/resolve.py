@@ -11,6 +11,7 @@ from symgen.errors import SceneError
 from symgen.methods import METHODS, Method, claiming
 from symgen.scene import units
 from symgen.scene.elastic.crank import crank, driver_of, with_flywheel
+from symgen.scene.elastic.in_space import joints_in_space
 from symgen.scene.elastic.joints import with_joints, with_welds
 from symgen.scene.elastic.links import Crank
 from symgen.scene.elastic.reading import check_loads, elastic_links, modal_damping, stations
@@ -122,7 +123,10 @@ def _linkage(scene: Scene) -> Linkage:
     )
     _check_every_point_used(scene, linkage)
     linkage = with_joints(linkage)
-    linkage = with_welds(read, linkage)
+    if elastic and read.dimension == 3:
+        linkage = replace(linkage, joints=tuple(joints_in_space(read, elastic)))
+    else:
+        linkage = with_welds(read, linkage)
     check_loads(linkage)
     linkage = replace(linkage, remarks=remarks(scene, linkage))
     if scene.analysis.motion == "space":

@@ -12,7 +12,7 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SceneError
 from symgen.loads import LOADS
 from symgen.methods import METHODS, claiming
-from symgen.scene.elastic.schema import Crank, Elastic, ModalDamping, Section, Station, Weld
+from symgen.scene.elastic.schema import Crank, Elastic, Joint, ModalDamping, Section, Station, Weld
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.repeated import written_out
@@ -219,6 +219,7 @@ class Scene(Table):
     crank: Crank | None = None
     modal_damping: ModalDamping | None = None
     welds: list[Weld] = Field(default_factory=list)
+    joints: list[Joint] = Field(default_factory=list)
     stations: list[Station] = Field(default_factory=list)
     start: Start = Field(default_factory=Start)
     events: list[Event] = Field(default_factory=list)
@@ -297,8 +298,8 @@ TABLES: dict[str, type[Table]] = {
     "units": Units,
     "parameters": Parameter, "inputs": Input, "points": Point, "links": Link, "gravity": Gravity,
     "masses": PointMass, "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
-    "welds": Weld, "stations": Station, "start": Start, "events": Event, "analysis": Analysis,
-    "loop": SpatialLoop, "studies": Study, "sweep": Sweep, "optimise": Optimise,
+    "welds": Weld, "joints": Joint, "stations": Station, "start": Start, "events": Event,
+    "analysis": Analysis, "loop": SpatialLoop, "studies": Study, "sweep": Sweep, "optimise": Optimise,
 }  # fmt: skip
 
 

@@ -55,6 +55,8 @@ DEPENDENTS = {
     "models/elastic/corotational.py": {"corotational_beam", "corotational_node"},
     "mechanics/elastic/directors.py": {"director_beam"},
     "models/directors.py": {"director_beam"},
+    "mechanics/elastic/directions.py": {"direction"},
+    "models/directions.py": {"direction"},
     "mechanics/elastic/spatial.py": SPATIAL | {"director_beam"},
     "models/elastic/spatial.py": SPATIAL,
     "models/elastic/rotor.py": set(),

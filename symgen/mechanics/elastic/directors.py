@@ -50,15 +50,24 @@ SECOND_RATES = _of_nodes("a_", "/s^2", "second rate of the ")
 DAMPING = quantity("tau", "s", "stress by the rate of a strain over that by the strain")
 GRAVITY = tuple(quantity(f"g_{axis}", "m/s^2", f"{axis} component of gravity") for axis in AXES)
 SECTION = (LENGTH, MU, JY, JZ, AXIAL, BENDING_Y, BENDING_Z, TORSION, DAMPING, *GRAVITY)
-#: Strains: mean axial strain; difference and sum of the end rotations about z and about y; twist.
-STRAINS = ("axial", "bent_z", "sheared_z", "bent_y", "sheared_y", "twist")
+FIBRES = (
+    quantity("fibre_y", "m", "distance of the outer fibre along y"),
+    quantity("fibre_z", "m", "distance of the outer fibre along z"),
+    quantity("E", "Pa", "Young's modulus"),
+    quantity("round", "1", "one for a round section, else zero"),
+)
+#: Where in the element its section is evaluated: 0 at the first node, 1 at the second.
+FRACTION = quantity("x", "1", "fraction of the element")
+#: Strains of outer fibres by axial force and moments about y and z, torque, greatest stress, place.
+RESULTANTS = ("axial_strain", "bending_strain_y", "bending_strain_z", "torque", "stress", *AXES)
 
+Vectors = list[list[sp.Expr]]
 _Q, _V, _A = ([x.symbol for x in group] for group in (PLACES, RATES, SECOND_RATES))
 
 
 @dataclass(frozen=True, slots=True)
 class DirectorBeam:
-    """The element: residual (24, 1) with its slopes (24, 24), energies (3, 1), strains (6, 1).
+    """The element: residual (24, 1) with its slopes (24, 24), energies (3, 1), ``RESULTANTS`` (8, 1).
 
     ``residual`` is inertia and internal force less gravity; ``mass``, ``damping`` and ``stiffness`` are its
     slopes by second rates, rates and places.
@@ -69,100 +78,150 @@ class DirectorBeam:
     damping: sp.ImmutableMatrix
     stiffness: sp.ImmutableMatrix
     energies: sp.ImmutableMatrix
-    strains: sp.ImmutableMatrix
+    section: sp.ImmutableMatrix
 
 
 def director_beam(names: Names) -> DirectorBeam:
     """Return the element over ``PLACES``, their rates, and ``SECTION``; intermediates go to ``names``."""
     length = LENGTH.symbol
     first, second = (_vectors(_Q[12 * k : 12 * k + 12]) for k in range(2))
-    chord = [b - a for a, b in zip(first[0], second[0], strict=True)]
-    # Invariants of degree two in the places, whose second slopes are constant.
+    between = [b - a for a, b in zip(first[0], second[0], strict=True)]
+    chord = names.vector("chord", [x / length for x in between], "1", "the line between the nodes over L")
+    # The strains depend on the chord, and on d2 and d3 of both nodes, of which the others are free.
+    strained_by = [*chord, *first[2], *first[3], *second[2], *second[3]]
+    moving = [_vectors(_V[12 * k : 12 * k + 12]) for k in range(2)]
+    of_chord = [(b - a) / length for a, b in zip(moving[0][0], moving[1][0], strict=True)]
+    speeds = [
+        *names.vector("chord_rate", of_chord, "1/s", "the rate of the chord over L"),
+        *(x for of in moving for k in (2, 3) for x in of[k]),
+    ]
+    # Invariants of degree two, whose second slopes are constant.
     formulas = {
-        "stretch": (_dot(chord, chord) / length**2 - 1) / 2,
-        **{
-            f"sine{k}{node}": _dot(chord, of[k]) / length
-            for k in (2, 3)
-            for node, of in ((1, first), (2, second))
-        },
+        "stretch": (_dot(chord, chord) - 1) / 2,
+        **{f"sine{k}{node}": _dot(chord, of[k]) for k in (2, 3) for node, of in ((1, first), (2, second))},
         "sine_twist": (_dot(second[2], first[3]) - _dot(second[3], first[2])) / 2,
     }
+    slopes = sp.Matrix([[sp.diff(e, x) for x in strained_by] for e in formulas.values()])
+    curved = [sp.hessian(e, strained_by) for e in formulas.values()]
     invariants = [names.scalar(name, e, "1", f"invariant {name}") for name, e in formulas.items()]
-    slopes = [[sp.diff(e, x) for x in _Q] for e in formulas.values()]
-    curved = [sp.hessian(e, _Q) for e in formulas.values()]
     rates = [
-        names.scalar(f"{name}_rate", _dot(row, _V), "1/s", f"rate of invariant {name}")
-        for name, row in zip(formulas, slopes, strict=True)
+        names.scalar(f"{name}_rate", _dot(slopes.row(k), speeds), "1/s", f"rate of invariant {name}")
+        for k, name in enumerate(formulas)
     ]
-    stretch, z1, z2, y1, y2, twist = invariants
-    angle = [p + p**3 / 6 for p in (z1, z2, y1, y2, twist)]
-    bowed = sp.Add(*((2 * a**2 - a * b + 2 * b**2) / 30 for a, b in ((z1, z2), (y1, y2))))
-    bending = {"z": BENDING_Z.symbol, "y": BENDING_Y.symbol}
-    strained = [(stretch + bowed, AXIAL.symbol * length)]
-    for (_, stiffness), (a, b) in zip(bending.items(), (angle[:2], angle[2:4]), strict=True):
-        strained += [(b - a, stiffness / length), (a + b, 3 * stiffness / length)]
-    strained.append((angle[4], TORSION.symbol / length))
+    strained = _strains(invariants)
     forces = [sp.Integer(0)] * len(invariants)
     for strain, stiffness in strained:
         of = [sp.diff(strain, g) for g in invariants]
         rate = sp.Add(*(d * g for d, g in zip(of, rates, strict=True)))
         stress = stiffness * (strain + DAMPING.symbol * rate)
         forces = [f + d * stress for f, d in zip(forces, of, strict=True)]
-    mass = _mass()
-    gravity = [g.symbol for g in GRAVITY]
-    weight = [MU.symbol * length * g / 2 for g in gravity]
-    leant = [MU.symbol * length**2 * g / 12 for g in gravity]
-    loads = [*weight, *leant, *[0] * 6, *weight, *(-x for x in leant), *[0] * 6]
     forced = [
         names.scalar(f"force{k}", f, "N*m", f"derivative of the energy by invariant {k}")
         for k, f in enumerate(forces)
     ]
-    internal = [sp.Add(*(f * row[k] for f, row in zip(forced, slopes, strict=True))) for k in range(len(_Q))]
-    inertia = mass * sp.Matrix(_A)
-    by_rates, by_invariants = (
-        [
+
+    def matrix(word: str, unit: str, entries: Sequence[Sequence[sp.Expr]]) -> sp.Matrix:
+        """Return a matrix of named entries, so that products with it are not expanded."""
+        return sp.Matrix(
             [
-                names.scalar(f"{word}{i}_{j}", sp.diff(f, g), unit, f"slope {i} {j} of {word} forces")
-                for j, g in enumerate(of)
+                [
+                    names.scalar(f"{word}{i}_{j}", e, unit, f"entry {i} {j} of {word}")
+                    for j, e in enumerate(row)
+                ]
+                for i, row in enumerate(entries)
             ]
-            for i, f in enumerate(forces)
-        ]
-        for word, unit, of in (("damped", "N*m*s", rates), ("stiff", "N*m", invariants))
-    )
+        )
+
+    damped = matrix("damped", "N*m*s", [[sp.diff(f, g) for g in rates] for f in forces])
+    stiff = matrix("stiff", "N*m", [[sp.diff(f, g) for g in invariants] for f in forces])
     # The rate of an invariant depends on places too; its slope there is that of the second degree.
-    turned = [[_dot(row, _V) for row in h.tolist()] for h in curved]
-    damping, stiffness = sp.zeros(len(_Q), len(_Q)), sp.zeros(len(_Q), len(_Q))
-    for i, row in enumerate(slopes):
-        for j, other in enumerate(slopes):
-            for a, x in enumerate(row):
-                for b, y in enumerate(other):
-                    if x == 0:
-                        continue
-                    if y != 0:
-                        damping[a, b] += by_rates[i][j] * x * y
-                        stiffness[a, b] += by_invariants[i][j] * x * y
-                    if turned[j][b] != 0:
-                        stiffness[a, b] += by_rates[i][j] * x * turned[j][b]
-        stiffness += forced[i] * curved[i]
+    turned = sp.Matrix([[_dot(row, speeds) for row in h.tolist()] for h in curved])
+    by_speeds = matrix("by_speeds", "N*m*s", (damped * slopes).tolist())
+    by_places = matrix("by_places", "N*m", (stiff * slopes + damped * turned).tolist())
+    damping = matrix("damping_", "N*m*s", (slopes.T * by_speeds).tolist())
+    curvature = sum((f * h for f, h in zip(forced, curved, strict=True)), sp.zeros(*damping.shape))
+    stiffness = matrix("stiffness_", "N*m", (slopes.T * by_places + curvature).tolist())
+    # Rows are the slopes of ``strained_by`` by the places of the nodes.
+    parts = sp.Matrix(
+        [[sp.diff(x, q) for q in _Q] for x in (*(b / length for b in between), *strained_by[3:])]
+    )
+    mass = _mass()
+    gravity = [g.symbol for g in GRAVITY]
+    weight = [MU.symbol * length * g / 2 for g in gravity]
+    leant = [MU.symbol * length**2 * g / 12 for g in gravity]
+    loads = sp.Matrix([*weight, *leant, *[0] * 6, *weight, *(-x for x in leant), *[0] * 6])
+    internal = matrix("internal", "N*m", (slopes.T * sp.Matrix(forced)).tolist())
+    residual = mass * sp.Matrix(_A) + parts.T * internal - loads
     kinetic = (sp.Matrix([_V]) * mass * sp.Matrix(_V))[0] / 2
-    potential = -sp.Add(*(f * x for f, x in zip(loads, _Q, strict=True)))
     energy = sp.Add(*(k * s**2 for s, k in strained)) / 2
     return DirectorBeam(
-        residual=sp.ImmutableMatrix([m + f - w for m, f, w in zip(inertia, internal, loads, strict=True)]),
+        residual=sp.ImmutableMatrix(residual),
         mass=sp.ImmutableMatrix(mass),
-        damping=sp.ImmutableMatrix(damping),
-        stiffness=sp.ImmutableMatrix(stiffness),
-        energies=sp.ImmutableMatrix([kinetic, energy, potential]),
-        strains=sp.ImmutableMatrix([s for s, _ in strained]),
+        damping=sp.ImmutableMatrix(parts.T * damping * parts),
+        stiffness=sp.ImmutableMatrix(parts.T * stiffness * parts),
+        energies=sp.ImmutableMatrix([kinetic, energy, -(loads.T * sp.Matrix(_Q))[0]]),
+        section=sp.ImmutableMatrix(_section(residual, first, second)),
     )
 
 
-def _vectors(symbols: Sequence[sp.Symbol]) -> list[list[sp.Symbol]]:
-    return [list(symbols[3 * k : 3 * k + 3]) for k in range(4)]
+def _strains(invariants: Sequence[sp.Expr]) -> list[tuple[sp.Expr, sp.Expr]]:
+    """Return strains with the derivatives of their stresses by them.
+
+    They are the mean axial strain; difference and sum of the end rotations about z and about y; the twist.
+    """
+    length = LENGTH.symbol
+    stretch, z1, z2, y1, y2, twist = invariants
+    angle = [p + p**3 / 6 for p in (z1, z2, y1, y2, twist)]
+    bowed = sp.Add(*((2 * a**2 - a * b + 2 * b**2) / 30 for a, b in ((z1, z2), (y1, y2))))
+    strained = [(stretch + bowed, AXIAL.symbol * length)]
+    for stiffness, (a, b) in ((BENDING_Z.symbol, angle[:2]), (BENDING_Y.symbol, angle[2:4])):
+        strained += [(b - a, stiffness / length), (a + b, 3 * stiffness / length)]
+    return [*strained, (angle[4], TORSION.symbol / length)]
+
+
+def _section(residual: sp.Matrix, first: Vectors, second: Vectors) -> list[sp.Expr]:
+    """Return ``RESULTANTS`` at a fraction of the element, linear between those of its ends.
+
+    The nodal forces contain inertia, so that the resultants at a node are exact there to the order of the
+    element. The couple of a section is the sum of its directors times the forces on them.
+    """
+    ends = []
+    for k, (sign, of) in enumerate(((-1, first), (1, second))):
+        force, *on = ([sign * x for x in f] for f in _vectors(list(residual[12 * k : 12 * k + 12])))
+        couple = [sp.Integer(0)] * 3
+        for d, f in zip(of[1:], on, strict=True):
+            couple = [c + x for c, x in zip(couple, _cross(d, f), strict=True)]
+        ends.append([_dot(of[1], force), _dot(of[2], couple), _dot(of[3], couple), _dot(of[1], couple)])
+    x, length = FRACTION.symbol, LENGTH.symbol
+    axial, about_y, about_z, torque = ((1 - x) * a + x * b for a, b in zip(*ends, strict=True))
+    fibre_y, fibre_z, modulus, is_round = (q.symbol for q in FIBRES)
+    strains = [
+        axial / AXIAL.symbol,
+        about_y / BENDING_Y.symbol * fibre_z,
+        about_z / BENDING_Z.symbol * fibre_y,
+    ]
+    stretch, y, z = strains
+    bent = is_round * sp.sqrt(y**2 + z**2) + (1 - is_round) * (sp.Abs(y) + sp.Abs(z))
+    shapes = (
+        2 * x**3 - 3 * x**2 + 1,
+        length * (x**3 - 2 * x**2 + x),
+        3 * x**2 - 2 * x**3,
+        length * (x**3 - x**2),
+    )
+    place = [_dot(shapes, at) for at in zip(first[0], first[1], second[0], second[1], strict=True)]
+    return [*strains, torque, modulus * (sp.Abs(stretch) + bent), *place]
+
+
+def _vectors(components: Sequence[sp.Expr]) -> Vectors:
+    return [list(components[3 * k : 3 * k + 3]) for k in range(4)]
 
 
 def _dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
     return sp.Add(*(x * y for x, y in zip(a, b, strict=True)))
+
+
+def _cross(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> list[sp.Expr]:
+    return list(sp.Matrix(a).cross(sp.Matrix(b)))
 
 
 def _mass() -> sp.Matrix:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import sympy as sp
 
 from symgen.loads.torque import AppliedTorque
-from symgen.mechanics.elastic.directors import SECTION
+from symgen.mechanics.elastic.directors import FIBRES, SECTION
 from symgen.models.elastic.couples import entries, welded_to_bodies, with_bodies
 from symgen.models.elastic.links import profiles_of
 from symgen.models.rods.constraints import Constraint
@@ -23,12 +23,8 @@ from symgen.symbolic.system import Export, NamedMatrix, System
 
 #: Columns of ``sections``: those that the elements of links in space read, then others.
 IN_SPACE = (
-    *(q.name for q in SECTION),
+    *(q.name for q in (*SECTION, *FIBRES)),
     *(f"width_{axis}" for axis in AXES),
-    "fibre_y",
-    "fibre_z",
-    "modulus",
-    "round",
 )
 
 
@@ -66,7 +62,11 @@ def joints_system(linkage: Linkage) -> System:
         entries_of = [e for row in rows_in_space for e in row]
         labels = [b.link for b in linkage.elastic]
         matrices.append(named(model, "sections", entries_of, "SI", about, rows=labels, columns=IN_SPACE))
-        exports.append(Export("constants", about, ("sections",)))
+        axes = [e for joint in linkage.joints for e in joint.axis]
+        if axes:
+            labels = [f"{joint.kind}_{k}" for k, joint in enumerate(linkage.joints)]
+            matrices.append(named(model, "axes", axes, "1", "axes of joints", rows=labels, columns=AXES))
+        exports.append(Export("constants", about, ("sections", "axes") if axes else ("sections",)))
     return analysis_of(model, "elastic_joints", matrices, exports)
 
 
@@ -76,7 +76,7 @@ def _in_space(linkage: Linkage, beam: ElasticLink) -> list[sp.Expr]:
     if section is None:
         return []
     own = (linkage.link(beam.link).length, *section.values, beam.stiffness_damping, *linkage.gravity)
-    return [*own, *section.width, *section.fibres, beam.modulus, section.is_round]
+    return [*own, *section.fibres, beam.modulus, section.is_round, *section.width]
 
 
 def _without_beams(linkage: Linkage) -> Linkage:

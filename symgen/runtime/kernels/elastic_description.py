@@ -8,6 +8,19 @@ from symgen.runtime.beams.data import BeamInfo
 
 
 @dataclass(frozen=True, slots=True)
+class JointInfo:
+    """A joint of the elastic link ``links[0]`` in space: see ``symgen.runtime.elastic.space.joints``.
+
+    ``base`` are the points that carry the second link, if it is rigid.
+    """
+
+    kind: str
+    point: str
+    links: tuple[str, ...]
+    base: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class ElasticInfo:
     """Elastic links, the crank, and the stations of strains.
 
@@ -21,6 +34,7 @@ class ElasticInfo:
     ``rotations`` are these, each once, in the order of the kernel ``joints``.
     ``welds`` are the names of the constraints that keep the angles of welded links; ``body_welds`` those of
     them that weld elastic links to rigid ones, in the elastic motion.
+    ``joints_in_space`` are those that restrict rotations, in the order of the kernel ``axes``.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
     """
 
@@ -39,3 +53,4 @@ class ElasticInfo:
     rotations: tuple[str, ...] = ()
     welds: tuple[str, ...] = ()
     body_welds: tuple[str, ...] = ()
+    joints_in_space: tuple[JointInfo, ...] = ()

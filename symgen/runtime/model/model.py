@@ -306,7 +306,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         ----------
         at
             The equilibrium about which a linkage vibrates; that found from the scene's start when absent.
-            Elastic links: the direction of the crank [rad]; that of the start when absent.
+            Elastic links: direction of the crank [rad], in space the time [s]; that of the start if absent.
         moving
             Elastic links: with centrifugal, gyroscopic and axial forces of the rigid motion, as if these
             lasted, each joint on the axes of an elastic link. At rest otherwise.

@@ -29,6 +29,8 @@ class ElasticModes:
 
     Attributes
     ----------
+    angle, t
+        Direction of the crank [rad]; in space, where there is none, the time of the pose [s].
     frequencies
         [Hz].
     shapes
@@ -58,12 +60,17 @@ class ElasticModes:
     estimate: Callable[[], Array] | None = None
     rigid: int = 0
     ratios: Array = field(default_factory=lambda: np.zeros(0))
+    t: float | None = None
+
+    @property
+    def pose(self) -> str:
+        """The pose in words."""
+        return f"{math.degrees(self.angle):.6g} deg" if self.t is None else f"{self.t:.6g} s"
 
     def __repr__(self) -> str:
         found = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
         more = ", ..." if len(self.frequencies) > 3 else ""
-        pose = f"{math.degrees(self.angle):.6g} degrees"
-        return f"<ElasticModes {self.name!r} at {pose}: {found}{more} Hz, {len(self.frequencies)} modes>"
+        return f"<ElasticModes {self.name!r} at {self.pose}: {found}{more} Hz, {len(self.frequencies)} modes>"
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "errors_of_elements": self.errors_of_elements, "estimate": None}
@@ -93,7 +100,7 @@ class ElasticModes:
         found: dict[str, Any] = {
             "scene": self.name,
             "analysis": "modes",
-            "angle": self.angle,
+            **({"angle": self.angle} if self.t is None else {"t": self.t}),
             "unknowns": len(self.frequencies),
             "frequencies_hz": self.frequencies.tolist(),
         }

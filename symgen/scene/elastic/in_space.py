@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene import units
-from symgen.scene.elastic.links import ElasticLink, Section, SectionInSpace
-from symgen.scene.elastic.schema import Elastic
+from symgen.scene.elastic.links import ElasticLink, JointInSpace, Section, SectionInSpace
+from symgen.scene.elastic.schema import Elastic, Joint, Weld
 from symgen.scene.elastic.spatial_section import section_in_space
 from symgen.scene.reading import Reader
 from symgen.scene.rods.linkage import RigidLink
@@ -24,7 +26,7 @@ def spatial_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -
     Raises
     ------
     SceneError
-        For keys that it does not have, points between its ends, welds, and values that are not physical.
+        For keys that it does not have, points between its ends, and values that are not physical.
     """
     scene, where = read.scene, f"{place}.elastic"
     for key in sorted(elastic.model_fields_set - _ELASTIC):
@@ -35,12 +37,6 @@ def spatial_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -
         )
     if len(scene.links[rigid.name].points) > 2 or any(p.on == rigid.name for p in scene.points.values()):
         raise SceneError("an elastic link in space has no points but its two ends", where=place)
-    if scene.welds:
-        raise SceneError(
-            "ends of elastic links in space are ball joints",
-            where="welds.0",
-            hint="Links that rotate together at a constant speed are welded: write [rotor].",
-        )
     for key in ("crank", "modal_damping", "stations"):
         if getattr(scene, key):
             raise SceneError(
@@ -88,3 +84,41 @@ def spatial_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -
         welds=(),
         in_space=SectionInSpace(width, values, (fibres[0], fibres[1]), sp.Integer(not square)),
     )
+
+
+def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[JointInSpace]:
+    """Yield welds, revolute and universal joints of elastic links in space, an elastic link first.
+
+    Raises
+    ------
+    SceneError
+        For links that do not meet there, of which none is elastic, and an axis of no length.
+    """
+    scene, elastic = read.scene, {link.link for link in links}
+    tables: tuple[tuple[str, Sequence[Weld | Joint]], ...] = (
+        ("welds", scene.welds),
+        ("joints", scene.joints),
+    )
+    for table, joints in tables:
+        for i, joint in enumerate(joints):
+            where = f"{table}.{i}"
+            read.known_point(joint.point, f"{where}.point")
+            for name in joint.links:
+                read.known_link(name, f"{where}.links")
+                if joint.point not in scene.links[name].points:
+                    raise SceneError(f"{joint.point} is no joint of {name}", where=f"{where}.point")
+            names = sorted(joint.links, key=lambda name: name not in elastic)
+            if names[0] not in elastic or len(set(names)) < len(names) or len(names) > 2:
+                raise SceneError(
+                    "expected an elastic link, alone or with another link that it joins, got "
+                    + " and ".join(joint.links),
+                    where=f"{where}.links",
+                    hint="Without another link the joint is with the ground.",
+                )
+            if isinstance(joint, Weld):
+                yield JointInSpace("weld", joint.point, tuple(names), (_ZERO,) * 3)
+                continue
+            axis = read.vector(joint.axis, units.NUMBER, f"{where}.axis")
+            if all(read.number(c) == 0 for c in axis):
+                raise SceneError("expected the direction of the axis, got zero", where=f"{where}.axis")
+            yield JointInSpace(joint.kind, joint.point, tuple(names), axis)

@@ -70,6 +70,12 @@ def with_welds(read: Reader, linkage: Linkage) -> Linkage:
     SceneError
         For welds of links that do not meet there, and of several rigid links.
     """
+    if read.scene.joints:
+        raise SceneError(
+            "revolute and universal joints are those of elastic links in space",
+            where="joints.0",
+            hint="Links that share a point have a joint there: leave the table out.",
+        )
     kept: list[KeptAngle] = []
     for i, weld in enumerate(read.scene.welds):
         where = f"welds.{i}"

@@ -102,6 +102,19 @@ class ElasticLink:
 
 
 @dataclass(frozen=True, slots=True)
+class JointInSpace:
+    """A joint at an end of the elastic link ``links[0]``, with a second link or the ground.
+
+    ``kind`` is ``weld``, ``revolute`` or ``universal``, ``axis`` its direction at the start, zero of a weld.
+    """
+
+    kind: str
+    point: str
+    links: tuple[str, ...]
+    axis: tuple[sp.Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Crank:
     """How the input turns: the link's direction is ``angle + speed*t`` in the rigid motion.
 

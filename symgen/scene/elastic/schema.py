@@ -89,6 +89,19 @@ class Weld(Table):
     links: list[Name] = Field(description="One or more at a ground point, else two or more.")
 
 
+class Joint(Table):
+    """A joint at an end of an elastic link in space, which is a ball joint otherwise."""
+
+    point: Name
+    links: list[Name] = Field(
+        min_length=1, max_length=2, description="An elastic link, and the other one; without, the ground."
+    )
+    kind: Literal["revolute", "universal"] = Field(
+        description="universal: the axis is fixed in the second link, the other one is across the first."
+    )
+    axis: SpatialVector = Field(description="Direction of the axis at the start.")
+
+
 class Rotor(Table):
     """Elastic links in space that rotate as a whole: ground points rotate too. At no speed it is a frame."""
 

@@ -14,7 +14,7 @@ from symgen.errors import SceneError
 from symgen.loads import LOADS
 from symgen.loads.load import Load
 from symgen.loads.measure import Measure
-from symgen.scene.elastic.links import Crank, ElasticLink, ModalDamping, Station
+from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.rods.held import Switch, Winding
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
@@ -258,8 +258,7 @@ class Linkage:
     """A linkage, resolved: exact expressions over the tunable parameters and time, in SI units.
 
     ``plane`` is the plane of a linkage written in space; all components then refer to it. ``leaves_plane``
-    names the component by which a linkage in space leaves every coordinate plane; ``units`` are those of
-    :func:`symgen.scene.reading.shown_units`; ``kinematic`` restricts it
+    names the component by which a linkage in space leaves every coordinate plane; ``kinematic`` restricts it
     to the motion prescribed by the drives. ``remarks`` are for the notes of results.
     """
 
@@ -286,6 +285,7 @@ class Linkage:
     modal_damping: ModalDamping | None = None
     stations: tuple[Station, ...] = ()
     kept_angles: tuple[KeptAngle, ...] = ()
+    joints: tuple[JointInSpace, ...] = ()
     events: tuple[Event, ...] = ()
     windings: tuple[Winding, ...] = ()
     switches: tuple[Switch, ...] = ()

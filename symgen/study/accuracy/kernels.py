@@ -27,6 +27,7 @@ from symgen.precision import precision as precision_named
 from symgen.runtime import _core
 from symgen.runtime.beams import elements
 from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.elastic.space.model import SpatialModel
 from symgen.runtime.kernels.batch import Batch
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import shipped_module
@@ -189,13 +190,20 @@ def of_rods(model: RodModel, asked: Asked) -> list[Kernels]:
     return [own if asked.typed == FLOAT64 else _in_type(own, model, asked.typed)]
 
 
+def of_spatial(model: ElasticModel | SpatialModel, asked: Asked) -> list[Kernels]:
+    """Return the kernels of the rigid motion, and in double precision those of its rigid parts."""
+    (own,) = found = of_rods(model.rigid, asked)
+    if asked.typed == FLOAT64:
+        for kind, made in elastic_systems(resolve_linkage(load_scene(asked.scene, asked.set))).items():
+            found.append(Kernels(f"{kind}.", made, _of_evaluator(model.rigid.analysis(kind)), own.states))
+    return found
+
+
 def of_elastic(model: ElasticModel, asked: Asked) -> list[Kernels]:
     """Return the kernels of the rigid motion, and in double precision those of elastic links."""
-    (own,) = found = of_rods(model.rigid, asked)
+    found = of_spatial(model, asked)
     if asked.typed != FLOAT64:
         return found
-    for kind, made in elastic_systems(resolve_linkage(load_scene(asked.scene, asked.set))).items():
-        found.append(Kernels(f"{kind}.", made, _of_evaluator(model.rigid.analysis(kind)), own.states))
     for name, block in sorted({(b.info.element, b.info.block) for b in model.beams}):
         system, call = element(name), _of_module(elements.kernels(block))
         states = of_beams(model, name, system, asked.count, asked.seed)

@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """Slopes of the equation by second rates, rates and places, (entries,), and the constraint Jacobian."""
+    """Slopes of the equation by second rates, rates and places, (entries,), and of the constraints."""
 
     mass: Array
     damping: Array
@@ -70,31 +70,35 @@ class Pattern:
     pairs
         Rows and columns of the entries of slopes, (2, entries); entries of the same place are summed.
     bound
-        Which entries of the constraint Jacobian may not be zero.
+        Rows and columns of the entries of the constraint Jacobian, (2, slopes).
+    sizes
+        Numbers of unknowns and of constraints.
     """
 
-    def __init__(self, pairs: Indices, bound: NDArray[np.bool_]) -> None:
-        self._bound, n = np.nonzero(bound), bound.shape[1]
-        rows, columns = self._bound[0] + n, self._bound[1]
-        row, column = np.hstack([pairs, np.stack([rows, columns]), np.stack([columns, rows])])
-        self._size = sum(bound.shape)
+    def __init__(self, pairs: Indices, bound: Indices, sizes: tuple[int, int]) -> None:
+        lower = bound + np.array([[sizes[0]], [0]])
+        row, column = np.hstack([pairs, lower, lower[::-1]])
+        self._size = sum(sizes)
         order, self._slots = np.unique(column * self._size + row, return_inverse=True)
         self._rows = order % self._size
         self._starts = np.searchsorted(order, np.arange(self._size + 1) * self._size)
 
-    def factorised(self, entries: Array, jacobian: Array) -> Callable[[Array], Array]:
-        """Return the solution by its right-hand side, with entries of W; nan where the matrix is singular."""
+    def matrix(self, entries: Array, jacobian: Array) -> Any:
+        """Return the matrix, compressed by columns, with entries of W and slopes of constraints."""
         from scipy.sparse import csc_array
-        from scipy.sparse.linalg import splu
 
-        bound = jacobian[self._bound]
-        data = np.concatenate([entries, bound, bound])
+        data = np.concatenate([entries, jacobian, jacobian])
         summed = np.bincount(self._slots, data.real, len(self._rows))
         if np.iscomplexobj(data):
             summed = summed + 1j * np.bincount(self._slots, data.imag, len(self._rows))
-        matrix = csc_array((summed, self._rows, self._starts), shape=(self._size, self._size))
+        return csc_array((summed, self._rows, self._starts), shape=(self._size, self._size))
+
+    def factorised(self, entries: Array, jacobian: Array) -> Callable[[Array], Array]:
+        """Return the solution by its right-hand side, with entries of W; nan where the matrix is singular."""
+        from scipy.sparse.linalg import splu
+
         try:
-            solve: Callable[[Array], Array] = splu(matrix).solve
+            solve: Callable[[Array], Array] = splu(self.matrix(entries, jacobian)).solve
         except RuntimeError:
             return lambda right: np.full_like(right, math.nan)
         return solve

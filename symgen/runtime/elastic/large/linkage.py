@@ -208,12 +208,10 @@ class LargeLinkage:
         for own, of, diagonal in zip(values, _SLOPES, extra, strict=True):
             own += [parts[name][0] if of == name else np.zeros(len(self._entries[name])) for name in _SLOPES]
             own.append(diagonal)
-        jacobian = np.zeros((self.multipliers, self.unknowns))
-        jacobian[len(self._rows) :] = self._supports.rows
+        jacobian = [self._supports.rows[np.nonzero(self._supports.rows)]]
         if len(self._rows):
-            jacobian[: len(self._rows), : self._points] = parts["jacobian"][0][self._kept, : self._points]
-        mass, damping, stiffness = (np.concatenate(own) for own in values)
-        return Slopes(mass, damping, stiffness, jacobian)
+            jacobian.insert(0, parts["jacobian"][0][self._kept, : self._points].ravel())
+        return Slopes(*(np.concatenate(own) for own in (*values, jacobian)))
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -221,10 +219,9 @@ class LargeLinkage:
         pairs = [pairs_of(link.elements) for link in self.links]
         pairs += [self._entries[name].T for name in _SLOPES]
         pairs.append(np.stack([self._own, self._own]))
-        bound = np.zeros((self.multipliers, self.unknowns), dtype=bool)
-        bound[: len(self._rows), : self._points] = True
-        bound[len(self._rows) :] = self._supports.rows != 0.0
-        return Pattern(np.concatenate(pairs, axis=1), bound)
+        rigid, (row, column) = len(self._rows), np.nonzero(self._supports.rows)
+        bound = np.hstack([np.indices((rigid, self._points)).reshape(2, -1), np.stack([rigid + row, column])])
+        return Pattern(np.concatenate(pairs, axis=1), bound, (self.unknowns, self.multipliers))
 
     def _diagonal(self, t: Array, q: Array, v: Array) -> list[Array]:
         """Return mass, damping and stiffness of masses on links and of the motor, at ``_own``."""

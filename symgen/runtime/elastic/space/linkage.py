@@ -1,13 +1,13 @@
 """A linkage in space whose elastic links are beam elements with directors: its equations, assembled.
 
 The unknowns are the coordinates of the linkage's free points, the positions of the inner nodes of elastic
-links, and three directors of every node. Lengths of rigid links, guides, ends on the ground and the products
-of directors are constraints with multipliers.
+links, and three directors of every node. Lengths of rigid links, guides, ends on the ground, products of
+directors and joints that restrict rotations are constraints with multipliers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +20,9 @@ from symgen.runtime.beams.data import BeamInfo
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.collocation import Moment, Pattern, Slopes, pairs_of
+from symgen.runtime.elastic.space.directions import Directions, Row, orthonormal
+from symgen.runtime.elastic.space.joints import Frame, rows_of
+from symgen.runtime.kernels.elastic_description import JointInfo
 from symgen.runtime.model.rods import RodModel
 
 Array = NDArray[np.float64]
@@ -27,13 +30,13 @@ Indices = NDArray[np.intp]
 
 _BLOCK = "director_beam"
 #: Numbers that the kernels read: places, rates with second rates, section; and what each writes.
-_READ, _WRITTEN = (24, 48, 12), {"residual": 24, "tangent": 3 * 576, "energies": 3, "strains": 6}
+_READ, _WRITTEN = (24, 48, 17), {"residual": 24, "tangent": 3 * 576, "energies": 3, "section": 8}
 #: Matrices that the kernel ``joints`` gives: M, C, K.
 _SLOPES = ("mass_matrix", "damping", "stiffness")
 #: Column of the damping among those of sections.
 _DAMPING = 8
-#: Products of directors that are constraints.
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+#: First column of the direction of the width among them.
+_WIDTH = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,36 +61,36 @@ class LinkInSpace:
         """Undeformed length [m]."""
         return float(self.section[0])
 
-    def call(self, kernel: str, q: Array, rates: Array | None = None, damped: bool = True) -> Array:
+    def call(
+        self, kernel: str, q: Array, rates: Array | None = None, damped: bool = True, fraction: float = 0.0
+    ) -> Array:
         """Return the output of a kernel for every element, (..., elements, numbers), at states before it."""
         rows = np.zeros((q.size // 24, 72))
         rows[:, :24] = q.reshape(-1, 24)
         if rates is not None:
             rows[:, 24:] = rates.reshape(-1, 48)
         out, none = np.empty((len(rows), _WRITTEN[kernel])), np.zeros((len(rows), 1))
-        arguments = self.arguments.copy()
+        arguments = np.append(self.arguments, fraction)
         arguments[_DAMPING] *= damped
         address, sizes = kernels(_BLOCK).ADDRESSES[kernel], (0, *_READ, 0, _WRITTEN[kernel])
         _core.call_many(address, sizes, none[:, 0], rows, 24, arguments, none, out)
         return out.reshape(*q.shape[:-1], -1)
 
-    def section_forces(self, moment: Moment) -> tuple[Array, Array]:
-        """Return axial force [N], bending moments about y and z and torque [N m] at nodes, (nodes, 4).
+    def middle(self, found: Sequence[Moment]) -> Array:
+        """Return what the kernel ``section`` gives at mid-length, (times, 8)."""
+        element, odd = divmod(len(self.places) - 1, 2)
+        at = self.elements[element if odd else element - 1]
+        q = np.array([m.q[at] for m in found])
+        rates = np.array([np.concatenate([m.v[at], m.a[at]]) for m in found])
+        return self.call("section", q, rates, fraction=0.5 if odd else 1.0)
 
-        The second result are the forces on both ends [N], (2, 3). The resultants at a node are those of the
-        element before it, at the first node of the element behind.
-        """
-        at = self.elements
-        q, rates = moment.q[at], np.hstack([moment.v[at], moment.a[at]])
+    def end_forces(self, found: Sequence[Moment]) -> Array:
+        """Return the forces on both ends [N], (times, 2, 3)."""
+        at = self.elements[[0, -1]]
+        q = np.array([m.q[at] for m in found])
+        rates = np.array([np.hstack([m.v[at], m.a[at]]) for m in found])
         forces = self.call("residual", q, rates)
-        ends = np.vstack([-forces[:1, :12], forces[:, 12:]]).reshape(-1, 4, 3)
-        vectors = moment.q[self.places].reshape(-1, 4, 3)
-        directors, force = vectors[:, 1:], ends[:, 0]
-        couple = np.sum(np.cross(directors, ends[:, 1:]), axis=1)
-        axial = np.sum(force * directors[:, 0], axis=1)
-        about = np.einsum("nkc,nc->nk", directors, couple)
-        both = np.stack([forces[0, :3], forces[-1, 12:15]])
-        return np.column_stack([axial, about[:, 1], about[:, 2], about[:, 0]]), both
+        return np.stack([forces[:, 0, :3], forces[:, 1, 12:15]], axis=1)
 
 
 class LinkageInSpace:
@@ -131,7 +134,7 @@ class LinkageInSpace:
                 size += 9
                 if point is not None and not shared:
                     self._pins.append((own[:3], d.points.index(point)))
-            arguments = np.concatenate([[row[0] / count], row[1:12]])
+            arguments = np.append(row[0] / count, row[1:_WIDTH])
             self.links.append(LinkInSpace(info, places, arguments, row))
         self.unknowns = size
         of_joints = {b.name: b for b in self._joints.info("joints").blocks}
@@ -145,10 +148,27 @@ class LinkageInSpace:
         found = self._rigid.blocks("constraints", 0.0, self._q, self._u) if names else {}
         self._sizes = found["constraint_scale"][self._rows] if names else np.ones(0)
         #: Directors of all nodes, (nodes, 3, 3).
-        self._directors = np.concatenate([k.places[:, 3:] for k in self.links]).reshape(-1, 3, 3)
-        self.multipliers = len(names) + 3 * len(self._pins) + len(_PAIRS) * len(self._directors)
+        directors = np.concatenate([k.places[:, 3:] for k in self.links]).reshape(-1, 3, 3)
+        self._straight = self._undeformed()
+        self._directions = Directions([*orthonormal(directors), *self._joined()], size)
+        self._first = len(names) + 3 * len(self._pins)
+        self.multipliers = self._first + len(self._directions)
         self.scale = np.full(size, max(link.length for link in self.links))
-        self.scale[self._directors.ravel()] = 1.0
+        self.scale[directors.ravel()] = 1.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns: coordinates of points, positions and directors of nodes."""
+        d = self.rigid.description
+        found = [""] * self.unknowns
+        for link in self.links:
+            for node, own in enumerate(link.places):
+                for k, place in enumerate(own):
+                    found[place] = (
+                        f"{link.info.link}@{node}.{('', 'd1_', 'd2_', 'd3_')[k // 3]}{'xyz'[k % 3]}"
+                    )
+        found[: self._points] = [f"{p}.{axis}" for p in d.free for axis in d.axes]
+        return tuple(found)
 
     @property
     def conservative(self) -> bool:
@@ -157,7 +177,19 @@ class LinkageInSpace:
         return info is not None and info.shaft_alone
 
     def start(self) -> Moment:
-        """Return places and rates at t = 0: straight links that move as rigid ones and do not spin."""
+        """Return places and rates at t = 0: straight links that move as rigid ones.
+
+        They spin about their lines as joints that restrict rotations prescribe.
+        """
+        (q, v), n = self._straight, self.unknowns
+        none = np.zeros(n), np.zeros(self.multipliers)
+        slopes = self.slopes(0.0, q, v, *none)
+        over = np.append(np.zeros(n), self.rates(np.zeros(1), q[None], v[None])[0])
+        v = v - self.pattern.factorised(slopes.mass, slopes.jacobian)(over)[:n]
+        return Moment(0.0, q, v, *none)
+
+    def _undeformed(self) -> Array:
+        """Return places and rates at t = 0 of straight links that do not spin, (2, unknowns)."""
         d, n = self.rigid.description, self._points
         found = np.zeros((2, self.unknowns))
         found[0, :n], found[1, :n] = self._q, self._u
@@ -169,8 +201,8 @@ class LinkageInSpace:
             length = float(np.linalg.norm(apart[0]))
             along = apart[0] / length
             turning = np.cross(along, apart[1]) / length
-            width = link.section[12:15] - (link.section[12:15] @ along) * along
-            if not np.linalg.norm(width) > 1e-6 * np.linalg.norm(link.section[12:15]):
+            width = link.section[_WIDTH : _WIDTH + 3] - (link.section[_WIDTH : _WIDTH + 3] @ along) * along
+            if not np.linalg.norm(width) > 1e-6 * np.linalg.norm(link.section[_WIDTH : _WIDTH + 3]):
                 raise ModelError(
                     f"{self.name}: the width of {link.info.link} lies along the link: expected it across"
                 )
@@ -180,7 +212,33 @@ class LinkageInSpace:
                 found[:, node[:3]] = (1 - share) * first + share * last
                 found[0, node[3:]] = directors.ravel()
                 found[1, node[3:]] = np.cross(turning, directors).ravel()
-        return Moment(0.0, found[0], found[1], np.zeros(self.unknowns), np.zeros(self.multipliers))
+        return found
+
+    def _joined(self) -> Iterator[Row]:
+        """Yield the constraints of joints that restrict rotations."""
+        info = self.rigid.description.elastic
+        if info is None or not info.joints_in_space:
+            return
+        axes = self._joints.blocks("constants", 0.0, self._q, self._u)["axes"].reshape(-1, 3)
+        for joint, axis in zip(info.joints_in_space, axes, strict=True):
+            first, second = (self._frame(link, joint) for link in (*joint.links, "")[:2])
+            about = f"{self.name}: the {joint.kind} at {joint.point}"
+            yield from rows_of(joint.kind, about, axis, first, second)
+
+    def _frame(self, name: str, joint: JointInfo) -> Frame:
+        """Return the vectors fixed in a link of a joint; in the ground without a name."""
+        d, given = self.rigid.description, self.unknowns
+        start = self._prescribed(np.zeros(1), self._straight[:1], self._straight[1:])[0][0]
+        for link in self.links:
+            if link.info.link == name:
+                places = link.places[0 if joint.point == link.info.start else -1, 3:].reshape(3, 3)
+                return Frame(places, start[places])
+        if not name:
+            places = given + 3 * len(d.points) + np.arange(9).reshape(3, 3)
+            return Frame(places, start[places])
+        first = [3 * d.free.index(p) if p in d.free else given + 3 * d.points.index(p) for p in joint.base]
+        places = np.array(first)[:, None] + np.arange(3)
+        return Frame(places, start[places], between=True)
 
     def residual(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
         """Return M a + internal forces - f + J^T lambda, (times, unknowns), of states (times, unknowns)."""
@@ -197,20 +255,14 @@ class LinkageInSpace:
             found[:, :n] += np.einsum("kij,ki->kj", parts["jacobian"], multipliers[:, :rigid])
         for k, (places, _) in enumerate(self._pins):
             found[:, places] += multipliers[:, rigid + 3 * k : rigid + 3 * k + 3]
-        held, vectors = self._held(multipliers), q[:, self._directors]
-        for k, (i, j) in enumerate(_PAIRS):
-            own = held[:, :, k, None]
-            if i == j:
-                found[:, self._directors[:, i]] += own * vectors[:, :, i]
-            else:
-                found[:, self._directors[:, i]] += own * vectors[:, :, j]
-                found[:, self._directors[:, j]] += own * vectors[:, :, i]
+        self._directions.add_forces(found, self._prescribed(t, q, v)[0], multipliers[:, self._first :])
         return found
 
-    def _held(self, multipliers: Array) -> Array:
-        """Return the multipliers of products of directors, (times, nodes, pairs)."""
-        first = len(self._rows) + 3 * len(self._pins)
-        return multipliers[:, first:].reshape(len(multipliers), -1, len(_PAIRS))
+    def _prescribed(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return places and rates (times, numbers), followed by those of points and the axes."""
+        places, rates = (x.reshape(len(t), -1) for x in self._ground(t))
+        axes = np.broadcast_to(np.eye(3).ravel(), (len(t), 9))
+        return np.hstack([q, places, axes]), np.hstack([v, rates, np.zeros_like(axes)])
 
     def rates(self, t: Array, q: Array, v: Array) -> Array:
         """Return the rates of the constraints, J v + Phi_t, (times, multipliers)."""
@@ -221,12 +273,7 @@ class LinkageInSpace:
         if self._pins:
             given = self._ground(t)[1]
             found += [v[:, places] - given[:, point] for places, point in self._pins]
-        of, rate = q[:, self._directors], v[:, self._directors]
-        products = [
-            np.sum(of[:, :, i] * rate[:, :, j] + (rate[:, :, i] * of[:, :, j] if i != j else 0.0), axis=2)
-            for i, j in _PAIRS
-        ]
-        found.append(np.stack(products, axis=2).reshape(len(t), -1))
+        found.append(self._directions.errors(*self._prescribed(t, q, v))[1])
         return np.concatenate(found, axis=1)
 
     def errors(self, t: float, q: Array) -> Array:
@@ -238,12 +285,8 @@ class LinkageInSpace:
         if self._pins:
             given = self._ground(np.array([t]))[0][0]
             found += [q[places] - given[point] for places, point in self._pins]
-        of = q[self._directors]
-        products = [
-            np.sum(of[:, i] * of[:, j], axis=1) if i != j else (np.sum(of[:, i] ** 2, axis=1) - 1) / 2
-            for i, j in _PAIRS
-        ]
-        found.append(np.stack(products, axis=1).ravel())
+        state = self._prescribed(np.array([t]), q[None], np.zeros((1, self.unknowns)))
+        found.append(self._directions.errors(*state)[0][0])
         return np.concatenate(found)
 
     def _ground(self, t: Array) -> tuple[Array, Array]:
@@ -271,42 +314,31 @@ class LinkageInSpace:
                 own.append(tangent.ravel())
         states = (x[None] for x in (q, v, a, multipliers))
         parts = self._parts(np.array([t]), *states)
-        held = np.repeat(self._held(multipliers[None])[0][:, :, None], 3, axis=2)
-        apart = [held[:, k] for k, (i, j) in enumerate(_PAIRS) for _ in range(1 if i == j else 2)]
-        by_products = np.concatenate(apart).ravel()
+        by_directions = self._directions.stiffness(multipliers[self._first :])
         for own, of in zip(values, _SLOPES, strict=True):
             own += [parts[name][0] if of == name else np.zeros(len(self._entries[name])) for name in _SLOPES]
-            own.append(by_products if of == "stiffness" else np.zeros(by_products.size))
+            own.append(by_directions * (of == "stiffness"))
         mass, damping, stiffness = (np.concatenate(own) for own in values)
-        return Slopes(mass, damping, stiffness, self._jacobian(parts, q))
-
-    def _jacobian(self, parts: dict[str, Array], q: Array) -> Array:
-        jacobian, row = np.zeros((self.multipliers, self.unknowns)), len(self._rows)
-        if row:
-            jacobian[:row, : self._points] = parts["jacobian"][0]
-        for places, _ in self._pins:
-            jacobian[range(row, row + 3), places] = 1.0
-            row += 3
-        of = q[self._directors]
-        rows = row + np.arange(len(of) * len(_PAIRS)).reshape(len(of), -1)
-        for k, (i, j) in enumerate(_PAIRS):
-            jacobian[rows[:, k, None], self._directors[:, i]] = of[:, j]
-            jacobian[rows[:, k, None], self._directors[:, j]] = of[:, i]
-        return jacobian
+        jacobian = [parts["jacobian"][0].ravel()] if len(self._rows) else []
+        jacobian.append(np.ones(3 * len(self._pins)))
+        jacobian.append(self._directions.jacobian(self._prescribed(np.array([t]), q[None], v[None])[0])[0])
+        return Slopes(mass, damping, stiffness, np.concatenate(jacobian))
 
     @cached_property
     def pattern(self) -> Pattern:
         """The places of the entries of slopes."""
         pairs = [pairs_of(link.elements) for link in self.links]
         pairs += [self._entries[name].T for name in _SLOPES]
-        at = self._directors
-        both = [(a, b) for i, j in _PAIRS for a, b in ([(i, i)] if i == j else [(i, j), (j, i)])]
-        pairs.append(
-            np.stack([np.concatenate([at[:, k] for k in side]).ravel() for side in zip(*both, strict=True)])
-        )
-        parts = {"jacobian": np.ones((1, len(self._rows), self._points))}
-        bound = self._jacobian(parts, np.ones(self.unknowns)) != 0.0
-        return Pattern(np.concatenate(pairs, axis=1), bound)
+        pairs.append(self._directions.pairs)
+        rigid = len(self._rows)
+        pins = [places for places, _ in self._pins]
+        bound = [
+            np.indices((rigid, self._points)).reshape(2, -1),
+            np.stack([rigid + np.arange(3 * len(pins)), np.array(pins, dtype=np.intp).ravel()]),
+            self._directions.bound + np.array([[self._first], [0]]),
+        ]
+        size = self.unknowns, self.multipliers
+        return Pattern(np.concatenate(pairs, axis=1), np.concatenate(bound, axis=1), size)
 
     def _parts(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> dict[str, Array]:
         """Return load, slopes and Jacobian of rigid links, particles and loads at states, by name."""

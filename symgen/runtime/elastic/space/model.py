@@ -19,7 +19,7 @@ from symgen.runtime.elastic.large.collocation import Moment, moved
 from symgen.runtime.elastic.large.passes import Pass, refine
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.outputs import length_change
-from symgen.runtime.elastic.space.linkage import LinkageInSpace, LinkInSpace
+from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
@@ -27,6 +27,7 @@ from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.model.model import Model
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Drift, Variable, of_model, over_time
 from symgen.runtime.result.state import State
 
@@ -44,7 +45,7 @@ class SpatialModel(Model):
     """
 
     MISSING: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("", "batch"), "its elastic links are in space, whose motion alone is computed"
+        ("", "batch"), "its elastic links are in space, whose motion and modes alone are computed"
     )
 
     def __init__(self, rigid: RodModel) -> None:
@@ -78,6 +79,12 @@ class SpatialModel(Model):
     def __repr__(self) -> str:
         links = ", ".join(b.link for b in self.rigid.description.elastic.beams)  # type: ignore[union-attr]
         return f"<SpatialModel {self.name!r}: {links} elastic>"
+
+    def _modes(self, at: float | None = None) -> ElasticModes:
+        from symgen.runtime.elastic.space.modes import modes_in_space
+
+        self._refuse_types("modes of elastic links in space are")
+        return modes_in_space(self.rigid, 0.0 if at is None else real(at, "the time of the pose"))
 
     def _simulate(
         self,
@@ -190,10 +197,8 @@ def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
     made: list[Variable] = []
     for link in linkage.links:
         name, info = link.info.link, link.info
-        pairs = [link.section_forces(moment) for moment in found]
-        resultants, ends = (np.array(x) for x in zip(*pairs, strict=True))
-        middle = resultants[:, (len(link.places) - 1) // 2 : len(link.places) // 2 + 1].mean(axis=1)
-        made += _strains(link, middle)
+        middle, ends = link.middle(found), link.end_forces(found)
+        made += _strains(name, middle)
         for k, point in enumerate((info.start, info.end)):
             about = f"force on {name} at {point}"
             made.append(Variable(f"{name}.{point}.force", "N", about, ("x", "y", "z"), ends[:, k]))
@@ -206,7 +211,7 @@ def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
                 "m",
                 f"deflection of the middle of {name} from the line between its ends",
                 ("x", "y", "z"),
-                np.array([_middle(link, m.q) for m in found]) - (first + last) / 2,
+                middle[:, 5:] - (first + last) / 2,
             )
         )
     for point, place in linkage.positions(found).items():
@@ -215,40 +220,19 @@ def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
     return [*made, *Energies(kinetic, strain, potential, dissipated, None, None).variables()]
 
 
-def _strains(link: LinkInSpace, resultants: Array) -> list[Variable]:
-    """Return strains and the greatest stress in the middle of a link, from its resultants (times, 4)."""
-    name, (_, _, _, _, axial, bending_y, bending_z, _, *_) = link.info.link, link.section
-    fibre_y, fibre_z, modulus, is_round = link.section[15:19]
-    stretch = resultants[:, 0] / axial
-    about_y, about_z = resultants[:, 1] / bending_y * fibre_z, resultants[:, 2] / bending_z * fibre_y
-    bent = np.hypot(about_y, about_z) if is_round else np.abs(about_y) + np.abs(about_z)
-    middle = f"in the middle of {name}"
+def _strains(name: str, section: Array) -> list[Variable]:
+    """Return strains, torque and the greatest stress in the middle of a link."""
+    about = {
+        "axial_strain": ("1", "axial strain"),
+        "bending_strain_y": ("1", "strain by bending about y"),
+        "bending_strain_z": ("1", "strain by bending about z"),
+        "torque": ("N*m", "torque"),
+        "stress": ("Pa", "greatest normal stress"),
+    }
     return [
-        Variable(f"{name}.axial_strain", "1", f"axial strain {middle}", (), stretch),
-        Variable(f"{name}.bending_strain_y", "1", f"strain by bending about y {middle}", (), about_y),
-        Variable(f"{name}.bending_strain_z", "1", f"strain by bending about z {middle}", (), about_z),
-        Variable(f"{name}.torque", "N*m", f"torque {middle}", (), resultants[:, 3]),
-        Variable(
-            f"{name}.stress",
-            "Pa",
-            f"greatest normal stress {middle}",
-            (),
-            modulus * (np.abs(stretch) + bent),
-        ),
+        Variable(f"{name}.{what}", unit, f"{words} in the middle of {name}", (), section[:, k])
+        for k, (what, (unit, words)) in enumerate(about.items())
     ]
-
-
-def _middle(link: LinkInSpace, q: Array) -> Array:
-    """Return the place of the middle of a link [m]."""
-    count = len(link.places) - 1
-    if count % 2 == 0:
-        found: Array = q[link.places[count // 2, :3]]
-        return found
-    first, second = (q[link.places[k]] for k in (count // 2, count // 2 + 1))
-    # Hermite's cubic at half the element.
-    size = link.arguments[0]
-    between: Array = (first[:3] + second[:3]) / 2 + size / 8 * (first[3:6] - second[3:6])
-    return between
 
 
 def _drift(linkage: LinkageInSpace, found: Sequence[Moment]) -> Drift:

@@ -1,0 +1,95 @@
+"""Joints of elastic links in space that restrict rotations: welds, revolute and universal joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.elastic.space.directions import Row
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: Size of a direction, of length one, that counts as zero.
+_NONE = 1e-8
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Vectors fixed in a part: their places (vectors, 3), and values at the start (vectors, 3).
+
+    ``between``: the vectors are places of points, and directions are differences of them.
+    """
+
+    places: Indices
+    vectors: Array
+    between: bool = False
+
+    @property
+    def span(self) -> Array:
+        """Orthonormal directions that the vectors give, (directions, 3)."""
+        of = self.vectors - self.vectors[:1] if self.between else self.vectors
+        _, sizes, found = np.linalg.svd(of)
+        kept: Array = found[: int(np.sum(sizes > _NONE * sizes[0]))]
+        return kept
+
+    def factors(self, direction: Array) -> Array | None:
+        """Return the factors of the vectors whose sum is a direction; None where there are none."""
+        # Those of points have the sum zero.
+        of = np.vstack([self.vectors.T, np.full(len(self.vectors), float(self.between))])
+        right = np.append(direction, 0.0)
+        found: Array = np.linalg.lstsq(of, right, rcond=None)[0]
+        return found if np.linalg.norm(of @ found - right) < _NONE else None
+
+
+def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> Iterator[Row]:
+    """Yield the constraints between the directors of a link and another part, which hold at the start.
+
+    Parameters
+    ----------
+    kind
+        ``weld``, ``revolute``, or ``universal`` with the axis on the second part, and its other axis across
+        the first link.
+    about
+        The joint, for messages.
+    axis
+        Direction at the start, (3,); of no meaning to a weld.
+
+    Raises
+    ------
+    ModelError
+        Where the second part has no such direction, or the axis of a universal joint is along the link.
+    """
+    own = first.vectors
+    if kind == "weld":
+        if len(second.span) < 2:
+            raise ModelError(f"{about}: a rod has no rotation about its line\n  {_REMEDY}")
+        one, two = second.span[:2]
+        three = np.cross(one, two)
+        products = [(three, one), (three, two), (one, two)]
+    else:
+        axis = axis / np.linalg.norm(axis)
+        if kind == "universal":
+            across = np.cross(axis, own[0])
+            if np.linalg.norm(across) < _NONE:
+                raise ModelError(f"{about}: expected an axis across the link, got one along it")
+            products = [(across / np.linalg.norm(across), axis)]
+        else:
+            normals = np.linalg.svd(axis[None])[2][1:]
+            products = [(n, axis) for n in normals]
+            if second.factors(axis) is None:
+                products = [(axis, n) for n in normals]
+    for a, b in products:
+        factors = second.factors(b)
+        if factors is None:
+            raise ModelError(f"{about}: the axis has no direction fixed in the other link\n  {_REMEDY}")
+        missing = 4 - len(factors)
+        places = np.concatenate([first.places, second.places, second.places[:1].repeat(missing, axis=0)])
+        yield Row(places, np.concatenate([own @ a, factors, np.zeros(missing)]))
+
+
+_REMEDY = "Join it to an elastic link, the ground, or a body with a third point."

@@ -1,0 +1,102 @@
+"""Equilibrium of a linkage with elastic links in space with its input held, and small vibrations about it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.elastic.large.collocation import Moment
+from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.modes import ElasticModes, relative
+from symgen.runtime.structure import modes_at_rest
+
+Array = NDArray[np.float64]
+
+#: Corrections of an equilibrium at most, and the last one over the sizes of the unknowns.
+_MOST, _CLOSE = 40, 1e-11
+#: Times by which the input is moved to that of a pose.
+_POSES = 64
+#: Times the mass matrix, with largest entries as those of the stiffness: keeps links from spinning on balls.
+_SHIFT = 1e-9
+
+
+def equilibrium(linkage: LinkageInSpace, t: float) -> Moment:
+    """Return places and multipliers at rest, in equilibrium with the loads at a time [s].
+
+    Raises
+    ------
+    ModelError
+        Where corrections do not converge, as for a linkage that its loads move.
+    """
+    found = linkage.start()
+    still = np.zeros(linkage.unknowns)
+    end = linkage.rigid.description.t_end
+    for time in np.linspace(0.0, t, 1 + int(np.ceil(_POSES * abs(t) / end))):
+        found = _at_rest(linkage, replace(found, t=float(time), v=still, a=still))
+    return found
+
+
+def _at_rest(linkage: LinkageInSpace, found: Moment) -> Moment:
+    t, q, multipliers, n = np.array([found.t]), found.q, found.multipliers, linkage.unknowns
+    still = np.zeros(n)
+    for _ in range(_MOST):
+        slopes = linkage.slopes(found.t, q, still, still, multipliers)
+        shift = _SHIFT * np.max(np.abs(slopes.stiffness)) / np.max(np.abs(slopes.mass))
+        solve = linkage.pattern.factorised(slopes.stiffness + shift * slopes.mass, slopes.jacobian)
+        residual = linkage.residual(t, q[None], still[None], still[None], multipliers[None])[0]
+        change = solve(np.concatenate([residual, linkage.errors(found.t, q)]))
+        q, multipliers = q - change[:n], multipliers - change[n:]
+        size = float(np.max(np.abs(change[:n]) / linkage.scale))
+        if size <= _CLOSE:
+            return replace(found, q=q, multipliers=multipliers)
+        if not np.isfinite(size):
+            break
+    raise ModelError(
+        f"{linkage.name}: no equilibrium with the input held at t = {found.t:g} s\n"
+        "  Modes are those about an equilibrium: loads must not move the linkage."
+    )
+
+
+def modes_in_space(rigid: RodModel, t: float) -> ElasticModes:
+    """Return the modes about the equilibrium with the input held at a time [s], with errors of elements.
+
+    Raises
+    ------
+    ModelError
+        Where there is no equilibrium, or it is unstable.
+    """
+    found, finer = (_modes(LinkageInSpace(rigid, divided), t) for divided in (1, 2))
+    fine = finer.frequencies[: len(found.frequencies)]
+    return replace(found, errors_of_elements=relative(found.frequencies[: len(fine)], fine))
+
+
+def _modes(linkage: LinkageInSpace, t: float) -> ElasticModes:
+    from scipy.linalg import null_space
+
+    at, n = equilibrium(linkage, t), linkage.unknowns
+    slopes = linkage.slopes(t, at.q, at.v, at.a, at.multipliers)
+    mass, damping, stiffness = (
+        linkage.pattern.matrix(entries, slopes.jacobian).toarray()
+        for entries in (slopes.mass, slopes.damping, slopes.stiffness)
+    )
+    basis = null_space(mass[n:, :n])
+    reduced = (basis.T @ x[:n, :n] @ basis for x in (mass, damping, (stiffness + stiffness.T) / 2))
+    sizes = np.sqrt(np.sum(np.abs(basis) * (np.abs(stiffness[:n, :n]) @ np.abs(basis)), axis=0))
+    of_mass, of_damping, of_stiffness = reduced
+    speeds, shapes, rigid = modes_at_rest(linkage.name, of_mass, of_stiffness, sizes)
+    damped = np.sum(shapes * (of_damping @ shapes), axis=0)
+    return ElasticModes(
+        linkage.name,
+        math.nan,
+        speeds / (2 * math.pi),
+        basis @ shapes,
+        linkage.names,
+        rigid=rigid,
+        ratios=np.divide(damped, 2 * speeds, out=np.zeros_like(speeds), where=speeds > 0.0),
+        t=t,
+    )

@@ -1,0 +1,142 @@
+"""Welds, revolute and universal joints of elastic links in space, and modes, against independent solutions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import symgen
+from symgen.errors import ModelError
+from symgen.runtime.beams.methods import GAUSS8
+from symgen.runtime.elastic.large.collocation import moved
+from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.integrate.pace import Pace
+
+SECTION = {"width": "8 mm", "thickness": "4 mm", "width_along": [0, 0, 1]}
+WIDTH, THICKNESS, E = 8e-3, 4e-3, 210e9
+#: Second moments of area; the width of a link along x is along z.
+ABOUT_WIDTH, ABOUT_THICKNESS = WIDTH * THICKNESS**3 / 12, THICKNESS * WIDTH**3 / 12
+
+
+def at(*place, **keys):
+    return {"at": [f"{x} m" for x in place], **keys}
+
+
+def elastic(points, density="7850 kg/m^3"):
+    of = {"E": "210 GPa", "elements": 3, "shear": {"poisson": 0.3}}
+    return {"points": points, "density": density, "section": SECTION, "elastic": of}
+
+
+def test_welded_halves_are_a_cantilever():
+    """Euler and Bernoulli's cantilever; rotary inertia and elements change frequencies by 1e-3."""
+    points = {"A": at(0, 0, 0, ground=True), "B": at(0.2, 0.1, 0), "C": at(0.4, 0.2, 0)}
+    links = {"first": elastic(["A", "B"]), "second": elastic(["C", "B"])}
+    welds = [{"point": "A", "links": ["first"]}, {"point": "B", "links": ["first", "second"]}]
+    found = symgen.build(symgen.Scene(points=points, links=links, welds=welds)).modes()
+    assert found.rigid == 0
+    length = math.hypot(0.4, 0.2)
+    roots = np.array([1.8751040687, 4.6940911330, 7.8547574382])
+    speed = math.sqrt(E / 7850)
+    bending = [(roots / length) ** 2 * speed * h / math.sqrt(12) / (2 * math.pi) for h in (THICKNESS, WIDTH)]
+    expected = np.sort(np.concatenate(bending))[:5]
+    np.testing.assert_allclose(found.frequencies[:5], expected, rtol=2e-3)
+    assert np.max(np.abs(found.errors_of_elements[:5])) < 2e-3
+
+
+def test_a_body_is_welded_to_a_massless_beam():
+    """Two coordinates in each plane: deflection and rotation of the end of the beam, by its stiffness."""
+    mass, offset, inertias, length = 2.0, 0.05, (4e-3, 5e-3, 7e-3), 0.4
+    points = {"A": at(0, 0, 0, ground=True), "P": at(length, 0, 0), "Q": at(length + 0.1, 0.02, 0.03)}
+    body = {
+        "points": ["P", "Q"],
+        "mass": f"{mass} kg",
+        "centre": [f"{length + offset} m", "0 m", "0 m"],
+        "inertia": [f"{x} kg*m^2" for x in inertias],
+    }
+    links = {"beam": elastic(["A", "P"], "1e-3 kg/m^3"), "body": body}
+    welds = [{"point": "A", "links": ["beam"]}, {"point": "P", "links": ["body", "beam"]}]
+    found = symgen.build(symgen.Scene(points=points, links=links, welds=welds)).modes()
+    expected = []
+    for area, inertia in ((ABOUT_WIDTH, inertias[2]), (ABOUT_THICKNESS, inertias[1])):
+        stiffness = np.array([[12, -6 * length], [-6 * length, 4 * length**2]]) * E * area / length**3
+        inertial = np.array([[mass, mass * offset], [mass * offset, inertia + mass * offset**2]])
+        expected += list(np.sqrt(eigh(stiffness, inertial, eigvals_only=True)) / (2 * math.pi))
+    for frequency in expected:
+        assert np.min(np.abs(found.frequencies / frequency - 1)) < 1e-4
+
+
+def test_revolute_joints_across_the_plane_are_planar():
+    """The shipped four-bar with no error of its axes, against planar elements in large rotation."""
+    model = symgen.build("spatial_four_bar").with_parameters(error=0.0)
+    found = model.simulate(0.01, samples=5, max_step=1e-4)
+    square = {"coupler": "12 mm", "rocker": "8 mm"}
+    links = {
+        name: {
+            "points": ends,
+            "density": "7850 kg/m^3",
+            "section": {"width": square[name], "thickness": square[name]},
+            "elastic": {"E": "207 GPa", "element": "rayleigh", "damping": {"stiffness": "1e-5 s"}},
+        }
+        for name, ends in (("coupler", ["B", "C"]), ("rocker", ["D", "C"]))
+    }
+    planar = symgen.Scene(
+        parameters={"rate": "30 rad/s"},
+        points={
+            "A": at(0, 0, ground=True),
+            "B": at(0, 0.06),
+            "C": at(0.24, 0.14),
+            "D": at(0.22, 0, ground=True),
+        },
+        links={"crank": {"points": ["A", "B"], "mass": "1 kg"}, **links},
+        crank={"link": "crank", "angle": "pi/2 + rate*t"},
+        analysis={"t_end": "0.01 s"},
+    )
+    other = symgen.build(planar).large_rotation(elements=4, samples=5, max_step=1e-4)
+    for name in ("coupler.C.force", "rocker.D.force", "C.position"):
+        # The rate of the crank at the very start is a difference there.
+        own, same = found[name].values[1:], other[name].values[1:]
+        assert np.max(np.abs(own[:, 2])) < 1e-9
+        # Green's strain of the chord differs by half its square.
+        np.testing.assert_allclose(own[:, :2], same, atol=1e-4 * np.max(np.abs(same)))
+
+
+def test_axes_of_joints_meet_in_motion():
+    """The axis of an inclined revolute joint has the same direction in both links, in all motion."""
+    model = symgen.build("spatial_four_bar")
+    linkage = LinkageInSpace(model.rigid)
+    found, _ = moved(linkage, GAUSS8, np.linspace(0.0, 0.02, 5), 20, Pace(0.0, 0.02))
+    axis = np.array([0.0, math.sin(math.radians(5)), math.cos(math.radians(5))])
+    ends = [link.places[-1, 3:].reshape(3, 3) for link in linkage.links]
+    first, second = (np.array([(found[0].q[end] @ axis) @ moment.q[end] for moment in found]) for end in ends)
+    np.testing.assert_allclose(first, second, atol=1e-9)
+    assert np.max(np.abs(first - axis)) > 1e-3
+
+
+def test_a_universal_joint_prescribes_the_spin():
+    """The arm of the cross stays across the fixed axis, and so does the spin at the start."""
+    linkage = LinkageInSpace(symgen.build("spatial_slider_crank").rigid)
+    found, _ = moved(linkage, GAUSS8, np.linspace(0.0, 0.05, 6), 40, Pace(0.0, 0.05))
+    arm = linkage.links[0].places[-1, 9:]
+    assert np.max(np.abs([moment.q[arm[2]] for moment in found])) < 1e-9
+    assert abs(found[0].v[arm[2]]) < 1e-12
+    # It rotates about the axis of the ball joint.
+    assert np.ptp([moment.q[arm[0]] for moment in found]) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("joint", "words"),
+    [
+        ({"kind": "universal", "axis": [2, 1, 0]}, "across the link"),
+        ({"kind": "revolute", "axis": [0, 0, 1], "links": ["beam", "rod"]}, "fixed in the other link"),
+    ],
+)
+def test_directions_that_a_joint_does_not_have_are_refused(joint, words):
+    points = {"A": at(0, 0, 0, ground=True), "B": at(0.2, 0.1, 0), "C": at(0.4, 0.3, 0)}
+    links = {"beam": elastic(["A", "B"]), "rod": {"points": ["B", "C"], "mass": "1 kg"}}
+    joints = [{"point": "B", "links": ["beam"], **joint}]
+    model = symgen.build(symgen.Scene(points=points, links=links, joints=joints))
+    with pytest.raises(ModelError, match=words):
+        model.modes()
