@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from shared.ball_poles import CASE, CRANK, Straight
 from shared.full import full, full_unless
+from shared.shipped import OF_ALL_TYPES
 from typer.testing import CliRunner
 
 import symgen
@@ -69,7 +70,7 @@ def folders(tmp_path_factory):
     ("name", "compiler"),
     full_unless(
         lambda *case: case in zip(SCENES, ("gcc", "clang", "gcc"), strict=True),
-        [(name, compiler) for name in symgen.shipped_scenes() for compiler in ("gcc", "clang")],
+        [(name, compiler) for name in OF_ALL_TYPES for compiler in ("gcc", "clang")],
     ),
 )
 def test_the_same_bits(name, compiler, folders, tmp_path):

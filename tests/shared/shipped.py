@@ -21,6 +21,11 @@ ELASTIC = [
     for name in LINKAGES
     if any("elastic" in link for link in read_scene(name).data.get("links", {}).values())
 ]
+#: Scenes with elastic links in space, which have neither exports nor other number types.
+IN_SPACE = [
+    n for n in ELASTIC if any(len(p.get("at", ())) == 3 for p in read_scene(n).data["points"].values())
+]
+OF_ALL_TYPES = [name for name in symgen.shipped_scenes() if name not in IN_SPACE]
 
 #: Chains and parallel linkages of the same elements and constraints as others.
 REPEATED = {

@@ -8,7 +8,7 @@ import pytest
 from shared import float128
 from shared.full import full_unless
 from shared.oracle import Oracle
-from shared.shipped import derived, rigid
+from shared.shipped import OF_ALL_TYPES, derived, rigid
 from shared.states import random_values
 
 import symgen
@@ -160,7 +160,7 @@ def test_a_rounded_constant_would_be_seen():
     "scene",
     full_unless(
         lambda scene: scene in ("four_bar", "far_origin", "slider_crank", "elastic_slider_crank"),
-        symgen.shipped_scenes(),
+        OF_ALL_TYPES,
     ),
 )
 def test_float128_confirms_float64(scene):
