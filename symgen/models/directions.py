@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from symgen.mechanics.elastic import directions
+from symgen.mechanics.directors import directions
 from symgen.symbolic.names import Names
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 

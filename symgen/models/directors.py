@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-from symgen.mechanics.elastic.directors import (
+from symgen.mechanics.directors.beam import (
     FIBRES,
     FRACTION,
     PLACES,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import sympy as sp
 
 from symgen.loads.torque import AppliedTorque
-from symgen.mechanics.elastic.directors import FIBRES, SECTION
+from symgen.mechanics.directors.beam import FIBRES, SECTION
 from symgen.models.elastic.couples import entries, welded_to_bodies, with_bodies
 from symgen.models.elastic.links import profiles_of
 from symgen.models.rods.constraints import Constraint

@@ -70,9 +70,13 @@ def modes_in_space(rigid: RodModel, t: float) -> ElasticModes:
     ModelError
         Where there is no equilibrium, or it is unstable.
     """
-    found, finer = (_modes(LinkageInSpace(rigid, divided), t) for divided in (1, 2))
-    fine = finer.frequencies[: len(found.frequencies)]
-    return replace(found, errors_of_elements=relative(found.frequencies[: len(fine)], fine))
+    found = _modes(LinkageInSpace(rigid), t)
+
+    def estimate() -> Array:
+        finer = _modes(LinkageInSpace(rigid, divided=2), t).frequencies[: len(found.frequencies)]
+        return relative(found.frequencies[: len(finer)], finer)
+
+    return replace(found, estimate=estimate)
 
 
 def _modes(linkage: LinkageInSpace, t: float) -> ElasticModes:

@@ -1,0 +1,1 @@
+"""Elastic links in space with directors: their element, and constraints on directions."""
