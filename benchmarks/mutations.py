@@ -126,14 +126,15 @@ FAULTS = (
     Fault("mass in the axial force doubled", "elastic/spatial.py", "MU.symbol * sp.integrate", "2 * MU.symbol * sp.integrate", "rotor", ROTATING),
     Fault("rotation of fibres to the first degree", "elastic/spatial.py", " + rotation.cross(once) / 2", "", "rotor", ROTATING),
     Fault("centrifugal load reversed", "elastic/spatial.py", "f.name: sp.diff(energy, f)", "f.name: -sp.diff(energy, f)", "rotor", ROTATING),
-    Fault("stretch of the chord halved", "elastic/directors.py", "_dot(chord, chord) / length**2 - 1) / 2", "_dot(chord, chord) / length**2 - 1) / 4", "space", SPACE),
-    Fault("twist by a sum of products", "elastic/directors.py", "- _dot(second[3], first[2])", "+ _dot(second[3], first[2])", "space", SPACE),
-    Fault("mean slopes in the axial strain", "elastic/directors.py", "2 * a**2 - a * b + 2 * b**2", "2 * a**2 + a * b + 2 * b**2", "space", SPACE),
-    Fault("bending planes exchanged", "elastic/directors.py", '"z": BENDING_Z.symbol, "y": BENDING_Y.symbol', '"z": BENDING_Y.symbol, "y": BENDING_Z.symbol', "space", SPACE),
-    Fault("antisymmetric bending", "elastic/directors.py", "3 * stiffness / length", "2 * stiffness / length", "space", SPACE),
-    Fault("damping reversed", "elastic/directors.py", "strain + DAMPING.symbol * rate", "strain - DAMPING.symbol * rate", "space", SPACE),
-    Fault("gravity on tangents reversed", "elastic/directors.py", "*(-x for x in leant)", "*leant", "space", SPACE),
-    Fault("inertias of fibres exchanged", "elastic/directors.py", "(2, JZ.symbol), (3, JY.symbol)", "(2, JY.symbol), (3, JZ.symbol)", "space", SPACE),
+    Fault("stretch of the chord halved", "directors/beam.py", "_dot(chord, chord) - 1) / 2", "_dot(chord, chord) - 1) / 4", "space", SPACE),
+    Fault("twist by a sum of products", "directors/beam.py", "- _dot(second[3], first[2])", "+ _dot(second[3], first[2])", "space", SPACE),
+    Fault("mean slopes in the axial strain", "directors/beam.py", "2 * a**2 - a * b + 2 * b**2", "2 * a**2 + a * b + 2 * b**2", "space", SPACE),
+    Fault("bending planes exchanged", "directors/beam.py", "(BENDING_Z.symbol, angle[:2]), (BENDING_Y.symbol, angle[2:4])", "(BENDING_Y.symbol, angle[:2]), (BENDING_Z.symbol, angle[2:4])", "space", SPACE),
+    Fault("antisymmetric bending", "directors/beam.py", "3 * stiffness / length", "2 * stiffness / length", "space", SPACE),
+    Fault("damping reversed", "directors/beam.py", "strain + DAMPING.symbol * rate", "strain - DAMPING.symbol * rate", "space", SPACE),
+    Fault("gravity on tangents reversed", "directors/beam.py", "*(-x for x in leant)", "*leant", "space", SPACE),
+    Fault("inertias of fibres exchanged", "directors/beam.py", "(2, JZ.symbol), (3, JY.symbol)", "(2, JY.symbol), (3, JZ.symbol)", "space", SPACE),
+    Fault("slopes of a direction by itself", "directors/directions.py", "(factors[3:], a))", "(factors[3:], b))", "space", SPACE),
     Fault("rate of gravity in rotating axes", "elastic/energies.py", "GY.symbol: -OMEGA.symbol * GX.symbol", "GY.symbol: OMEGA.symbol * GX.symbol", "weight", ENERGIES),
     Fault("lift left out of the potential", "elastic/energies.py", '-steps["gravity_work"] - MU.symbol * LIFT.symbol', '-steps["gravity_work"]', "weight", ENERGIES),
     Fault("rotation of displacements in the virtual work", "elastic/energies.py", "moved[t.test] * t.motion", 'moved[t.test] * (-1 if t.test == "w" else 1) * t.motion', "elastic", ENERGIES),
@@ -341,7 +342,7 @@ def uncompiled_blocks() -> None:
     def module(name: str) -> Any:
         if name not in SHIPPED_BLOCKS or name == "rigid_element":  # that one is called by address
             return compiled(name)
-        if name in ("corotational_beam", "corotational_node", "director_beam", *SYNTHESIS):
+        if name in ("corotational_beam", "corotational_node", "director_beam", "direction", *SYNTHESIS):
             made[name] = made.get(name) or compiled_block(name)
         if name not in made:
             program = lower_system(BLOCKS[name]())
