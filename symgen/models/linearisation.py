@@ -25,6 +25,7 @@ from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
 from symgen.models.rods.refinement import residual
 from symgen.models.rods.system import definitions
+from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.calculus import per_second
 from symgen.symbolic.system import Export, NamedMatrix, System
 
@@ -144,6 +145,23 @@ def _outputs(model: RodsModel) -> list[Entry]:
         raise ModelError(str(error)) from None
 
 
+def _gaps(model: RodsModel) -> list[Entry]:
+    """Return what passes zero at each switching point of a load and at each event that ends a run.
+
+    Each is followed by its partial derivative by the time, ``.t``.
+    """
+    linkage, t = model.linkage, TIME.symbol
+    gaps = {f"switch.{k}": s.gap for k, s in enumerate(linkage.switches)}
+    gaps |= {f"event.{k}": e.gap for k, e in enumerate(linkage.events) if e.ends_run}
+    known = [gap.xreplace(model.held) for gap in model.loads.with_state([*gaps.values()])]
+    by_time = slopes_by(model, [t], definitions(model))
+    return [
+        entry
+        for name, gap in zip(gaps, known, strict=True)
+        for entry in ((name, gap, "1"), (f"{name}.t", by_time(gap).get(t, sp.Integer(0)), "1"))
+    ]
+
+
 def _equations(model: RodsModel) -> tuple[list[Rows], list[sp.Symbol]]:
     """Return the rows of the residual, of dPhi/dt and of Phi, and the unknowns of the equations of motion."""
     bound = [model.multipliers[c.name] for c in model.constraints]
@@ -176,7 +194,7 @@ def _slopes(model: RodsModel, rows: Sequence[Rows], arguments: Sequence[sp.Symbo
 
 def _system(linkage: Linkage, kind: str, parameters: Sequence[Quantity]) -> System:
     model = RodsModel(linkage)
-    entries = _outputs(model)
+    entries = _outputs(model) + (_gaps(model) if kind == "sensitivity" else [])
     equations, work = _equations(model)
     rows = [*equations[: 3 if kind == "sensitivity" else 2], _of_outputs(entries)]
     rates = [x for p in model.free for x in model.u[p]]

@@ -44,6 +44,7 @@ cdef extern from "core/core.h" nogil:
         double rank_tolerance, slack, stabilisation
 
     long first_reference(const sizes *)
+    long held_parameters(const sizes *)
 
     cdef struct account:
         double soundness, missed

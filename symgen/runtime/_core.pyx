@@ -626,10 +626,10 @@ cdef class Run:
         return status
 
     def advance_noting(self, double[::1] t, double[:, ::1] y, double[:, ::1] references):
-        """Take at most a step for each row; note time, state and references of angles in loads after it. Return the
+        """Take at most a step for each row; note time, state, references of angles and branches of loads after it. Return the
         status and the number of rows written. Runs in doubles only."""
         cdef const sizes *of = &self.equations.core.sizes
-        cdef Py_ssize_t rows = t.shape[0], first = first_reference(of)
+        cdef Py_ssize_t rows = t.shape[0], first = first_reference(of), held = held_parameters(of)
         cdef long taken = 0, steps = self.steps
         cdef int status = _MORE
         cdef report r
@@ -637,19 +637,19 @@ cdef class Run:
             raise ValueError("expected a run in doubles")
         for what, found in (("rows of y", y.shape[0]), ("rows of references", references.shape[0])):
             at_least(what, found, rows)
-        if y.shape[1] != self.dim or references.shape[1] != of.windings:
-            raise ValueError(f"expected rows of {self.dim} and {of.windings} numbers")
+        if y.shape[1] != self.dim or references.shape[1] != held:
+            raise ValueError(f"expected rows of {self.dim} and {held} numbers")
         with nogil:
             while taken < rows and status == _MORE:
                 status = self.of.api.run_advance(self.core, 1)
                 self.of.api.run_report(self.core, &r)
-                if r.steps == steps:
+                if r.steps == steps and status != _MORE:
                     break
-                steps = r.steps
+                steps = r.steps  # the same where a load takes its other branch at the point: a row without a step
                 t[taken] = r.t
                 memcpy(&y[taken, 0], self.of.api.run_state(self.core), self.dim * sizeof(double))
-                if of.windings:
-                    memcpy(&references[taken, 0], self.equations.core.p + first, of.windings * sizeof(double))
+                if held:
+                    memcpy(&references[taken, 0], self.equations.core.p + first, held * sizeof(double))
                 taken += 1
         self._look()
         return status, taken

@@ -8,7 +8,8 @@ from libc.string cimport memcpy
 
 from symgen.calls import raise_failure
 from symgen.runtime._core cimport (
-    Equations, Integrable, Scheme, at_least, equations, kernel_of, kernel_t, scheme as scheme_t,
+    Equations, Integrable, Scheme, at_least, equations, kernel_of, kernel_t, held_parameters,
+    scheme as scheme_t,
 )
 
 
@@ -137,9 +138,9 @@ cdef class Variations:
         at_least("numbers in a state", y.shape[1], 2 * self.equations.n)
         if y.shape[1] != 2 * self.equations.n:
             raise ValueError(f"expected states of {2 * self.equations.n} numbers, got {y.shape[1]}")
-        if self.equations.core.sizes.windings:
+        if held_parameters(&self.equations.core.sizes):
             at_least("rows of references", references.shape[0], steps)
-            at_least("references", references.shape[1], self.equations.core.sizes.windings)
+            at_least("references", references.shape[1], held_parameters(&self.equations.core.sizes))
             held = &references[0, 0]
         with nogil:
             if back:

@@ -72,6 +72,11 @@ static inline long first_reference(const struct sizes *sizes) {
     return sizes->parameters - sizes->switches - sizes->windings;
 }
 
+/* Number of the last parameters, which a run sets: references of angles in loads, then branches of switching points. */
+static inline long held_parameters(const struct sizes *sizes) {
+    return sizes->windings + sizes->switches;
+}
+
 /* Results of the last evaluation, and counts: plain numbers of the same type in every core. */
 struct account {
     double soundness;                  /* least part that a multiplier's pivot keeps; infinite when none is watched */

@@ -28,13 +28,14 @@ size_t variations_place(struct variations *v, const struct equations *e, void *m
     return is_explicit(v) ? own : own + implicit_place(v, e, memory == NULL ? NULL : (char *)memory + own);
 }
 
-/* Take the parameters of the equations with the references of a step. */
+/* Take the parameters of the equations with the references and branches of a step. */
 static void begin_step(struct variations *v, const double *references) {
     struct equations *e = v->e;
     real *of = references_of_angles(e);
-    for (long i = 0; i < e->sizes.windings; i++)
+    const long held = held_parameters(&e->sizes);
+    for (long i = 0; i < held; i++)
         of[i] = R(references[i]);
-    if (e->sizes.windings)
+    if (held)
         set_up(e);
     v->of->begin(v);
 }
@@ -118,7 +119,7 @@ int variations_forward(struct variations *v, long steps, const double *t, const 
     for (*taken = 0; *taken < steps && status == DONE; ++*taken, row += 2 * v->e->n) {
         const double *now = t + *taken;
         const real h = R(now[1]) - R(now[0]), *end = row + 2 * v->e->n;
-        begin_step(v, references + *taken * v->e->sizes.windings);
+        begin_step(v, references + *taken * held_parameters(&v->e->sizes));
         status = is_explicit(v) ? forward_step(v, R(now[0]), h, row, end)
                                 : implicit_step(v, *taken == 0, R(now[0]), h, row, end);
     }
@@ -131,7 +132,7 @@ int variations_backward(struct variations *v, long steps, const double *t, const
     for (*taken = 0; *taken < steps && status == DONE; ++*taken) {
         const long i = steps - 1 - *taken;
         const real *row = (const real *)y + i * 2 * v->e->n;
-        begin_step(v, references + i * v->e->sizes.windings);
+        begin_step(v, references + i * held_parameters(&v->e->sizes));
         status = backward_step(v, R(t[i]), R(t[i + 1]) - R(t[i]), row, row + 2 * v->e->n);
     }
     return status;

@@ -112,7 +112,7 @@ int variations_backward(struct variations *v, long steps, const double *t, const
                         long *taken);
 
 /* Interface of variations: see core.h. Each takes so many steps between steps + 1 times and states, rows of 2n reals;
- * `references` are those of angles in loads in each step, a row each. Both return DONE or NOT_FINITE or SINGULAR, with
+ * `references` are those of angles in loads, and branches of loads, in each step, a row each. Both return DONE or NOT_FINITE or SINGULAR, with
  * the number of steps taken in `taken`. */
 struct variation_api {
     size_t variations_struct;

@@ -206,6 +206,11 @@ class Description(Described):
         return slice(len(self.tunable), len(self.tunable) + self.windings)
 
     @property
+    def of_held(self) -> slice:
+        """Where the references of angles and the branches of switching points are among the parameters."""
+        return slice(len(self.tunable), len(self.tunable) + self.held)
+
+    @property
     def coordinates(self) -> int:
         """Number of coordinates."""
         return len(self.free) * len(self.axes)

@@ -37,6 +37,21 @@ _DIRECTIONS = 6
 
 
 @dataclass(frozen=True, slots=True)
+class Jump:
+    """The change of derivatives where a load takes its other branch: the saltation matrix.
+
+    dy += (f_before - f_after) dt_s: the rates f of the state jump, at a time t_s that changes with state and
+    parameters as g(t_s, y, p) = 0 demands (Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth
+    Mechanical Systems*, section 7.3). ``change`` is the jump; ``by_state`` and ``direct`` give dt_s.
+    """
+
+    step: int
+    change: Array
+    by_state: Array
+    direct: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Path:
     """The states between the steps of a run.
 
@@ -45,15 +60,18 @@ class Path:
     t, y
         Times [s] (steps + 1,) and states (steps + 1, 2n).
     references
-        References of angles in loads, steps + 1 rows.
+        References of angles in loads and branches of loads that jump, steps + 1 rows.
     ends
         Number of steps till each requested time.
+    switches
+        Number of switching points; the last columns of ``references`` are their branches.
     """
 
     t: Array
     y: Array
     references: Array
     ends: tuple[int, ...]
+    switches: int = 0
 
 
 def follow(
@@ -71,15 +89,11 @@ def follow(
     Raises
     ------
     ModelError
-        For times that do not increase from the start to the end; for RATTLE, loads that jump, and events
-        that end the run.
+        For times that do not increase from the start to the end; for RATTLE, and events that end the run.
     SimulationError
         As for :meth:`Model.simulate`.
     """
     d = evaluator.description
-    if d.switches:
-        what = "smooth pulses in the time" if 0 in d.pulses else "loads that jump"
-        raise ModelError(f"derivatives of runs are not available for {what}: {d.switches[0]}")
     for event in d.events:
         if event.ends_run:
             raise ModelError(
@@ -92,7 +106,8 @@ def follow(
     def cause(stepper: _core.Run, chosen: Options, status: int) -> str:
         return problem(status, stepper, equations, evaluator, chosen)
 
-    return followed(equations, d.of_windings, directions, start, chosen, times, cause)
+    path = followed(equations, d.of_held, directions, start, chosen, times, cause)
+    return replace(path, switches=len(d.switches))
 
 
 def followed(
@@ -202,9 +217,10 @@ def at_run(
     """
     start = tangents(state_of(path, 0), path.references[0])
     start.check_closed()
-    parameters = [name for name in by if name in start.parameters]
+    each = dict.fromkeys(by)
+    parameters = [name for name in each if name in start.parameters]
     initial = [*coordinates, *(f"{name}'" for name in coordinates)]
-    chosen_initial = [name for name in by if name not in parameters]
+    chosen_initial = [name for name in each if name not in parameters]
     columns = [initial.index(name) for name in chosen_initial]
     names = (*parameters, *chosen_initial)
     of_pose, of_coordinates = moved_pose(start, parameters, coordinates), start.independent(coordinates)
@@ -224,16 +240,20 @@ def at_run(
     states = 0 if chosen.method.kind == "explicit" else 2 * start.n
     if states and integrands:
         raise ModelError(f"integrals are for explicit methods, and {chosen.method.name} is none")
+    jumps = _jumps(path, tangents, parameters, len(names))
+    if jumps and integrands:
+        what = start.description.switches[0]
+        raise ModelError(f"derivatives of integrals are not available for loads that jump: {what}")
 
     def along(columns: int) -> Variations:
         entries = _places(kernels, integrands, parameters[:columns], start)
         return LinkageVariations(equations, chosen.method, kernels, entries, columns + states)
 
     if not states and fewer((len(shown) + len(integrands)) * len(ends), len(names)):
-        found = carried_back(path, along(len(names)), slopes, len(integrands), first)
+        found = carried_back(path, along(len(names)), slopes, len(integrands), first, jumps)
         _, integrals = carried_forward(path, along(0), first[:, :0], len(integrands))
     else:
-        moved, integrals = carried_forward(path, along(len(names)), first, len(integrands))
+        moved, integrals = carried_forward(path, along(len(names)), first, len(integrands), jumps)
         ended = zip(slopes, moved, strict=True)
         found = [np.vstack([by_state @ x + direct, summed]) for (by_state, direct), (x, summed) in ended]
     order = [names.index(name) for name in by]
@@ -260,6 +280,36 @@ def state_of(path: Path, i: int) -> State:
     """Return a state of the path."""
     q, u = np.split(path.y[i], 2)
     return State(float(path.t[i]), q, u, {}, {})
+
+
+def _jumps(
+    path: Path, tangents: Callable[[State, Array], Tangents], parameters: Sequence[str], directions: int
+) -> list[Jump]:
+    """Return the jumps of the derivatives at switching points, in the order of the steps that end there."""
+    branches = path.references[:, path.references.shape[1] - path.switches :]
+    found = []
+    for i in (np.flatnonzero(np.any(np.diff(branches, axis=0), axis=1)) + 1).tolist():
+        before, after = (tangents(state_of(path, i), path.references[k]) for k in (i - 1, i))
+        change = np.zeros(2 * before.n)
+        change[before.n :] = (before.solution - after.solution)[: before.n]
+        if not np.any(change):
+            continue
+        (switch,) = np.flatnonzero(branches[i] - branches[i - 1])
+        moving = np.concatenate([before.state.u, before.solution[: before.n]])
+        by_state, direct = passing(before, f"switch.{switch}", moving, parameters, directions)
+        found.append(Jump(i, change, by_state, direct))
+    return found
+
+
+def passing(
+    at: Tangents, gap: str, moving: Array, parameters: Sequence[str], directions: int
+) -> tuple[Array, Array]:
+    """Return the derivatives of the time [s] at which a gap passes zero, by the state and by directions."""
+    row = at.slopes.outputs[gap]
+    rate = row[: 2 * at.n] @ moving + at.slopes.values[f"{gap}.t"]
+    direct = np.zeros(directions)
+    direct[: len(parameters)] = row[at.columns(parameters)] / -rate
+    return row[: 2 * at.n] / -rate, direct
 
 
 def _by_state(
@@ -316,17 +366,26 @@ def fewer(outputs: int, directions: int) -> bool:
 
 
 def carried_forward(
-    path: Path, along: Variations, first: Array, integrals: int = 0
+    path: Path, along: Variations, first: Array, integrals: int = 0, jumps: Sequence[Jump] = ()
 ) -> tuple[list[tuple[Array, Array]], Array]:
     """Return derivatives of state and integrals by all directions, and the integrals, at all ends."""
     count = first.shape[1]
     moved, summed = np.zeros((len(first), along.columns)), np.zeros((integrals, along.columns))
     moved[:, :count] = first
     begin, found, sums = 0, [], []
-    for end in path.ends if count or integrals else ():
+
+    def go(begin: int, end: int) -> None:
         part = _slices(path, begin, end)
         status, taken = along.forward(*part, moved, summed)
         _check(status, part[0], taken)
+
+    for end in path.ends if count or integrals else ():
+        for jump in jumps:
+            if begin < jump.step <= end:
+                go(begin, jump.step)
+                begin = jump.step
+                moved[:, :count] += np.outer(jump.change, jump.by_state @ moved[:, :count] + jump.direct)
+        go(begin, end)
         found.append((moved[:, :count].copy(), summed[:, :count].copy()))
         sums.append(along.sums)
         begin = end
@@ -339,6 +398,7 @@ def carried_back(
     slopes: Sequence[tuple[Array, Array]],
     integrals: int,
     first: Array,
+    jumps: Sequence[Jump] = (),
 ) -> list[Array]:
     """Return derivatives of outputs and integrals at all ends from transposed steps, each output by itself.
 
@@ -346,11 +406,18 @@ def carried_back(
     """
     found = []
     for end, (by_state, direct) in zip(path.ends, slopes, strict=True):
-        part = _slices(path, 0, end)
+        passed = [jump for jump in jumps if jump.step <= end]
         rows = []
-        for seed, weights, gradient in _seeds(by_state, direct, integrals):
-            status, taken = along.backward(*part, seed, weights, gradient)
-            _check(status, part[0][::-1], taken)
+        for seeds in _seeds(by_state, direct, integrals):
+            (seed, weights, gradient), last = seeds, end
+            for jump in (*reversed(passed), None):
+                part = _slices(path, jump.step if jump else 0, last)
+                status, taken = along.backward(*part, seed, weights, gradient)
+                _check(status, part[0][::-1], taken)
+                if jump:
+                    weight, last = seed @ jump.change, jump.step
+                    seed[:] += weight * jump.by_state
+                    gradient[:] += weight * jump.direct
             rows.append(gradient + seed @ first)
         found.append(np.array(rows))
     return found

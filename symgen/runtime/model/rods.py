@@ -20,7 +20,6 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
-from symgen.runtime.result.recording import wound
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State, finite, reactions_at
 from symgen.runtime.rods.redundancy import least_norm, not_unique
@@ -244,9 +243,9 @@ class RodModel(LinkageModel):
         path = follow(self._evaluator, tangent, len(self.redundant), start, chosen, times)
 
         def tangents(state: State, references: Array) -> Tangents:
-            held = self.with_parameters()
+            held, given = self.with_parameters(), self._evaluator.given.copy()
             held._start = self._found()
-            ((given, _),) = wound(self._evaluator, references[None])
+            given[self.description.of_held] = references
             held._evaluator = Evaluator(self.description, self._library, given)
             return held._tangents(state, names, "sensitivity")
 

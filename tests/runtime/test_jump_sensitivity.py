@@ -1,0 +1,92 @@
+"""Derivatives along runs through jumps of loads, against closed forms differentiated in 40 digits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mpmath as mp
+import numpy as np
+import pytest
+from shared.slopes import slopes
+
+import symgen
+from symgen.scene.loading import read_scene
+
+CASE = Path(__file__).parents[1] / "cases" / "sliding_mass.toml"
+MASS = 2
+VALUES = {"F": (3.0, "N"), "k": (50.0, "N/m"), "b": (0.3, "s"), "c": (4.0, "N*s/m"), "a": (0.2, "m")}
+
+
+def swing(x, v, k, t, c=0, rest=0):
+    """Place and velocity after a time on a spring with its rest at ``rest`` and a damper."""
+    damping = mp.mpf(c) / (2 * MASS)
+    rate = mp.sqrt(k / mp.mpf(MASS) - damping**2)
+    y, u = x - rest, v + damping * (x - rest)
+    co, si, decay = mp.cos(rate * t), mp.sin(rate * t), mp.exp(-damping * t)
+    place = decay * (y * co + u / rate * si)
+    return rest + place, decay * (u * co - y * rate * si) - damping * place
+
+
+def friction(x, v, force, k, t):
+    """Half swings about F/k and -F/k in turn, from rest at a positive place; v moves the first turning point."""
+    phase = mp.atan2(v, mp.sqrt(k / mp.mpf(MASS)) * (x - force / k)) / mp.sqrt(k / mp.mpf(MASS))
+    x = force / k + mp.sqrt((x - force / k) ** 2 + v**2 * MASS / k)
+    t, side, half = t - phase, 1, mp.pi / mp.sqrt(k / mp.mpf(MASS))
+    while t > half:
+        x, t, side = -x + 2 * side * force / k, t - half, -side
+    return swing(x, 0, k, t, rest=side * force / k)
+
+
+def timed(x, v, force, k, b, t):
+    """A constant force that begins at the time b."""
+    return swing(*swing(x, v, k, b), k, t - b, rest=force / k)
+
+
+def bumper(x, v, k, c, a, t):
+    """Free motion to a spring and damper, which engage at the place a; it has not left them at the end."""
+    return swing(a, v, k, t - (a - x) / v, c, rest=a)
+
+
+CASES = {
+    "dry friction": ("-k*A.x - F*sign(A.vx)", friction, ["F", "k"], (0.5, -0.4), [0.4, 1.3]),
+    "a force from a time on": ("-k*A.x + F*(1 + sign(t - b))/2", timed, ["F", "k", "b"], (0.5, 0.1), [0.7]),
+    "a bumper": (
+        "-(k*(A.x - a) + c*A.vx)*(1 + sign(A.x - a))/2", bumper, ["k", "c", "a"], (0.5, -0.0), [0.3],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau5"])
+@pytest.mark.parametrize("name", CASES)
+def test_derivatives_pass_jumps_of_loads(name, method):
+    force, motion, parameters, (x, v), times = CASES[name]
+    if name == "a bumper":
+        x, v = 0.1, 0.9
+    data = read_scene(CASE).data
+    data["parameters"] = {k: {"value": f"{q} {u}", "tunable": True} for k, (q, u) in VALUES.items()}
+    data["forces"][0]["force"][0] = force
+    data["points"]["A"]["at"][0] = f"{x} m"
+    data["start"]["velocities"]["A"][0] = f"{v} m/s"
+    model = symgen.build(symgen.Scene(**data))
+    by = ["A.position.x", "A.position.x'", *parameters]
+    options = {
+        "coordinates": ["A.position.x"],
+        "t_eval": times,
+        "method": method,
+        "rtol": 1e-12,
+        "atol": 1e-14,
+    }
+    found = model.sensitivity(["A.position.x", "A.velocity.x"], [*by, by[2]], **options)  # one of them twice
+    given = [x, v, *(VALUES[p][0] for p in parameters)]
+    for k, t in enumerate(times):
+        expected = slopes(lambda *args, t=t: [*motion(*args, mp.mpf(t))], given)
+        assert np.array_equal(found.derivatives[k][:, -1], found.derivatives[k][:, 2])
+        with mp.workdps(30):
+            values = [float(y) for y in motion(*map(mp.mpf, given), mp.mpf(t))]
+        assert found.values[k] == pytest.approx(values, rel=1e-9)
+        assert np.max(np.abs(found.derivatives[k][:, :-1] - expected)) <= 1e-8 * np.max(np.abs(expected))
+        if method == "dop853":  # one output by seven directions: backwards
+            every = [*by[:2], *VALUES]
+            one = model.sensitivity(["A.position.x"], every, **{**options, "t_eval": [t]})
+            exact = dict.fromkeys(every, 0.0) | dict(zip(by, expected[0], strict=True))
+            assert one.derivatives[0, 0] == pytest.approx([*exact.values()], rel=1e-8, abs=1e-9)
