@@ -83,14 +83,14 @@ def _function():
     return sp.lambdify([*STATE, *INPUTS, *PARAMETERS], [mass_matrix(), forces()], "mpmath", cse=True)
 
 
-def _number(value: object) -> mp.mpf:
+def number(value: object) -> mp.mpf:
     return value if isinstance(value, mp.mpf) else mp.mpmathify(sp.sympify(value).evalf(mp.mp.dps + 10))
 
 
 def numbers(at: dict) -> list[mp.matrix]:
     """Return mass matrix and forces at values of all symbols, in the digits of mpmath."""
     symbols = (*STATE, *INPUTS, *PARAMETERS)
-    return list(_function()(*(_number(at[x]) for x in symbols)))
+    return list(_function()(*(number(at[x]) for x in symbols)))
 
 
 def accelerations_by(names: list[sp.Symbol], at: dict) -> np.ndarray:
@@ -103,54 +103,9 @@ def accelerations_by(names: list[sp.Symbol], at: dict) -> np.ndarray:
         return found(i, {name: value})
 
     with mp.workdps(40):
-        here = [_number(at[x]) for x in names]
+        here = [number(at[x]) for x in names]
         rows = [
             [found(i, {}), *(mp.diff(partial(by, i, x), v) for x, v in zip(names, here, strict=True))]
             for i in range(2)
         ]
         return np.array([[float(x) for x in row] for row in rows])
-
-
-def followed(times: list[float], by: list[sp.Symbol], at: dict) -> list[np.ndarray]:
-    """Return angle, place, the slider's place and the angle's acceleration at times of the motion from a state.
-
-    A row each: the value, then its derivatives by some symbols, initial values among them. They are the
-    imaginary parts of runs with complex numbers in long double, by extrapolated midpoint steps.
-    """
-    unit = np.longdouble(1e-30)
-    symbols = (*STATE, *INPUTS, *PARAMETERS)
-    given = {x: np.full(len(by) + 1, float(sp.sympify(at[x])), dtype=np.clongdouble) for x in symbols}
-    for i, x in enumerate(by):
-        given[x][i + 1] += 1j * unit
-    find = sp.lambdify(symbols, [*mass_matrix(), *forces(), slider()], "numpy", cse=True)
-    held = [given[x] for x in (*INPUTS, *PARAMETERS)]
-
-    def rates(y: np.ndarray) -> np.ndarray:
-        a, b, _, d, f, g, _ = find(*y, *held)
-        size = a * d - b * b
-        return np.array([y[2], y[3], (d * f - b * g) / size, (a * g - b * f) / size])
-
-    y, t, found = np.array([given[x] for x in STATE]), np.longdouble(0), []
-    for end in times:
-        steps = int(np.ceil((end - float(t)) / 0.03))
-        for _ in range(steps):
-            y = _extrapolated(rates, y, (np.longdouble(end) - t) / steps)
-        t = np.longdouble(end)
-        rows = np.array([y[0], y[1], find(*y, *held)[-1], rates(y)[2]])
-        found.append(np.hstack([rows[:, :1].real, rows[:, 1:].imag / unit]).astype(float))
-    return found
-
-
-def _extrapolated(rates, y: np.ndarray, length: np.longdouble) -> np.ndarray:
-    """Return the state after a step of Gragg's midpoint rule, extrapolated to twenty orders."""
-    table: list[np.ndarray] = []
-    for k in range(1, 11):
-        h, before, now = length / (2 * k), y, y + length / (2 * k) * rates(y)
-        for _ in range(2 * k - 1):
-            before, now = now, before + 2 * h * rates(now)
-        row = [(before + now + h * rates(now)) / 2]
-        for j, above in enumerate(table, 1):
-            ratio = (np.longdouble(k) / (k - j)) ** 2
-            row.append(row[-1] + (row[-1] - above) / (ratio - 1))
-        table = row
-    return table[-1]

@@ -348,6 +348,14 @@ def _screw_jack_bodies(v):
     }
 
 
+def _planar_4r():
+    return _numbers(unit="0.05", density="1") | {"speed": _rpm(60)}
+
+
+def _planar_4r_lengths(v):
+    return [x * v["unit"] for x in (2, 7, 6, -8)]
+
+
 CASES = {
     "bennett": Case(
         _bennett, _bennett_table, _bennett_bodies, 0.2,
@@ -365,6 +373,14 @@ CASES = {
         _cardan, _cardan_table, _cardan_bodies, 0.013,
         power=lambda v, rates: -v["load"] * rates["theta4"] ** 2,
         units={"J_in": "0.002 kg*m^2", "J_cross": "0.0002 kg*m^2", "J_out": "0.004 kg*m^2"},
+    ),
+    "planar_4r": Case(
+        _planar_4r,
+        lambda v, q: [
+            ("R", q[f"theta{i}"], 0, 0, 0, x) for i, x in enumerate(_planar_4r_lengths(v), 1)
+        ],
+        lambda v: {i: rod(v["density"] * x, x) for i, x in enumerate(_planar_4r_lengths(v)[:3], 1)}, 0.13,
+        gravity=("0", "-9.81", "0"), units={"unit": "5 cm", "density": "1 kg/m"},
     ),
     "rccc": Case(
         _rccc, _rccc_table, _rccc_bodies, 0.13, gravity=("0", "-9.81", "0"),
