@@ -201,11 +201,6 @@ class Description(Described):
         return self.windings + len(self.switches)
 
     @property
-    def of_windings(self) -> slice:
-        """Where the references of angles in loads are among the parameters."""
-        return slice(len(self.tunable), len(self.tunable) + self.windings)
-
-    @property
     def of_held(self) -> slice:
         """Where the references of angles and the branches of switching points are among the parameters."""
         return slice(len(self.tunable), len(self.tunable) + self.held)

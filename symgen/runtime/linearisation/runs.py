@@ -21,7 +21,7 @@ from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.sensitivity import finite, moved_pose
+from symgen.runtime.linearisation.sensitivity import Jump, finite, moved_pose, passing, total_slopes
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import slack
@@ -34,21 +34,6 @@ MOST_STEPS = 1_000_000
 _CHUNK = 4096
 #: Directions at which the transposed steps of one output cost as much as the tangents of all.
 _DIRECTIONS = 6
-
-
-@dataclass(frozen=True, slots=True)
-class Jump:
-    """The change of derivatives where a load takes its other branch: the saltation matrix.
-
-    dy += (f_before - f_after) dt_s: the rates f of the state jump, at a time t_s that changes with state and
-    parameters as g(t_s, y, p) = 0 demands (Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth
-    Mechanical Systems*, section 7.3). ``change`` is the jump; ``by_state`` and ``direct`` give dt_s.
-    """
-
-    step: int
-    change: Array
-    by_state: Array
-    direct: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +214,7 @@ def at_run(
     shown = [x for name in outputs for x in ends[0].slopes.scalars(name)]
     for end in ends:
         check_unique(end, shown)
-    slopes = [_by_state(end, shown, parameters, len(names)) for end in ends]
+    slopes = [total_slopes(end, shown, parameters, len(names)) for end in ends]
     integrands = [b.about for b in kernels.info("integrands").blocks] if kernels.has("integrands") else []
     repeated = next((name for name in integrands if integrands.count(name) > 1), None)
     if repeated:
@@ -299,29 +284,6 @@ def _jumps(
         by_state, direct = passing(before, f"switch.{switch}", moving, parameters, directions)
         found.append(Jump(i, change, by_state, direct))
     return found
-
-
-def passing(
-    at: Tangents, gap: str, moving: Array, parameters: Sequence[str], directions: int
-) -> tuple[Array, Array]:
-    """Return the derivatives of the time [s] at which a gap passes zero, by the state and by directions."""
-    row = at.slopes.outputs[gap]
-    rate = row[: 2 * at.n] @ moving + at.slopes.values[f"{gap}.t"]
-    direct = np.zeros(directions)
-    direct[: len(parameters)] = row[at.columns(parameters)] / -rate
-    return row[: 2 * at.n] / -rate, direct
-
-
-def _by_state(
-    end: Tangents, outputs: Sequence[str], parameters: Sequence[str], directions: int
-) -> tuple[Array, Array]:
-    """Return the slopes of outputs by the state (outputs, 2n), and by the directions at a held state."""
-    rows, residual, by = end.slopes.rows(outputs), end.slopes.residual, end.columns(parameters)
-    states = slice(0, 2 * end.n)
-    held = rows[:, end.by_solution]
-    direct = np.zeros((len(outputs), directions))
-    direct[:, : len(by)] = rows[:, by] + held @ end.solved(residual[:, by])
-    return rows[:, states] + held @ end.solved(residual[:, states]), direct
 
 
 def _places(

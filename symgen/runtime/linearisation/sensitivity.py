@@ -7,7 +7,7 @@ drives and its independent coordinates with their rates; an equilibrium keeps it
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -181,3 +181,41 @@ def _of_outputs(
             t=tangents.state.t,
         )
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """The change of derivatives where a load takes its other branch: the saltation matrix.
+
+    dy += (f_before - f_after) dt_s: the rates f of the state jump, at a time t_s that changes with state and
+    parameters as g(t_s, y, p) = 0 demands (Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth
+    Mechanical Systems*, section 7.3). ``change`` is the jump; ``by_state`` and ``direct`` give dt_s.
+    """
+
+    step: int
+    change: Array
+    by_state: Array
+    direct: Array
+
+
+def passing(
+    at: Tangents, gap: str, moving: Array, parameters: Sequence[str], directions: int
+) -> tuple[Array, Array]:
+    """Return the derivatives of the time [s] at which a gap passes zero, by the state and by directions."""
+    row = at.slopes.outputs[gap]
+    rate = row[: 2 * at.n] @ moving + at.slopes.values[f"{gap}.t"]
+    direct = np.zeros(directions)
+    direct[: len(parameters)] = row[at.columns(parameters)] / -rate
+    return row[: 2 * at.n] / -rate, direct
+
+
+def total_slopes(
+    end: Tangents, outputs: Sequence[str], parameters: Sequence[str], directions: int
+) -> tuple[Array, Array]:
+    """Return the slopes of outputs by the state (outputs, 2n), and by the directions at a held state."""
+    rows, residual, by = end.slopes.rows(outputs), end.slopes.residual, end.columns(parameters)
+    states = slice(0, 2 * end.n)
+    held = rows[:, end.by_solution]
+    direct = np.zeros((len(outputs), directions))
+    direct[:, : len(by)] = rows[:, by] + held @ end.solved(residual[:, by])
+    return rows[:, states] + held @ end.solved(residual[:, states]), direct

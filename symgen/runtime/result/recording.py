@@ -232,7 +232,7 @@ def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, NDAr
     kinds, which = np.unique(references, axis=0, return_inverse=True)
     for kind, reference in enumerate(kinds):
         held = given.copy()
-        held[d.of_windings] = reference
+        held[d.of_held][: d.windings] = reference
         yield held, np.flatnonzero(which.ravel() == kind)
 
 
