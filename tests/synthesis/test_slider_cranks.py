@@ -124,9 +124,11 @@ def test_function_generation():
 
 def test_motion_generation_of_four_poses():
     """Every linkage found keeps its crank's length and its slider on a line in the poses, rigidly moved."""
-    places, angles = zip(*(pose(x) for x in (0.3, 1.0, 1.8, 2.5)), strict=True)
-    designs = found(kind="motion", points=in_metres(places), angles=[*angles], ground_x="0 m")
-    own(designs)
+    tilt, places, angles = 0.4, *map(np.array, zip(*(pose(x) for x in (0.3, 1.0, 1.8, 2.5)), strict=True))
+    places = places @ [[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]]
+    angles = angles + tilt
+    designs = found(kind="motion", points=in_metres(places), angles=angles.tolist(), ground_x="0 m")
+    assert math.cos(own(designs).linkage.guide - tilt) == pytest.approx(1, abs=1e-12)
     for design in designs:
         k = design.linkage
         moved = []
