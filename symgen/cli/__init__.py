@@ -88,25 +88,6 @@ _EXIT_CODES: dict[type[SymgenError], int] = {
     StaleBinaryError: FAULT,
 }
 
-#: Former spellings, as words of the command line, and the commands that replaced them.
-_FORMER = {
-    ("forces",): "inverse-dynamics SCENE",
-    ("run", "periodic"): "periodic SCENE",
-    ("run", "quasi-static"): "quasi-static SCENE",
-    ("run", "exact"): "large-rotation SCENE",
-    ("run", "--study"): "study SCENE FOLDER",
-    ("run", "--through"): "inverse-dynamics SCENE --through",
-    ("--every",): "simulate SCENE --checkpoint-every SECONDS",
-    ("sweep", "--speeds"): "speed-response SCENE --speeds FROM:TO:COUNT",
-    ("sweep", "--output"): "sweep SCENE --of NAME",
-    ("sensitivity", "--output"): "sensitivity SCENE --of NAME",
-    ("linearise", "--output"): "linearise SCENE --of NAME",
-    ("draw", "--path"): "draw SCENE --of NAME",
-    ("export", "--c"): "export SCENE --out FOLDER",
-    ("equilibrium", "--t"): "equilibrium SCENE --at TIME",
-    ("run",): "simulate SCENE",
-}
-
 #: Errors of a full device or an exhausted quota.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
@@ -172,15 +153,12 @@ def _failed(message: str, code: int) -> int:
 
 
 def _usage(error: Any) -> str:
-    """Return the message of a usage error, with the command that replaced a former spelling."""
+    """Return the message of a usage error, with the command that has options that ``run`` lacks."""
     message = _of_value(error) or error.format_message()
-    words = [word for argument in sys.argv[1:] for word in argument.split("=", 1)]
-    now = next((new for old, new in _FORMER.items() if {*old} <= {*words}), "")
-    if now and message.startswith("No such"):
-        return f"{error.message}\n  Use 'symgen {now}'."
-    return (
-        f"{message}\n  See '{error.ctx.command_path if error.ctx else 'symgen'} --help'." if message else ""
-    )
+    command = error.ctx.command_path if error.ctx else "symgen"
+    if command == "symgen run" and message.startswith("No such"):
+        return f"{error.message}\n  Analyses have commands of their own: 'symgen simulate SCENE'."
+    return f"{message}\n  See '{command} --help'." if message else ""
 
 
 #: Expected values by the beginning of the name that Pydantic gives an error.

@@ -352,14 +352,11 @@ def test_options_are_shown_in_groups():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["run", "peaucellier", "--rtol", "1e-9"], "Use 'symgen simulate SCENE'"),
+        (["run", "peaucellier", "--rtol", "1e-9"], "of their own: 'symgen simulate SCENE'"),
         (["run", "four_bar", "--samples", "1.5"], "expected a whole number after --samples, got '1.5'"),
         (["linearise", "crank_rocker", "--coordinate", "X"], "crank, coupler, rocker"),
         (["linearise", "crank_rocker", "--coordinate", "crank.angle"], "no degree of freedom"),
-        (["run", "thesis_four_bar", "--method", "periodic"], "Use 'symgen periodic SCENE'"),
-        (["run", "thesis_four_bar", "--method=exact"], "Use 'symgen large-rotation SCENE'"),
-        (["run", "slider_crank", "--study", "x"], "Use 'symgen study SCENE FOLDER'"),
-        (["forces", "crank_rocker"], "Use 'symgen inverse-dynamics SCENE'"),
+        (["forces", "crank_rocker"], "See 'symgen --help'"),
         (["simulate", "thesis_four_bar", "--method", "quasi-static"], "'symgen quasi-static thesis_four_bar'"),
         (["run", "four_bar", "--at", "30"], "--at does not apply to simulate of four_bar"),
         (["modes", "four_bar", "--at", "30"], "--at does not apply to modes of four_bar"),
