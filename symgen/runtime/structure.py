@@ -28,24 +28,23 @@ class UnstableError(ModelError):
     """The structure is unstable at rest: it has no lowest frequency, and no modes to damp."""
 
 
-def stiffness_sizes(equations: _beams.BeamEquations, basis: Array | None) -> Array:
+def stiffness_sizes(equations: _beams.BeamEquations, stiffness: Array, basis: Array | None) -> Array:
     """Return the roots of the sums of sizes of the terms of the diagonal of B^T K B, (columns of B,).
 
-    Large terms may cancel where a constraint forbids a link to stretch. Without B those of K itself.
+    Large terms may cancel where a constraint forbids a link to stretch. Without B those of K, ``stiffness``.
     """
-    rows, columns, entries = equations.full_stiffness()
     if basis is None:
-        own = rows == columns
-        sums = np.bincount(rows[own], np.abs(entries[own]), minlength=equations.whole)
+        found = np.sqrt(np.abs(stiffness.diagonal()))
     else:
         from scipy.sparse import csr_array
 
+        rows, columns, entries = equations.full_stiffness()
         # Entries are by rising row: CSR as it stands, without the sorting of coordinates.
         starts = np.searchsorted(rows, np.arange(len(basis) + 1))
         terms = csr_array((np.abs(entries), columns, starts), shape=(len(basis), len(basis)))
-        sums = np.sum(np.abs(basis) * (terms @ np.abs(basis)), axis=0)
-    found = np.sqrt(sums)
-    return np.where(found > 0.0, found, 1.0)
+        found = np.sqrt(np.sum(np.abs(basis) * (terms @ np.abs(basis)), axis=0))
+    found[~(found > 0.0)] = 1.0
+    return found
 
 
 def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tuple[Array, Array, int]:
@@ -139,7 +138,7 @@ def forces_of_modes(
 
     _, mass, _, stiffness, _, basis = equations.matrices(0.0, _beams.AT_REST)
     shown = np.eye(len(mass)) if basis is None else basis[0]
-    speeds, shapes, rigid = modes_at_rest(name, mass, stiffness, stiffness_sizes(equations, shown))
+    speeds, shapes, rigid = modes_at_rest(name, mass, stiffness, stiffness_sizes(equations, stiffness, shown))
     count = len(speeds) - rigid
     ratios = np.repeat(ratios, count) if every else ratios
     if len(ratios) > count:

@@ -19,6 +19,7 @@ from symgen.runtime.beams.elements import SHAPES, at, gauss, integral, kernels
 from symgen.runtime.beams.forces import Motion, States, of_coordinates, own_motion
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.kernels.evaluate import at_rows
 
 Array = NDArray[np.float64]
 
@@ -113,8 +114,8 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
         if beam.info.geometric_stiffness:
             rigid = axial_force(motion, k, kept, places)
         state = np.stack(np.broadcast_arrays(stiffness, strain, slope, rigid), axis=-1).reshape(-1, 4)
-        omits = kernels("elastic_place").second_order
-        forces = np.array([omits(u=row) for row in state]).reshape(*slope.shape, len(SHAPES))
+        omits = kernels("elastic_place").ADDRESSES["second_order"]
+        forces = at_rows(omits, state, 0, np.zeros(1), len(SHAPES)).reshape(*slope.shape, len(SHAPES))
         by = np.outer(np.diff(nodes), weights).ravel() * length / 2
         load = np.tensordot(forces * by[:, None], np.stack([table[name] for name in SHAPES], axis=1), axes=2)
         axes = kept.axes(k)
@@ -144,11 +145,16 @@ def _carried(
             second = np.where(of_welds, 0.0, violated[i] - rows @ s)
             forced[i] = np.linalg.lstsq(rows, -second, rcond=None)[0]
             load = load + equations.residual(t, forced[i], still, still, _beams.QUASI_STATIC)[1] - empty
-        own.append(np.eye(len(still)) if basis is None else basis[0])
-        sides.append(np.column_stack([-own[-1].T @ load, rigid]))
-        stiff.append((stiffness + stiffness.T) / 2)
+            own.append(basis[0])
+            load = basis[0].T @ load
+        sides.append((-load, rigid))
+        stiff.append(stiffness)
+    stack = np.array(stiff)
     # Least squares: nothing may hold the crank, and an axial force near the buckling load none of a link.
-    found = np.stack(own) @ np.linalg.pinv(np.stack(stiff), _SINGULAR, hermitian=True) @ np.stack(sides)
+    inverse = np.linalg.pinv((stack + np.swapaxes(stack, 1, 2)) / 2, _SINGULAR, hermitian=True)
+    found = inverse @ np.swapaxes(sides, 1, 2)
+    if own:
+        found = np.array(own) @ found
     second, static = np.zeros((2, *forced.shape))
     second[order], static[order] = np.moveaxis(found, 2, 0)
     return forced + second, static

@@ -64,7 +64,7 @@ def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: flo
     """
     status, mass, damping, stiffness, _, basis = equations.matrices(t, _beams.AT_REST)
     motion.check(equations, status, t)
-    sizes = stiffness_sizes(equations, None if basis is None else basis[0])
+    sizes = stiffness_sizes(equations, stiffness, None if basis is None else basis[0])
     speeds, shapes, rigid = modes_at_rest(motion.rigid.name, mass, stiffness, sizes)
     return ElasticModes(
         motion.rigid.name,
@@ -141,7 +141,7 @@ def moving_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: floa
         motion.rigid.name,
         turned.T @ mass @ turned,
         turned.T @ resting @ turned,
-        stiffness_sizes(equations, turned if basis is None else basis[0] @ turned),
+        stiffness_sizes(equations, resting, turned if basis is None else basis[0] @ turned),
     )
     added = turned.T @ ((stiffness - resting) @ turned + damping @ rate + mass @ second)
     damping = modes.T @ (turned.T @ (damping @ turned + 2 * mass @ rate)) @ modes

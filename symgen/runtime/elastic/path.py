@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,8 +232,9 @@ class Machine:
             span *= 2
         raise self._stalled()
 
+    @cached_property
     def steady(self) -> Path:
-        """Return one revolution of the crank at the end of which its speed is that at the begin.
+        """One revolution of the crank at the end of which its speed is that at the begin.
 
         Raises
         ------

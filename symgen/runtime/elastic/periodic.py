@@ -25,7 +25,7 @@ from symgen.runtime.elastic.steps import (
     step_counts,
     stepped,
 )
-from symgen.runtime.integrate.pace import OutOfTime, Pace, is_spent
+from symgen.runtime.integrate.pace import OutOfTime, Pace, is_spent, wall_left
 from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond_linear_theory
 from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.speed_response import SpeedResponse
@@ -35,6 +35,8 @@ Progress = Callable[[float], None]
 
 #: Steps per revolution that shooting begins with, and the most that it is doubled to.
 _FIRST, _MOST = 64, 1 << 16
+#: The least number of recorded times that runs are compared at, if there are as many.
+_COMPARED = 60
 #: Poses of a revolution that are compared with those of the next, the part of its largest value by which a
 #: number may differ, and the part of the largest number that is none.
 _LOOKS, _PERIODIC, _NOTHING = 7, 1e-6, 1e-12
@@ -81,31 +83,36 @@ def periodic(
     if not motion.has_motor:
         _check_repeats(motion, equations)
     free = motion.layout.unknowns - motion.layout.constraints
-    errors = Errors(motion, equations, times, GAUSS.order)
     per_turn = first_steps(motion, task, _FIRST)
     worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
+    # The second run is the first of the next comparison, as a rule: few steps seldom suffice.
+    ratio = FINER if task.steps else 2.0
     more, before, closed = 1.0, 0.0, False
 
-    def shoot(per_turn: int) -> _Shot:
-        counts, turns = (step_counts(motion, ends, per_turn) for ends in (times, _ends(motion)))
-        return _shot(motion, equations, turns, counts, pace)
-
-    coarse, known = shoot(per_turn), list[Found]()
-    while True:
+    def followed(at: Array, *shots: _Shot) -> list[Found]:
         # Recorded times may end shorter steps than these, as many in both runs: their error is far smaller.
-        fine = shoot(math.ceil(FINER * per_turn))
-        followed = _followed(motion, equations, times, [fine] if known else [coarse, fine], pace)
-        passes += followed
-        found, compared = known + followed
+        per_turn = [shot.per_turn if at is times else shots[0].per_turn for shot in shots]
+        return _followed(motion, equations, at, shots, [step_counts(motion, at, n) for n in per_turn], pace)
+
+    shot = _shot(motion, equations, per_turn, pace)
+    while True:
+        other = _shot(motion, equations, math.ceil(ratio * per_turn), pace)
+        if wall_left() is not None:
+            passes += followed(times, shot)
+        every = 1 if len(motion.jumps) else len(times) // max(per_turn, _COMPARED)
+        at = times[::every] if every > 1 else times
+        found, compared = followed(at, shot, other)
+        errors = Errors(motion, equations, at, GAUSS.order)
         error = float(np.max(errors.of(found.displacements, compared.displacements)))
-        largest = abs(coarse.multipliers[0])
+        largest = abs(shot.multipliers[0])
         # Steps longer than half a vibration turn all multipliers to one, and agree on it.
-        shift = SAFETY * abs(abs(fine.multipliers[0]) - largest) if per_turn >= slowest else None
+        shift = SAFETY * abs(abs(other.multipliers[0]) - largest) if per_turn >= slowest else None
         apart = math.inf if shift is None else shift / largest
         sure = apart <= FLOQUET_SETTLED
         settled = apart <= _CLOSE or (sure and closed) or max(2 * per_turn, slowest) > worth
         if task.steps is not None or (error <= task.rtol and settled):
-            return replace(found, error=error, floquet_error=shift)
+            passes[:] = [found] if at is times else followed(times, shot)
+            return replace(passes[0], error=error, floquet_error=shift)
         if per_turn >= _MOST:
             problem = f"shooting does not come within {task.rtol:g} of the peak stress"
             raise SimulationError(f"{motion.rigid.name}: {problem}")
@@ -113,8 +120,12 @@ def periodic(
         more = next_factor(error, task.rtol, GAUSS.order, falls)
         if closed := error <= task.rtol and sure:
             more = next_factor(apart, _CLOSE, GAUSS.order, True)
-        per_turn, before = math.ceil(max(more, FINER) * per_turn), error
-        coarse, known = (fine, [compared]) if more <= FINER else (shoot(per_turn), [])
+        before = error
+        if more <= ratio:
+            shot, more = other, ratio
+        else:
+            shot = _shot(motion, equations, math.ceil(more * per_turn), pace)
+        per_turn, ratio = shot.per_turn, FINER
 
 
 def _check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:
@@ -149,8 +160,8 @@ def again(
     Raises ModelError when there are more unknowns than are stepped together.
     """
     _check_size(motion)
-    shot = _shot(motion, equations, step_counts(motion, _ends(motion), per_turn), counts, pace)
-    return _followed(motion, equations, times, [shot], pace)[0].displacements
+    shot = _shot(motion, equations, per_turn, pace)
+    return _followed(motion, equations, times, [shot], [counts], pace)[0].displacements
 
 
 def _check_size(motion: ElasticMotion) -> None:
@@ -167,7 +178,6 @@ def _check_size(motion: ElasticMotion) -> None:
 class _Shot:
     """The periodic state (S, S') at time zero, the Floquet multipliers, and the number of steps.
 
-    ``counts`` are the steps in which it is followed to each recorded time, see :func:`step_counts`.
     ``phase`` is absent where the rotation of the shaft is prescribed. A motor leaves the phase of the crank
     open: of the displacements along that, ``phase`` (S, S') at time zero with the multiplier ``unit``, near
     one, the loads add ``lag`` times in a revolution, which is a small change of the period.
@@ -175,41 +185,49 @@ class _Shot:
 
     start: tuple[Array, Array]
     multipliers: tuple[complex, ...]
+    per_turn: int
     steps: int
-    counts: Counts
     phase: tuple[Array, Array] | None = None
     unit: float = 1.0
     lag: float = 0.0
 
 
 def _followed(
-    motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, shots: Sequence[_Shot], pace: Pace
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    times: Array,
+    shots: Sequence[_Shot],
+    counts: Sequence[Counts],
+    pace: Pace,
 ) -> list[Found]:
-    """Return the steady states of shots at the recorded times, without the lag of a crank with a motor.
+    """Return the steady states of shots at times, without the lag of a crank with a motor.
 
-    Those with the same steps are stepped together: most of a step is the assembly of its matrices. The loads
-    act on the first column only; the others are what other starts, and the phase, add to it.
+    Those with the same steps to each time, see :func:`step_counts`, are stepped together: most of a step is
+    the assembly of its matrices. The loads act on the first column only; the others are what other starts,
+    and the phase, add to it.
     """
-    if any(not np.array_equal(shot.counts, shots[0].counts) for shot in shots):
-        return [found for shot in shots for found in _followed(motion, equations, times, [shot], pace)]
+    if any(not np.array_equal(own, counts[0]) for own in counts):
+        return [
+            found
+            for shot, own in zip(shots, counts, strict=True)
+            for found in _followed(motion, equations, times, [shot], [own], pace)
+        ]
     first, part = shots[0], times / motion.period
     columns = [first.start, *((s - first.start[0], v - first.start[1]) for s, v in (x.start for x in shots))]
     columns += [shot.phase for shot in shots if shot.phase is not None]
     starts = np.hstack([s for s, _ in columns]), np.hstack([v for _, v in columns])
-    both = stepped(motion, equations, GAUSS, times, first.counts, starts, pace=pace)
+    both = stepped(motion, equations, GAUSS, times, counts[0], starts, pace=pace)
     made = []
     for k, shot in enumerate(shots):
-        steps, lag = shot.steps + int(np.sum(shot.counts)), shot.lag * part * shot.unit**-part
+        steps, lag = shot.steps + int(np.sum(counts[0])), shot.lag * part * shot.unit**-part
         own = [x[:, :, 0] + x[:, :, 1 + k] for x in both]
         if shot.phase is not None:
             own = [y - lag[:, None] * x[:, :, 1 + len(shots) + k] for x, y in zip(both, own, strict=True)]
-        made.append(Found(own[0], own[1], steps, floquet=shot.multipliers, counts=shot.counts))
+        made.append(Found(own[0], own[1], steps, floquet=shot.multipliers, counts=counts[0]))
     return made
 
 
-def _shot(
-    motion: ElasticMotion, equations: _beams.BeamEquations, turns: Counts, counts: Counts, pace: Pace
-) -> _Shot:
+def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int, pace: Pace) -> _Shot:
     """Step all states over one revolution, and solve for the one that repeats."""
     status, *_, basis = equations.matrices(0.0)
     motion.check(equations, status, 0.0)
@@ -220,7 +238,7 @@ def _shot(
     v = np.hstack([np.zeros((n, 1)), own[1], own[0]])
     steps = _beams.BeamSteps(equations, GAUSS, 2 * free + 1)
     motion.check(equations, steps.start(0.0, s, v), 0.0)
-    _turn(motion, equations, steps, turns, pace)
+    _turn(motion, equations, steps, step_counts(motion, _ends(motion), per_turn), pace)
     ends_s, ends_v = steps.displacements, steps.rates
     # The free unknowns are those that R copies: one row of R is a unit row for each.
     rows = [int(np.flatnonzero(np.all(own[0] == np.eye(free)[k], axis=1))[0]) for k in range(free)]
@@ -253,8 +271,8 @@ def _shot(
     y = np.asarray(np.linalg.solve(np.eye(2 * free) - transition, forced), dtype=float)
     found = tuple(complex(z) for z in multipliers)
     if open_phase is None:
-        return _Shot(state(y), found, steps.steps, counts)
-    return _Shot(state(y), found, steps.steps, counts, state(right), unit, lag)
+        return _Shot(state(y), found, per_turn, steps.steps)
+    return _Shot(state(y), found, per_turn, steps.steps, state(right), unit, lag)
 
 
 def _open_phase(transition: Array) -> tuple[float, Array, Array] | None:

@@ -208,7 +208,7 @@ def _out_of_time(
 def _with_motor(motion: ElasticMotion, task: Task) -> ElasticMotion:
     """Return the motion about that of the rigid linkage with its motor: steady, or from the start."""
     if task.method == "periodic":
-        return motion.about(motion.machine.steady())
+        return motion.about(motion.machine.steady)
     if task.at is not None:
         return motion.about(motion.machine.revolutions(math.ceil(task.revolutions)))
     return motion.about(motion.machine.path(motion.period * task.revolutions))

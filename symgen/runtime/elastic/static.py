@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
+from symgen.precision import FLOAT64
 from symgen.runtime import _beams
-from symgen.runtime.elastic.modes import elastic_modes, stiffness_sizes
+from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.steps import Found, Start, Task, turn
 from symgen.runtime.integrate.pace import OutOfTime, Pace
+from symgen.runtime.structure import stiffness_sizes
 
 Array = NDArray[np.float64]
 
@@ -21,6 +23,8 @@ Array = NDArray[np.float64]
 _PLACES = 65
 #: Poses of a quasi-static motion between two looks at the clock.
 _HELD = 32
+#: Unknowns up to which no band of the stiffness is looked for.
+_DENSE = 40
 #: Corrections of a shape by the forces that it leaves unbalanced, summed link by link.
 REFINED = 2
 #: Difference between a scaled stiffness and its transpose above which it is no round-off; imaginary part of
@@ -55,17 +59,19 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
         t = float(times[k])
         status, _, _, stiffness, load, basis = equations.matrices(t, _beams.QUASI_STATIC)
         motion.check(equations, status, t)
-        sizes = stiffness_sizes(equations, None if basis is None else basis[0])
-        solve = _factorised(stiffness, sizes)
+        whole = None if basis is None else basis[0]
+        sizes = stiffness_sizes(equations, stiffness, whole)
         scaled = stiffness / (sizes[:, None] * sizes)
-        if np.max(np.abs(scaled - scaled.T), initial=0.0) > _UNSYMMETRIC:
+        solve = _factorised(scaled, sizes)
+        if np.abs(scaled - scaled.T).max(initial=0.0) > _UNSYMMETRIC:
             solve = _unsymmetric(motion, equations, t, stiffness, sizes, solve is not None)
         if solve is None:
             raise _no_shape(motion, equations, t, stiffness, sizes)
-        whole = np.eye(len(load)) if basis is None else basis[0]
-        found[k] = whole @ solve(load)
+        shape = solve(load)
+        found[k] = shape if whole is None else whole @ shape
         for _ in range(REFINED):
-            found[k] -= whole @ solve(equations.unbalanced(found[k]) @ whole)
+            rest = equations.unbalanced(found[k])
+            found[k] -= solve(rest) if whole is None else whole @ solve(rest @ whole)
     return found
 
 
@@ -156,19 +162,25 @@ def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) 
     )
 
 
-def _factorised(stiffness: Array, sizes: Array) -> Callable[[Array], Array] | None:
-    """Return the function load -> K^-1 load; None where K is not positive definite.
+def _factorised(scaled: Array, sizes: Array) -> Callable[[Array], Array] | None:
+    """Return the function load -> K^-1 load of K = ``scaled`` times the sizes of row and column.
 
-    Pivots are compared with the round-off of their own unknown: see :func:`stiffness_sizes`.
+    None where K is not positive definite. Pivots are compared with the round-off of their own unknown: see
+    :func:`stiffness_sizes`.
     """
-    from scipy.linalg.lapack import dpbtrf, dpbtrs  # for small matrices the checks of scipy.linalg cost more
+    # For small matrices the checks of scipy.linalg cost more than the solution, and so does a band.
+    from scipy.linalg.lapack import dpbtrf, dpbtrs, dpotrf, dpotrs
 
-    factor, failed = dpbtrf(
-        _banded((stiffness + stiffness.T) / (2 * (sizes[:, None] * sizes))), lower=True, overwrite_ab=True
-    )
-    if failed or not np.min(factor[0]) ** 2 > len(sizes) * np.finfo(float).eps:
+    symmetric = (scaled + scaled.T) / 2
+    if dense := len(sizes) <= _DENSE:
+        factor, failed = dpotrf(symmetric, lower=True, overwrite_a=True)
+    else:
+        factor, failed = dpbtrf(_banded(symmetric), lower=True, overwrite_ab=True)
+    pivots = factor.diagonal() if dense else factor[0]
+    if failed or not pivots.min() ** 2 > len(sizes) * FLOAT64.epsilon:
         return None  # where numbers are not finite, too
-    return lambda load: np.asarray(dpbtrs(factor, load / sizes, lower=True)[0] / sizes, dtype=float)
+    by = dpotrs if dense else dpbtrs
+    return lambda load: by(factor, load / sizes, lower=True)[0] / sizes
 
 
 def _unsymmetric(
@@ -189,7 +201,7 @@ def _unsymmetric(
     if not positive:
         status, _, _, resting, _, _ = equations.matrices(t, _beams.AT_REST)
         motion.check(equations, status, t)
-        if not np.all(np.isfinite(stiffness)) or _factorised(resting, sizes) is None:
+        if not np.all(np.isfinite(stiffness)) or _factorised(resting / np.outer(sizes, sizes), sizes) is None:
             return None
         if _used(resting, stiffness) >= 1.0:
             return None
@@ -211,7 +223,7 @@ def _no_shape(
     """Return the error of a structure whose stiffness under axial forces is not positive definite."""
     status, _, _, stiffness, _, _ = equations.matrices(t, _beams.AT_REST)
     motion.check(equations, status, t)
-    if _factorised(stiffness, sizes) is None:
+    if _factorised(stiffness / np.outer(sizes, sizes), sizes) is None:
         return ModelError(
             f"{motion.rigid.name}: the structure can move without being strained, so that loads alone do "
             'not determine its shape\n  Hold the crank: mode = "held" under [crank].'

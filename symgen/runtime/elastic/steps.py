@@ -30,11 +30,14 @@ Start = tuple[Array, Array] | None
 
 #: Steps per revolution that a run begins with, and the most that it is doubled to.
 _FIRST, _MOST = 256, 1 << 18
+#: The least number of times that runs with fewer and with more steps are compared at, if not at all.
+_SHARED = 60
 #: The most steps per revolution that may be requested.
 _MOST_A_TURN = 10_000_000
 #: An error of which so much is left in the last of so many parts of a run is reduced on the first, if so many
-#: times are recorded; and the least part of the steps found there that the whole run takes.
-_LASTING, _PART, _FEW, _LEAST = 0.4, 8, 64, 0.6
+#: times are recorded; the least part of the steps found there that the whole run takes; and by how much its
+#: error may grow faster than in proportion: steps that do not suffice cost another run.
+_LASTING, _PART, _FEW, _LEAST, _GROWN = 0.4, 8, 64, 0.6, 2.0
 #: Runs in a row after which errors that grow are round-off, in types coarser than doubles.
 _ROUNDED = 2
 
@@ -163,12 +166,24 @@ def finer_counts(counts: Counts) -> Counts:
     return np.ceil(FINER * counts - 1e-9).astype(np.intp)
 
 
-def coarser_counts(counts: Counts, order: int) -> Counts | None:
-    """Return fewer steps to each time whose error tells that of a run; None where no whole numbers do."""
+def compared_run(times: Array, counts: Counts, order: int) -> tuple[NDArray[np.intp], Counts, bool]:
+    """Return the times of a run that tells the error of a run, its steps to each, and whether they are fewer.
+
+    The times are places of ``times`` in rising order: all, or every so many of equally spaced ones, back from
+    the last. The steps are more where no whole numbers of fewer steps do.
+    """
     least, most = FEWER
-    fewer = np.ceil(counts / most ** (1 / order) - 1e-9)
-    growth = (counts / np.maximum(fewer, 1.0))[counts > 0] ** order
-    return fewer.astype(np.intp) if np.all(growth >= least) else None
+    places = np.argsort(times, kind="stable")
+    gaps = np.diff(times[places])
+    even = len(gaps) and np.min(gaps) > (1 - 1e-9) * np.max(gaps)
+    for every in range(1, max(1, len(times) // _SHARED if even else 1) + 1):
+        shared = np.arange(len(times) - 1, -1, -every)[::-1]
+        taken = np.diff(np.cumsum(counts)[shared], prepend=0)
+        fewer = np.ceil(taken / most ** (1 / order) - 1e-9)
+        growth = (taken / np.maximum(fewer, 1.0))[taken > 0] ** order
+        if np.all(growth[int(every > 1) :] >= least):
+            return places[shared], fewer.astype(np.intp), True
+    return places, finer_counts(counts), False
 
 
 def next_factor(error: float, rtol: float, order: int, falls: bool) -> float:
@@ -309,9 +324,10 @@ def adapted(
 
     if task.steps is not None:
         found = run(counts, progress)
-        other = coarser_counts(counts, method.order)
-        compared = run(finer_counts(counts) if other is None else other)
-        error = float(np.max(errors.of(found[0], compared[0], coarser=other is not None)))
+        places, others, fewer = compared_run(times, counts, method.order)
+        other = stepped(motion, equations, method, times[places], others, start, None, stages, pace)[0]
+        parts = errors.of(found[0][places], other, places, fewer)
+        error = float(np.max(parts))
         return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
     order = np.argsort(times, kind="stable")
     found = run(counts, progress)
@@ -366,7 +382,7 @@ def _counts_by_part(
         )
         error = float(np.max(errors.of(found, compared, part)))
         if error <= task.rtol:
-            needed = (_PART * error / task.rtol) ** (1 / method.order)
+            needed = (_GROWN * _PART * error / task.rtol) ** (1 / method.order)
             return np.ceil(min(max(needed, _LEAST), 1.0) * counts - 1e-9).astype(np.intp)
         _check_round_off(motion, task, errors)
         counts = 2 * counts

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -127,7 +127,7 @@ class Pace:
         """Begin another run over the same range, whose wall time counts towards the same limit."""
         self._marked, self._at, self._looked = time.perf_counter(), at, math.nan
 
-    def spent(self, t: float, why: str = "") -> bool:
+    def spent(self, t: float, why: str | Callable[[], str] = "") -> bool:
         """Return True if the wall time is spent at the time ``t`` of the motion; warn of a long run.
 
         ``why`` is appended to the warning: the cause, if known.
@@ -140,7 +140,7 @@ class Pace:
             remaining = left * span / made if made > 0.0 else math.inf
             if remaining >= _AGAIN * self._announced:
                 self._announced = remaining
-                self._warn(t, wall, remaining, why)
+                self._warn(t, wall, remaining, why() if callable(why) else why)
         return is_spent()
 
     def _warn(self, t: float, wall: float, remaining: float, why: str) -> None:

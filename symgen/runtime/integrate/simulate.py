@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -154,7 +154,7 @@ def drive(
                 break
             judged = stepper.steps, stepper.t
         status = stepper.advance(min(pace.chunk(), chosen.max_steps - stepper.steps))
-        over = pace.spent(stepper.t, _short(stepper)) and status == _core.MORE
+        over = pace.spent(stepper.t, partial(_short, stepper)) and status == _core.MORE
         if checkpoints and status == _core.MORE:
             checkpoints.look(stepper, pace.wall, last=over)
         if progress:

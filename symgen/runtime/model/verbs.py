@@ -60,14 +60,16 @@ def _carry_out(
     name, defaults = declared.__name__, _defaults(declared)
     given = {n: v for n, v in zip(defaults, values, strict=False) if v is not defaults[n]}
     given |= {n: v for n, v in named.items() if v is not defaults[n]}
-    known = accepted(model, name)
-    refused = [n for n in given if n not in known]
-    if refused:
-        raise ModelError(
-            f"{name} of {model.name} does not accept {', '.join(refused)}\n"
-            f"  It accepts {', '.join(sorted(known)) or 'no arguments'}."
-        )
-    carried_out: Callable[..., Any] = getattr(model._carrier(name), f"_{name}")
+    carrier = model._carrier(name)
+    if given:
+        known = accepted(model, name)
+        refused = [n for n in given if n not in known]
+        if refused:
+            raise ModelError(
+                f"{name} of {model.name} does not accept {', '.join(refused)}\n"
+                f"  It accepts {', '.join(sorted(known)) or 'no arguments'}."
+            )
+    carried_out: Callable[..., Any] = getattr(carrier, f"_{name}")
     made = _call(carried_out, given)
     if name in _MOVING:
         # The caller may change arrays and states.
