@@ -12,7 +12,6 @@ from symgen.errors import ModelError
 from symgen.methods import method_of
 from symgen.report.page.drawing import Drawing, Sketch
 from symgen.report.page.page import Fact, TableView
-from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText, check_scene
@@ -210,7 +209,7 @@ _STOPS = " The drive cannot pass a dead centre: the motion up to it is shown the
 
 def stops(result: Result) -> bool:
     """Return whether a motion ends before its range does, at a dead centre."""
-    return isinstance(result, Motion) and bool(result.unassemblable or result.out_of_reach)
+    return any(result.statistics.get(ranges) for ranges in ("unassemblable", "out_of_reach"))
 
 
 def bare(d: Any, along: Coordinate, variables: Sequence[Variable], hertz: float = 0.0) -> Result:
