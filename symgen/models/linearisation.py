@@ -62,7 +62,8 @@ def linearisation_system(linkage: Linkage) -> System:
 def sensitivity_system(linkage: Linkage) -> System:
     """Return the System of :func:`linearisation_system` with all tunable parameters in place of inputs.
 
-    Its kernel ``slopes`` also has the matrix ``constraints``, of Phi.
+    Its kernel ``slopes`` also has the matrix ``constraints``, of Phi, and slopes by the time; its outputs are
+    followed by what passes zero at switching points of loads and at events that end a run.
     """
     return _system(linkage, "sensitivity", _tunable(linkage))
 
@@ -146,20 +147,11 @@ def _outputs(model: RodsModel) -> list[Entry]:
 
 
 def _gaps(model: RodsModel) -> list[Entry]:
-    """Return what passes zero at each switching point of a load and at each event that ends a run.
-
-    Each is followed by its partial derivative by the time, ``.t``.
-    """
-    linkage, t = model.linkage, TIME.symbol
+    """Return what passes zero at each switching point of a load and at each event that ends a run."""
+    linkage = model.linkage
     gaps = {f"switch.{k}": s.gap for k, s in enumerate(linkage.switches)}
     gaps |= {f"event.{k}": e.gap for k, e in enumerate(linkage.events) if e.ends_run}
-    known = [gap.xreplace(model.held) for gap in model.loads.with_state([*gaps.values()])]
-    by_time = slopes_by(model, [t], definitions(model))
-    return [
-        entry
-        for name, gap in zip(gaps, known, strict=True)
-        for entry in ((name, gap, "1"), (f"{name}.t", by_time(gap).get(t, sp.Integer(0)), "1"))
-    ]
+    return [(name, e, "1") for name, e in zip(gaps, model.loads.with_state([*gaps.values()]), strict=True)]
 
 
 def _equations(model: RodsModel) -> tuple[list[Rows], list[sp.Symbol]]:
@@ -199,7 +191,10 @@ def _system(linkage: Linkage, kind: str, parameters: Sequence[Quantity]) -> Syst
     rows = [*equations[: 3 if kind == "sensitivity" else 2], _of_outputs(entries)]
     rates = [x for p in model.free for x in model.u[p]]
     arguments = [x.symbol for x in (*model.coordinates, *rates)]
-    matrices = [*_slopes(model, rows, [*arguments, *work, *(p.symbol for p in parameters)])]
+    by = [*arguments, *work, *(p.symbol for p in parameters)]
+    if kind == "sensitivity":
+        by.append(TIME.symbol)
+    matrices = [*_slopes(model, rows, by)]
     exports = [Export("slopes", "slopes of equations and outputs", tuple(m.name for m in matrices))]
     values = _values(model, entries)
     if values:

@@ -19,4 +19,6 @@ def test_derivatives_of_shipped_scenes_are_exact(scene):
 
 
 def test_every_shipped_scene_is_compared():
-    assert {path.stem for path in SHIPPED.glob("*.toml")} - {*SCENES} == {"length_ratios"}
+    """Elastic links in space have no derivatives; test_sensitivity_scenes has length_ratios at its start."""
+    without = {"length_ratios", "spatial_four_bar", "spatial_slider_crank"}
+    assert {path.stem for path in SHIPPED.glob("*.toml")} - {*SCENES} == without

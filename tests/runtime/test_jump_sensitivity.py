@@ -1,4 +1,4 @@
-"""Derivatives along runs through jumps of loads, against closed forms differentiated in 40 digits."""
+"""Derivatives of runs through jumps of loads and to events, against closed forms differentiated in 40 digits."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from shared.slopes import slopes
 
 import symgen
+from symgen.errors import ModelError
 from symgen.scene.loading import read_scene
 
 CASE = Path(__file__).parents[1] / "cases" / "sliding_mass.toml"
@@ -56,18 +57,23 @@ CASES = {
 }  # fmt: skip
 
 
+def built(force, x, v, **more):
+    """The mass under a force along x, from a place and velocity."""
+    data = {**read_scene(CASE).data, **more}
+    data["parameters"] = {k: {"value": f"{q} {u}", "tunable": True} for k, (q, u) in VALUES.items()}
+    data["forces"][0]["force"][0] = force
+    data["points"]["A"]["at"][0] = f"{x} m"
+    data["start"]["velocities"]["A"][0] = f"{v} m/s"
+    return symgen.build(symgen.Scene(**data))
+
+
 @pytest.mark.parametrize("method", ["dop853", "radau5"])
 @pytest.mark.parametrize("name", CASES)
 def test_derivatives_pass_jumps_of_loads(name, method):
     force, motion, parameters, (x, v), times = CASES[name]
     if name == "a bumper":
         x, v = 0.1, 0.9
-    data = read_scene(CASE).data
-    data["parameters"] = {k: {"value": f"{q} {u}", "tunable": True} for k, (q, u) in VALUES.items()}
-    data["forces"][0]["force"][0] = force
-    data["points"]["A"]["at"][0] = f"{x} m"
-    data["start"]["velocities"]["A"][0] = f"{v} m/s"
-    model = symgen.build(symgen.Scene(**data))
+    model = built(force, x, v)
     by = ["A.position.x", "A.position.x'", *parameters]
     options = {
         "coordinates": ["A.position.x"],
@@ -90,3 +96,39 @@ def test_derivatives_pass_jumps_of_loads(name, method):
             one = model.sensitivity(["A.position.x"], every, **{**options, "t_eval": [t]})
             exact = dict.fromkeys(every, 0.0) | dict(zip(by, expected[0], strict=True))
             assert one.derivatives[0, 0] == pytest.approx([*exact.values()], rel=1e-8, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau5"])
+def test_an_event_that_ends_the_run_moves_with_the_parameters(method):
+    """A force that grows with the time on a spring; the run ends at the place a."""
+
+    def motion(x, v, force, k, b, t):
+        steady = force / (k * b)
+        y, u = swing(x, v - steady, k, t)
+        return [y + steady * t, u + steady]
+
+    def outputs(x, v, force, k, b, a):
+        t = mp.findroot(lambda t: motion(x, v, force, k, b, t)[0] - a, mp.mpf("0.2"))
+        return [*motion(x, v, force, k, b, t), (-k * a + force * t / b) / MASS, t]
+
+    event = {"name": "there", "of": "A.x", "value": "a", "ends_run": True}
+    model = built("-k*A.x + F*t/b", 0.5, -0.1, events=[event])
+    by, given = ["A.position.x", "A.position.x'", "F", "k", "b", "a"], [0.5, -0.1, 3.0, 50.0, 0.3, 0.2]
+    names = ["A.position.x", "A.velocity.x", "A.acceleration.x"]
+    options = {"coordinates": ["A.position.x"], "method": method, "rtol": 1e-12, "atol": 1e-14}
+    found = model.sensitivity(names, by, t_eval=[0.05, 1.0], **options)
+    assert found.outputs == (*names, "time") and found.units["time"] == "s"
+    expected = slopes(outputs, given)
+    assert np.max(np.abs(found.derivatives[1] - expected) / (np.abs(expected) + 1e-3)) <= 1e-8
+    with mp.workdps(30):
+        assert found.values[1] == pytest.approx([float(y) for y in outputs(*map(mp.mpf, given))], rel=1e-9)
+    before = slopes(lambda *args: [*motion(*args[:5], mp.mpf(0.05))], given)
+    assert found.derivatives[0, :2] == pytest.approx(before, abs=1e-9)
+    assert not np.any(found.derivatives[0, 3]) and found.t.tolist() == [0.05, found.values[1, 3]]
+    if method == "dop853":
+        back = model.sensitivity(["A.velocity.x"], [*by, "c"] + by[:1], t_end=1.0, **options)
+        assert back.derivatives[0, 0, :6] == pytest.approx(expected[1], rel=1e-8)
+        with pytest.raises(
+            ModelError, match="integrals are not available for an event that ends the run: there"
+        ):
+            model.sensitivity([], by, t_end=1.0, integrals=["A.position.x"], **options)

@@ -19,9 +19,10 @@ from symgen.runtime import _core
 from symgen.runtime._variations import LinkageVariations, Variations
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
+from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.sensitivity import Jump, finite, moved_pose, passing, total_slopes
+from symgen.runtime.linearisation.sensitivity import Jump, finite, jumps_between, moved_pose, total_slopes
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import slack
@@ -50,6 +51,8 @@ class Path:
         Number of steps till each requested time.
     switches
         Number of switching points; the last columns of ``references`` are their branches.
+    event
+        The event at which the run ends, by its place in the description.
     """
 
     t: Array
@@ -57,6 +60,7 @@ class Path:
     references: Array
     ends: tuple[int, ...]
     switches: int = 0
+    event: int | None = None
 
 
 def follow(
@@ -74,24 +78,27 @@ def follow(
     Raises
     ------
     ModelError
-        For times that do not increase from the start to the end; for RATTLE, and events that end the run.
+        For times that do not increase from the start to the end; for RATTLE.
     SimulationError
         As for :meth:`Model.simulate`.
     """
     d = evaluator.description
-    for event in d.events:
-        if event.ends_run:
-            raise ModelError(
-                f"derivatives of runs are not available where an event ends the run: {event.name}"
-            )
     allowed = slack(evaluator, start.q) if redundant else np.inf
-    equations = evaluator.equations(redundant, allowed, work_of_loads=False, tangent=tangent)
-    directions = [(e.direction, _core.REVOLVES * e.revolves) for e in d.events]
 
-    def cause(stepper: _core.Run, chosen: Options, status: int) -> str:
-        return problem(status, stepper, equations, evaluator, chosen)
+    def until(times: Array, chosen: Options, ends: int) -> Path:
+        equations = evaluator.equations(redundant, allowed, work_of_loads=False, tangent=tangent)
+        events = [(e.direction, kind & ends) for e, kind in zip(d.events, effects_of(d.events), strict=True)]
 
-    path = followed(equations, d.of_held, directions, start, chosen, times, cause)
+        def cause(stepper: _core.Run, chosen: Options, status: int) -> str:
+            return problem(status, stepper, equations, evaluator, chosen)
+
+        return followed(equations, d.of_held, events, start, chosen, times, cause)
+
+    path = until(times, chosen, _core.ENDS_RUN | _core.REVOLVES)
+    if path.event is not None:  # again, with a last step that ends there
+        t = float(path.t[-1])
+        again = until(np.array([*times[times < t], t]), replace(chosen, t_end=t), _core.REVOLVES)
+        path = replace(again, event=path.event)
     return replace(path, switches=len(d.switches))
 
 
@@ -105,6 +112,8 @@ def followed(
     cause: Callable[[_core.Run, Options, int], str],
 ) -> Path:
     """Carry out a run that steps exactly to the times requested, and keep its states.
+
+    Where an event ends the run, the path has this event and its time alone.
 
     Parameters
     ----------
@@ -154,6 +163,8 @@ def followed(
             status, taken = stepper.advance_noting(*rows)
             for of, found in zip((t, y, references), rows, strict=True):
                 of.append(found[:taken])
+        if status == _core.ENDED:
+            return Path(np.array([stepper.t]), np.zeros(0), np.zeros(0), (), event=stepper.ended_by)
         if status != _core.DONE:
             raise SimulationError(cause(stepper, replace(chosen, t_end=end), status), time=stepper.t)
         now, state = end, stepper.state
@@ -215,6 +226,9 @@ def at_run(
     for end in ends:
         check_unique(end, shown)
     slopes = [total_slopes(end, shown, parameters, len(names)) for end in ends]
+    if path.event is not None:  # the last row is at its time, which changes, too
+        slopes = [(np.pad(x, ((0, 1), (0, 0))), np.pad(y, ((0, 1), (0, 0)))) for x, y in slopes[:-1]]
+        slopes.append(total_slopes(ends[-1], shown, parameters, len(names), f"event.{path.event}"))
     integrands = [b.about for b in kernels.info("integrands").blocks] if kernels.has("integrands") else []
     repeated = next((name for name in integrands if integrands.count(name) > 1), None)
     if repeated:
@@ -225,10 +239,16 @@ def at_run(
     states = 0 if chosen.method.kind == "explicit" else 2 * start.n
     if states and integrands:
         raise ModelError(f"integrals are for explicit methods, and {chosen.method.name} is none")
-    jumps = _jumps(path, tangents, parameters, len(names))
-    if jumps and integrands:
-        what = start.description.switches[0]
-        raise ModelError(f"derivatives of integrals are not available for loads that jump: {what}")
+    jumps = jumps_between(
+        path.references[:, path.references.shape[1] - path.switches :],
+        lambda i, k: tangents(state_of(path, i), path.references[k]),
+        (parameters, len(names)),
+    )
+    causes = [f"loads that jump: {start.description.switches[0]}"] if jumps else []
+    if path.event is not None:
+        causes.append(f"an event that ends the run: {start.description.events[path.event].name}")
+    if integrands and causes:
+        raise ModelError(f"derivatives of integrals are not available for {causes[0]}")
 
     def along(columns: int) -> Variations:
         entries = _places(kernels, integrands, parameters[:columns], start)
@@ -243,6 +263,9 @@ def at_run(
         found = [np.vstack([by_state @ x + direct, summed]) for (by_state, direct), (x, summed) in ended]
     order = [names.index(name) for name in by]
     of_outputs = [[end.slopes.values[name] for name in shown] for end in ends]
+    if path.event is not None:
+        shown.append("time")
+        of_outputs = [[*values, end.state.t] for values, end in zip(of_outputs, ends, strict=True)]
     integral_names = tuple(f"integral of {name}" for name in integrands)
     infos = {p.name: p.unit for p in start.description.tunable}
     derived = Sensitivity(
@@ -251,7 +274,7 @@ def at_run(
         parameters=tuple(by),
         values=np.hstack([np.reshape(of_outputs, (len(ends), len(shown))), integrals]),
         units={
-            **{name: ends[0].slopes.units[name] for name in shown},
+            **{name: ends[0].slopes.units.get(name, "s") for name in shown},
             **{name: f"{units[of]}*s" for name, of in zip(integral_names, integrands, strict=True)},
             **{name: infos[name] for name in parameters},
             **{name: start.slopes.units[name] for name in chosen_initial},
@@ -265,25 +288,6 @@ def state_of(path: Path, i: int) -> State:
     """Return a state of the path."""
     q, u = np.split(path.y[i], 2)
     return State(float(path.t[i]), q, u, {}, {})
-
-
-def _jumps(
-    path: Path, tangents: Callable[[State, Array], Tangents], parameters: Sequence[str], directions: int
-) -> list[Jump]:
-    """Return the jumps of the derivatives at switching points, in the order of the steps that end there."""
-    branches = path.references[:, path.references.shape[1] - path.switches :]
-    found = []
-    for i in (np.flatnonzero(np.any(np.diff(branches, axis=0), axis=1)) + 1).tolist():
-        before, after = (tangents(state_of(path, i), path.references[k]) for k in (i - 1, i))
-        change = np.zeros(2 * before.n)
-        change[before.n :] = (before.solution - after.solution)[: before.n]
-        if not np.any(change):
-            continue
-        (switch,) = np.flatnonzero(branches[i] - branches[i - 1])
-        moving = np.concatenate([before.state.u, before.solution[: before.n]])
-        by_state, direct = passing(before, f"switch.{switch}", moving, parameters, directions)
-        found.append(Jump(i, change, by_state, direct))
-    return found
 
 
 def _places(

@@ -6,7 +6,7 @@ drives and its independent coordinates with their rates; an equilibrium keeps it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -198,24 +198,62 @@ class Jump:
     direct: Array
 
 
-def passing(
-    at: Tangents, gap: str, moving: Array, parameters: Sequence[str], directions: int
-) -> tuple[Array, Array]:
+def jumps_between(
+    branches: Array, tangents: Callable[[int, int], Tangents], by: tuple[Sequence[str], int]
+) -> list[Jump]:
+    """Return the jumps of derivatives at switching points, in the order of the steps that end there.
+
+    Parameters
+    ----------
+    branches
+        Branches of loads after each step, from the start, a row each.
+    tangents
+        Returns the linearised motion at the state after a step, with the branches after another.
+    by
+        Names of the parameters among the directions, and number of directions.
+    """
+    found = []
+    for i in (np.flatnonzero(np.any(np.diff(branches, axis=0), axis=1)) + 1).tolist():
+        before, after = tangents(i, i - 1), tangents(i, i)
+        change = before.moving - after.moving
+        if np.any(change):
+            (switch,) = np.flatnonzero(branches[i] - branches[i - 1])
+            found.append(Jump(i, change, *passing(before, f"switch.{switch}", *by)))
+    return found
+
+
+def passing(at: Tangents, gap: str, parameters: Sequence[str], directions: int) -> tuple[Array, Array]:
     """Return the derivatives of the time [s] at which a gap passes zero, by the state and by directions."""
-    row = at.slopes.outputs[gap]
-    rate = row[: 2 * at.n] @ moving + at.slopes.values[f"{gap}.t"]
-    direct = np.zeros(directions)
+    row, direct = at.slopes.outputs[gap], np.zeros(directions)
+    rate = row[: 2 * at.n] @ at.moving + row[-1]
     direct[: len(parameters)] = row[at.columns(parameters)] / -rate
     return row[: 2 * at.n] / -rate, direct
 
 
 def total_slopes(
-    end: Tangents, outputs: Sequence[str], parameters: Sequence[str], directions: int
+    end: Tangents,
+    outputs: Sequence[str],
+    parameters: Sequence[str],
+    directions: int,
+    event: str | None = None,
 ) -> tuple[Array, Array]:
-    """Return the slopes of outputs by the state (outputs, 2n), and by the directions at a held state."""
-    rows, residual, by = end.slopes.rows(outputs), end.slopes.residual, end.columns(parameters)
-    states = slice(0, 2 * end.n)
+    """Return the slopes of outputs by the state (outputs, 2n), and by the directions at a held state.
+
+    With the name of a gap, those at the time at which it passes zero, followed by the slopes of this time.
+    """
+    rows, residual = end.slopes.rows(outputs), end.slopes.residual
     held = rows[:, end.by_solution]
-    direct = np.zeros((len(outputs), directions))
-    direct[:, : len(by)] = rows[:, by] + held @ end.solved(residual[:, by])
-    return rows[:, states] + held @ end.solved(residual[:, states]), direct
+
+    def total(columns: slice | list[int]) -> Array:
+        return rows[:, columns] + held @ end.solved(residual[:, columns])
+
+    by_state, direct = total(slice(0, 2 * end.n)), np.zeros((len(outputs), directions))
+    direct[:, : len(parameters)] = total(end.columns(parameters))
+    if event is None:
+        return by_state, direct
+    rate = by_state @ end.moving + total([-1])[:, 0]
+    time = passing(end, event, parameters, directions)
+    return tuple(  # type: ignore[return-value]
+        np.vstack([by + np.outer(rate, of_time), of_time])
+        for by, of_time in zip((by_state, direct), time, strict=True)
+    )

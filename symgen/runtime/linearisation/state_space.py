@@ -120,6 +120,11 @@ class Tangents:
         self.bound = (right[:rank].T / values[:rank]) @ left[:, :rank].T
         self.free = right[rank:].T
 
+    @property
+    def moving(self) -> Array:
+        """Rates of coordinates and velocities."""
+        return np.concatenate([self.state.u, self.solution[: self.n]])
+
     def columns(self, parameters: Sequence[str]) -> list[int]:
         """Return the columns of slopes by parameters."""
         return [self._first + self.parameters.index(name) for name in parameters]
@@ -328,7 +333,7 @@ def _slopes(kernels: Evaluator, parameters: Sequence[str], state: State, solutio
     d = kernels.description
     bound = [f"{c}_lambda" for c in d.constraints]
     unknowns = [*d.of_coordinates("a"), *bound]
-    columns = [*d.of_coordinates(), *d.of_coordinates("v"), *unknowns, *parameters]
+    columns = [*d.of_coordinates(), *d.of_coordinates("v"), *unknowns, *parameters, "t"]
     work = np.zeros(kernels.work_size + len(solution) + 1)
     work[: len(solution)] = solution
     at = state.t, state.q, state.u, work
