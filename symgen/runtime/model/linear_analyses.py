@@ -134,7 +134,8 @@ class LinearAnalyses:
         t_end, t_eval
             With either, the derivatives are those along the run from that state: at the end [s], or at these
             increasing times [s] after the start. Of driven loops and elastic links ``t_eval``
-            gives poses [s].
+            gives poses [s]. An event that ends the run of a linkage replaces later times; derivatives there
+            are those at its time, which changes, and ``time`` is a further output.
         integrals
             Outputs whose integrals over the time from the start are further outputs, ``integral of NAME``.
         method, rtol, atol, step, max_steps, max_step

@@ -230,7 +230,7 @@ class Problem:
             else:
                 first, held = self._at_start(changed, flat)
                 along = result.gradient(flat, names, coordinates=held, t_eval=result.time[1:])
-                each = [first, *along.derivatives]
+                each = [first, *along.derivatives[:, : len(flat)]]  # without the time of an event
         stacked = np.stack(each) * (self.high - self.low)  # (samples, outputs, variables)
         place = {label: i for i, label in enumerate(flat)}
         return {n: stacked[:, [place[label] for label in labels[n]]].transpose(2, 0, 1) for n in self.outputs}
