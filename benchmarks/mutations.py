@@ -136,7 +136,7 @@ FAULTS = (
     Fault("inertias of fibres exchanged", "directors/beam.py", "(2, JZ.symbol), (3, JY.symbol)", "(2, JY.symbol), (3, JZ.symbol)", "space", SPACE),
     Fault("slopes of a direction by itself", "directors/directions.py", "(factors[3:], a))", "(factors[3:], b))", "space", SPACE),
     Fault("rate of gravity in rotating axes", "elastic/energies.py", "GY.symbol: -OMEGA.symbol * GX.symbol", "GY.symbol: OMEGA.symbol * GX.symbol", "weight", ENERGIES),
-    Fault("lift left out of the potential", "elastic/energies.py", '-steps["gravity_work"] - MU.symbol * LIFT.symbol', '-steps["gravity_work"]', "weight", ENERGIES),
+    Fault("lift left out of the potential", "elastic/energies.py", '-steps["gravity_work"][0] - MU.symbol * LIFT.symbol', '-steps["gravity_work"][0]', "weight", ENERGIES),
     Fault("rotation of displacements in the virtual work", "elastic/energies.py", "moved[t.test] * t.motion", 'moved[t.test] * (-1 if t.test == "w" else 1) * t.motion', "elastic", ENERGIES),
     Fault("masses along a link in its energy", "elastic/energies.py", "own[k] * at**power", "2 * own[k] * at**power", "elastic", ENERGIES),
     Fault("crank and coupler in line", "synthesis/limits.py", "_triangle(b - a, c, d, folded)", "_triangle(b - a / 2, c, d, folded)", "limits", SYNTHESIS),
