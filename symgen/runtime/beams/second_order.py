@@ -85,15 +85,9 @@ def _chosen(recorded: Motion, unknowns: int) -> NDArray[np.intp]:
 
 def _at(recorded: Motion, places: NDArray[np.intp]) -> Motion:
     rates = None if recorded.rates is None else recorded.rates[places]
-    return Motion(
-        recorded.times[places],
-        recorded.q[places],
-        recorded.links[places],
-        recorded.loads[places],
-        recorded.displacements[places],
-        rates,
-        recorded.thesis,
-    )
+    parts = recorded.times, recorded.q, recorded.links, recorded.loads, recorded.displacements
+    times, q, links, loads, displacements = (x[places] for x in parts)
+    return Motion(times, q, links, loads, displacements, rates, recorded.thesis)
 
 
 def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Array:
@@ -148,15 +142,11 @@ def _carried(
             own.append(basis[0])
             load = basis[0].T @ load
         sides.append((-load, rigid))
-        stiff.append(stiffness)
-    stack = np.array(stiff)
+        stiff.append((stiffness + stiffness.T) / 2)
     # Least squares: nothing may hold the crank, and an axial force near the buckling load none of a link.
-    inverse = np.linalg.pinv((stack + np.swapaxes(stack, 1, 2)) / 2, _SINGULAR, hermitian=True)
-    found = inverse @ np.swapaxes(sides, 1, 2)
-    if own:
-        found = np.array(own) @ found
+    found = np.linalg.pinv(np.array(stiff), _SINGULAR, hermitian=True) @ np.swapaxes(sides, 1, 2)
     second, static = np.zeros((2, *forced.shape))
-    second[order], static[order] = np.moveaxis(found, 2, 0)
+    second[order], static[order] = np.moveaxis(np.array(own) @ found if own else found, 2, 0)
     return forced + second, static
 
 
@@ -321,6 +311,7 @@ def _displaced(motion: ElasticMotion, q: Array, s: Array, longer: Array, turned:
     rigid, d = motion.rigid.evaluator, motion.rigid.description
     none = np.zeros(len(q))
     jacobian = _of_rigid(motion, "constraint_jacobian", q)
+    points = _of_rigid(motion, "positions", q, "points")
     up, down = (
         rigid.many_blocks("velocity_constraints", none, q + sign * s, s)["velocity_constraints"]
         for sign in (1, -1)
@@ -329,28 +320,32 @@ def _displaced(motion: ElasticMotion, q: Array, s: Array, longer: Array, turned:
     for beam, more in zip(motion.beams, longer, strict=False):
         if beam.info.link in d.constraints:  # others have both ends on the ground
             row = d.constraints.index(beam.info.link)
-            vector, ((at, sign), *_) = _along(motion, q, beam.info.link)
+            vector, ((at, sign), *_) = _along(motion, points, beam.info.link)
             slope = sign * np.sum(jacobian[:, row, at : at + 2] * vector, axis=1)
             sides[:, row] = slope / np.linalg.norm(vector, axis=1) * more
     joints = [(beam.info.link, j) for k, beam in enumerate(motion.beams) for j in _joints_of(motion, k) if j]
     for (link, joint), more in zip(joints, longer[len(motion.beams) :], strict=True):
-        vector, _ = _along(motion, q, link)
+        vector, _ = _along(motion, points, link)
         for axis, part in zip(d.axes, vector.T, strict=True):
             row = d.constraints.index(f"{link}_{joint}_{axis}")
             sides[:, row] = part / np.linalg.norm(vector, axis=1) * more
     drive = d.constraints.index(f"{motion.info.crank}_drive")
-    vector, places = _along(motion, q, motion.info.crank)
+    vector, places = _along(motion, points, motion.info.crank)
     jacobian[:, drive] = 0.0
     for at, sign in places:
         jacobian[:, drive, at : at + 2] = sign * np.column_stack([-vector[:, 1], vector[:, 0]])
     sides[:, drive] = turned * np.sum(vector**2, axis=1)
+    if jacobian.shape[1] == jacobian.shape[2]:  # none is redundant, and the crank holds every freedom
+        return np.asarray(np.linalg.solve(jacobian, sides[:, :, None]), dtype=float)[:, :, 0]
     return np.einsum("tij,tj->ti", np.linalg.pinv(jacobian), sides)
 
 
-def _along(motion: ElasticMotion, q: Array, link: str) -> tuple[Array, list[tuple[int, int]]]:
-    """Return the vector along a link, (times, 2) [m], and its slopes by coordinates: first of two, sign."""
+def _along(motion: ElasticMotion, rows: Array, link: str) -> tuple[Array, list[tuple[int, int]]]:
+    """Return the vector along a link, (times, 2) [m], and its slopes by coordinates: first of two, sign.
+
+    ``rows`` are the positions of all points, (times, points, 2) [m].
+    """
     d = motion.rigid.description
-    rows = _of_rigid(motion, "positions", q, "points")
     start, end = (list(d.points).index(point) for point in d.links[link][:2])
     ends = zip(d.links[link][:2], (-1, 1), strict=True)
     places = [(2 * d.free.index(point), sign) for point, sign in ends if point in d.free]

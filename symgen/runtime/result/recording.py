@@ -71,13 +71,14 @@ class Recording:
             return ()
         in_doubles = self.equations.core_type is _core.DOUBLE
         references = run.references
-        if in_doubles and not info.work_size and not references.any():
+        plain = not references.any()
+        if in_doubles and not info.work_size and plain:
             sizes = evaluator.description.sizes_of("outputs")
             out = run.called(evaluator.library.addresses["outputs"], sizes, evaluator.parameters)
             return self._continued(shaped(info, out))
         # States are recorded as doubles, and outputs follow from them.
         solver = self.equations if in_doubles else evaluator.equations(lost)
-        if not references.any():
+        if plain:
             return self._continued(outputs(evaluator, solver, run.sampled, run.result, lost))
         return self._continued(self._wound(solver, references))
 
@@ -98,7 +99,8 @@ class Recording:
         )
 
     def _continued(self, variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
-        return continued(variables, self.evaluator.description.turns, self.stepper.turns)
+        links = self.evaluator.description.turns
+        return continued(variables, links, self.stepper.turns) if links else variables
 
     def drift(self) -> Drift:
         """Return how far the run strayed."""
