@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime import _core
 from symgen.runtime.beams.elements import kernels
+from symgen.runtime.kernels.evaluate import at_rows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _BLOCK = "direction"
-#: Numbers that its kernels read (vectors; rates, factors, value) and write.
-_READ, _WRITTEN = (21, 29, 0), {"row": 23, "curvature": 21 * 21}
+#: Numbers that its kernels write.
+_WRITTEN = {"row": 23, "curvature": 21 * 21}
 #: Products of the directors of a node that are constraints, and their factors.
 _PAIRS = ((0, 0, 0.5), (1, 1, 0.5), (2, 2, 0.5), (0, 1, 1.0), (0, 2, 1.0), (1, 2, 1.0))
 
@@ -78,10 +78,8 @@ class Directions:
         """Return the output of a kernel for every row, (times, rows, numbers), of places and rates."""
         given = np.broadcast_to(self._given, (len(q), *self._given.shape))
         states = np.concatenate([q[:, self._places], v[:, self._places], given], axis=2).reshape(-1, 50)
-        out, none = np.empty((len(states), _WRITTEN[kernel])), np.zeros((len(states), 1))
-        address, sizes = kernels(_BLOCK).ADDRESSES[kernel], (0, *_READ, 0, _WRITTEN[kernel])
-        _core.call_many(address, sizes, none[:, 0], states, _READ[0], none[0], none, out)
-        return out.reshape(len(q), len(self), -1)
+        found = at_rows(kernels(_BLOCK).ADDRESSES[kernel], states, 21, np.zeros(1), _WRITTEN[kernel])
+        return found.reshape(len(q), len(self), -1)
 
     def errors(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return errors of the constraints and their rates, (times, rows), at places and rates."""

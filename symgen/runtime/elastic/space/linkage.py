@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime import _core
 from symgen.runtime.beams.data import BeamInfo
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
@@ -23,14 +22,15 @@ from symgen.runtime.elastic.large.collocation import Moment, Pattern, Slopes, pa
 from symgen.runtime.elastic.space.directions import Directions, Row, orthonormal
 from symgen.runtime.elastic.space.joints import Frame, rows_of
 from symgen.runtime.kernels.elastic_description import JointInfo
+from symgen.runtime.kernels.evaluate import at_rows
 from symgen.runtime.model.rods import RodModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _BLOCK = "director_beam"
-#: Numbers that the kernels read: places, rates with second rates, section; and what each writes.
-_READ, _WRITTEN = (24, 48, 17), {"residual": 24, "tangent": 3 * 576, "energies": 3, "section": 8}
+#: Numbers that each of the kernels writes.
+_WRITTEN = {"residual": 24, "tangent": 3 * 576, "energies": 3, "section": 8}
 #: Matrices that the kernel ``joints`` gives: M, C, K.
 _SLOPES = ("mass_matrix", "damping", "stiffness")
 #: Column of the damping among those of sections.
@@ -69,12 +69,10 @@ class LinkInSpace:
         rows[:, :24] = q.reshape(-1, 24)
         if rates is not None:
             rows[:, 24:] = rates.reshape(-1, 48)
-        out, none = np.empty((len(rows), _WRITTEN[kernel])), np.zeros((len(rows), 1))
         arguments = np.append(self.arguments, fraction)
         arguments[_DAMPING] *= damped
-        address, sizes = kernels(_BLOCK).ADDRESSES[kernel], (0, *_READ, 0, _WRITTEN[kernel])
-        _core.call_many(address, sizes, none[:, 0], rows, 24, arguments, none, out)
-        return out.reshape(*q.shape[:-1], -1)
+        found = at_rows(kernels(_BLOCK).ADDRESSES[kernel], rows, 24, arguments, _WRITTEN[kernel])
+        return found.reshape(*q.shape[:-1], -1)
 
     def middle(self, found: Sequence[Moment]) -> Array:
         """Return what the kernel ``section`` gives at mid-length, (times, 8)."""
@@ -137,6 +135,7 @@ class LinkageInSpace:
             arguments = np.append(row[0] / count, row[1:_WIDTH])
             self.links.append(LinkInSpace(info, places, arguments, row))
         self.unknowns = size
+        self._kept: tuple[Array, tuple[Array, Array]] = np.zeros(0), (np.zeros(0), np.zeros(0))
         of_joints = {b.name: b for b in self._joints.info("joints").blocks}
         place = {f"{p}_{axis}": 3 * k + i for k, p in enumerate(d.free) for i, axis in enumerate("xyz")}
         self._entries = {
@@ -291,9 +290,12 @@ class LinkageInSpace:
 
     def _ground(self, t: Array) -> tuple[Array, Array]:
         """Return places and rates of all points, valid of those of the ground, (times, points, 3)."""
-        y = np.broadcast_to(self._q, (len(t), self._points))
-        points = self._rigid.many_blocks("points", t, y, np.zeros_like(y))
-        return points["positions"], points["velocities"]
+        # All corrections of a step need those at its times.
+        if not np.array_equal(t, self._kept[0]):
+            y = np.broadcast_to(self._q, (len(t), self._points))
+            points = self._rigid.many_blocks("points", t, y, np.zeros_like(y))
+            self._kept = np.array(t), (points["positions"], points["velocities"])
+        return self._kept[1]
 
     def positions(self, found: Sequence[Moment]) -> dict[str, Array]:
         """Return the places of all points (times, 3) by name."""
