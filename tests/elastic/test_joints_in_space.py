@@ -140,3 +140,13 @@ def test_directions_that_a_joint_does_not_have_are_refused(joint, words):
     model = symgen.build(symgen.Scene(points=points, links=links, joints=joints))
     with pytest.raises(ModelError, match=words):
         model.modes()
+
+
+@pytest.mark.parametrize("of", ["modes", "simulate"])
+def test_joints_that_repeat_others_are_refused(of):
+    points = {"A": at(0, 0, 0, ground=True), "B": at(0.2, 0.1, 0)}
+    joints = [{"point": "A", "links": ["beam"], "kind": "revolute", "axis": [0, 0, 1]}]
+    welds = [{"point": "A", "links": ["beam"]}]
+    scene = symgen.Scene(points=points, links={"beam": elastic(["A", "B"])}, joints=joints, welds=welds)
+    with pytest.raises(ModelError, match="the weld at A, the revolute at A\n"):
+        getattr(symgen.build(scene), of)()

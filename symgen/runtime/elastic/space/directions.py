@@ -17,17 +17,20 @@ Indices = NDArray[np.intp]
 _BLOCK = "direction"
 #: Numbers that its kernels write.
 _WRITTEN = {"row": 23, "curvature": 21 * 21}
+#: What the constraints of directors are called.
+DIRECTORS = "the directors of a node"
 #: Products of the directors of a node that are constraints, and their factors.
 _PAIRS = ((0, 0, 0.5), (1, 1, 0.5), (2, 2, 0.5), (0, 1, 1.0), (0, 2, 1.0), (1, 2, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One constraint: places of its seven vectors, (7, 3), their factors (7,), and its value."""
+    """One constraint: places of its seven vectors, (7, 3), their factors (7,), its value, and its joint."""
 
     places: Indices
     factors: Array
     value: float = 0.0
+    label: str = DIRECTORS
 
 
 def orthonormal(directors: Indices) -> list[Row]:
@@ -56,9 +59,12 @@ class Directions:
         Row and unknown of every slope that may not be zero, (2, slopes).
     pairs
         Unknowns of the entries of the slopes of forces, (2, entries).
+    labels
+        The joint of each row.
     """
 
     def __init__(self, rows: Sequence[Row], unknowns: int) -> None:
+        self.labels = [row.label for row in rows]
         self._places = np.array([row.places.ravel() for row in rows])
         self._given = np.array([[*row.factors, row.value] for row in rows])
         free = self._places < unknowns

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime.elastic.space.directions import Row
+from symgen.runtime.elastic.space.directions import DIRECTORS, Row
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -90,6 +90,21 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
         missing = 4 - len(factors)
         places = np.concatenate([first.places, second.places, second.places[:1].repeat(missing, axis=0)])
         yield Row(places, np.concatenate([own @ a, factors, np.zeros(missing)]))
+
+
+def check_independent(name: str, jacobian: Array, labels: Sequence[str]) -> None:
+    """Raise ModelError where constraints with these labels repeat or contradict others at the start."""
+    kept = np.flatnonzero(np.any(jacobian, axis=1))
+    rows = jacobian[kept] / np.linalg.norm(jacobian[kept], axis=1)[:, None]
+    left, sizes, _ = np.linalg.svd(rows)
+    rank = int(np.sum(sizes > _NONE * sizes[0]))
+    repeated = kept[np.any(np.abs(left[:, rank:]) > _NONE, axis=1)]
+    if len(repeated):
+        found = dict.fromkeys(labels[k] for k in repeated.tolist() if labels[k] != DIRECTORS)
+        raise ModelError(
+            f"{name}: expected independent joints, got some that repeat or contradict others: "
+            f"{', '.join(found)}\n  Leave one out, or choose a kind that restricts less."
+        )
 
 
 _REMEDY = "Join it to an elastic link, the ground, or a body with a third point."

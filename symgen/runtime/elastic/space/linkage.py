@@ -8,7 +8,7 @@ directors and joints that restrict rotations are constraints with multipliers.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,7 @@ from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.collocation import Moment, Pattern, Slopes, pairs_of
 from symgen.runtime.elastic.space.directions import Directions, Row, orthonormal
-from symgen.runtime.elastic.space.joints import Frame, rows_of
+from symgen.runtime.elastic.space.joints import Frame, check_independent, rows_of
 from symgen.runtime.kernels.elastic_description import JointInfo
 from symgen.runtime.kernels.evaluate import at_rows
 from symgen.runtime.model.rods import RodModel
@@ -179,10 +179,22 @@ class LinkageInSpace:
         """Return places and rates at t = 0: straight links that move as rigid ones.
 
         They spin about their lines as joints that restrict rotations prescribe.
+
+        Raises
+        ------
+        ModelError
+            Where joints repeat or contradict other constraints.
         """
         (q, v), n = self._straight, self.unknowns
         none = np.zeros(n), np.zeros(self.multipliers)
         slopes = self.slopes(0.0, q, v, *none)
+        # Constraints of inner nodes are those of their directors alone.
+        ends = np.delete(np.arange(n), np.concatenate([link.places[1:-1].ravel() for link in self.links]))
+        jacobian = self.pattern.matrix(slopes.mass, slopes.jacobian)[n:, ends].toarray()
+        d = self.rigid.description
+        labels = [d.labels[row] for row in self._rows]
+        labels += [f"the end of a link at {d.points[point]}" for _, point in self._pins for _ in d.axes]
+        check_independent(self.name, jacobian, [*labels, *self._directions.labels])
         over = np.append(np.zeros(n), self.rates(np.zeros(1), q[None], v[None])[0])
         v = v - self.pattern.factorised(slopes.mass, slopes.jacobian)(over)[:n]
         return Moment(0.0, q, v, *none)
@@ -222,7 +234,8 @@ class LinkageInSpace:
         for joint, axis in zip(info.joints_in_space, axes, strict=True):
             first, second = (self._frame(link, joint) for link in (*joint.links, "")[:2])
             about = f"{self.name}: the {joint.kind} at {joint.point}"
-            yield from rows_of(joint.kind, about, axis, first, second)
+            for row in rows_of(joint.kind, about, axis, first, second):
+                yield replace(row, label=f"the {joint.kind} at {joint.point}")
 
     def _frame(self, name: str, joint: JointInfo) -> Frame:
         """Return the vectors fixed in a link of a joint; in the ground without a name."""
