@@ -148,7 +148,7 @@ FAULTS = (
     Fault("offset of the guide halved", "synthesis/limits.py", 'sp.sin(x[f"crank_{pose}"]) - e', 'sp.sin(x[f"crank_{pose}"]) - e / 2', "ratio", SLIDERS),
     Fault("slider across its guide", "synthesis/points.py", "sp.cos(angle) * y - sp.sin(angle) * x", "sp.cos(angle) * y + sp.sin(angle) * x", "slide", SLIDERS),
     Fault("slider's closure", "synthesis/points.py", "offset - crank * sp.sin(angle)", "offset + crank * sp.sin(angle)", "slider", SLIDERS),
-    Fault("arc of a spherical dyad", "synthesis/points.py", "- sp.cos(arc)", "- sp.sin(arc)", "sphere", SPHERES),
+    Fault("coupler of a spherical dyad turns backwards", "synthesis/points.py", "ground.dot(rotation * joint)", "ground.dot(rotation.T * joint)", "sphere", SPHERES),
     Fault("crank on a sphere turns backwards", "synthesis/points.py", "sp.rot_axis3(-crank)", "sp.rot_axis3(crank)", "spherical", SPHERES),
     Fault("rotation eliminated by a wrong sign", "synthesis/points.py", "turned * back - common**2", "turned * back + common**2", "nine", NINE),
 )  # fmt: skip
