@@ -155,9 +155,10 @@ def _failed(message: str, code: int) -> int:
 def _usage(error: Any) -> str:
     """Return the message of a usage error, with the command that has options that ``run`` lacks."""
     message = _of_value(error) or error.format_message()
+    of_run = error.ctx is not None and error.ctx.info_name == "run"
+    if of_run and message.startswith("No such"):
+        return f"{message}\n  Analyses have commands of their own: 'symgen simulate SCENE'."
     command = error.ctx.command_path if error.ctx else "symgen"
-    if command == "symgen run" and message.startswith("No such"):
-        return f"{error.message}\n  Analyses have commands of their own: 'symgen simulate SCENE'."
     return f"{message}\n  See '{command} --help'." if message else ""
 
 

@@ -59,7 +59,8 @@ def _cells(found: Any, design: Any) -> Iterator[str]:
         yield _or_dash(design.quantities.get(moves, math.nan) / size, ".5g")
         yield _or_dash(design.quantities.get("time_ratio", math.nan), ".4g")
     for end in ("minimum", "maximum"):
-        yield _or_dash(design.quantities.get(f"transmission_{end}", math.nan) / angle[1], ".2f")
+        value = design.quantities.get(f"transmission_{end}", math.nan) / angle[1]
+        yield _or_dash(value, ".2f" if angle[0] == "deg" else ".5g")
 
 
 def _or_dash(value: float, form: str) -> str:

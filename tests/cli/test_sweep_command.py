@@ -163,6 +163,10 @@ def test_the_end_of_a_run_follows_the_parameters(scene):
         assert runs["time"].values[:, -1] == pytest.approx(2 * math.pi / speeds, rel=1e-14)
         found = runs[output].isel(axis=0) if "axis" in runs[output].dims else runs[output]
         assert found.values == pytest.approx(np.tile(of_one, (3, 1)), abs=1e-8)
+        runs = model.sweep({"speed": [1.0, 0.0, -1.0]}, analysis, outputs=[output], samples=5)
+        of_still, of_back = runs["error"].values[1:]
+        assert "t_end of the scene is inf s" in of_still
+        assert "t_end of the scene is -6.28319 s" in of_back
 
 
 def test_wrong_options_are_refused(scene):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, SimulationError, nearest
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime._core import STABILISATIONS
 from symgen.runtime.integrate.integrators import integrator
@@ -24,6 +25,16 @@ _SHOWN = 4
 TIGHTEST, _DEFAULT = 100.0, 1000.0
 #: Least default relative tolerance of any type, and the absolute tolerance [m, m/s] over the relative one.
 _RTOL, _ATOL = 1e-9, 1e-3
+
+
+def end_of_scene(t_end: float) -> float:
+    """Return the end of the run of a scene [s]; raise SimulationError if its parameters make it none."""
+    if not 0.0 < t_end < math.inf:
+        raise SimulationError(
+            f"t_end of the scene is {t_end:g} s with these parameters, and not a finite time above zero\n"
+            "  Change the parameters, or give the end of the run or range."
+        )
+    return t_end
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.errors import ModelError
 from symgen.precision import Precision
 from symgen.runtime.integrate.checkpoint import Keeping, keeping
-from symgen.runtime.integrate.options import Options, options, sample_count
+from symgen.runtime.integrate.options import Options, end_of_scene, options, sample_count
 from symgen.runtime.kernels.arguments import reals
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Run(Kept):
     def options(self, end: float, precision: Precision, rate: float | None = None) -> Options:
         """Return the checked options of a run of a scene that ends at a time [s]."""
         return options(
-            end if self.t_end is None else self.t_end,
+            end_of_scene(end) if self.t_end is None else self.t_end,
             self.method,
             self.rtol,
             self.atol,

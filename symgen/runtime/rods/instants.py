@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError, RangeError
+from symgen.runtime.integrate.options import end_of_scene
 from symgen.runtime.kernels.arguments import reals
 
 Array = NDArray[np.float64]
@@ -65,6 +66,8 @@ def instants(
     ------
     ModelError
         For an empty range, or an unknown variable.
+    SimulationError
+        Where the end of the scene is needed and its parameters make it none.
     """
     if over not in (None, "input", "time"):
         raise ModelError(f"expected over to be 'input' or 'time', got {over!r}")
@@ -72,16 +75,16 @@ def instants(
         if start is None or stop is None:
             raise ModelError("a range of the input needs both start and stop")
         first, last = _ordered(start, stop, "")
-        return Instants(0.0, end, samples, np.linspace(first, last, samples).tolist(), "input")
+        return Instants(0.0, end_of_scene(end), samples, np.linspace(first, last, samples).tolist(), "input")
     if at is not None and over == "time":
         times = reals(at, "times")
         if not len(times):
             raise ModelError("expected at least one time")
         low, high = float(np.min(times)), float(np.max(times))
         if low == high:  # a range is longer than that
-            low, high = min(0.0, low), max(end, high)
+            low, high = min(0.0, low), max(end_of_scene(end), high)
         return Instants(low, high, samples, times.tolist(), "time")
-    first, last = _ordered(0.0 if start is None else start, end if stop is None else stop, " s")
+    first, last = _ordered(0.0 if start is None else start, end_of_scene(end) if stop is None else stop, " s")
     return Instants(first, last, samples, at, "input")
 
 

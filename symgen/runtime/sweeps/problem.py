@@ -169,8 +169,9 @@ class Problem:
                 raise self._stopped(design.rows[0], str(error)) from None
             empty = {n: np.full((len(points), 1, len(c) or 1), np.nan) for n, c in self._components.items()}
             return {_WEIGHTS: np.full((len(points), 1), np.nan), **empty}
-        if FLOQUET in self.outputs:
-            raise ModelError(f"{FLOQUET} is one value of a run, without samples: it cannot be optimised")
+        if RECORDED not in arrays or FLOQUET in self.outputs:
+            single = FLOQUET if FLOQUET in self.outputs else self.outputs[0]
+            raise ModelError(f"{single} is one value of a run, without samples: it cannot be optimised")
         failed = [(i, str(e)) for i, e in enumerate(arrays["error"].values) if e]
         sizes = arrays[RECORDED].values
         self._size = self._size or float(s.arguments.get("samples", np.nanmax(sizes)))
