@@ -313,3 +313,71 @@ def test_bad_bending_in_space(spring):
     springs = [{"link": "AB", "stiffness": "1 N*m", **spring}]
     with pytest.raises(SceneError, match="in space a torsion spring"):
         symgen.build(symgen.Scene(points=points, links=links, gravity=SPACE, torsion_springs=springs))
+
+
+def test_loads_are_outputs():
+    """A limited controller by its law, a force along a link by its angle, a push by the distance."""
+    law = "max(-limit, min(limit, u - k*OA.angle - d*this.rate))"
+    scene = symgen.Scene(
+        **pendulum(0.6, gravity=GRAVITY),
+        inputs={"u": "1 N*m"},
+        parameters={"limit": "8 N*m", "k": "20 N*m", "d": "3 N*m*s", "push": "5 N/m"},
+        torques=[{"link": "OA", "torque": law}],
+        forces=[{"point": "A", "force": [0, "3 N"]}, {"point": "A", "force": ["1 N", "2 N"], "link": "OA"}],
+        actuators=[{"between": ["O", "A"], "force": "push*this.length"}],
+        analysis={
+            "t_end": "1 s",
+            "outputs": [
+                *("OA.angle", "OA.angular_velocity", "torques.0.torque"),
+                *("forces.0.force", "forces.1.force", "actuators.0.force"),
+            ],
+        },
+    )
+    model = symgen.build(scene)
+    run = model.simulate()
+    angle, rate = run["OA.angle"].values, run["OA.angular_velocity"].values
+    torque = np.clip(1 - 20 * angle - 3 * rate, -8, 8)
+    assert torque.min() == -8 and np.any(np.abs(torque) < 8)  # at the limit, and within it
+    assert run["torques.0.torque"].values == pytest.approx(torque, abs=1e-13)
+    assert run.variable("torques.0.torque").unit == "N*m"
+    assert np.all(run["forces.0.force"].values == [0, 3])
+    cos, sin = np.cos(angle), np.sin(angle)
+    along = np.stack([cos - 2 * sin, sin + 2 * cos], axis=1)
+    assert run["forces.1.force"].values == pytest.approx(along, abs=1e-14)
+    assert run["actuators.0.force"].values == pytest.approx(5, abs=1e-14)
+    hanging = model.state({"A": [0, -1]})
+    outputs = model.linearise(hanging, outputs=["torques.0.torque"], coordinates=["OA.angle"])
+    assert np.all(outputs.C == 0) and np.all(outputs.D == 0)  # 1 + 10 pi is beyond the limit
+    level = model.linearise(
+        model.state({"A": [1, 0]}), outputs=["torques.0.torque"], coordinates=["OA.angle"]
+    )
+    assert np.allclose(level.C, [[-20, -3]]) and np.allclose(level.D, [[1]])
+
+
+@pytest.mark.parametrize("across", [0.0, 0.5])
+def test_loads_in_space_are_outputs(across):
+    """On the axes of the scene, also where the linkage stays in a plane."""
+    model = symgen.build(
+        symgen.Scene(
+            points={"O": ground(0, 0, 0), "A": at(1, 0, 0)},
+            links={"OA": {"points": ["O", "A"], "mass": "3 kg"}},
+            forces=[{"point": "A", "force": ["1 N", "2 N", f"{across} N"]}],
+            torques=[{"link": "OA", "torque": [0, 0, "4 N*m"]}],
+            analysis={"t_end": "0.1 s", "outputs": ["forces.0.force", "torques.0.torque"]},
+        )
+    )
+    assert bool(model.description.plane) == (across == 0)
+    run = model.simulate(samples=2)
+    assert np.all(run["forces.0.force"].values == [1, 2, across])
+    assert np.all(run["torques.0.torque"].values == [0, 0, 4])
+
+
+def test_an_output_of_a_load_that_there_is_not():
+    scene = pendulum(torques=[{"link": "OA", "torque": "u"}], inputs={"u": "1 N*m"})
+    for name, hint in (
+        ("OA.torque", "record torques.0.torque"),
+        ("torque.0.torque", "Did you mean 'torques.0.torque'"),
+        ("u", "It acts in torques.0.torque"),
+    ):
+        with pytest.raises(SceneError, match=hint):
+            symgen.build(symgen.Scene(**scene, analysis={"outputs": [name]}))

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
+from symgen.loads.of_links import Span, Turn
+from symgen.loads.of_points import Position
 from symgen.mechanics.rods.particles import cross, dot
 from symgen.models.rods.loads import product
 from symgen.models.rods.matrix import named
@@ -120,8 +122,32 @@ def _torque(model: RodsModel, name: str) -> Entries:
     rod = model.rod(name)
     multiplier = model.multipliers.get(f"{name}_drive")
     if rod is None or multiplier is None:
-        raise SceneError(f"{name} has no driver, so no drive torque")
+        raise SceneError(
+            f"{name} has no driver, so no drive torque",
+            hint="Applied torques are outputs by their number from 0: record torques.0.torque.",
+        )
     return [-multiplier.symbol * rod.length], "N*m", f"torque of the drive on {name}, counter-clockwise"
+
+
+def _of_loads(model: RodsModel) -> dict[str, Entries]:
+    """Return the outputs of loads whose force or torque is an expression; vectors are on fixed axes.
+
+    Loads of elastic linkages have none: they follow the deformed links, which these kernels do not know.
+    """
+    found: dict[str, Entries] = {}
+    for table, number, load in model.linkage.placed_loads if not model.linkage.elastic else ():
+        for on, force in ((t.on, t.force) for t in load.terms(len(model.axes)) if load.expressions):
+            if isinstance(on, Span):
+                continue
+            stated = on.put(model.loads, model.loads.with_state(force))
+            own = on.fixed(model.loads, stated)
+            word, unit = ("torque", "N*m") if isinstance(on, Turn) else ("force", "N")
+            if isinstance(on, Position):
+                own = model.shown((*own, *[ZERO] * (len(model.axes) - len(own))))
+            elif isinstance(on, Turn) and model.linkage.plane:
+                own = model.shown((ZERO, ZERO), own[0])
+            found[f"{table}.{number}.{word}"] = own, unit, f"{word} of {load.noun} {number}"
+    return found
 
 
 #: Outputs of a point, of a link, of a point of a link, and of the whole linkage, by word.
@@ -228,9 +254,16 @@ def entries(model: RodsModel, name: str) -> Entries:
         owners = [f"{p}.{word}" for p in model.points if word in OF_POINTS]
         owners += [f"{k.name}.{word}" for k in model.parts if word in OF_LINKS]
         owners += ["A.B.C." + word] if word in OF_CORNERS else []
-        hint = (
-            f"It belongs to a point or link: {', '.join(owners)}." if owners else nearest(name, OF_THE_WHOLE)
-        )
+        acting = [
+            f
+            for f, (own, *_) in _of_loads(model).items()
+            if any(str(s) == word for e in own for s in e.free_symbols)
+        ]
+        hint = nearest(name, OF_THE_WHOLE)
+        if owners:
+            hint = f"It belongs to a point or link: {', '.join(owners)}."
+        elif acting:
+            hint = f"It acts in {', '.join(acting)}, which can be recorded."
         raise SceneError(f"there is no output {name!r}", hint=hint)
     if word in OF_POINTS and owner in model.points:
         return OF_POINTS[word](model, owner)
@@ -243,7 +276,11 @@ def entries(model: RodsModel, name: str) -> Entries:
     link, _, point = owner.partition(".")
     if word in OF_JOINTS and point in links.get(link, ()):
         return OF_JOINTS[word](model, link, point)
+    of_loads = _of_loads(model)
+    if name in of_loads:
+        return of_loads[name]
     known = [f"{p}.{w}" for p in model.points for w in OF_POINTS]
     known += [f"{k}.{w}" for k in links for w in OF_LINKS]
     known += [f"{k}.{p}.{w}" for k, points in links.items() for p in points for w in OF_JOINTS]
+    known += of_loads
     raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))
