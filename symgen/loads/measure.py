@@ -82,13 +82,15 @@ class Measure:
     angle is not, for its gradient is that of the angle, without an arc tangent. ``balanced``: its forces on
     points have no resultant and no moment. ``joins``: it ties what it acts on together. ``section``: the
     point at whose sections of elastic links a couple acts; "" for rigid links. ``follows``: the link with
-    which its force rotates, at a place with the section of an elastic link; "" where it does not.
+    which its force rotates, at a place with the section of an elastic link; "" where it does not. ``effort``:
+    whether an output calls the force on it ``force`` [N] or ``torque`` [N m]; "" where it is neither.
     """
 
     __slots__ = ()
     integrable = True
     balanced = False
     joins = False
+    effort = ""
     section: str = ""
 
     @property

@@ -79,6 +79,7 @@ class Turn(_OnLinks):
     link: str
     against: str = ""
     section: str = ""
+    effort = "torque"
 
     def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
         for couple in _couples(self.link, self.against, self.put(geometry, force)):

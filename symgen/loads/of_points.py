@@ -35,6 +35,7 @@ class Position(Measure):
 
     point: str
     link: str = ""
+    effort = "force"
 
     @property
     def points(self) -> tuple[tuple[str, str], ...]:
@@ -98,6 +99,7 @@ class Length(Measure):
     slack: sp.Expr = ZERO
     balanced = True
     joins = True
+    effort = "force"
 
     @property
     def points(self) -> tuple[tuple[str, str], ...]:

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
-from symgen.loads.of_links import Span, Turn
-from symgen.loads.of_points import Position
 from symgen.mechanics.rods.particles import cross, dot
 from symgen.models.rods.loads import product
 from symgen.models.rods.matrix import named
@@ -136,17 +134,16 @@ def _of_loads(model: RodsModel) -> dict[str, Entries]:
     """
     found: dict[str, Entries] = {}
     for table, number, load in model.linkage.placed_loads if not model.linkage.elastic else ():
-        for on, force in ((t.on, t.force) for t in load.terms(len(model.axes)) if load.expressions):
-            if isinstance(on, Span):
-                continue
-            stated = on.put(model.loads, model.loads.with_state(force))
-            own = on.fixed(model.loads, stated)
-            word, unit = ("torque", "N*m") if isinstance(on, Turn) else ("force", "N")
-            if isinstance(on, Position):
-                own = model.shown((*own, *[ZERO] * (len(model.axes) - len(own))))
-            elif isinstance(on, Turn) and model.linkage.plane:
-                own = model.shown((ZERO, ZERO), own[0])
-            found[f"{table}.{number}.{word}"] = own, unit, f"{word} of {load.noun} {number}"
+        for on, stated in (
+            (t.on, t.force) for t in load.terms(len(model.axes)) if load.expressions and t.on.effort
+        ):
+            force = on.fixed(model.loads, on.put(model.loads, model.loads.with_state(stated)))
+            if on.effort == "torque" and model.linkage.plane:
+                force = model.shown((ZERO, ZERO), force[0])
+            elif len(force) > 1:
+                force = model.shown(force)
+            unit = "N*m" if on.effort == "torque" else "N"
+            found[f"{table}.{number}.{on.effort}"] = force, unit, f"{on.effort} of {load.noun} {number}"
     return found
 
 
