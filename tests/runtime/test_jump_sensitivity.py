@@ -128,6 +128,12 @@ def test_an_event_that_ends_the_run_moves_with_the_parameters(method):
     if method == "dop853":
         back = model.sensitivity(["A.velocity.x"], [*by, "c"] + by[:1], t_end=1.0, **options)
         assert back.derivatives[0, 0, :6] == pytest.approx(expected[1], rel=1e-8)
+        asked = {key: x for key, x in options.items() if key != "coordinates"}
+        for span in ({"t_end": 1.0}, {"t_eval": [0.0, 0.05, 1.0]}, {}):
+            run = model.simulate(**span, **asked)
+            own = run.gradient(["A.velocity.x"], by, coordinates=["A.position.x"])
+            assert own.outputs == ("A.velocity.x", "time")
+            assert own.derivatives[0, 0] == pytest.approx(expected[1], rel=1e-8)
         with pytest.raises(
             ModelError, match="integrals are not available for an event that ends the run: there"
         ):

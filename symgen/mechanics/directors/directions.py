@@ -64,6 +64,7 @@ def direction(names: Names) -> Direction:
     slopes = [f * x for side, other in ((factors[:3], b), (factors[3:], a)) for f in side for x in other]
     product = sp.Add(*(x * y for x, y in zip(a, b, strict=True)))
     rate = sp.Add(*(s * v for s, v in zip(slopes, rates, strict=True)))
+    # Names hide the vectors from differentiation.
     expanded = [
         f * x for side, other in ((factors[:3], sums[1]), (factors[3:], sums[0])) for f in side for x in other
     ]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.calls import checked
 from symgen.display import display
 from symgen.errors import CapabilityError, ResultError
-from symgen.runtime.result.records import Coordinate, Variable
+from symgen.runtime.result.records import Coordinate, Event, Variable
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
@@ -75,6 +75,7 @@ class Findings:
         def time(self) -> Array: ...  # noqa: D102
 
         variables: tuple[Variable, ...]
+        events: tuple[Event, ...]
         statistics: Mapping[str, Any]
 
     @property
@@ -140,8 +141,8 @@ class Findings:
     ) -> Sensitivity:
         """Return exact derivatives of outputs of this analysis: ``model.sensitivity`` with its arguments.
 
-        Of a run, and of prescribed motions, they are those at the end, or at times ``t_eval`` [s]; of elastic
-        links those at all samples.
+        Of a run, and of prescribed motions, they are those at the end, also where an event is the end, or at
+        times ``t_eval`` [s]; of elastic links those at all samples.
 
         Parameters
         ----------
@@ -176,7 +177,7 @@ class Findings:
             options = ("method", "rtol", "atol", "step", "max_steps", "max_step")
             how |= {name: given[name] for name in options if name in given}
             how |= {"at": given.get("state")} | (
-                {} if t_eval is not None else {"t_end": float(self.time[-1])}
+                {} if t_eval is not None else {"t_end": self._run_end(given)}
             )
         elif verb == "quasi_static":
             how.setdefault("t_eval", self.time)
@@ -186,6 +187,16 @@ class Findings:
             raise ResultError(f"results of {verb} have no gradient")
         found: Sensitivity = model.sensitivity(outputs, parameters, **how)
         return found
+
+    def _run_end(self, given: Mapping[str, Any]) -> float:
+        """Return the end of the run [s]; where an event ended it, the one requested: it ends it again."""
+        known = self.origin[0].description if self.events and self.origin else None
+        if known is None or self.events[-1].name not in [e.name for e in known.events if e.ends_run]:
+            return float(self.time[-1])
+        asked = given.get("t_end")
+        if asked is None:
+            asked = known.t_end if given.get("t_eval") is None else np.asarray(given["t_eval"])[-1]
+        return float(asked)
 
 
 class Pictures:
