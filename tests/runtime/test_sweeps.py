@@ -231,6 +231,14 @@ def test_equilibria_are_swept(tmp_path):
         model.sweep({"length": [0.5]}, "modes", outputs=["frequency.2"])
 
 
+def test_a_speed_without_revolutions_is_a_failure_of_its_run():
+    """The end of the scene is the time of a revolution."""
+    model = symgen.build("elastic_slider_crank")
+    runs = model.sweep({"speed": [90.0, 0.0]}, "quasi_static", outputs=["P.position"], samples=5)
+    of_moving, of_still = runs["error"].values
+    assert of_moving == "" and "t_end of the scene is inf s" in of_still
+
+
 def test_steady_states_of_a_sweep_have_their_floquet_multiplier():
     """It is the decay of the rod's first mode over a revolution.
 

@@ -18,7 +18,7 @@ from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, displacement, length_change, selected, strains
-from symgen.runtime.elastic.steps import check_revolutions
+from symgen.runtime.elastic.steps import check_revolutions, turn
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
@@ -94,12 +94,11 @@ def exact_run(motion: ElasticMotion, rods: RodModel, task: LargeRotation) -> Ela
     """
     check_revolutions(motion, task.revolutions)
     rtol = RTOL if task.rtol is None else task.rtol
-    turn = motion.period if motion.speed else motion.rigid.description.t_end
     cuts = _cuts(motion, rods)
     state = _state(motion.rigid, rods, cuts)
     try:
         result = rods.simulate(
-            turn * task.revolutions,
+            turn(motion) * task.revolutions,
             rtol=rtol,
             samples=task.samples,
             state=state,

@@ -220,10 +220,10 @@ def _gap(coarse: Array, fine: Array, besides: Array | float = 0.0) -> float:
 
 def _loads_of_poses(motion: ElasticMotion, k: int) -> tuple[Array, Array]:
     """Return the weights of a link and those of forces along links (poses, forces, columns) in some poses."""
-    end = motion.period if motion.speed else motion.rigid.description.t_end
     moved = motion.moved()
     links, loads = [], []
-    for t in [0.0] if motion.undetermined else np.linspace(0.0, end, _POSES, endpoint=False).tolist():
+    times = np.linspace(0.0, turn(motion), _POSES, endpoint=False).tolist()
+    for t in [0.0] if motion.undetermined else times:
         status, _, found, _, _, forces = moved.evaluate(t)
         if status != _core.DONE:
             break  # the run says why

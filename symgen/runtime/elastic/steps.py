@@ -17,7 +17,7 @@ from symgen.runtime.elastic.kept import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import FEWER, FINER, Errors
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
-from symgen.runtime.integrate.options import TIGHTEST, recorded_at
+from symgen.runtime.integrate.options import TIGHTEST, end_of_scene, recorded_at
 from symgen.runtime.integrate.pace import OutOfTime, Pace
 from symgen.runtime.kernels.arguments import is_real, out_of_range
 from symgen.runtime.kernels.typed import library_of_runs
@@ -116,8 +116,7 @@ def recorded_times(motion: ElasticMotion, task: Task) -> Array:
         return np.array(
             [motion.time_at(a, last) or (motion.time_at(a, 1) if again and a else 0.0) for a in task.at]
         )
-    at_rest = motion.rigid.description.t_end if task.t_end is None else task.t_end
-    end = motion.period * task.revolutions if motion.speed else at_rest
+    end = turn(motion) * task.revolutions if motion.speed or task.t_end is None else task.t_end
     return np.linspace(0.0, end, task.samples) if task.t_eval is None else recorded_at(task.t_eval, 0.0, end)
 
 
@@ -134,7 +133,7 @@ def check_revolutions(motion: ElasticMotion, revolutions: float) -> None:
 
 def turn(motion: ElasticMotion) -> float:
     """Return the time [s] that steps are counted over."""
-    return motion.period if motion.speed else motion.rigid.description.t_end
+    return motion.period if motion.speed else end_of_scene(motion.rigid.description.t_end)
 
 
 def first_steps(motion: ElasticMotion, task: Task, least: int) -> int:

@@ -32,7 +32,7 @@ def end_of_scene(t_end: float) -> float:
     if not 0.0 < t_end < math.inf:
         raise SimulationError(
             f"t_end of the scene is {t_end:g} s with these parameters, and not a finite time above zero\n"
-            "  Change the parameters, or give the end of the run or range."
+            "  Change the parameters, t_end of the scene, or the end of a run or range of rigid links."
         )
     return t_end
 

@@ -230,8 +230,10 @@ class Problem:
                 each = list(result.gradient(flat, names).derivatives)
             else:
                 first, held = self._at_start(changed, flat)
-                along = result.gradient(flat, names, coordinates=held, t_eval=result.time[1:])
-                each = [first, *along.derivatives[:, : len(flat)]]  # without the time of an event
+                later = result.time[result.time > 0.0]
+                along = result.gradient(flat, names, coordinates=held, t_eval=later)
+                rows = along.derivatives[:, : len(flat)]  # without the time of an event
+                each = [*[first] * (len(result.time) - len(later)), *rows]
         stacked = np.stack(each) * (self.high - self.low)  # (samples, outputs, variables)
         place = {label: i for i, label in enumerate(flat)}
         return {n: stacked[:, [place[label] for label in labels[n]]].transpose(2, 0, 1) for n in self.outputs}
@@ -269,7 +271,7 @@ class Problem:
             for n in self.outputs
         )
         if not self.exact:
-            self.reason = "exact derivatives are at fixed times, and differ from those of the samples"
+            self.reason = "exact ones hold times and angles at the start, and differ from these"
 
     def of(self, quantity: Quantity, values: Array) -> Array:
         """Return the samples (..., samples) from which a quantity is reduced, of those with components."""

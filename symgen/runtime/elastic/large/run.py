@@ -28,7 +28,7 @@ from symgen.runtime.elastic.outputs import (
     selected,
     strains,
 )
-from symgen.runtime.elastic.steps import check_revolutions
+from symgen.runtime.elastic.steps import check_revolutions, turn
 from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
@@ -77,7 +77,7 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
         raise ModelError(f"expected 2 samples or more, got {samples}")
     if task.max_step is not None and not real(task.max_step, "max_step") > 0.0:
         raise ModelError(f"expected max_step above zero, got {task.max_step!r}")
-    end = (motion.period if motion.speed else motion.rigid.description.t_end) * task.revolutions
+    end = turn(motion) * task.revolutions
     times = np.linspace(0.0, end, samples)
     least = max(_STEPS * task.revolutions, end / (_STRIDES * motion.stride))
     if task.max_step is not None:

@@ -20,6 +20,7 @@ from symgen.runtime.elastic.large.passes import Pass, refine
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.outputs import length_change
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.integrate.options import end_of_scene
 from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
@@ -103,7 +104,7 @@ class SpatialModel(Model):
         samples = whole(361 if samples is None else samples, "samples")
         if samples < 2:
             raise ModelError(f"expected 2 samples or more, got {samples}")
-        end = real(self.rigid.description.t_end if t_end is None else t_end, "t_end")
+        end = end_of_scene(self.rigid.description.t_end) if t_end is None else real(t_end, "t_end")
         least = float(_STEPS)
         if max_step is not None:
             if not real(max_step, "max_step") > 0.0:
