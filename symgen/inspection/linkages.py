@@ -114,7 +114,7 @@ class RodsView(View):
 
     def repeated(self, model: Any, verb: str, given: Mapping[str, Any], result: Result) -> Result:
         """Return the positions of points at the samples of a result."""
-        if verb == "simulate":
+        if verb in ("simulate", "record"):
             return super().repeated(model, verb, given, result)
         same = {name: given[name] for name in ("state", "through") if name in given}
         if given.get("through"):  # which passes a time twice

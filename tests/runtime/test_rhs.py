@@ -228,3 +228,52 @@ def test_equations_of_a_loop_keep_their_kernels(scene):
     del free
     gc.collect()
     assert equations.closed_screws(0.0, start)[1] == pytest.approx(expected, abs=1e-12)
+
+
+def test_states_of_another_solver_are_recorded(tmp_path):
+    """As a run with the same law in the scene, which turns the rod by revolutions; the input is passed."""
+    scene = symgen.Scene(
+        inputs={"M": "0 N*m"},
+        points={"O": ground(0, 0), "A": at(1, 0)},
+        links={"OA": {"points": ["O", "A"], "mass": "3 kg"}},
+        gravity={"acceleration": ["0 m/s^2", f"{-G!r} m/s^2"]},
+        torques=[{"link": "OA", "torque": "M"}],
+        analysis={"t_end": "2 s", "outputs": ["OA.angle", "O.reaction", "torques.0.torque", "energy"]},
+    )
+    model = symgen.build(scene)
+    law = {"parameters": {"M0": "40 N*m", "c": "2 N*m*s"}, "torques.0.torque": "M0 - c*OA.rate"}
+    own = symgen.build(scene, set=law).simulate(rtol=1e-11)
+
+    def torque(y):
+        return [40 - 2 * (y[0] * y[3] - y[1] * y[2]) / (y[0] ** 2 + y[1] ** 2)]
+
+    f = model.rhs
+    motion = solve_ivp(
+        lambda t, y: f(t, y, torque(y)), (0, 2), f.start, rtol=1e-11, atol=1e-12, t_eval=own.time
+    )
+    run = model.record(motion.t, motion.y.T, [torque(y) for y in motion.y.T])
+    assert own["OA.angle"].values[-1] > 2 * np.pi
+    for name in own:
+        assert run[name].values == pytest.approx(own[name].values, rel=1e-6, abs=1e-6), name
+    assert 0 < run.drift.constraint < 1e-6 and np.isnan(run.drift.energy)
+    assert run.final["A"]["position"] == motion.y[:2, -1].tolist()
+    free = model.record(motion.t, motion.y.T)  # with the input of the model
+    assert not free["torques.0.torque"].values.any() and np.any(free["O.reaction"] != run["O.reaction"])
+    page = tmp_path / "moving.html"
+    run.animate(page)
+    assert page.stat().st_size > 10_000
+
+
+def test_states_that_are_none_are_refused():
+    model = symgen.build("triple_pendulum")
+    t, y = [0.0, 0.1], np.tile(model.rhs.start, (2, 1))
+    for arguments, words in (
+        ((t, y[:, 1:]), r"expected states of shape \(2, 12\)"),
+        (([0.0, 0.1, 0.2], y.T), "expected states of shape"),
+        ((t, [*zip(*y, strict=True)]), r"a row per time: motion.y.T"),
+        ((t, y * np.nan), "expected finite numbers for states"),
+        ((t[::-1], y), "expected increasing times"),
+        ((t, y, np.zeros((2, 1))), r"expected inputs of shape \(2, 0\)"),
+    ):
+        with pytest.raises(ModelError, match=words):
+            model.record(*arguments)

@@ -12,7 +12,7 @@ from symgen.errors import CapabilityError, ModelError, SymgenError
 from symgen.runtime.model.model import VERBS
 
 LINEAR = {"linearise", "mass_matrix", "jacobian", "sensitivity"}
-RODS = {"simulate", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
+RODS = {"simulate", "record", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
 AT_REST = {"equilibrium", "modes"}
 ELASTIC = {"periodic", "quasi_static", "large_rotation", "speed_response", "in_segments"}
@@ -23,8 +23,8 @@ SUPPORTED = {
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch", "sensitivity", "jacobian"},
     "cssp": {"simulate", "assemblies", "batch", "linearise", "sensitivity", "mass_matrix", "jacobian"},
-    "thesis_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC | EXACT,
-    "elastic_four_bar_motor": RODS - {"accelerations"} - LINEAR | DRIVEN | ELASTIC | EXACT,
+    "thesis_four_bar": RODS - {"accelerations", "record", "equilibrium"} - LINEAR | DRIVEN | ELASTIC | EXACT,
+    "elastic_four_bar_motor": RODS - {"accelerations", "record"} - LINEAR | DRIVEN | ELASTIC | EXACT,
 }
 KINEMATIC = {"analysis.kind": "kinematics", "analysis.outputs": []}
 

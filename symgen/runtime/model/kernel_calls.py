@@ -1,4 +1,4 @@
-"""Calls of the compiled kernels of a model by name."""
+"""Calls of the compiled kernels of a model by name, and results of states that other programs integrated."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from symgen.runtime.model.verbs import verb
 
 if TYPE_CHECKING:
     from symgen.runtime.kernels.batch import Rows
+    from symgen.runtime.result.result import Result
 
 
 class KernelCalls:
@@ -58,6 +59,30 @@ class KernelCalls:
         ------
         ModelError
             When there is no such kernel, or for arrays of other shapes.
+        """
+        raise NotImplementedError
+
+    @verb
+    def record(self, times: ArrayLike, states: ArrayLike, inputs: ArrayLike | None = None) -> Result:
+        """Return the result of a motion that another solver found, as :meth:`simulate` would.
+
+        It has outputs, drift, plots and a moving picture. Drift is that of the recorded times, of the energy
+        only where no load does work. Angles of links are continuous if none turns by half a revolution
+        between two times.
+
+        Parameters
+        ----------
+        times
+            Increasing times [s].
+        states
+            States y = (q, u) of :attr:`rhs`, a row per time: ``motion.y.T`` of SciPy's ``solve_ivp``.
+        inputs
+            Values of the inputs of the scene, a row per time; those of the model when absent.
+
+        Raises
+        ------
+        ModelError
+            For arrays of other shapes, times that do not increase, and numbers that are not finite.
         """
         raise NotImplementedError
 

@@ -1,17 +1,27 @@
-"""The equations of motion of a linkage as dy/dt = f(t, y), for solvers from elsewhere."""
+"""The equations of motion of a linkage as dy/dt = f(t, y) for solvers from elsewhere, and their results."""
 
 from __future__ import annotations
 
 import ctypes
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from symgen.errors import ModelError
 from symgen.runtime._rhs import Rhs
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.result.recording import grouped, motion, outputs_by_group
+from symgen.runtime.result.records import Drift, Variable, of_model, over_time
+from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import slack
 
+Array = NDArray[np.float64]
+
+#: Counts of the steps of a run, which a solver from elsewhere does not tell.
+_COUNTS = ("steps", "rejected", "evaluations", "factorisations")
 _VECTOR = ctypes.POINTER(ctypes.c_double)
 _SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_double, _VECTOR, _VECTOR, ctypes.c_void_p)
 
@@ -59,3 +69,76 @@ def low_level(function: int, equations: int, owner: Rhs) -> Any:
     compiled = _SIGNATURE(function)
     compiled.owner = owner  # type: ignore[attr-defined]  # what user_data points into lives as long
     return LowLevelCallable(compiled, ctypes.c_void_p(equations))
+
+
+def rows(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return finite numbers of this shape, of any number of times where it is empty, or raise ModelError."""
+    try:
+        found = np.ascontiguousarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"expected numbers for {what}, got {values!r}") from None
+    words = f"shape {shape} (times, numbers)" if shape else "one axis"
+    if found.shape != (shape or (found.size,)) or not found.size:
+        turned = (
+            "\n  Give them with a row per time: motion.y.T of solve_ivp." if found.T.shape == shape else ""
+        )
+        raise ModelError(f"expected {what} of {words}, got shape {found.shape}{turned}")
+    if not np.isfinite(found).all():
+        raise ModelError(f"expected finite numbers for {what}, got {found[~np.isfinite(found)][0]}")
+    return found
+
+
+def recorded(
+    evaluator: Evaluator, redundant: int, times: Array, states: Array, inputs: Array | None, **how: Any
+) -> Result:
+    """Return the result of states (times, numbers) that a solver from elsewhere found.
+
+    The states may end with the work of loads; ``inputs`` are those of the scene at each time, those of the
+    model when absent; ``how`` is the provenance.
+    """
+    d = evaluator.description
+    values = np.empty((len(times), 0)) if inputs is None else inputs
+    groups = grouped(evaluator.given, len(d.tunable) - len(d.inputs), values)
+    equations = evaluator.equations(redundant)
+    variables = outputs_by_group(evaluator, equations, groups, times, states, redundant)
+    end = float(times[-1])
+    return Result(
+        **of_model(d, evaluator.given[: len(d.tunable)].tolist(), step=0.0, t_end=end, **how),
+        axes=d.shown_axes,
+        coordinate=over_time(times),
+        variables=tuple(_unwound(v, d.turns) for v in variables),
+        drift=_drift(evaluator, times, states),
+        final=motion(evaluator, end, states[-1]),
+        statistics={"t": end, **dict.fromkeys(_COUNTS, 0), "wall_s": 0.0},
+        notes=("the steps of an external solver are not counted; drift is that of the recorded times",),
+    )
+
+
+def _unwound(variable: Variable, links: tuple[str, ...]) -> Variable:
+    """Return the angle of a link without jumps from sample to sample; another output as it is."""
+    turns = variable.name.removesuffix(".angle") in links
+    return replace(variable, values=np.unwrap(variable.values)) if turns else variable
+
+
+def _drift(evaluator: Evaluator, times: Array, states: Array) -> Drift:
+    """Return the drift of the recorded states from the constraints and the energy balance."""
+    n = evaluator.description.coordinates
+    accounted = states.shape[1] > 2 * n or not evaluator.description.work_of_loads
+    position = velocity = 0.0
+    energies = []
+    for t, y in zip(times, states, strict=True):
+        q, u = y[:n], y[n : 2 * n]
+        kinetic, potential = evaluator("energy", t, q, u)[:2]
+        energies.append((kinetic, potential, kinetic + potential - sum(y[2 * n :])))
+        if evaluator.has("constraints"):
+            found = evaluator.blocks("constraints", t, q, u)
+            rates = evaluator("velocity_constraints", t, q, u)
+            position = max(position, float(np.max(np.abs(found["constraints"] / found["constraint_scale"]))))
+            velocity = max(velocity, float(np.max(np.abs(rates / found["constraint_scale"]))))
+    kinetic, potential, total = np.array(energies).T
+    return Drift(
+        constraint=position,
+        velocity=velocity,
+        energy=float(np.max(np.abs(total - total[0]))) if accounted else np.nan,
+        energy_exchanged=float(max(np.ptp(kinetic), np.ptp(potential))),
+    )

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, check_known
@@ -125,6 +125,19 @@ class RodModel(LinkageModel):
         from symgen.runtime.model.rhs import right_hand_side
 
         return right_hand_side(self.initial_state(), self._evaluator, len(self.redundant))
+
+    def _record(self, times: ArrayLike, states: ArrayLike, inputs: ArrayLike | None = None) -> Result:
+        from symgen.runtime.model.rhs import recorded, rows
+
+        d = self.description
+        t = rows("times", times, ())
+        y = rows("states", states, (len(t), 2 * d.coordinates))
+        u = None if inputs is None else rows("inputs", inputs, (len(t), len(d.inputs)))
+        if not np.all(np.diff(t) > 0):
+            raise ModelError(f"{self.name}: expected increasing times for record")
+        return recorded(
+            self._evaluator, len(self.redundant), t, y, u, method="external", backend=self.backend
+        )
 
     def _tangents(
         self, at: State | Equilibrium | None, names: Sequence[str], kind: str = "linearisation"

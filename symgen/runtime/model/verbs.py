@@ -81,7 +81,15 @@ def _carry_out(
 
 
 #: Analyses whose results move, and arguments that act outside of them.
-_MOVING = ("simulate", "kinematics", "inverse_dynamics", "periodic", "quasi_static", "large_rotation")
+_MOVING = (
+    "simulate",
+    "record",
+    "kinematics",
+    "inverse_dynamics",
+    "periodic",
+    "quasi_static",
+    "large_rotation",
+)
 _OUTSIDE = frozenset(("checkpoint", "checkpoint_every", "resume", "progress"))
 #: Arguments that other times to record replace.
 _RECORDED = frozenset(("samples", "t_eval", "at"))

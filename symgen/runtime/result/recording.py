@@ -80,23 +80,8 @@ class Recording:
         solver = self.equations if in_doubles else evaluator.equations(lost)
         if plain:
             return self._continued(outputs(evaluator, solver, run.sampled, run.result, lost))
-        return self._continued(self._wound(solver, references))
-
-    def _wound(self, solver: _core.Equations, references: Array) -> tuple[Variable, ...]:
-        """Return the outputs with the angles in loads taken from their references at each sample."""
-        evaluator, times, states = self.evaluator, self.stepper.sampled, self.stepper.result
-        parts, places = [], []
-        for held, rows in wound(evaluator, references):
-            solver.set_parameters(held)
-            at = Evaluator(evaluator.description, evaluator.library, held)
-            parts.append(outputs(at, solver, times[rows], states[rows], len(self.redundant)))
-            places.append(rows)
-        solver.set_parameters(evaluator.given)
-        order = np.argsort(np.concatenate(places))
-        return tuple(
-            replace(same[0], values=np.concatenate([v.values for v in same])[order])
-            for same in zip(*parts, strict=True)
-        )
+        groups = wound(evaluator, references)
+        return self._continued(outputs_by_group(evaluator, solver, groups, run.sampled, run.result, lost))
 
     def _continued(self, variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
         links = self.evaluator.description.turns
@@ -216,6 +201,29 @@ def outputs(
     return shaped(info, evaluator.many("outputs", times, states[:, :n], states[:, n : 2 * n], work))
 
 
+def outputs_by_group(
+    evaluator: Evaluator,
+    equations: _core.Equations,
+    groups: Iterable[tuple[Array, NDArray[np.intp]]],
+    times: Array,
+    states: Array,
+    redundant: int,
+) -> tuple[Variable, ...]:
+    """Return :func:`outputs` where groups of rows have parameters of their own."""
+    parts, places = [], []
+    for held, rows in groups:
+        equations.set_parameters(held)
+        at = Evaluator(evaluator.description, evaluator.library, held)
+        parts.append(outputs(at, equations, times[rows], states[rows], redundant))
+        places.append(rows)
+    equations.set_parameters(evaluator.given)
+    order = np.argsort(np.concatenate(places))
+    return tuple(
+        replace(same[0], values=np.concatenate([v.values for v in same])[order])
+        for same in zip(*parts, strict=True)
+    )
+
+
 def continued(variables: tuple[Variable, ...], links: Sequence[str], turns: Array) -> tuple[Variable, ...]:
     """Return variables with the angles of links over the revolutions that runs counted, (..., links)."""
     counted = {f"{link}.angle": turned for link, turned in zip(links, np.moveaxis(turns, -1, 0), strict=True)}
@@ -231,10 +239,15 @@ def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, NDAr
     if not references.any():
         yield given, np.arange(len(references))
         return
-    kinds, which = np.unique(references, axis=0, return_inverse=True)
-    for kind, reference in enumerate(kinds):
+    yield from grouped(given, d.of_held.start, references)
+
+
+def grouped(given: Array, first: int, values: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+    """Yield parameters with a row of values from a place on, for each distinct one, and where it occurs."""
+    kinds, which = np.unique(values, axis=0, return_inverse=True)
+    for kind, row in enumerate(kinds):
         held = given.copy()
-        held[d.of_held][: d.windings] = reference
+        held[first : first + len(row)] = row
         yield held, np.flatnonzero(which.ravel() == kind)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 
@@ -12,13 +13,9 @@ from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError, check_known
-from symgen.runtime._rhs import Rhs
 from symgen.runtime.kernels.arguments import count, real
-from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.model.rhs import right_hand_side
+from symgen.runtime.model.rhs import recorded, right_hand_side
 from symgen.runtime.model.rods import RodModel
-from symgen.runtime.result.recording import motion, outputs
-from symgen.runtime.result.records import Drift, of_model, over_time
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 
@@ -143,7 +140,9 @@ def reference(
     lost = ~np.isfinite(states).all(axis=1)
     if lost.any():
         raise SimulationError(f"{name} returned states that are not finite", time=float(times[lost.argmax()]))
-    return _result(model, name, f, times, states, {"rtol": rtol, "atol": atol}, calls[0], wall)
+    how = {"method": name, "rtol": rtol, "atol": atol, "backend": model.backend}
+    found = recorded(model.evaluator, len(model.redundant), times, states, None, **how)
+    return replace(found, statistics={**found.statistics, "evaluations": calls[0], "wall_s": wall})
 
 
 def _named(solver: str | Solver) -> tuple[str, Solver]:
@@ -151,65 +150,3 @@ def _named(solver: str | Solver) -> tuple[str, Solver]:
         return getattr(solver, "__name__", "solver"), solver
     check_known(solver, SOLVERS, "there is no solver")
     return solver, SOLVERS[solver]
-
-
-def _result(
-    model: RodModel,
-    name: str,
-    f: Rhs,
-    times: Array,
-    states: Array,
-    tolerances: Mapping[str, float],
-    evaluations: int,
-    wall: float,
-) -> Result:
-    d, evaluator = model.description, model.evaluator
-    redundant = len(model.redundant)
-    return Result(
-        **of_model(
-            d,
-            model.parameters,
-            method=name,
-            **tolerances,
-            step=0.0,
-            t_end=float(times[-1]),
-            backend=model.backend,
-        ),
-        axes=d.axes,
-        coordinate=over_time(times),
-        variables=outputs(evaluator, evaluator.equations(redundant), times, states, redundant),
-        drift=_drift(evaluator, times, states),
-        final=motion(evaluator, float(times[-1]), states[-1]),
-        statistics={
-            "t": float(times[-1]),
-            "steps": 0,
-            "rejected": 0,
-            "evaluations": evaluations,
-            "factorisations": 0,
-            "wall_s": wall,
-        },
-        notes=("the steps of an external solver are not counted; drift is that of the recorded times",),
-    )
-
-
-def _drift(evaluator: Evaluator, times: Array, states: Array) -> Drift:
-    """Return the drift of the recorded states from the constraints and the energy balance."""
-    n = evaluator.description.coordinates
-    position = velocity = 0.0
-    energies = []
-    for t, y in zip(times, states, strict=True):
-        q, u = y[:n], y[n : 2 * n]
-        kinetic, potential = evaluator("energy", t, q, u)[:2]
-        energies.append((kinetic, potential, kinetic + potential - sum(y[2 * n :])))
-        if evaluator.has("constraints"):
-            found = evaluator.blocks("constraints", t, q, u)
-            rates = evaluator("velocity_constraints", t, q, u)
-            position = max(position, float(np.max(np.abs(found["constraints"] / found["constraint_scale"]))))
-            velocity = max(velocity, float(np.max(np.abs(rates / found["constraint_scale"]))))
-    kinetic, potential, total = np.array(energies).T
-    return Drift(
-        constraint=position,
-        velocity=velocity,
-        energy=float(np.max(np.abs(total - total[0]))),
-        energy_exchanged=float(max(np.ptp(kinetic), np.ptp(potential))),
-    )
