@@ -167,6 +167,8 @@ def test_the_end_of_a_run_follows_the_parameters(scene):
         of_still, of_back = runs["error"].values[1:]
         assert "t_end of the scene is inf s" in of_still
         assert "t_end of the scene is -6.28319 s" in of_back
+    again = model.with_parameters(speed=4.0).with_parameters(**model.parameters)
+    assert again.simulate(samples=2).time[-1] == model.simulate(samples=2).time[-1]
 
 
 def test_wrong_options_are_refused(scene):

@@ -39,7 +39,7 @@ class LinkageModel(Model):
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
-        if self.is_changed and self.description.kernel("run_end"):
+        if self.description.kernel("run_end"):
             rest, own = np.zeros(self.description.coordinates), np.array(self.given)
             evaluator = Evaluator(self.description, self._library, own)
             (end,) = evaluator.blocks("run_end", 0.0, rest, rest)["t_end"]
