@@ -150,3 +150,12 @@ def test_joints_that_repeat_others_are_refused(of):
     scene = symgen.Scene(points=points, links={"beam": elastic(["A", "B"])}, joints=joints, welds=welds)
     with pytest.raises(ModelError, match="the weld at A, the revolute at A\n"):
         getattr(symgen.build(scene), of)()
+
+
+def test_a_pose_is_that_of_the_input_whichever_way_it_went_there():
+    """The input depends on rate times time; the end of the scene, 2 pi/rate, is negative for one of them."""
+    model = symgen.build("spatial_four_bar")
+    backwards = model.with_parameters(rate=-model.parameters["rate"])
+    np.testing.assert_allclose(
+        backwards.modes(0.02).frequencies[:4], model.modes(-0.02).frequencies[:4], rtol=1e-7
+    )

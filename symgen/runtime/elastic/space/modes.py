@@ -36,7 +36,7 @@ def equilibrium(linkage: LinkageInSpace, t: float) -> Moment:
     found = linkage.start()
     still = np.zeros(linkage.unknowns)
     end = linkage.rigid.description.t_end
-    for time in np.linspace(0.0, t, 1 + int(np.ceil(_POSES * abs(t) / end))):
+    for time in np.linspace(0.0, t, 2 + int(_POSES * abs(t / end))):
         found = _at_rest(linkage, replace(found, t=float(time), v=still, a=still))
     return found
 
