@@ -108,7 +108,11 @@ class _Interface(NamedTuple):
         for name, value in named.items():
             kind = self.kinds.get(name) or self.others
             if kind is None or name in self.ordered[: len(values)]:
-                known = nearest(name, self.kinds.keys() - {"self", "self/"})
+                known = (
+                    f"{name} is a parameter: model.with_parameters changes it."
+                    if values and name in getattr(values[0], "parameters", ())
+                    else nearest(name, self.kinds.keys() - {"self", "self/"})
+                )
                 how = f"has no argument {name!r}. {known}" if kind is None else f"got {name!r} twice"
                 raise ModelError(f"{self.name} {how}")
             by_name[name] = self._take(name, value, kind)

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from symgen.report.extremes import FEW, Components, texts
 from symgen.report.tables import MODES, table
+from symgen.runtime.model.compiled import degrees
 from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.records import converted, converters
 from symgen.runtime.result.result import Variable
@@ -75,8 +76,9 @@ def print_equilibrium(found: Equilibrium, model: Any, console: Console) -> None:
         for p, r in zip(found.state.positions, where, strict=True)
     ]
     head = ("point", *(f"{a} [{length}]" for a in axes), *(f"reaction {a} [{force}]" for a in axes))
+    freedom = degrees(found.freedoms)
     console.print(
-        table(f"{model.description.title}: {found.stability} equilibrium, {found.freedoms} free", head, rows)
+        table(f"{model.description.title}: {found.stability} equilibrium, {freedom} of freedom", head, rows)
     )
     if found.outputs:
         variables = [

@@ -138,6 +138,19 @@ def _vanishes(expression: sp.Expr) -> bool:
     return not expression.free_symbols and vanishes(expression)
 
 
+#: Parts of names of outputs, and those of the variables of loads in their place.
+_MEASURED = {".position.": ".", ".velocity.": ".v", ".angular_velocity": ".rate"}
+
+
+def _dotted(node: ast.expr) -> str:
+    """Return a name with dots, such as ``crank.angle``; empty for an attribute of anything else."""
+    words = []
+    while isinstance(node, ast.Attribute):
+        words.append(node.attr)
+        node = node.value
+    return ".".join([node.id, *reversed(words)]) if isinstance(node, ast.Name) else ""
+
+
 class _Reader:
     def __init__(self, text: str, names: Names) -> None:
         self.text, self.names = text, names
@@ -194,12 +207,8 @@ class _Reader:
                 return parse_any(number, {})
             case ast.Name(id=name):
                 return self.named(name)
-            case ast.Attribute(value=ast.Name(id=owner), attr=word) if any("." in n for n in self.names):
-                return self.named(f"{owner}.{word}")
-            case ast.Attribute(value=ast.Attribute(value=ast.Name(id=owner), attr=word), attr=part) if any(
-                n.count(".") == 2 for n in self.names
-            ):
-                return self.named(f"{owner}.{word}.{part}")
+            case ast.Attribute() if any("." in n for n in self.names) and (name := _dotted(node)):
+                return self.named(name)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 inner, dim = self.node(operand, depth)
                 return -inner, dim
@@ -233,7 +242,11 @@ class _Reader:
             return sp.pi, NUMBER
         if name not in self.names:
             alike = [known for known in self.names if ("." in known) == ("." in name)]
-            raise SceneError(f"{self.shown} uses the unknown name {name!r}", hint=nearest(name, alike))
+            measured = name
+            for output, variable in _MEASURED.items():
+                measured = measured.replace(output, variable)
+            hint = nearest(measured if measured in alike else name, alike)
+            raise SceneError(f"{self.shown} uses the unknown name {name!r}", hint=hint)
         return self.names[name]
 
     def power(self, base: Value, exponent: Value) -> Value:

@@ -158,7 +158,9 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
             raise SceneError(
                 f"there is no parameter and no key {key!r} to set",
                 file=text.file,
-                hint=_of_analysis(key) or nearest(key, [name for table in named for name in table]),
+                hint=_of_analysis(key)
+                or _respelled(path, last, table)
+                or nearest(key, [name for table in named for name in table]),
             )
     return SceneText(text.name, text.file, data)
 
@@ -178,6 +180,18 @@ def _of_analysis(key: str) -> str:
         return ""
     option = ", or give --t-end to the analysis (in Python t_end)" if key == "t_end" else ""
     return f"Set analysis.{key}{option}."
+
+
+def _respelled(path: list[str], last: str, table: Any) -> str:
+    """Return a hint for a key of an entry without its number, or of a table with another name; else empty."""
+    from symgen.scene.schema import Scene
+
+    if isinstance(table, list) and table and not last.isdecimal():
+        return f"Did you mean {'.'.join([*path, '0', last])!r}? Entries are numbered from 0."
+    if not path or path[0] in Scene.model_fields:
+        return ""
+    hint = nearest(".".join([*path, last]), [".".join([x, *path[1:], last]) for x in Scene.model_fields])
+    return hint if hint.startswith("Did") else ""
 
 
 def _may_be_absent(path: list[str]) -> bool:

@@ -228,7 +228,7 @@ def test_a_length_that_does_not_fit_is_the_only_one_named(tmp_path):
 
 
 def test_titles_are_not_broken_at_the_width_of_their_tables():
-    title = "Four-bar linkage swinging freely: stable equilibrium, 1 free"
+    title = "Four-bar linkage swinging freely: stable equilibrium, 1 degree of freedom"
     assert title in call("equilibrium", "four_bar").splitlines()
     assert "Cantilever on a turning shaft: the structure at rest" in call("modes", "rotating_cantilever")
 

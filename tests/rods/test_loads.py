@@ -283,6 +283,8 @@ BAD = {
     "one point": ({"actuators": [{"between": ["O", "O"], "force": "1 N"}]}, "actuators.0.between", "two different"),
     "no force": ({"actuators": [{"between": ["O", "A"], "force": "1 m"}]}, "actuators.0.force", "a force"),
     "unknown state": ({"actuators": [{"between": ["O", "A"], "force": "k*A.q/l"}]}, "actuators.0.force", "'A.x'|'A.y'"),
+    "component of an output": ({"forces": [{"point": "A", "force": ["-k*A.position.x/l", "0 N"]}]}, "forces.0.force.0", "mean 'A.x'"),
+    "rate of an output": ({"torques": [{"link": "OA", "torque": "-k*l*OA.angular_velocity"}]}, "torques.0.torque", "mean 'OA.rate'"),
     "state of another": ({"forces": [{"point": "A", "force": ["k*this.length/l", "0 N"]}]}, "forces.0.force.0", "this.length"),
     "rate for angle": ({"torques": [{"link": "OA", "torque": "k*l*sin(this.rate)"}]}, "torques.0.torque", "an angular velocity"),
     "space in plane": ({"torques": [{"link": "OA", "torque": ["1 N*m", "0 N*m"]}]}, "torques.0.torque", "one torque"),

@@ -93,7 +93,7 @@ def test_in_space():
         ({"name": "a", "of": "OA.tension"}, r"\[events.0\] of", "unknown name 'OA.tension'"),
         ({"name": "a", "of": "2 m"}, r"\[events.0\] of", "the same at all times"),
         ({"name": "a", "of": "A.__class__.y"}, r"\[events.0\] of", "unknown name"),
-        ({"name": "a", "of": "A.y.x.y"}, r"\[events.0\] of", "Attribute"),
+        ({"name": "a", "of": "A.y.x.y"}, r"\[events.0\] of", "unknown name 'A.y.x.y'"),
         ({"name": "a", "of": "A.y", "value": "nan m"}, r"\[events.0\] value", "finite"),
     ],
 )  # fmt: skip

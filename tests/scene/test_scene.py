@@ -76,6 +76,9 @@ def test_overrides():
     for key in ("roh", "links.OX.mass", "title.x"):
         with pytest.raises(SceneError, match="no parameter and no key"):
             override(text, {key: "1"})
+    for key, meant in (("parameter.k", "parameters.k"), ("springs.stiffness", "springs.0.stiffness")):
+        with pytest.raises(SceneError, match=f"Did you mean '{meant}'"):
+            override(SceneText("a", "a.toml", {"springs": [{"stiffness": "k"}]}), {key: "1"})
     with pytest.raises(SceneError, match=r"Set analysis.t_end, or give --t-end to the analysis"):
         override(text, {"t_end": "1 s"})
     for scene in ("peaucellier", "rotating_cantilever"):  # the latter has no table [analysis]

@@ -171,7 +171,11 @@ OF_CORNERS: dict[str, Callable[..., Entries]] = {
     "transmission_angle": _transmission_angle,
 }
 #: Words of the field that are no outputs, and what to record in their place.
+_SPECTRUM = (
+    "Those of an equilibrium are in modes(); derivatives of 'frequencies' and 'poles' in sensitivity() at it."
+)
 ELSEWHERE = {
+    **dict.fromkeys(("frequencies", "poles", "damping_ratio", "damping_ratios"), _SPECTRUM),
     "rate": "Record LINK.angular_velocity.",
     "mechanical_advantage": "Record LINK.speed_ratio: the mechanical advantage is its reciprocal, which is "
     "unbounded at the limit positions of the link.",
@@ -256,7 +260,10 @@ def entries(model: RodsModel, name: str) -> Entries:
             for f, (own, *_) in _of_loads(model).items()
             if any(str(s) == word for e in own for s in e.free_symbols)
         ]
-        hint = nearest(name, OF_THE_WHOLE)
+        words = (
+            OF_POINTS if word in model.points else OF_LINKS if word in (k.name for k in model.parts) else ()
+        )
+        hint = nearest(name, [*OF_THE_WHOLE, *(f"{word}.{w}" for w in words)])
         if owners:
             hint = f"It belongs to a point or link: {', '.join(owners)}."
         elif acting:
