@@ -320,6 +320,7 @@ def test_redundant_constraints_leave_some_forces_open():
         ({"coordinates": ["C.position", "pole.angle"]}, r"several components(.|\n)*C\.position\.x"),
         ({"coordinates": ["C.velocity.x", "pole.angle"]}, "depends on more than the pose"),
         ({"coordinates": ["C.place.x", "pole.angle"]}, "there is no output"),
+        ({"coordinates": ["C.x", "pole.angle"]}, r"independent coordinates(.|\n)*such as C\.position\.x"),
         ({"outputs": ["pole.angel"]}, r"there is no output(.|\n)*pole\.angle"),
         ({"outputs": ["pole.angle.z"]}, "there is no output"),
         ({"inputs": ["G"]}, "no input 'G'"),
@@ -329,6 +330,11 @@ def test_wrong_requests_are_refused(arguments, text):
     model = symgen.build(CART_POLE)
     with pytest.raises(ModelError, match=text):
         model.linearise(**arguments)
+
+
+def test_a_parameter_among_the_arguments_is_referred_to_with_parameters():
+    with pytest.raises(ModelError, match=r"no argument 'F'\. F is a parameter: model\.with_parameters"):
+        symgen.build(CART_POLE).simulate(0.1, F=1.0)
 
 
 def test_equilibria_of_other_models_are_refused():
@@ -342,6 +348,22 @@ def test_a_state_off_the_constraints_has_no_independent_coordinates():
     state = model.state({"C": [0.0, 0.1], "P": [0.0, 0.5]})
     with pytest.raises(ModelError, match=r"violates the constraints(.|\n)*rhs\.project"):
         model.linearise(state, coordinates=["C.position.x", "pole.angle"])
+    (note,) = model.simulate(0.1, state=state).notes
+    assert "by 1.0e-01 m and 0.0e+00 m/s: the run starts from its projection" in note
+    assert not model.simulate(0.1, state=model.initial_state()).notes
+    moving = model.state({"C": [0.0, 0.0], "P": [0.0, 0.5]}, {"C": [0.0, 1e-4], "P": [0.0, 1e-4]})
+    with pytest.raises(ModelError, match=r"by 0\.0e\+00 m and 1\.0e-04 m/s"):
+        model.linearise(moving, coordinates=["C.position.x", "pole.angle"])
+
+
+def test_at_rest_round_off_of_velocities_violates_no_constraint():
+    model = symgen.build(CART_POLE)
+    coordinates = ["C.position.x", "pole.angle"]
+    start = model.linearise(coordinates=coordinates)
+    assert np.array_equal(model.linearise(0.0, coordinates=coordinates).A, start.A)
+    assert pytest.approx(start.A, rel=1e-12, abs=1e-12) == model.linearise(0.5, coordinates=coordinates).A
+    with pytest.raises(ModelError, match="expected at to be a finite number above zero, got -0.5"):
+        model.linearise(-0.5, coordinates=coordinates)
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,9 @@ def run(
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     if evaluator.description.switches or evaluator.description.windings:
         equations.set_parameters(evaluator.given)  # samples are evaluated with the loads' own branches
-    result = Result._later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library))
+    result = Result._later(
+        Recording(evaluator, equations, stepper, redundant, chosen, wall, library, (t0, y))
+    )
     if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(

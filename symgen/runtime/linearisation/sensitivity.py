@@ -16,12 +16,14 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
-from symgen.runtime.linearisation.vibration import frequencies
+from symgen.runtime.linearisation.vibration import spectrum
 
 Array = NDArray[np.float64]
 
 #: The part of a constraint's slopes within which others agree, and of stiffness below which it is neutral.
 _EQUAL, _NEUTRAL = 1e-9, 1e-12
+#: The part of the largest displacement above which a coordinate stands for a motion.
+_MOST = 0.999
 #: Solutions of the equations of a moved pose, each of what the one before leaves.
 _REFINED = 3
 
@@ -82,27 +84,35 @@ def _moved(
 
 
 def at_equilibrium(
-    tangents: Tangents, outputs: Sequence[str], parameters: Sequence[str], vibration: Evaluator | None
+    tangents: Tangents,
+    outputs: Sequence[str],
+    parameters: Sequence[str],
+    spectra: Sequence[str],
+    vibration: Callable[[], Evaluator],
 ) -> Sensitivity:
     """Return the derivatives of outputs at an equilibrium that moves with the parameters.
 
-    With the kernels of the analysis ``vibration``, those of the frequencies follow.
+    Those of the ``spectra``, of frequencies or poles, follow, by the kernels of the analysis ``vibration``.
 
     Raises
     ------
     ModelError
-        For a neutral equilibrium; for a parameter that breaks redundant constraints; for equal frequencies.
+        For a neutral equilibrium; for a parameter that breaks redundant constraints; as :func:`spectrum`.
     """
     n, by = tangents.n, tangents.columns(parameters)
     force = tangents.slopes.residual[:n]
     by_q = force[:, tangents.by_q]
     dq = _closing(tangents, parameters)
     stiffness = tangents.free.T @ by_q @ tangents.free
-    sizes = np.linalg.svd(stiffness)[1]
+    _, sizes, right = np.linalg.svd(stiffness)
     if len(sizes) and sizes[-1] <= _NEUTRAL * max(sizes[0], float(np.max(np.abs(by_q)))):
+        d, motion = tangents.description, tangents.free @ right[-1]
+        point, axis = divmod(int(np.argmax(np.abs(motion) > _MOST * np.max(np.abs(motion)))), len(d.axes))
         raise ModelError(
-            f"the equilibrium of {tangents.description.name} is neutral: parameters do not determine how it "
-            "moves"
+            f"the equilibrium of {d.name} is neutral: no force determines "
+            f"{d.free[point]}.position.{d.axes[axis]}, so parameters do not determine how it moves\n"
+            "  Add a spring or a drive; or hold independent coordinates: give equilibrium.state for at, with "
+            "coordinates."
         )
     unbalanced = by_q @ dq + force[:, by]
     dq = dq - tangents.free @ np.linalg.solve(stiffness, tangents.free.T @ unbalanced)
@@ -110,19 +120,18 @@ def at_equilibrium(
     still = np.zeros_like(dq)
     found = _of_outputs(tangents, outputs, parameters, dq, still, np.vstack([still, multipliers]))
     found = replace(found, at_equilibrium=True)
-    if vibration is None:
-        return found
-    values, derivatives = frequencies(tangents, vibration, np.vstack([dq, multipliers]), parameters)
-    names = tuple(f"frequency.{i}" for i in range(1, len(values) + 1))
-    return finite(
-        replace(
+    for what in spectra:
+        moved = np.vstack([dq, multipliers])
+        names, values, derivatives = spectrum(tangents, vibration(), moved, parameters, what)
+        units = {"frequency": "Hz", "real": "1/s", "imag": "rad/s"}
+        found = replace(
             found,
             derivatives=np.vstack([found.derivatives, derivatives]),
             outputs=(*found.outputs, *names),
             values=np.append(found.values, values),
-            units=found.units | dict.fromkeys(names, "Hz"),
+            units=found.units | {x: units["frequency" if what == "frequencies" else x[-4:]] for x in names},
         )
-    )
+    return finite(found)
 
 
 def finite(found: Sensitivity) -> Sensitivity:

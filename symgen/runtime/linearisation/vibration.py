@@ -1,4 +1,4 @@
-"""Derivatives of the frequencies of small vibrations by parameters.
+"""Derivatives of poles and frequencies of small vibrations by parameters.
 
 A mode dq = phi exp(s t) with constraint forces J^T mu solves P phi + J^T mu = 0, J phi = 0 with
 P = s^2 M + s C + K. With the solution psi, nu of the transposed equations, its derivative is
@@ -18,21 +18,25 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.state_space import Tangents
+from symgen.runtime.rods.modes import damped
 
 Array = NDArray[np.float64]
 
 #: The matrices of small vibrations.
 _SYSTEM = ("mass_matrix", "stiffness", "damping")
-#: The part of their size by which frequencies must differ.
+#: The part of their size by which eigenvalues must differ.
 _APART = 1e-6
 
 
-def frequencies(
-    tangents: Tangents, kernels: Evaluator, moved: Array, parameters: Sequence[str]
-) -> tuple[Array, Array]:
-    """Return the frequencies of the modes that oscillate [Hz] and their derivatives.
+def spectrum(
+    tangents: Tangents, kernels: Evaluator, moved: Array, parameters: Sequence[str], what: str
+) -> tuple[list[str], Array, Array]:
+    """Return ``poles`` or ``frequencies`` of small vibrations: names, values and derivatives, a row each.
 
-    They are sorted by the modulus of their eigenvalues, which without damping is the circular frequency.
+    Poles are real parts [1/s] and, where they oscillate, imaginary parts [rad/s]; those that grow first, then
+    by rising modulus.
+    Frequencies [Hz] are those of the modes that oscillate, sorted by the modulus of their eigenvalues, which
+    without damping is the circular frequency.
 
     Parameters
     ----------
@@ -46,21 +50,29 @@ def frequencies(
     Raises
     ------
     ModelError
-        When two frequencies are equal: single ones have no derivatives.
+        When two of them are equal: single ones have no derivatives; when no mode oscillates.
     """
     matrices = _matrices(tangents, kernels)
-    changes = _changes(tangents, kernels, moved, parameters)
     mass, stiffness, damping = (matrices[name] for name in _SYSTEM)
-    free = tangents.free
-    found = _oscillations(*(free.T @ matrix @ free for matrix in (mass, stiffness, damping)))
-    close = np.abs(np.diff(found)) < _APART * np.abs(found[1:])
-    if np.any(close):
-        first = int(np.argmax(close)) + 1
-        raise ModelError(
-            f"frequencies {first} and {first + 1} of {tangents.description.name} are equal, so that "
-            "they have no derivatives one by one"
-        )
-    derivatives = np.zeros((len(found), len(parameters)))
+    free, title = tangents.free, tangents.description.name
+    found = _eigenvalues(*(free.T @ matrix @ free for matrix in (mass, stiffness, damping)))
+    if what == "frequencies":
+        found = found[found.imag > 0]
+        found = found[np.argsort(np.abs(found))]
+        if not len(found):
+            raise ModelError(
+                f"no mode of {title} oscillates at this equilibrium, so there are no frequencies\n"
+                "  Give poles, which include motions that grow or decay."
+            )
+    for i, s in enumerate(found):
+        close = np.flatnonzero(np.abs(found[:i] - s) <= _APART * np.abs(s))
+        if len(close):
+            raise ModelError(
+                f"{what} {close[0] + 1} and {i + 1} of {title} are equal, so that they have no derivatives "
+                "one by one"
+            )
+    changes = _changes(tangents, kernels, moved, parameters)
+    derivatives = np.zeros((len(found), len(parameters)), dtype=complex)
     for i, s in enumerate(found):
         whole = s**2 * mass + s * damping + stiffness
         left, _, right = np.linalg.svd(free.T @ whole @ free)
@@ -72,8 +84,14 @@ def frequencies(
             turned = changes["constraint_slopes"][k]
             change = psi @ (s**2 * by_mass + s * by_damping + by_stiffness) @ phi
             change += psi @ (turned.T @ mu) + nu @ (turned @ phi)
-            derivatives[i, k] = (-change / below).imag / (2 * np.pi)
-    return found.imag / (2 * np.pi), derivatives
+            derivatives[i, k] = -change / below
+    if what == "frequencies":
+        names = [f"frequency.{i}" for i in range(1, len(found) + 1)]
+        return names, found.imag / (2 * np.pi), derivatives.imag / (2 * np.pi)
+    parts = [(i, part) for i, s in enumerate(found) for part in ("real", "imag")[: 1 + bool(s.imag)]]
+    names = [f"pole.{i + 1}.{part}" for i, part in parts]
+    values, rows = (np.array([getattr(x[i], part) for i, part in parts]) for x in (found, derivatives))
+    return names, values, rows
 
 
 def _matrices(tangents: Tangents, kernels: Evaluator) -> dict[str, Array]:
@@ -121,13 +139,8 @@ def _at(tangents: Tangents, kernels: Evaluator) -> tuple[float, Array, Array, Ar
     return state.t, state.q, np.zeros(n), work
 
 
-def _oscillations(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.complex128]:
-    """Return the eigenvalues with positive imaginary part [1/s], sorted by modulus."""
-    k = len(mass)
-    if not k:
+def _eigenvalues(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.complex128]:
+    """Return the eigenvalues [1/s], of each conjugate pair the one with positive imaginary part."""
+    if not len(mass):
         return np.zeros(0, dtype=complex)
-    solved = np.linalg.solve(mass, np.hstack([stiffness, damping]))
-    values = np.linalg.eigvals(np.block([[np.zeros((k, k)), np.eye(k)], [-solved]])).astype(complex)
-    size = float(np.max(np.abs(values)))
-    found = values[values.imag > 1e-9 * size]
-    return np.asarray(found[np.argsort(np.abs(found))])
+    return damped(np.linalg.solve(mass, stiffness), np.linalg.solve(mass, damping))[0]

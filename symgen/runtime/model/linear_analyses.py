@@ -115,7 +115,8 @@ class LinearAnalyses:
         outputs
             Scalars that a scene can record, as for :meth:`linearise`: poses, velocities, accelerations,
             reactions, drive efforts, energies. At an equilibrium also ``frequencies`` [Hz] of all modes that
-            oscillate, sorted by the modulus of their eigenvalues; they come last. Of elastic links
+            oscillate, damped if they are, sorted by the modulus of their eigenvalues, and ``poles``, all
+            eigenvalues, growing ones first; they come last. Of elastic links
             ``frequencies`` at rest in the pose, which come first, and those outputs of :meth:`quasi_static`
             that are displacements of joints, strains, stresses at stations or changes of length.
         parameters

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from symgen.runtime import _core
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
+from symgen.runtime.kernels.arguments import out_of_range
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
 from symgen.runtime.model.compiled import degrees
@@ -187,8 +188,7 @@ class RodModel(LinkageModel):
         for name in chosen:
             check_known(name, d.inputs, f"{self.name} has no input")
         if isinstance(at, float | int):
-            reached = self.simulate(at, samples=2).final
-            at = self._moving(lambda p, word: reached[p][word], float(at))
+            at = self._at_time(at)
         positions = [f"{p}.position.{axis}" for p in d.free for axis in d.axes]
         names = positions if coordinates is None else list(coordinates)
         wanted = dict.fromkeys([*derivatives(d, names), *(outputs or ())])
@@ -212,14 +212,19 @@ class RodModel(LinkageModel):
             raise ModelError(f"{', '.join(given)} is for derivatives along a run: give t_end or t_eval, too")
         initial = [*coordinates, *(f"{name}'" for name in coordinates)] if along else []
         by = self._differentiated(asked.parameters, initial)
-        frequencies = "frequencies" in asked.outputs
-        if frequencies and (along or at is None or isinstance(at, State | float | int)):
-            raise ModelError("frequencies are those of an equilibrium: give model.equilibrium() for at")
-        outputs = [name for name in asked.outputs if name != "frequencies"]
+        spectra = [name for name in dict.fromkeys(asked.outputs) if name in ("frequencies", "poles")]
+        if spectra and (along or at is None or isinstance(at, State | float | int)):
+            raise ModelError(f"{spectra[0]} are those of an equilibrium: give model.equilibrium() for at")
+        outputs = [name for name in asked.outputs if name not in spectra]
         names = tuple(dict.fromkeys([*derivatives(d, coordinates), *outputs]))
         if isinstance(at, float | int):
-            driven = self.kinematics(at=[at], over="time")
-            at = self._moving(lambda p, word: driven[f"{p}.{word}"].values[0], float(at))
+            if at and d.freedom:
+                raise ModelError(
+                    f"{self.name}: expected a state or an equilibrium for at, got the time {at:g} s: drives "
+                    "alone do not determine the motion\n  Give t_end for derivatives along the run, or "
+                    "model.linearise for a state-space model at this time."
+                )
+            at = self._at_time(at)
         if along:
             start = self.initial_state() if at is None else at if isinstance(at, State) else at.state
             if not outputs and not asked.integrals:
@@ -232,13 +237,25 @@ class RodModel(LinkageModel):
             return self._along_run(asked, outputs, names, by, start)
         if at is None or isinstance(at, State):
             return at_pose(self._tangents(at, names, "sensitivity"), outputs, by, coordinates)
-        vibration = self.analysis("vibration") if frequencies else None
-        return at_equilibrium(self._tangents(at, names, "sensitivity"), outputs, by, vibration)
+        tangents = self._tangents(at, names, "sensitivity")
+        return at_equilibrium(tangents, outputs, by, spectra, lambda: self.analysis("vibration"))
 
-    def _moving(self, of: Callable[[str, str], Any], t: float) -> State:
-        """Return the state at a time [s] from a function of points and of ``position`` and ``velocity``."""
-        places, rates = ({p: of(p, word) for p in self.description.free} for word in ("position", "velocity"))
-        return self.state(places, rates, t)
+    def _at_time(self, t: float) -> State:
+        """Return the state at a time [s] of the motion that drives determine, or of a run from the start."""
+        d = self.description
+        if t == 0:
+            return self.initial_state()
+        if d.freedom:
+            if not t > 0:
+                raise out_of_range("at", t)
+            final = self.simulate(t, samples=2).final
+            places, rates = ({p: final[p][word] for p in d.free} for word in ("position", "velocity"))
+        else:
+            driven = self.kinematics(at=[t], over="time")
+            places, rates = (
+                {p: driven[f"{p}.{word}"].values[0] for p in d.free} for word in ("position", "velocity")
+            )
+        return self.state(places, rates, float(t))
 
     def _along_run(
         self,

@@ -15,7 +15,7 @@ from symgen.runtime.kernels.description import Description, KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, converters, over_time
-from symgen.runtime.rods.redundancy import least_norm, not_unique
+from symgen.runtime.rods.redundancy import CLOSED, extent, least_norm, not_unique, slack, violation
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,8 @@ _LONGEST = 80
 class Recording:
     """A run that has ended, whatever the cause; its methods give the fields of its :class:`Result`.
 
-    ``library`` are the kernels that it went through, ``wall`` its wall time [s].
+    ``library`` are the kernels that it went through, ``wall`` its wall time [s], ``given`` the time and the
+    state (q, u) at which it was to start.
     """
 
     evaluator: Evaluator
@@ -39,6 +40,7 @@ class Recording:
     chosen: Options
     wall: float
     library: Library
+    given: tuple[float, Array]
 
     def name(self) -> str:
         """Return the scene's name."""
@@ -115,6 +117,7 @@ class Recording:
         """Return the notes on the run: redundancy, losses of rank, stiffness, events."""
         return (
             *self.evaluator.description.remarks,
+            *_of_the_start(self.evaluator, *self.given, self.chosen.t_end, self.redundant),
             *_of_redundancy(self.evaluator, self.stepper, self.redundant),
             *_of_passages(self.evaluator, self.stepper),
             *_of_stiffness(self.stepper, self.chosen),
@@ -129,6 +132,23 @@ class Recording:
         return tuple(
             Event(known[i].name, t, rising, motion(self.evaluator, t, y))
             for t, i, rising, y in self.stepper.events
+        )
+
+
+def _of_the_start(
+    evaluator: Evaluator, t: float, y: Array, t_end: float, redundant: tuple[int, ...]
+) -> Iterator[str]:
+    """Yield the note on a start that violates the constraints, which the first step of a run projects."""
+    q, u = np.split(y, 2)
+    if not evaluator.description.constraints:
+        return
+    size = extent(evaluator, q)
+    allowed = max(CLOSED * size, slack(evaluator, q) if redundant else 0.0)
+    error, rate = violation(evaluator, t, q, u)
+    if error > allowed or rate > CLOSED * max(float(np.max(np.abs(u))), size / (t_end - t)):
+        yield (
+            f"the given state violates the constraints, by {error:.1e} m and {rate:.1e} m/s: the run starts "
+            "from its projection onto them"
         )
 
 

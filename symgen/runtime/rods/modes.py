@@ -62,7 +62,7 @@ class Mode:
 @checked
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """All small motions about an equilibrium, by rising frequency; those that grow first."""
+    """All small motions about an equilibrium: those that grow, the others by rising undamped frequency."""
 
     equilibrium: Equilibrium
     modes: tuple[Mode, ...]
@@ -86,7 +86,7 @@ class Modes:
 
     @property
     def frequencies(self) -> Array:
-        """Frequencies [Hz] of the modes that oscillate, rising."""
+        """Frequencies [Hz] of the modes that oscillate, damped if they are, in the order of the modes."""
         return np.array([m.frequency for m in self.modes if m.kind == "oscillation"])
 
     @property
@@ -137,7 +137,7 @@ def analyse(evaluator: Evaluator, equilibrium: Equilibrium) -> Modes:
     free: NDArray[Any]
     stiffness, damping = (_congruent(root, m) for m in (lin.stiffness, lin.damping))
     if np.any(damping) or not _symmetric(stiffness):
-        values, vectors = _damped(stiffness, damping)
+        values, vectors = damped(stiffness, damping)
         free = lin.basis @ np.linalg.solve(root.T, vectors)
     else:
         squares, shapes = np.linalg.eigh((stiffness + stiffness.T) / 2)
@@ -171,8 +171,8 @@ def _kind(s: complex) -> str:
     return "oscillation" if s.imag else "decay"
 
 
-def _damped(stiffness: Array, damping: Array) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return eigenvalues and shapes of y'' + C y' + K y = 0, one of each conjugate pair.
+def damped(stiffness: NDArray[Any], damping: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return eigenvalues and shapes of y'' + C y' + K y = 0, one of each conjugate pair; growing ones first.
 
     Time is scaled, so that both blocks of the first-order form are of one size.
     """

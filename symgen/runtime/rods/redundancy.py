@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 #: The share of the linkage's size that an assembly error may have unstated, and how it may grow on the way.
 ASSEMBLED, _SLACK = 1e-8, 10.0
 _NEIGHBOURS, _AWAY, _NEWTON = 3, 1e-2, 50
+#: The part of the linkage's size, and of the speeds within reach, by which a state may violate constraints.
+CLOSED = 1e-6
 #: A row with a smaller part in every self-stress has a multiplier that is unique.
 _TAKES_PART = 1e-6
 
@@ -96,6 +98,14 @@ def extent(evaluator: Evaluator, q: Array) -> float:
     """Return the size of the linkage: the largest spread of its points along an axis [m]."""
     positions = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
     return float(np.max(np.ptp(positions, axis=0)))
+
+
+def violation(evaluator: Evaluator, t: float, q: Array, u: Array) -> tuple[float, float]:
+    """Return by how much a state violates constraints [m] and their rates [m/s], the largest of each."""
+    found = evaluator.blocks("constraints", t, q, u)
+    rates = evaluator.blocks("velocity_constraints", t, q, u)["velocity_constraints"]
+    errors = [np.max(np.abs(x / found["constraint_scale"])) for x in (found["constraints"], rates)]
+    return float(errors[0]), float(errors[1])
 
 
 def assembly_tolerance(evaluator: Evaluator, q: Array) -> float:
