@@ -14,7 +14,7 @@ import symgen
 from symgen.errors import CapabilityError, ModelError
 from symgen.inspection.film import film_of, film_of_mode
 from symgen.inspection.view import View
-from symgen.report.page.animation import animation
+from symgen.report.page.animation import animation, curves_of
 from symgen.scene.loading import override, read_scene
 
 
@@ -162,6 +162,10 @@ def test_round_off_is_not_plotted():
     for curve in data["curves"]:
         size = max(abs(x) for x in curve["values"])
         assert size == 0 or size > 1e-9 * largest[curve["unit"]]
+    run = symgen.build("triple_pendulum").simulate(0.5, samples=5)
+    assert np.ptp(run["energy"].values) > 0
+    curves = {c["name"]: c["values"] for c in curves_of(run.variables, run.drift)}
+    assert len(set(curves["energy"])) == 1 and len(set(curves["A.position.x"])) == 5
 
 
 def test_a_title_cannot_end_the_script():

@@ -289,6 +289,10 @@ def test_plot(result, tmp_path):
     with pytest.raises(ResultError, match="holds no 'Z'"):
         result.plot("Z")
     assert result.plot("time").axes[0].get_ylabel() == "s"
+    of_points, energy = result.plot(["A", "energy"]).axes
+    assert of_points.get_legend() and not energy.get_legend() and energy.get_title("left") == "energy"
+    low, high = energy.get_ylim()  # drift is not magnified
+    assert np.ptp(result["energy"].values) < 1e-6 * result.drift.energy_exchanged < 1e-5 * (high - low)
 
 
 @pytest.mark.parametrize("scene", ["crank_rocker", "slider_crank"])

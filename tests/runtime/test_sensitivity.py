@@ -87,6 +87,16 @@ def test_a_driven_four_bar_has_the_derivatives_of_its_closed_form():
     assert along.derivatives[1] == pytest.approx(expected, rel=1e-9, abs=1e-10 * np.max(np.abs(expected)))
     two = model.sensitivity(["crank.torque"], ["rho", "b"], at=0.3)
     assert two["crank.torque", "b"] == found["crank.torque", "b"] and two.units["rho"] == "kg/m"
+    first, heading, row = repr(two).splitlines()
+    assert first == "<Sensitivity at t = 0.3 s>" and heading.split() == [
+        "by",
+        "rho",
+        "[kg/m]",
+        "by",
+        "b",
+        "[m]",
+    ]
+    assert row.split() == ["crank.torque", "[N*m]", *(f"{x:.6g}" for x in two.derivatives[0])]
     # The torque is proportional to the masses.
     assert two["crank.torque", "rho"] == pytest.approx(two.values[0] / 1.7, rel=1e-11)
     at_start = model.sensitivity(["B.position"])

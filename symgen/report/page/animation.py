@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from symgen.report.page.drawing import Sketch, not_drawn, places_of, view_of_paper
 from symgen.report.page.page import environment
-from symgen.runtime.result.records import Variable
+from symgen.runtime.result.records import Drift, Variable
 from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def animation(film: Film, *, plots: bool = True, framed: bool = False) -> str:
     low, high = np.nanmin(every, axis=(0, 1)), np.nanmax(every, axis=(0, 1))
     size = float(np.max(high - low)) or 1.0
     along, label = film.result.over
-    curves = curves_of(film.result.shown)
+    curves = curves_of(film.result.shown, film.result.drift)
     nodes = nodes_of(first)
     data = {
         "title": film.result.title,
@@ -148,8 +148,11 @@ def _rounded(values: Array, size: float) -> list[float | None]:
     return [float(x) if np.isfinite(x) else None for x in np.round(np.asarray(values, dtype=float), digits)]
 
 
-def curves_of(variables: Sequence[Variable]) -> list[dict[str, Any]]:
-    """Return each component with its values; those that are round-off of others of its unit are zero."""
+def curves_of(variables: Sequence[Variable], drift: Drift | None = None) -> list[dict[str, Any]]:
+    """Return each component with its values.
+
+    Those that are round-off of others of its unit are zero, energies whose change is drift are constant.
+    """
     largest: dict[str, float] = {}
     for v in variables:
         largest[v.unit] = max(largest.get(v.unit, 0.0), float(np.nanmax(np.abs(v.values), initial=0.0)))
@@ -161,8 +164,10 @@ def curves_of(variables: Sequence[Variable]) -> list[dict[str, Any]]:
         for name, values in columns:
             finite = values[np.isfinite(values)]
             range_ = float(np.ptp(finite)) if finite.size else 0.0
-            size = max(range_, _ROUNDING * largest[v.unit])
-            found.append({"name": name, "unit": v.unit, "values": _rounded(values, size or 1.0)})
+            flat = drift and finite.size and drift.scale(v.unit, range_)
+            size = max(0.0 if flat else range_, _ROUNDING * largest[v.unit])
+            shown = np.where(np.isfinite(values), finite[0], np.nan) if flat else values
+            found.append({"name": name, "unit": v.unit, "values": _rounded(shown, size or 1.0)})
     return found
 
 

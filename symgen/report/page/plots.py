@@ -77,8 +77,21 @@ def plot(
     for panel_label, panel in panels.items():
         panel.set_ylabel(panel_label)
         panel.grid(alpha=0.3)
-        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
+        _flatten(panel, min(result.drift.scale(v.unit, _range(v)) for v in chosen[panel_label]))
+        if len(panel.lines) > 1:
+            panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
+        else:
+            panel.set_title(panel.lines[0].get_label(), loc="left", fontsize="small")
     return _titled(figure, result, file)
+
+
+def _flatten(panel: Any, scale: float) -> None:
+    """Widen a panel in which only round-off varies; all is flat on a scale above zero."""
+    values = np.concatenate([line.get_ydata() for line in panel.lines])
+    values = values[np.isfinite(values)]
+    size = np.max(np.abs(values), initial=scale)
+    if size > 0 and values.size and (np.ptp(values) <= _VARIES * size or scale > 0):
+        panel.set_ylim(values.mean() - size, values.mean() + size)
 
 
 def _curves(result: Result, compare: Mapping[str, Result]) -> list[tuple[str, Result, str]]:

@@ -128,6 +128,18 @@ class Sensitivity:
     t: float | Array
     at_equilibrium: bool = False
 
+    def __repr__(self) -> str:
+        last = self.derivatives[-1] if self.derivatives.ndim == 3 else self.derivatives
+        table = [("", *(f"by {p} [{self.units[p]}]" for p in self.parameters))]
+        table += [
+            (f"{name} [{self.units[name]}]", *(f"{slope:.6g}" for slope in row))
+            for name, row in zip(self.outputs, last.tolist(), strict=True)
+        ]
+        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+        lines = ("  ".join(f"{x:>{w}}" for x, w in zip(row, widths, strict=True)) for row in table)
+        where = "the equilibrium" if self.at_equilibrium else f"t = {np.ravel(self.t)[-1]:g} s"
+        return "\n".join([f"<Sensitivity at {where}>", *lines])
+
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers: what ``symgen sensitivity --json`` prints."""
         last = np.moveaxis(self.derivatives, -2, 0)  # along a run, lists over the times

@@ -207,13 +207,14 @@ class Pictures:
 
     def plot(
         self,
-        *names: str,
+        *names: str | Sequence[str],
         file: str | os.PathLike[str] | None = None,
         xy: str = "",
         over: str = "",
         compare: Mapping[str, Any] | None = None,
     ) -> Any:
         """Draw outputs over the coordinate, or a path; see :func:`symgen.report.page.plots.plot`."""
+        names = tuple(n for given in names for n in ([given] if isinstance(given, str) else given))
         return display("plot", self, *names, file=file, xy=xy, over=over, compare=compare)
 
     def animate(self, file: str | os.PathLike[str] | None = None, *, frames: int = 241) -> Any:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.description import Described
 
 Array = NDArray[np.float64]
+#: Range of an energy over the energy exchanged below which plots show it as constant.
+_FLAT = 1e-6
 _SI = {"length": ("m", 1.0), "force": ("N", 1.0), "angle": ("rad", 1.0), "stress": ("Pa", 1.0)}
 #: Attribute of datasets of many runs, whose values are in SI.
 _DISPLAY_UNITS = "display_units"
@@ -92,6 +94,10 @@ class Drift:
     def measured(self) -> dict[str, float]:
         """The values that were measured, by name."""
         return {name: value for name, value in asdict(self).items() if not math.isnan(value)}
+
+    def scale(self, unit: str, range_: float) -> float:
+        """Return the scale on which a curve of this range is flat: the energy exchanged, or zero for none."""
+        return self.energy_exchanged if unit == "J" and range_ <= _FLAT * self.energy_exchanged else 0.0
 
     @property
     def relative_energy(self) -> float:
