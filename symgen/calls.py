@@ -71,6 +71,13 @@ def raise_failure() -> None:
         raise error from None
 
 
+#: What to call in place of a function without an argument of this name.
+_ELSEWHERE = {
+    "inputs": "model.with_parameters sets constant inputs; for others integrate model.rhs(t, y, u), and "
+    "model.record makes a result of the states.",
+}
+
+
 class _Kind(NamedTuple):
     """Values that an annotation permits: ``take`` converts one, or raises an exception."""
 
@@ -111,7 +118,7 @@ class _Interface(NamedTuple):
                 known = (
                     f"{name} is a parameter: model.with_parameters changes it."
                     if values and name in getattr(values[0], "parameters", ())
-                    else nearest(name, self.kinds.keys() - {"self", "self/"})
+                    else _ELSEWHERE.get(name) or nearest(name, self.kinds.keys() - {"self", "self/"})
                 )
                 how = f"has no argument {name!r}. {known}" if kind is None else f"got {name!r} twice"
                 raise ModelError(f"{self.name} {how}")

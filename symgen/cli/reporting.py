@@ -92,7 +92,7 @@ def animate(
         angle = None if at is None else of_crank(None, [at], "--at")[0][0]
         film = film_of(text, frames, **asked) if mode is None else film_of_mode(text, mode, angle, frames)
         told("writing")
-        save(film, file)
+        save(film, file, told)
     print(file)
 
 

@@ -28,7 +28,9 @@ def dark(picture, x, y):
 def test_a_gif_shows_the_crank_where_the_time_says(tmp_path):
     """The middle of the crank is found from the middle of the circle on which A moves."""
     file = tmp_path / "film.gif"
-    save(film_of(read_scene("crank_rocker"), 5), file)
+    said: list[str] = []
+    save(film_of(read_scene("crank_rocker"), 5), file, said.append)
+    assert said[0] == "writing frame 1 of 4" and len(said) == 4
     with Image.open(file) as film:
         # The 5 samples of one second fill the shortest film, 2 s; the last is the first again.
         assert (film.n_frames, film.info["duration"], film.info["loop"]) == (4, 500, 0)

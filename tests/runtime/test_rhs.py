@@ -266,6 +266,8 @@ def test_states_of_another_solver_are_recorded(tmp_path):
 
 def test_states_that_are_none_are_refused():
     model = symgen.build("triple_pendulum")
+    with pytest.raises(ModelError, match=r"simulate has no argument 'inputs'.*model\.record makes a result"):
+        model.simulate(inputs=[1.0])
     t, y = [0.0, 0.1], np.tile(model.rhs.start, (2, 1))
     for arguments, words in (
         ((t, y[:, 1:]), r"expected states of shape \(2, 12\)"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,18 +71,19 @@ def film_file(file: str | os.PathLike[str]) -> Path:
     return path
 
 
-def save(film: Film, file: Path) -> None:
+def save(film: Film, file: Path, told: Callable[[str], None] | None = None) -> None:
     """Write a film as HTML page, GIF or MP4, by the ending of the file; raise as :func:`movie`."""
     if file.suffix.lower() in _WRITERS:
-        movie(film, file)
+        movie(film, file, told)
     else:
         write_text(file, animation(film))
 
 
-def movie(film: Film, file: Path) -> None:
+def movie(film: Film, file: Path, told: Callable[[str], None] | None = None) -> None:
     """Write a film as GIF or MP4: the mechanism, paths of points, forces and the value of the coordinate.
 
     A run is played in its own time, or in as many seconds as leave between 2 and 20, like on the page.
+    ``told`` is called with the progress before every frame.
 
     Raises
     ------
@@ -105,7 +107,9 @@ def movie(film: Film, file: Path) -> None:
     writer = writers[_WRITERS[file.suffix.lower()]](fps=rate)
     try:
         with replacing(file) as temporary, writer.saving(figure, str(temporary), 100 * _ENLARGED):
-            for k in shown:
+            for i, k in enumerate(shown, start=1):
+                if told:
+                    told(f"writing frame {i} of {len(shown)}")
                 axes.clear()
                 axes.set(xlim=(0, paper.width), ylim=(paper.height, 0))
                 axes.set_axis_off()
