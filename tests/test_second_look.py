@@ -1724,10 +1724,13 @@ def test_22_numbers_of_other_types_are_numbers(empty_cache):
             model.simulate(wrong)
 
 
-def test_18_plot_names_a_list_in_place_of_names(result):
-    with pytest.raises(ModelError, match=r"Result\.plot.*names.*got \['A'\]"):
-        result.plot(["A"])
-    assert result.plot("A").axes
+def test_18_plot_takes_a_list_in_place_of_names(result):
+    with pytest.raises(ModelError, match=r"Result\.plot.*names.*got \[3\]"):
+        result.plot([3])
+    of_list, of_names = (
+        [line.get_label() for line in f.axes[0].lines] for f in (result.plot(["A"]), result.plot("A"))
+    )
+    assert of_list == of_names
 
 
 @pytest.fixture
