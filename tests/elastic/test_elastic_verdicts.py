@@ -156,9 +156,7 @@ def test_a_steady_state_that_is_not_the_only_one():
 
 def test_modes_in_a_line(four_bar):
     shown = repr(four_bar.modes(0.0))
-    assert (
-        shown == "<ElasticModes 'thesis_four_bar' at 0 degrees: 7.95038, 83.6901, 122.978, ... Hz, 10 modes>"
-    )
+    assert shown == "<ElasticModes 'thesis_four_bar' at 0 deg: 7.95038, 83.6901, 122.978, ... Hz, 10 modes>"
 
 
 def test_stress_without_that_of_the_axial_force_is_told():

@@ -80,8 +80,7 @@ def _variables(read: LoopReader, rows: Rows, drives: Mapping[str, sp.Expr | None
         about = f"{place.entry} of joint {place.row + 1}, between {rows.joined(place.row)}"
         value, rate, acceleration = symbols(place.name, place.dimension, about)
         named = place.named
-        where = f"loop.start.{place.name}"
-        guess = read.folded(read.value(read.loop.start.get(place.name, 0), place.dimension, where), where)
+        guess = read.loop.start.get(place.name, 0)
         yield Variable(
             value,
             rate,
@@ -89,7 +88,7 @@ def _variables(read: LoopReader, rows: Rows, drives: Mapping[str, sp.Expr | None
             place.row,
             named.role if named else "dependent",
             named.motion if named else ZERO,
-            named.start if named else guess,
+            named.start if named else read.value(guess, place.dimension, f"loop.start.{place.name}"),
             named.start_rate if named else ZERO,
             drives[place.name],
             guessed=place.name in read.loop.start,
