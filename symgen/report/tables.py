@@ -129,9 +129,15 @@ def run_table(result: Result) -> Group:
         (
             ("method", result.provenance["method"]),
             ("backend", ", ".join((result.provenance["backend"], *_type(result)))),
-            ("steps (rejected)", f"{statistics['steps']} ({statistics['rejected']})"),
-            ("evaluations", statistics["evaluations"]),
-            ("wall time", f"{statistics['wall_s'] * 1e3:.3g} ms"),
+            *(  # solvers from elsewhere tell few or none
+                (what, text.format(**statistics, ms=1e3 * statistics.get("wall_s", 0)))
+                for name, what, text in (
+                    ("steps", "steps (rejected)", "{steps} ({rejected})"),
+                    ("evaluations", "evaluations", "{evaluations}"),
+                    ("wall_s", "wall time", "{ms:.3g} ms"),
+                )
+                if name in statistics
+            ),
             *(
                 (what, f"{drift[name]:.2e} {unit}")
                 for name, what, unit in (

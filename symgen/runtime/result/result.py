@@ -189,12 +189,13 @@ class Result(Findings, Pictures):
 
     @property
     def headline(self) -> str:
-        """Title line of plots: method, steps and drift."""
+        """Title line of plots: method, steps where they are known, and drift."""
         measured = self.drift.measured
         units = (("constraint", "constraints", "m"), ("energy", "energy", "J"))
         drift = [f"{word} {measured[name]:.1e} {unit}" for name, word, unit in units if name in measured]
         told = f"; drift: {', '.join(drift)}" if drift else ""
-        return f"{self.provenance['method']}, {self.statistics['steps']} steps{told}"
+        steps = f", {self.statistics['steps']} steps" if "steps" in self.statistics else ""
+        return f"{self.provenance['method']}{steps}{told}"
 
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
