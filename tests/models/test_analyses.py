@@ -157,7 +157,7 @@ def test_commands_print_tables_and_save(tmp_path):
     assert (
         len(symgen.load_result(tmp_path / "k.npz").time) == 9 and (tmp_path / "k.svg").stat().st_size > 1000
     )
-    assert "stable equilibrium, 1 free" in " ".join(call("equilibrium", "four_bar").split())
+    assert "stable equilibrium, 1 degree of freedom" in " ".join(call("equilibrium", "four_bar").split())
     assert "1 mode about a stable equilibrium" in " ".join(call("modes", "four_bar").split())
     shown = call("modes", "triple_pendulum")
     assert "frequency" in shown and "oscillation" in shown

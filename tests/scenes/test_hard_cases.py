@@ -253,7 +253,7 @@ def test_a_bead_stays_on_its_rod_whatever_the_attitude(drawn):
     swing = np.sqrt((3 * length / 2 + down) * G / (length**2 + down**2))
     rates = [mode.omega for mode in model.modes().modes]
     assert rates == pytest.approx([swing, swing, np.sqrt(40)], rel=1e-9)
-    push = {"A": [0.02, 0.3, 0.0], "P": [0.01 * down, 0.15 * down, 0.3]}
+    push = {"A": [0.02, 0.3, 0.0], "P": [0.02 * down / length, 0.3 * down / length, 0.3]}
     result = model.simulate(5.0, state=model.state({p: place[p] for p in "AP"}, push), rtol=1e-10)
     rods, beads = (result[f"{p}.position"].values for p in "AP")
     assert np.abs(np.cross(rods, beads)).max() < 1e-12
