@@ -57,6 +57,27 @@ def test_the_least_peak_torque_is_that_of_a_dense_grid(model):
     assert found.objective < 0.2 * np.max(np.abs(torque(500.0, 0.4)))
 
 
+@pytest.mark.parametrize(
+    ("analysis", "bound", "length"),
+    [
+        ("modes", {"frequency.1.final": (None, 0.5)}, 9.81 / math.pi**2),
+        ("equilibrium", {"A.position.final.y": (None, -1.5)}, 1.5),
+    ],
+)
+def test_frequencies_and_equilibria_may_be_bounds(analysis, bound, length):
+    """The shortest pendulum of a frequency, sqrt(g/L)/(2 pi), or that hangs low enough."""
+    scene = symgen.Scene(
+        parameters={"L": {"value": "2 m", "tunable": True}},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["0 m", "-L"]}},
+        links={"rod": {"points": ["O", "A"], "mass": "0 kg"}},
+        masses=[{"point": "A", "mass": "1 kg"}],
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+    )
+    found = symgen.build(scene).optimise({"L": (0.3, 4.0)}, "L", bound, analysis=analysis)
+    assert found.converged and found.gradients == "exact"
+    assert found.parameters["L"] == pytest.approx(length, rel=1e-9)
+
+
 def test_evolution_passes_designs_that_do_not_close():
     coupler = {"links.coupler.length": "b", "parameters.b": {"value": "35 cm", "tunable": True}}
     found = symgen.build("crank_rocker", set=coupler).optimise(

@@ -254,8 +254,6 @@ def test_steady_states_of_a_sweep_have_their_floquet_multiplier():
     assert runs["floquet"].values == pytest.approx(exact, rel=0.02)
     with pytest.raises(ModelError, match="floquet is one value of a run"):
         model.optimise({"speed": (90.0, 120.0)}, "floquet.peak", analysis="periodic")
-    with pytest.raises(ModelError, match=r"frequency\.1 is one value of a run"):
-        model.optimise({"speed": (90.0, 120.0)}, "frequency.1.peak", analysis="modes")
     with pytest.raises(ModelError, match="no output 'floquet'"):
         model.sweep({"speed": speeds}, "quasi_static", outputs=["floquet"])
 

@@ -17,7 +17,7 @@ from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import REDUCTIONS, mean_weights
 from symgen.runtime.many.runs import FAILURES
 from symgen.runtime.sweeps.designs import Listed
-from symgen.runtime.sweeps.sweep import sweep_of
+from symgen.runtime.sweeps.sweep import OF_A_POSE, sweep_of
 
 if TYPE_CHECKING:
     import xarray
@@ -169,24 +169,28 @@ class Problem:
                 raise self._stopped(design.rows[0], str(error)) from None
             empty = {n: np.full((len(points), 1, len(c) or 1), np.nan) for n, c in self._components.items()}
             return {_WEIGHTS: np.full((len(points), 1), np.nan), **empty}
-        if RECORDED not in arrays or FLOQUET in self.outputs:
-            single = FLOQUET if FLOQUET in self.outputs else self.outputs[0]
-            raise ModelError(f"{single} is one value of a run, without samples: it cannot be optimised")
+        if FLOQUET in self.outputs:
+            raise ModelError(f"{FLOQUET} is one value of a run, without samples: it cannot be optimised")
         failed = [(i, str(e)) for i, e in enumerate(arrays["error"].values) if e]
-        sizes = arrays[RECORDED].values
-        self._size = self._size or float(s.arguments.get("samples", np.nanmax(sizes)))
-        short = np.flatnonzero(np.isfinite(sizes) & (sizes != self._size)).tolist()
-        failed += [(i, f"the run ended early: {sizes[i]:g} of {self._size:g} samples") for i in short]
+        if RECORDED in arrays:
+            sizes = arrays[RECORDED].values
+            self._size = self._size or float(s.arguments.get("samples", np.nanmax(sizes)))
+            short = np.flatnonzero(np.isfinite(sizes) & (sizes != self._size)).tolist()
+            failed += [(i, f"the run ended early: {sizes[i]:g} of {self._size:g} samples") for i in short]
         if failed and whole:
             raise self._stopped(design.rows[failed[0][0]], failed[0][1])
         if self._times is None and not failed:
             self._times = _times(arrays)
-        along = _along(arrays, self.outputs[0])
-        weights = mean_weights(np.broadcast_to(along, (len(points), along.shape[-1])), _times(arrays))
+        weights = np.ones((len(points), 1))  # of the one sample of a pose
+        if RECORDED in arrays:
+            along = _along(arrays, self.outputs[0])
+            weights = mean_weights(np.broadcast_to(along, (len(points), along.shape[-1])), _times(arrays))
         weights[[i for i, _ in failed]] = np.nan
         found = {_WEIGHTS: weights}
         for name in self.outputs:
             values = np.array(arrays[name].values, dtype=float)
+            if RECORDED not in arrays:
+                values = values[:, None]
             values[[i for i, _ in failed]] = np.nan
             vector = "axis" in arrays[name].dims
             self._components[name] = tuple(map(str, arrays["axis"].values)) if vector else ()
@@ -223,6 +227,8 @@ class Problem:
         if self.analysis in ("kinematics", "inverse_dynamics"):
             times = [] if self._times is None else self._times.tolist()
             each = [changed.sensitivity(flat, names, at=t).derivatives for t in times]
+        elif self.analysis in OF_A_POSE:
+            each = [self._of_the_pose(changed, flat)]
         else:
             result = getattr(changed, str(self.analysis))(**self.search.arguments)
             self.runs += 1
@@ -237,6 +243,16 @@ class Problem:
         stacked = np.stack(each) * (self.high - self.low)  # (samples, outputs, variables)
         place = {label: i for i, label in enumerate(flat)}
         return {n: stacked[:, [place[label] for label in labels[n]]].transpose(2, 0, 1) for n in self.outputs}
+
+    def _of_the_pose(self, model: Any, outputs: list[str]) -> Array:
+        """Return exact derivatives of an equilibrium, or of frequencies about it or in a pose."""
+        given = dict(self.search.arguments)
+        if model.description.method == "rods":
+            given = {"at": given["at"] if "at" in given else model.equilibrium(**given)}
+        asked = ["frequencies"] if self.analysis == "modes" else outputs
+        found = model.sensitivity(asked, list(self.names), **given)
+        derivatives: Array = found.derivatives[[found.outputs.index(name) for name in outputs]]
+        return derivatives
 
     def _at_start(self, model: Any, outputs: list[str]) -> tuple[Array, tuple[str, ...]]:
         """Return exact derivatives at the start, and angles of links that determine it and are held."""

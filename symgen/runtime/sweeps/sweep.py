@@ -38,7 +38,7 @@ ANALYSES = (
     "simulate", "kinematics", "inverse_dynamics", "equilibrium", "modes", "periodic", "quasi_static"
 )  # fmt: skip
 #: Analyses of one pose, whose runs have no samples to reduce.
-_OF_A_POSE = ("equilibrium", "modes")
+OF_A_POSE = ("equilibrium", "modes")
 #: Largest size of a chunk: runs, and bytes of results.
 _RUNS, _BYTES = 1024, 2**23
 #: Largest size of results in memory [bytes].
@@ -179,7 +179,7 @@ def sweep_of(
     getattr(model, f"{verb}_many")  # raises the reason where the model does not support it
     if not hasattr(model.description, "equations"):
         raise CapabilityError(f"{model.name} does not support sweeps")
-    names = None if verb in _OF_A_POSE else reductions(reduce)
+    names = None if verb in OF_A_POSE else reductions(reduce)
     return Sweep(model, verb, design, Keep(outputs, names), dict(arguments), threads)
 
 
