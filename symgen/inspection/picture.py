@@ -15,7 +15,7 @@ from symgen.runtime.loop.frames import product
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.result.result import Result
 from symgen.scene.loop.loop import Loop
-from symgen.scene.rods.linkage import Linkage
+from symgen.scene.rods.linkage import TIME, Linkage
 
 Array = NDArray[np.float64]
 #: Parts of an elastic link between the places where its deflection is drawn.
@@ -34,7 +34,7 @@ _LITTLE = 1e-3
 def linkage_sketch(linkage: Linkage, places: dict[str, Array], result: Result | None) -> Sketch:
     """Return a linkage with its points in places [m], and their paths in a run, if there is one."""
     linkage = linkage.as_written
-    hidden = {p.name for p in linkage.points if p.hidden}
+    hidden, fixed = {p.name for p in linkage.points if p.hidden}, _fixed(linkage)
     joints = [name for k in linkage.links for name in (k.start, k.end, *(p.name for p in k.carried))]
     joints += [name for body in linkage.bodies for name in (*body.base, *(p.name for p in body.carried))]
     nodes = tuple(
@@ -44,7 +44,7 @@ def linkage_sketch(linkage: Linkage, places: dict[str, Array], result: Result | 
             "hidden"
             if p.hidden
             else "ground"
-            if p.ground
+            if p.name in fixed
             else "joint"
             if joints.count(p.name) != 1
             else "end",
@@ -61,8 +61,14 @@ def linkage_sketch(linkage: Linkage, places: dict[str, Array], result: Result | 
     return Sketch(nodes, (*paths, *_bars(linkage, places)), gravity, "m")
 
 
+def _fixed(linkage: Linkage) -> set[str]:
+    """Return the points of the ground that do not move."""
+    ground = [p for p in linkage.points if p.ground]
+    return {p.name for p in ground if not any(TIME.symbol in c.free_symbols for c in p.motion)}
+
+
 def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
-    fixed = {p.name for p in linkage.points if p.ground}
+    fixed = _fixed(linkage)
     elastic = {e.link for e in linkage.elastic}
     for k in linkage.links:
         ends = [places[k.start], places[k.end]]

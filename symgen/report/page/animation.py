@@ -63,7 +63,9 @@ def animation(film: Film, *, plots: bool = True, framed: bool = False) -> str:
     low, high = np.nanmin(every, axis=(0, 1)), np.nanmax(every, axis=(0, 1))
     size = float(np.max(high - low)) or 1.0
     along, label = film.result.over
-    curves = curves_of(film.result.shown, film.result.drift)
+    still = {f"{node.name}.position" for node in first.nodes if node.kind == "ground"}
+    shown = [v for v in film.result.shown if v.name not in still]
+    curves = curves_of(shown, film.result.drift)
     nodes = nodes_of(first)
     data = {
         "title": film.result.title,

@@ -148,7 +148,8 @@ class SpatialModel(Model):
     ) -> ElasticResult:
         d = self.rigid.description
         wanted = None if d.elastic is None else d.elastic.outputs
-        variables = one.variables
+        still = {f"{p}.position" for p in d.ground if p in d.steady}
+        variables = [v for v in one.variables if wanted is not None or v.name not in still]
         if wanted is not None:
             known = {v.name: v for v in variables}
             missing = [name for name in wanted if name not in known]
