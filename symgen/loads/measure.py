@@ -83,7 +83,7 @@ class Measure:
     points have no resultant and no moment. ``joins``: it ties what it acts on together. ``section``: the
     point at whose sections of elastic links a couple acts; "" for rigid links. ``follows``: the link with
     which its force rotates, at a place with the section of an elastic link; "" where it does not. ``effort``:
-    whether an output calls the force on it ``force`` [N] or ``torque`` [N m]; "" where it is neither.
+    the name of its force among outputs, ``force`` [N] or ``torque`` [N m]; "" where it has no output.
     """
 
     __slots__ = ()

@@ -177,14 +177,14 @@ class Problem:
             self._size = self._size or float(s.arguments.get("samples", np.nanmax(sizes)))
             short = np.flatnonzero(np.isfinite(sizes) & (sizes != self._size)).tolist()
             failed += [(i, f"the run ended early: {sizes[i]:g} of {self._size:g} samples") for i in short]
+            along = _along(arrays, self.outputs[0])
+            weights = mean_weights(np.broadcast_to(along, (len(points), along.shape[-1])), _times(arrays))
+        else:
+            weights = np.ones((len(points), 1))  # of the one sample of a pose
         if failed and whole:
             raise self._stopped(design.rows[failed[0][0]], failed[0][1])
         if self._times is None and not failed:
             self._times = _times(arrays)
-        weights = np.ones((len(points), 1))  # of the one sample of a pose
-        if RECORDED in arrays:
-            along = _along(arrays, self.outputs[0])
-            weights = mean_weights(np.broadcast_to(along, (len(points), along.shape[-1])), _times(arrays))
         weights[[i for i, _ in failed]] = np.nan
         found = {_WEIGHTS: weights}
         for name in self.outputs:
