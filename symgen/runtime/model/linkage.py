@@ -99,13 +99,32 @@ class LinkageModel(Model):
 
         Points left out of ``velocities`` are at rest; ground points may be given and are ignored. The state
         is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
+
+        Instead of points, both may name independent coordinates as :meth:`linearise` does, such as
+        ``crank.angle`` [rad]: the linkage is led there from its start, on its assembly branch.
+
+        Raises
+        ------
+        ModelError
+            For missing or unknown names, and numbers that are not finite; for coordinates that do not
+            determine the pose, or to which the linkage cannot be led.
         """
         d = self.description
+        if any("." in name for name in positions):
+            return self._state(t, *self._placed(positions, velocities or {}, t))
         q, u = (
             coordinates(d, positions, "positions", "m"),
             coordinates(d, velocities or {}, "velocities", "m/s", 0.0),
         )
         return self._state(t, q, u)
+
+    def _placed(
+        self, values: Mapping[str, ArrayLike], rates: Mapping[str, ArrayLike], t: float
+    ) -> tuple[Array, Array]:
+        """Return coordinates and velocities at given independent coordinates."""
+        raise ModelError(
+            f"{self.name} has no independent coordinates: expected points, got {', '.join(values)}"
+        )
 
     @property
     def evaluator(self) -> Evaluator:

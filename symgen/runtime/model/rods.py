@@ -16,7 +16,7 @@ from symgen.runtime import _core
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
-from symgen.runtime.kernels.arguments import out_of_range
+from symgen.runtime.kernels.arguments import out_of_range, real
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
 from symgen.runtime.model.compiled import degrees
@@ -164,6 +164,27 @@ class RodModel(LinkageModel):
         by = d.inputs if kind == "linearisation" else tuple(self.parameters)
         kernels = self.analysis(kind, outputs=tuple(names))
         return Tangents(self._evaluator, kernels, by, state, solution, len(self.redundant))
+
+    def _placed(
+        self, values: Mapping[str, ArrayLike], rates: Mapping[str, ArrayLike], t: float
+    ) -> tuple[Array, Array]:
+        from symgen.runtime.linearisation.state_space import Tangents, derivatives
+        from symgen.runtime.rods.following.placing import placed
+
+        d, begin = self.description, self.initial_state()
+        places, speeds = (
+            {name: real(x, f"{self.name}: {name}") for name, x in given.items()} for given in (values, rates)
+        )
+        for name in speeds:
+            check_known(name, places, f"{self.name}: velocities: no position is given for the coordinate")
+        kernels = self.analysis("linearisation", outputs=tuple(derivatives(d, (*places,))))
+        unsolved = np.zeros(d.coordinates + len(d.constraints))
+
+        def at(when: float, q: Array, u: Array) -> Tangents:
+            state = self._state(when, q, u)
+            return Tangents(self._evaluator, kernels, d.inputs, state, unsolved, len(self.redundant))
+
+        return placed(at, begin, places, speeds, t)
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         from symgen.runtime.linearisation.state_space import derivatives

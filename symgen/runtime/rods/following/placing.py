@@ -1,0 +1,113 @@
+"""The state of a linkage at given independent coordinates and rates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.linearisation.state_space import Tangents
+from symgen.runtime.result.state import State
+from symgen.runtime.rods.redundancy import extent
+
+Array = NDArray[np.float64]
+
+#: Largest change of a coordinate in a step, in radians and relative to the linkage's size; smallest step
+#: relative to the whole; Newton iterations of a step, and their last change relative to the size.
+_STEP, _LEAST, _NEWTON, _CLOSED = 0.2, 1e-4, 12, 1e-13
+
+
+def placed(
+    at: Callable[[float, Array, Array], Tangents],
+    begin: State,
+    values: Mapping[str, float],
+    rates: Mapping[str, float],
+    t: float,
+) -> tuple[Array, Array]:
+    """Return coordinates [m] and velocities [m/s] of the state of given independent coordinates.
+
+    The linkage is led from a closed state in steps of the coordinates and of time, so that it stays on its
+    assembly branch. Angles are reached by less than half a revolution.
+
+    Parameters
+    ----------
+    at
+        Returns the linearised motion at a time [s], coordinates and velocities.
+    begin
+        The closed state.
+    values, rates
+        Coordinates [rad, m] and their rates [rad/s, m/s], zero where absent.
+    t
+        The time of the state [s].
+
+    Raises
+    ------
+    ModelError
+        For coordinates that do not determine the motion, and when the linkage cannot be led there.
+    """
+    names = tuple(values)
+    rest = np.zeros_like(begin.q)
+    tangents = at(begin.t, begin.q, rest)
+    tangents.directions(names)
+    target = np.array([values[name] for name in names])
+    first = np.array([tangents.slopes.values[name] for name in names])
+    size = extent(tangents.model, begin.q)
+    scale = np.array([1.0 if name.endswith(".angle") else size for name in names])
+    way = _difference(names, target, first)
+    part, step, q = 0.0, _STEP / max(_STEP, float(np.max(np.abs(way / scale), initial=0.0))), begin.q
+    while part < 1.0:
+        to = min(1.0, part + step)
+        when = begin.t + to * (t - begin.t)
+        moved = _moved(at, when, q, names, first + to * way)
+        if moved is None:
+            step /= 4
+            if step >= _LEAST:
+                continue
+            stopped = ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, first + part * way, strict=True))
+            wanted = ", ".join(f"{n} = {x:.6g}" for n, x in values.items())
+            raise ModelError(
+                f"{tangents.description.name} cannot be led from its start to {wanted} (SI units, rad): it "
+                f"stops near {stopped}, at a dead centre or at the limit of assembly\n"
+                "  Choose coordinates within its range, or others."
+            )
+        part, q = to, moved
+    tangents = at(t, q, rest)
+    rows = tangents.slopes.rows(names)[:, tangents.by_q]
+    unit = tangents.free @ np.linalg.inv(tangents.directions(names))
+    drift = tangents.model.blocks("velocity_constraints", t, q, rest)["velocity_constraints"]
+    u = -tangents.bound @ (drift / tangents.scale)
+    return q, u + unit @ (np.array([rates.get(name, 0.0) for name in names]) - rows @ u)
+
+
+def _moved(
+    at: Callable[[float, Array, Array], Tangents], t: float, q: Array, names: tuple[str, ...], target: Array
+) -> Array | None:
+    """Return the closed coordinates near q at which the named ones have these values; None without."""
+    rest = np.zeros_like(q)
+    for _ in range(_NEWTON):
+        try:
+            tangents = at(t, q, rest)
+            unit = tangents.free @ np.linalg.inv(tangents.directions(names))
+        except ModelError:  # dead centre
+            return None
+        model, slopes = tangents.model, tangents.slopes
+        missed = model.blocks("constraints", t, q, rest)["constraints"] / tangents.scale
+        closing = -tangents.bound @ missed
+        left = _difference(names, target, np.array([slopes.values[name] for name in names]))
+        step = closing + unit @ (left - slopes.rows(names)[:, tangents.by_q] @ closing)
+        size = extent(model, q)
+        if not np.max(np.abs(step)) <= size:
+            return None
+        q = q + step
+        if np.max(np.abs(step)) <= _CLOSED * size:
+            return q
+    return None
+
+
+def _difference(names: tuple[str, ...], target: Array, values: Array) -> Array:
+    """Return target - values, of angles within half a revolution."""
+    angles = np.array([name.endswith(".angle") for name in names], dtype=bool)
+    away = target - values
+    return np.where(angles, np.remainder(away + np.pi, 2 * np.pi) - np.pi, away)
