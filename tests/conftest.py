@@ -97,6 +97,7 @@ def entry(monkeypatch, capfd):
         return ended.value.code or 0, said.out, said.err
 
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    monkeypatch.setattr(sys.modules["__main__"], "__package__", None)  # Click names the command by it
     monkeypatch.setattr(cli.atexit, "register", lambda *_: None)
     yield called
     gc.enable()

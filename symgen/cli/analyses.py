@@ -90,10 +90,6 @@ def inverse_dynamics(ctx: typer.Context) -> None:
     'symgen equilibrium four_bar --set links.crank.mass="2 kg"',
     "t stable segments set_ as_json backend",
     t=o.maybe(str, "--at", "TIME", 'Time at which loads and drives are held, "0.3 s"; default: 0.'),
-    stable=Annotated[
-        bool,
-        o.option("--stable/--any", help="Descend to a stable equilibrium, or take one of any kind nearby."),
-    ],
 )
 def equilibrium(ctx: typer.Context) -> None:
     """Find a static equilibrium, its reactions and stability."""
@@ -105,7 +101,7 @@ def equilibrium(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen modes elastic_four_bar --at 0,60",
-    "at moving set_ as_json backend",
+    "stable at moving set_ as_json backend",
     at=o.maybe(
         list[str],
         "--at",
@@ -124,8 +120,12 @@ def modes(ctx: typer.Context) -> None:
     Linkages vibrate about the static equilibrium, elastic links about poses of the crank.
     """
     request = Request(ctx)
+    anywhere = not request.options.pop("stable", True)
     arguments = request.arguments("modes")
-    poses = [{"at": angle} for angle in arguments.pop("at", [])] or [{}]
+    poses = [{"at": angle} for angle in arguments.pop("at", [])]
+    if poses and anywhere:
+        raise ModelError("--any is for the equilibrium of a linkage, not for poses of the crank after --at")
+    poses = poses or [{"at": request.result("equilibrium", stable=False)} if anywhere else {}]
     found = [request.result("modes", **arguments, **pose) for pose in poses]
     if request.as_json and len(found) > 1:
         print_json({"scene": request.model.name, "poses": [one.summary() for one in found]})
@@ -137,7 +137,7 @@ def modes(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen linearise four_bar --coordinate crank.angle --at equilibrium",
-    "at inputs outputs coordinates set_ as_json backend",
+    "at stable inputs outputs coordinates set_ as_json backend",
     at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of the run, "0.3 s".'),
     inputs=o.maybe(list[str], "--input", "NAME", "An input of the scene; default: all."),
     outputs=o.maybe(list[str], "--of", "NAME", "An output, such as A.position.x; default: coordinates."),
@@ -154,14 +154,13 @@ def linearise(ctx: typer.Context) -> None:
     They are exact derivatives of the equations of motion at a state.
     """
     request = Request(ctx)
-    about = request.options.pop("at", "start")
-    arguments = request.arguments("linearise")
-    request.show("linearise", request.result("linearise", **arguments, **_state(request, about)))
+    about = _state(request)
+    request.show("linearise", request.result("linearise", **request.arguments("linearise"), **about))
 
 
 @analysis(
     "symgen sensitivity peaucellier --at equilibrium --of O.reaction",
-    "outputs parameters at coordinates set_ as_json backend",
+    "outputs parameters at stable coordinates set_ as_json backend",
     required="scene outputs",
     outputs=Annotated[
         list[str],
@@ -181,17 +180,19 @@ def sensitivity(ctx: typer.Context) -> None:
     An equilibrium moves with the parameters. At another state, drives and coordinates are held.
     """
     request = Request(ctx)
-    about = request.options.pop("at", "start")
-    arguments = request.arguments("sensitivity")
-    request.show("sensitivity", request.result("sensitivity", **arguments, **_state(request, about)))
+    about = _state(request)
+    request.show("sensitivity", request.result("sensitivity", **request.arguments("sensitivity"), **about))
 
 
-def _state(request: Request, about: str) -> dict[str, Any]:
+def _state(request: Request) -> dict[str, Any]:
     """Return the argument ``at`` for a state on the command line: start, equilibrium or a time."""
+    about, stable = request.options.pop("at", "start"), request.options.pop("stable", True)
+    if about == "equilibrium":
+        return {"at": request.result("equilibrium", stable=stable)}
+    if not stable:
+        raise ModelError(f"--any is for --at equilibrium, got --at {about}")
     if about == "start":
         return {}
-    if about == "equilibrium":
-        return {"at": request.result("equilibrium")}
     return {"at": _time(about, "start, equilibrium or a time")}
 
 

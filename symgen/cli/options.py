@@ -224,6 +224,10 @@ OF_ANALYSES: dict[str, Any] = {
     "resume": maybe(
         Path, "--resume", "FILE", "Continue from a checkpoint of the same run, with the same bits.", _LIMITS
     ),
+    "stable": Annotated[
+        bool,
+        option("--stable/--any", help="Descend to a stable equilibrium, or take one of any kind nearby."),
+    ],
     "set_": Set,
     "out": maybe(
         Path, "--out", "FILE", "Save the result: .nc, .npz or .csv.", _OUTPUT, callback=_result_file

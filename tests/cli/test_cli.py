@@ -393,6 +393,28 @@ def test_run_selects_the_analysis_that_suits_the_scene():
         assert first["drift"] == second["drift"] and first["provenance"] == second["provenance"]
 
 
+def test_an_unstable_equilibrium_is_linearised_by_any(tmp_path):
+    """A rod of length l on its pivot falls with s^2 = 3 g/(2 l)."""
+    text = """symgen = 1
+[points]
+O = { at = [0, 0], ground = true }
+P = { at = ["0.05 m", "0.5 m"] }
+[links]
+rod = { points = ["O", "P"], mass = "1 kg", length = "0.5 m" }
+[gravity]
+acceleration = [0, "-9.81 m/s^2"]
+"""
+    file = tmp_path / "upright.toml"
+    file.write_text(text, "utf-8")
+    falling = math.sqrt(3 * 9.81 / (2 * 0.5))
+    (mode,) = json.loads(call("modes", str(file), "--any", "--json"))["modes"]
+    assert mode["s"][0] == pytest.approx(falling, rel=1e-12)
+    about = ["--at", "equilibrium", "--any", "--coordinate", "rod.angle", "--json"]
+    assert json.loads(call("linearise", str(file), *about))["A"][1][0] == pytest.approx(falling**2, rel=1e-12)
+    refused = runner.invoke(app, ["linearise", str(file), "--any"])
+    assert refused.exit_code and "--any is for --at equilibrium" in str(refused.exception)
+
+
 def test_tables_at_an_equilibrium_are_headed_so():
     shown = call("linearise", "four_bar", "--coordinate", "crank.angle", "--at", "equilibrium").splitlines()
     assert shown[0] == "Four-bar linkage swinging freely: linearised at the equilibrium"
