@@ -355,6 +355,22 @@ def test_speed_ratio_of_a_four_bar():
         assert motion.variable("rocker.speed_ratio").unit == "1"
 
 
+def test_angular_acceleration_of_a_rod_on_a_moving_pivot():
+    """The moment equation about a pivot at r sin(wt): 2 l theta'' = 3 (x'' sin(theta) - g cos(theta))."""
+    scene = symgen.Scene(
+        parameters={"w": "3 rad/s", "r": "0.1 m"},
+        points={"A": {"at": [0, 0], "ground": True, "motion": ["r*sin(w*t)", 0]}, "B": at(0.3, -0.4)},
+        links={"rod": rod("A", "B")},
+        gravity={"acceleration": [0, "-9.81 m/s^2"]},
+        analysis={"t_end": "1 s", "outputs": ["rod.angle", "rod.angular_acceleration"]},
+    )
+    found = symgen.build(scene).simulate()
+    angle, pushed = found["rod.angle"].values, -0.1 * 9 * np.sin(3 * found.time)
+    exact = 1.5 / 0.5 * (pushed * np.sin(angle) - 9.81 * np.cos(angle))
+    assert found["rod.angular_acceleration"].values == pytest.approx(exact, rel=1e-11, abs=1e-11)
+    assert found.variable("rod.angular_acceleration").unit == "rad/s^2"
+
+
 @pytest.mark.parametrize(
     ("angle", "output", "message"),
     [

@@ -71,6 +71,14 @@ def _angular_velocity(model: RodsModel, name: str) -> Entries:
     return model.angular_velocity(name), "rad/s", f"angular velocity of {name}"
 
 
+def _angular_acceleration(model: RodsModel, name: str) -> Entries:
+    if len(model.axes) == 3:
+        raise SceneError("a link has an angular acceleration only in the plane")
+    rate = model.turning_acceleration(name)
+    turning = model.shown((ZERO, ZERO), rate) if model.linkage.plane else [rate]
+    return turning, "rad/s^2", f"angular acceleration of {name}"
+
+
 def _speed_ratio(model: RodsModel, name: str) -> Entries:
     """Return the rate of a link over that of the drive, which must be constant and so cannot vanish."""
     drivers = model.linkage.drivers
@@ -163,6 +171,7 @@ OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "torque": _torque,
     "angle": _angle,
     "angular_velocity": _angular_velocity,
+    "angular_acceleration": _angular_acceleration,
     "speed_ratio": _speed_ratio,
 }
 #: Outputs of a corner: a point between two others.
@@ -204,7 +213,7 @@ OF_ELASTIC = (
 )
 #: Outputs that need no masses and no forces.
 KINEMATIC = (
-    *("position", "velocity", "acceleration", "angle", "angular_velocity"),
+    *("position", "velocity", "acceleration", "angle", "angular_velocity", "angular_acceleration"),
     *("transmission_angle", "speed_ratio"),
 )
 #: Outputs of a point of a link.

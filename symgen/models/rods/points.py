@@ -169,6 +169,12 @@ class Points:
         rates = tuple(self.calculus.rate(c) for c in d)
         return gradient, cross(d, rates) / squared
 
+    def turning_acceleration(self, link: str) -> sp.Expr:
+        """Return the second time derivative of the direction angle of a link in the plane [rad/s^2]."""
+        gradient, rate = self.turning(link)
+        slopes = (slope * self._accelerations[q] for q, slope in gradient.items())
+        return sp.Add(self.calculus.rate(rate), *slopes)
+
     def acceleration(self, point: str) -> Vector:
         """Return the acceleration of any point [m/s^2], by the accelerations of the coordinates."""
         return tuple(
