@@ -76,7 +76,7 @@ class ElasticAnalyses:
         """Run the motion with large rotation of the elastic links, in rods with springs or in elements.
 
         It is the reference for :meth:`simulate`, which holds for small bending only; see
-        ``docs/elastic_arbiter.md``. Other arguments and errors are those of :meth:`simulate`.
+        ``docs/large_rotation.md``. Other arguments and errors are those of :meth:`simulate`.
 
         Parameters
         ----------
