@@ -8,6 +8,7 @@ import pytest
 import symgen
 from symgen.runtime import _beams, _core
 from symgen.runtime._kinematics import Kinematics
+from symgen.runtime.beams.elements import kernels
 from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.rods.following.groups import groups_of
@@ -163,3 +164,18 @@ def test_groups_may_not_start_outside_their_arrays(wrong):
     Kinematics(bonds.kinematics, groups, 1.0, None)
     with pytest.raises(ValueError, match="expected .* starts|starts that rise|expected the groups"):
         Kinematics(bonds.kinematics, replace(groups, **wrong), 1.0, None)
+
+
+def test_elements_are_within_their_states():
+    """An element with one unknown too many, rows without properties, and states that are too short."""
+    address = kernels("corotational_beam").ADDRESSES["residual"]
+    places, properties = np.arange(6)[None], np.ones((1, 9))
+    elements, q = _beams.Elements(6, places, properties), np.zeros((2, 6))
+    for unknowns, rows, most in ((5, places, "to below 5"), (6, np.repeat(places, 2, axis=0), "at least 2")):
+        with pytest.raises(ValueError, match=most):
+            _beams.Elements(unknowns, rows, properties)
+    for states in ((q[:, :5], q, q), (q, q[:1], q), (q, q, q[:, 1:])):
+        with pytest.raises(ValueError, match="expected at least"):
+            elements.forces(address, *states)
+        with pytest.raises(ValueError, match="expected at least"):
+            elements.values(address, 6, *states)

@@ -75,7 +75,7 @@ class Evaluator:
         if work is not None:
             width = min(work.shape[1], info.work_size)
             memory[:, :width] = work[:, :width]
-        out, sizes = np.zeros((count, info.out_size + 1)), self.description.sizes_of(kernel)
+        out, sizes = np.zeros((count, info.out_size + 1)), (*self._sizes, info.work_size, info.out_size)
         _core.call_many(address, sizes, np.ascontiguousarray(times), rows, n, self.parameters, memory, out)
         return out[:, :-1]
 

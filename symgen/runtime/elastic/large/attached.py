@@ -78,9 +78,9 @@ class Lumps:
             residual[:, own] += found[:, :3]
 
     def energies(self, q: Array, v: Array) -> Array:
-        """Return kinetic energy, zero strain energy, and the potential of gravity [J]."""
-        kinetic, potential = np.sum(self._of(q[None], v[None], 0 * v[None])[0, :, 6:], axis=0)
-        return np.array([kinetic, 0.0, potential])
+        """Return kinetic energy, zero strain energy, and the potential of gravity [J], (times, 3)."""
+        kinetic, potential = np.sum(self._of(q, v, 0 * v)[..., 6:], axis=1).T
+        return np.stack([kinetic, np.zeros(len(q)), potential], axis=1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ rates and places in the middle of the step. One of each complex pair is solved.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Protocol
@@ -52,6 +52,12 @@ class Moment:
     work: float = 0.0
 
 
+def stacked(found: Sequence[Moment]) -> tuple[Array, ...]:
+    """Return times, places, rates, second rates and multipliers of a motion, each (times, numbers)."""
+    names = "t", "q", "v", "a", "multipliers"
+    return tuple(np.array([getattr(moment, name) for moment in found]) for name in names)
+
+
 @dataclass(frozen=True, slots=True)
 class Slopes:
     """Slopes of the equation by second rates, rates and places, (entries,), and of the constraints."""
@@ -63,7 +69,7 @@ class Slopes:
 
 
 class Pattern:
-    """The sparse matrix [W, J^T; J, 0] of a system.
+    """The sparse matrix [W, J^T; J, 0] of a system, banded by the reverse Cuthill-McKee order.
 
     Parameters
     ----------
@@ -76,32 +82,48 @@ class Pattern:
     """
 
     def __init__(self, pairs: Indices, bound: Indices, sizes: tuple[int, int]) -> None:
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import reverse_cuthill_mckee
+
         lower = bound + np.array([[sizes[0]], [0]])
-        row, column = np.hstack([pairs, lower, lower[::-1]])
+        self._places = row, column = np.hstack([pairs, lower, lower[::-1]])
         self._size = sum(sizes)
-        order, self._slots = np.unique(column * self._size + row, return_inverse=True)
-        self._rows = order % self._size
-        self._starts = np.searchsorted(order, np.arange(self._size + 1) * self._size)
+        graph = csr_array((np.ones(len(row)), (row, column)), shape=(self._size, self._size))
+        #: Unknowns and multipliers in the order of the banded matrix, in which links are chains of nodes.
+        self._order = reverse_cuthill_mckee(graph, symmetric_mode=True)
+        ranks = np.argsort(self._order)
+        self._band = int(np.max(np.abs(ranks[row] - ranks[column]), initial=0))
+        # Columns of LAPACK's banded matrices have a diagonal and three bands, of which one is for pivoting.
+        self._height = 3 * self._band + 1
+        self._slots = self._height * ranks[column] + 2 * self._band + ranks[row] - ranks[column]
 
     def matrix(self, entries: Array, jacobian: Array) -> Any:
         """Return the matrix, compressed by columns, with entries of W and slopes of constraints."""
         from scipy.sparse import csc_array
 
         data = np.concatenate([entries, jacobian, jacobian])
-        summed = np.bincount(self._slots, data.real, len(self._rows))
-        if np.iscomplexobj(data):
-            summed = summed + 1j * np.bincount(self._slots, data.imag, len(self._rows))
-        return csc_array((summed, self._rows, self._starts), shape=(self._size, self._size))
+        return csc_array((data, self._places), shape=(self._size, self._size))
 
     def factorised(self, entries: Array, jacobian: Array) -> Callable[[Array], Array]:
         """Return the solution by its right-hand side, with entries of W; nan where the matrix is singular."""
-        from scipy.sparse.linalg import splu
+        from scipy.linalg.lapack import dgbtrf, dgbtrs, zgbtrf, zgbtrs
 
-        try:
-            solve: Callable[[Array], Array] = splu(self.matrix(entries, jacobian)).solve
-        except RuntimeError:
-            return lambda right: np.full_like(right, math.nan)
-        return solve
+        data, count = np.concatenate([entries, jacobian, jacobian]), self._size * self._height
+        summed = np.bincount(self._slots, data.real, count)
+        factorise, solve = dgbtrf, dgbtrs
+        if np.iscomplexobj(data):
+            summed = summed + 1j * np.bincount(self._slots, data.imag, count)
+            factorise, solve = zgbtrf, zgbtrs
+        band, order = self._band, self._order
+        factors, pivots, failed = factorise(summed.reshape(self._size, -1).T, band, band, overwrite_ab=True)
+
+        def solution(right: Array) -> Array:
+            found = np.full_like(right, math.nan)
+            if not failed:
+                found[order] = solve(factors, band, band, right[order], pivots)[0]
+            return found
+
+        return solution
 
 
 def pairs_of(unknowns: Indices) -> Indices:
@@ -158,8 +180,11 @@ class Stepper:
         self._system, self._method, self._h = system, method, h
         values, vectors = np.linalg.eig(method.a)
         pairs = np.flatnonzero(values.imag > 0.0)
-        self._values, self._vectors = values[pairs], vectors[:, pairs]
+        # The other one of each pair is its complex conjugate, with the conjugate correction.
+        self._values, self._vectors = values[pairs], -2.0 * vectors[:, pairs]
         self._rows = np.linalg.inv(vectors)[pairs]
+        self._rows_of_rates = self._rows / (h * self._values[:, None])
+        self._square = h * h * method.a @ method.a
         self._factors: list[Callable[[Array], Array]] = []
         #: Counts of steps and of corrections.
         self.steps = self.corrections = 0
@@ -176,13 +201,10 @@ class Stepper:
 
     def _correction(self, residual: Array, rates: Array) -> tuple[Array, Array]:
         """Return corrections of second rates (stages, unknowns) and multipliers (stages, multipliers)."""
-        n, h = self._system.unknowns, self._h
-        found = np.zeros((len(residual), n + self._system.multipliers), dtype=complex)
-        right = np.hstack([self._rows @ residual, (self._rows @ rates) / (h * self._values[:, None])])
-        for k, solve in enumerate(self._factors):
-            found += np.outer(self._vectors[:, k], solve(right[k]))
-        # The other one of each pair is its complex conjugate.
-        change = -2.0 * found.real
+        n = self._system.unknowns
+        right = np.hstack([self._rows @ residual, self._rows_of_rates @ rates])
+        solved = [solve(own) for solve, own in zip(self._factors, right, strict=True)]
+        change = (self._vectors @ np.array(solved)).real
         return change[:, :n], change[:, n:]
 
     def step(self, at: Moment, guess: tuple[Array, Array]) -> tuple[Moment, tuple[Array, Array]]:
@@ -207,17 +229,17 @@ class Stepper:
         """Return places and rates of the stages."""
         h, method = self._h, self._method
         v = at.v + h * method.a @ a
-        return at.q + h * np.outer(method.c, at.v) + h * h * (method.a @ (method.a @ a)), v
+        return at.q + h * method.c[:, None] * at.v + self._square @ a, v
 
     def _stages(self, at: Moment, guess: tuple[Array, Array]) -> tuple[Array, Array] | None:
         """Return second rates and multipliers of the stages; None where corrections do not converge."""
         system, h, method = self._system, self._h, self._method
         times, (a, multipliers) = at.t + h * method.c, guess
-        square, before, rate = h * h * method.a @ method.a, math.inf, 1.0
+        before, rate = math.inf, 1.0
         for k in range(_MOST):
             q, v = self._moved(at, a)
             da, dm = self._correction(system.residual(times, q, v, a, multipliers), system.rates(times, q, v))
-            size = float(np.max(np.abs(square @ da) / system.scale))
+            size = float(np.max(np.abs(self._square @ da) / system.scale))
             if not math.isfinite(size):
                 return None
             a, multipliers = a + da, multipliers + dm

@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime._beams import APPLIED, MOTION
+from symgen.runtime._beams import APPLIED, MOTION, Elements
+from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.attached import Posed, Section, direction_of, forces_along, lumps_of
 from symgen.runtime.elastic.large.collocation import Moment, Pattern, Slopes, pairs_of
+from symgen.runtime.elastic.large.links import BLOCK, undamped
 from symgen.runtime.elastic.large.supports import Supports, divided, gravity_of, section_of
 from symgen.runtime.elastic.motion import ElasticMotion
 
@@ -34,11 +36,11 @@ class LargeLinkage:
     ----------
     motion
         The elastic motion of the linkage, whose kernels give its rigid parts.
-    elements
+    count
         Number of elements of each elastic link, between its ends.
     """
 
-    def __init__(self, motion: ElasticMotion, elements: int) -> None:
+    def __init__(self, motion: ElasticMotion, count: int) -> None:
         _check(motion)
         d = motion.rigid.description
         self.name, self.motion, self._points = motion.rigid.name, motion, d.coordinates
@@ -49,7 +51,13 @@ class LargeLinkage:
         self._kept = [motion.constraints.index(name) for name in self._names]
         self._rows = np.array([d.constraints.index(name) for name in self._names], dtype=np.intp)
         gravity = gravity_of(motion)
-        self.links, pins, self.unknowns = divided(motion, elements, gravity)
+        self.links, pins, self.unknowns = divided(motion, count, gravity)
+        elements = np.concatenate([link.elements for link in self.links])
+        properties = np.concatenate([link.properties for link in self.links])
+        self._kernels = kernels(BLOCK).ADDRESSES
+        self._elements = Elements(self.unknowns, elements, properties)
+        damped = any(link.beam.properties.stiffness_damping for link in self.links)
+        self._undamped = Elements(self.unknowns, elements, undamped(properties)) if damped else None
         self._lumps = lumps_of(motion, self.links, gravity)
         self._along = [(x, self._chord(x.link)) for x in forces_along(motion, self.links)]
         self._sections = {name: section_of(self.links, *name.split(".")) for name in motion.info.rotations}
@@ -123,15 +131,7 @@ class LargeLinkage:
     def residual(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
         """Return M a + internal forces - f + J^T lambda, (times, unknowns), of states (times, unknowns)."""
         n = self._points
-        forces = []
-        for link in self.links:
-            at = link.elements
-            rates = np.concatenate([v[:, at], a[:, at]], axis=2)
-            forces.append(link.call("residual", q[:, at], rates).reshape(len(t), -1))
-        apart = self.unknowns * np.arange(len(t))[:, None] + self._slots
-        of_elements = np.concatenate(forces, axis=1)
-        summed = np.bincount(apart.ravel(), of_elements.ravel(), q.size)
-        found: Array = np.asarray(summed, dtype=float).reshape(q.shape)
+        found = self._elements.forces(self._kernels["residual"], q, v, a)
         parts = self._parts(t, q, v, a, multipliers)
         found[:, :n] -= parts["load"][:, :n]
         if len(self._rows):
@@ -196,15 +196,12 @@ class LargeLinkage:
 
         Slopes of forces along links, and of couples by the lines between the ends of links, are left out.
         """
-        values: list[list[Array]] = [[], [], []]
-        for link in self.links:
-            at = link.elements
-            tangents = link.call("tangent", q[at], np.hstack([v[at], a[at]])).reshape(-1, 3, 36)
-            for own, tangent in zip(values, np.moveaxis(tangents, 1, 0), strict=True):
-                own.append(tangent.ravel())
+        states = q[None], v[None], a[None]
+        tangents = self._elements.values(self._kernels["tangent"], 108, *states).reshape(-1, 3, 36)
+        values = [[tangents[:, k].ravel()] for k in range(3)]
         time = np.array([t])
-        parts = self._parts(time, q[None], v[None], a[None], multipliers[None])
-        extra = self._diagonal(time, q[None], v[None])
+        parts = self._parts(time, *states, multipliers[None])
+        extra = self._diagonal(time, *states[:2])
         for own, of, diagonal in zip(values, _SLOPES, extra, strict=True):
             own += [parts[name][0] if of == name else np.zeros(len(self._entries[name])) for name in _SLOPES]
             own.append(diagonal)
@@ -216,7 +213,7 @@ class LargeLinkage:
     @cached_property
     def pattern(self) -> Pattern:
         """The places of the entries of slopes."""
-        pairs = [pairs_of(link.elements) for link in self.links]
+        pairs = [pairs_of(np.concatenate([link.elements for link in self.links]))]
         pairs += [self._entries[name].T for name in _SLOPES]
         pairs.append(np.stack([self._own, self._own]))
         rigid, (row, column) = len(self._rows), np.nonzero(self._supports.rows)
@@ -240,11 +237,6 @@ class LargeLinkage:
         places += [np.array([self._motor.moves[0][0].place])] if self._motor else []
         return np.concatenate(places) if places else np.zeros(0, dtype=np.intp)
 
-    @cached_property
-    def _slots(self) -> Indices:
-        """Unknowns of all elements of all links in one row."""
-        return np.concatenate([link.elements.ravel() for link in self.links])
-
     def _parts(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> dict[str, Array]:
         """Return load, slopes and Jacobian of rigid links, particles and loads at states, by name."""
         n = self._points
@@ -258,52 +250,44 @@ class LargeLinkage:
 
     def dissipated(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return the power that the damping of links takes [W], (times,)."""
-        found = np.zeros(len(t))
-        for link in self.links:
-            if link.beam.properties.stiffness_damping:
-                at = link.elements
-                rates = np.concatenate([v[:, at], a[:, at]], axis=2)
-                forces = (of.call("residual", q[:, at], rates) for of in (link, link.undamped))
-                found += np.sum(np.subtract(*forces) * v[:, at], axis=(1, 2))
+        if self._undamped is None:
+            return np.zeros(len(t))
+        forces = (of.forces(self._kernels["residual"], q, v, a) for of in (self._elements, self._undamped))
+        found: Array = np.sum(np.subtract(*forces) * v, axis=1)
         return found
 
-    def energies(self, moment: Moment) -> Array:
-        """Return kinetic, strain and potential energy [J] and the power dissipated by links [W]."""
-        q, v, n, found = moment.q, moment.v, self._points, np.zeros(3)
-        for link in self.links:
-            at = link.elements
-            found += np.sum(link.call("energies", q[at], np.hstack([v[at], moment.a[at]])), axis=0)
+    def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""
+        n = self._points
+        found = np.sum(self._elements.values(self._kernels["energies"], 3, q, v, a), axis=1)
         if self._lumps:
             found += self._lumps.energies(q, v)
-        time = np.array([moment.t])
         if self._motor:
-            place = self._motor.moves[0][0].place
-            found[0] += self._shaft_terms(self._motor, time, q[None], v[None])[0, 0] * v[place] ** 2 / 2
-        dissipated = float(self.dissipated(time, q[None], v[None], moment.a[None])[0])
-        kinetic, potential = self._joints("energy", moment.t, q[:n], v[:n])[:2]
-        return np.append(found + np.array([kinetic, 0.0, potential]), dissipated)
+            inertia = self._shaft_terms(self._motor, t, q, v)[:, 0]
+            found[:, 0] += inertia * v[:, self._motor.moves[0][0].place] ** 2 / 2
+        kinetic, potential = self._joints.many("energy", t, q[:, :n], v[:, :n])[:, :2].T
+        own, strain, of_weight = found.T
+        return np.array([own + kinetic, strain, of_weight + potential, self.dissipated(t, q, v, a)])
 
-    def torque(self, moment: Moment) -> float | None:
-        """Return the torque of the shaft on a held crank [N m], counter-clockwise; None if it is not held."""
+    def torque(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array | None:
+        """Return the torque of the shaft on the crank [N m], counter-clockwise, (times,); None if free."""
         if self._shaft is not None:
-            return -float(moment.multipliers[-1])
+            return -multipliers[:, -1]
         if self._motor:
-            return float(
-                self._shaft_terms(self._motor, np.array([moment.t]), moment.q[None], moment.v[None])[0, 3]
-            )
-        info, d = self.motion.info, self.motion.rigid.description
+            return self._shaft_terms(self._motor, t, q, v)[:, 3]
+        info, d, n = self.motion.info, self.motion.rigid.description, self._points
         drive = f"{info.crank}_drive"
         if drive not in self._names:
             return None
         row = self._names.index(drive)
-        state = (x[None] for x in (moment.q, moment.v, moment.a, moment.multipliers))
-        jacobian = self._parts(np.array([moment.t]), *state)["jacobian"][0]
-        slopes = jacobian[self._kept[row], : self._points].reshape(-1, 2)
-        places = self._rigid.blocks("points", moment.t, moment.q[: self._points], np.zeros(self._points))
+        jacobian = self._parts(t, q, v, a, multipliers)["jacobian"]
+        slopes = jacobian[:, self._kept[row], :n].reshape(len(t), -1, 2)
         shaft = next(p for p in d.links[info.crank][:2] if p not in d.free)
-        arms = moment.q[: self._points].reshape(-1, 2) - places["positions"][d.points.index(shaft)]
+        arms = q[:, :n].reshape(len(t), -1, 2) - self._ground(t, shaft)[:, None]
         # The power of J^T lambda at the unit rate of the crank.
-        return -float(moment.multipliers[row] * np.sum(slopes * np.stack([-arms[:, 1], arms[:, 0]], axis=1)))
+        power = np.sum(slopes[..., 1] * arms[..., 0] - slopes[..., 0] * arms[..., 1], axis=1)
+        found: Array = -multipliers[:, row] * power
+        return found
 
 
 def _check(motion: ElasticMotion) -> None:

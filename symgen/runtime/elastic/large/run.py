@@ -15,7 +15,7 @@ from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.forces import joint_force, torque
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.exact import rigid_places, stiffness_damped
-from symgen.runtime.elastic.large.collocation import Moment, moved
+from symgen.runtime.elastic.large.collocation import Moment, moved, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import Pass, refine
 from symgen.runtime.elastic.mesh import mesh_error
@@ -130,32 +130,29 @@ def _out_of_time(
 
 
 def _outputs(motion: ElasticMotion, linkage: LargeLinkage, found: Sequence[Moment]) -> list[Variable]:
-    times, d = np.array([moment.t for moment in found]), motion.rigid.description
-    made: list[Variable] = []
+    times, q, v, a, multipliers = stacked(found)
+    d, made = motion.rigid.description, list[Variable]()
     for name, k, at, fibre in motion.stations:
         link = linkage.links[k]
-        axial, curvature = np.array([link.strains(moment, at) for moment in found]).T
+        axial, curvature = link.strains(q, v, a, at)
         made += strains(name, link.beam, at, fibre * curvature, axial)
     rigid = rigid_places(motion, times)
     for k, point in enumerate(d.free):
-        place = np.array([moment.q[2 * k : 2 * k + 2] for moment in found])
+        place = q[:, 2 * k : 2 * k + 2]
         made.append(displacement(point, place - rigid[point]))
         made.append(Variable(f"{point}.position", "m", f"position of {point}", ("x", "y"), place))
     for link in linkage.links:
         info, name = link.beam.info, link.beam.info.link
-        first, last = (np.array([m.q[link.places[end, :2]] for m in found]) for end in (0, -1))
-        apart = np.linalg.norm(last - first, axis=1)
-        made.append(length_change(name, apart - link.beam.properties.length))
-        ends = np.array([link.end_forces(moment) for moment in found])
+        first, last = (q[:, link.places[end, :2]] for end in (0, -1))
+        made.append(length_change(name, np.linalg.norm(last - first, axis=1) - link.beam.properties.length))
+        ends = link.end_forces(q, v, a)
         for point, force in ((info.start, ends[:, 0, :2]), (info.end, ends[:, -1, 3:5])):
             made.append(joint_force(name, point, force))
     for name, k, at, _ in motion.stations:
-        values = np.array([linkage.links[k].deflection(moment.q, at) for moment in found])
-        made.append(bow(name, linkage.links[k].beam, at, values))
-    torques = [linkage.torque(moment) for moment in found]
-    if torques[0] is not None:
-        made.append(torque(motion.info.crank, np.array(torques, dtype=float)))
-    kinetic, strain, potential, dissipated = np.array([linkage.energies(moment) for moment in found]).T
+        made.append(bow(name, linkage.links[k].beam, at, linkage.links[k].deflection(q, at)))
+    if (of_shaft := linkage.torque(times, q, v, a, multipliers)) is not None:
+        made.append(torque(motion.info.crank, of_shaft))
+    kinetic, strain, potential, dissipated = linkage.energies(times, q, v, a)
     # Loads on elastic links have no potential energy among those of rigid parts.
     known = None if linkage.loaded else potential
     return [*made, *Energies(kinetic, strain, known, dissipated, None, None).variables()]
@@ -163,11 +160,11 @@ def _outputs(motion: ElasticMotion, linkage: LargeLinkage, found: Sequence[Momen
 
 def drift_of(linkage: LargeLinkage, found: Sequence[Moment]) -> Drift:
     """Return the largest errors of the constraints, and of the energy where all forces are accounted for."""
-    errors = [linkage.errors(m.t, m.q) for m in found]
-    rates = [linkage.rates(np.array([m.t]), m.q[None], m.v[None]) for m in found]
+    t, q, v, a, _ = stacked(found)
+    errors, rates = [linkage.errors(m.t, m.q) for m in found], linkage.rates(t, q, v)
     energy = exchanged = math.nan
     if linkage.motion.info.shaft_alone and not linkage.loaded:
-        kinetic, strain, potential, _ = np.array([linkage.energies(m) for m in found]).T
+        kinetic, strain, potential, _ = linkage.energies(t, q, v, a)
         balance = kinetic + strain + potential - [m.work for m in found]
         energy = float(np.max(np.abs(balance - balance[0])))
         exchanged = float(max(np.ptp(kinetic), np.ptp(strain + potential)))
