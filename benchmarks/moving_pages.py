@@ -1,6 +1,6 @@
-"""Moving pictures and live pages in headless Chromium: how fast they play, and faults of their layout.
+"""Animations and live pages in headless Chromium: how fast they play, and faults of their layout.
 
-``python benchmarks/moving_pages.py [SCENE ...]`` opens the moving pictures of all shipped scenes, and the
+``python benchmarks/moving_pages.py [SCENE ...]`` opens the animations of all shipped scenes, and the
 live pages of some, 390 and 1440 pixels wide. It prints a line per page: frames per second while it plays,
 the median time to draw a frame and, on live pages, from a slider to the new picture. The exit code is 1 if
 a page has a fault. Live pages need Zig (``pip install 'symgen[live]'``).

@@ -50,7 +50,7 @@ def _page(text: SceneText, facts: tuple[tuple[str, str], ...]) -> str:
             _plain(scene.about.strip()),
             _raw(
                 f'<iframe class="moving" src="{name}_moving.html" title="{name}"></iframe>',
-                f'<p><a href="{name}_moving.html">The moving picture as a page of its own</a></p>',
+                f'<p><a href="{name}_moving.html">The animation as a page of its own</a></p>',
             ),
             "\n".join([f"| `{name}` | |", "|---|---|", *(f"| {k} | {_plain(v)} |" for k, v in rows)]),
             "## Equations",

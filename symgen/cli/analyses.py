@@ -19,7 +19,7 @@ _SHOWN = "set_ out plot plot_of xy plot_over compare film as_json"
     f"t_end at samples {_SHOWN} {o.COMPILED}",
 )
 def run(ctx: typer.Context) -> None:
-    """Run the analysis that suits the scene.
+    """Run the default analysis of a scene.
 
     A mechanism under forces is simulated, elastic links over one revolution. A driven loop is evaluated
     over its input, with all forces. The other commands select the analysis and have all of its options.
@@ -177,7 +177,7 @@ def linearise(ctx: typer.Context) -> None:
 def sensitivity(ctx: typer.Context) -> None:
     """Compute exact derivatives of outputs with respect to tunable parameters.
 
-    An equilibrium moves with the parameters. At another state, drives and coordinates are held.
+    An equilibrium moves with the parameters. At any other state, drives and coordinates are held constant.
     """
     request = Request(ctx)
     about = _state(request)

@@ -232,7 +232,7 @@ _SOURCE = "A scene, a Python file with a function system(), or a building block.
 @command('symgen diff four_bar four_bar --set links.crank.mass="2 kg"')
 def diff(
     before: Annotated[str, typer.Argument(help=_SOURCE)],
-    after: Annotated[str, typer.Argument(help="The second one, or the first again, changed by --set.")],
+    after: Annotated[str, typer.Argument(help="The second source, or the first one changed by --set.")],
     set_: o.Set = None,
     form: o.Difference = "text",
     as_json: o.Json = False,

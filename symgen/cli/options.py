@@ -35,7 +35,7 @@ def _result_file(file: Path | None) -> Path | None:
 
 
 def _film_file(file: Path | None) -> Path | None:
-    """Check that a moving picture can be written to the file before a command runs."""
+    """Check that an animation can be written to the file before a command runs."""
     if file:
         from symgen.report.page.movie import film_file
 
@@ -157,7 +157,7 @@ OF_ANALYSES: dict[str, Any] = {
         str,
         "--from",
         "VALUE",
-        "Start of the range; bare numbers are seconds, or the input of a loop in its unit.",
+        "Start of the range; numbers without a unit are seconds, or the input of a loop in its unit.",
     ),
     "stop": maybe(str, "--to", "VALUE", "End of the range; default: the scene's."),
     "at": maybe(
@@ -207,7 +207,7 @@ OF_ANALYSES: dict[str, Any] = {
         float,
         "--max-step",
         "SECONDS",
-        "Largest step [s] of an adaptive method, so that short loads are not stepped over.",
+        "Largest step [s] of an adaptive method, shorter than the shortest load.",
         _LIMITS,
     ),
     "max_wall": maybe(
@@ -226,7 +226,7 @@ OF_ANALYSES: dict[str, Any] = {
     ),
     "stable": Annotated[
         bool,
-        option("--stable/--any", help="Descend to a stable equilibrium, or take one of any kind nearby."),
+        option("--stable/--any", help="Find a stable equilibrium, or a nearby one of any kind."),
     ],
     "set_": Set,
     "out": maybe(
@@ -258,11 +258,11 @@ OF_ANALYSES: dict[str, Any] = {
         list[Path],
         "--compare",
         "FILE",
-        "A saved result to plot as well, by the name of its file, dashed or dotted. May be repeated.",
+        "A saved result to overlay in the plot, labelled by the name of its file. May be repeated.",
         _OUTPUT,
     ),
     "film": maybe(
-        Path, "--animate", "FILE", "Save a moving picture: .html, .gif or .mp4.", _OUTPUT, callback=_film_file
+        Path, "--animate", "FILE", "Save an animation: .html, .gif or .mp4.", _OUTPUT, callback=_film_file
     ),
     "as_json": Json,
     "backend": Backend,

@@ -142,7 +142,7 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
     latin_hypercube=o.maybe(int, "--latin-hypercube", "N", "Sample ranges by a Latin hypercube.", _DESIGN),
     random=o.maybe(int, "--random", "N", "Sample ranges by random numbers.", _DESIGN),
     seed=o.maybe(int, "--seed", "N", "Seed of the samples (0).", _DESIGN),
-    analysis=o.maybe(str, "--analysis", "NAME", "Such as simulate; default: that which suits the scene."),
+    analysis=o.maybe(str, "--analysis", "NAME", "Analysis of each run, such as simulate or periodic."),
     outputs=o.maybe(list[str], "--of", "NAME", "An output to keep; default: all."),
     reduce=o.maybe(
         list[str],
@@ -156,7 +156,8 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
     processes=o.maybe(int, "--processes", "N", "Carry out chunks in N processes, of one thread by default."),
     dask=o.maybe(str, "--dask", "ADDRESS", "Carry out chunks on the Dask cluster of this scheduler."),
     dry_run=Annotated[
-        bool, o.option("--dry-run", group="Run", help="Print the number of runs and the time.")
+        bool,
+        o.option("--dry-run", group="Run", help="Check options; print the number of runs and their time."),
     ],
     out=o.maybe(
         Path, "--out", "FILE", "Zarr store of the results; continued if there. Or a table: .csv.", "Output"

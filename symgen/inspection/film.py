@@ -27,14 +27,14 @@ from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText
 from symgen.scene.units import LENGTH, describe, parse_quantity
 
-#: Frames of a moving picture, and vertices of a path.
+#: Frames of an animation, and vertices of a path.
 FRAMES = 241
 #: Reads the values at which poses are drawn, for a model: numbers in SI and their variable.
 Poses = Callable[[Any], tuple[Sequence[float], str]]
 
 
 def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
-    """Run a scene and return its moving picture.
+    """Run a scene and return its animation.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
 
 
 def film_of_mode(text: SceneText, number: int, angle: float | None, samples: int) -> Film:
-    """Return the moving picture of a mode of vibration over one period.
+    """Return the animation of a mode of vibration over one period.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def film_of_mode(text: SceneText, number: int, angle: float | None, samples: int
 
 
 def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) -> Film:
-    """Return the moving picture of a result, written to a file if one is given; see ``Result.animate``."""
+    """Return the animation of a result, written to a file if one is given; see ``Result.animate``."""
     if result.origin is None:
         raise ResultError(
             f"the result of {result.name} has no model: it was loaded, copied or taken from an error\n"
@@ -114,7 +114,7 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
 
 
 def moving_html(result: Result) -> str:
-    """Return the moving picture of a result for a page that has its curves; nothing if it has none."""
+    """Return the animation of a result for a page that has its curves; nothing if it has none."""
     try:
         return animate(result, None, FRAMES).framed(plots=False)
     except SymgenError:

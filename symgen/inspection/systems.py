@@ -41,5 +41,5 @@ class RotorView(View):
         return Fact("elastic links in space", links), Fact("free points", str(len(resolved.free)))
 
     def drawn_outputs(self, resolved: Any) -> Sequence[str]:
-        """Refuse moving pictures."""
+        """Refuse animations."""
         raise ModelError(f"{resolved.name} is a rotor, which has modes alone: symgen modes {resolved.name}")

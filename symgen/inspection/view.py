@@ -46,7 +46,7 @@ class View:
         """Return the mechanism in its initial configuration, with the paths of its points in a run."""
         raise NotImplementedError
 
-    #: Content of the moving picture.
+    #: Content of the animation.
     film_caption = ""
 
     def drawn_outputs(self, resolved: Any) -> Sequence[str]:
@@ -55,11 +55,9 @@ class View:
         Raises
         ------
         ModelError
-            For a method that has no moving picture.
+            For a method that has no animation.
         """
-        raise ModelError(
-            f"{resolved.name} has no moving picture: its method draws only a page (symgen report)"
-        )
+        raise ModelError(f"{resolved.name} has no animation: its method draws only a page (symgen report)")
 
     def plotted_outputs(self, resolved: Any) -> Sequence[str]:
         """Return the outputs that are plotted beside the picture where the scene lists none."""
@@ -70,7 +68,7 @@ class View:
         return ()
 
     def film_text(self, resolved: Any, result: Result) -> str:
-        """Return the caption of the moving picture of a result."""
+        """Return the caption of the animation of a result."""
         return self.film_caption + (_STOPS if stops(result) else "")
 
     def recorded(self, resolved: Any, data: Mapping[str, Any]) -> dict[str, Any]:
@@ -78,11 +76,11 @@ class View:
         return dict(data)
 
     def filmed(self, model: Any, samples: int, **asked: Any) -> Result:
-        """Return the run that the moving picture shows."""
+        """Return the run that the animation shows."""
         return self.moved(model, samples, **asked)
 
     def moved(self, model: Any, samples: int, **asked: Any) -> Result:
-        """Return a run with the outputs that the moving picture draws."""
+        """Return a run with the outputs that the animation draws."""
         found: Result = model.simulate(samples=samples, **asked)
         return found
 
@@ -162,7 +160,7 @@ class View:
 
 
 class Drawn(NamedTuple):
-    """A scene that records what its moving picture draws and plots, and the names of these outputs.
+    """A scene that records what its animation draws and plots, and the names of these outputs.
 
     ``arrows`` are forces that are drawn and not plotted.
     """
@@ -176,14 +174,14 @@ class Drawn(NamedTuple):
 
 
 def drawn_scene(text: SceneText) -> Drawn:
-    """Return a scene with the outputs of its moving picture.
+    """Return a scene with the outputs of its animation.
 
     Raises
     ------
     SceneError
         For an invalid scene.
     ModelError
-        For a method that has no moving picture.
+        For a method that has no animation.
     """
     checked = check_scene(text)
     resolved = resolve(checked)

@@ -33,6 +33,11 @@ class Study(Table):
     limits: list[Limit] = Field(default_factory=list)
 
 
+_ANALYSIS = (
+    "Analysis of each run, such as simulate; by default simulate for elastic links, else inverse_dynamics."
+)
+
+
 class Sweep(Table):
     """A sweep of parameters, which ``symgen sweep`` carries out."""
 
@@ -43,7 +48,7 @@ class Sweep(Table):
     sampling: Literal["grid", "list", "sobol", "latin-hypercube", "random"] | None = None
     count: int | None = absent("Number of samples of ranges and distributions.")
     seed: int = 0
-    analysis: str | None = absent("Such as simulate; that which suits the scene if absent.")
+    analysis: str | None = absent(_ANALYSIS)
     outputs: list[str] | None = absent("Outputs to keep; all if absent.")
     reduce: list[str] = Field(["peak"], description="Reductions of the outputs of a run, or history.")
     samples: int | None = absent("Number of samples of a run.")
@@ -69,7 +74,7 @@ class Optimise(Table):
     )
     points: int | None = absent("Number of points of a Pareto front (9).")
     constraints: dict[str, Bounds] = Field(default_factory=dict, description="Bounds of further quantities.")
-    analysis: str | None = absent("Such as simulate; that which suits the scene if absent.")
+    analysis: str | None = absent(_ANALYSIS)
     method: Literal["SLSQP", "trust-constr", "differential-evolution"] = "SLSQP"
     seed: int = 0
     samples: int | None = absent("Number of samples of a run.")

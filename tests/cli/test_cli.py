@@ -185,7 +185,7 @@ def test_an_analysis_is_animated(tmp_path, entry):
     code, out, said = entry("kinematics", "crank_rocker", "--at", "30", "--animate", file)
     assert code != 0 and "B.position" in out and "nothing moves" in said
     code, _, said = entry("run", "four_bar", "--animate", tmp_path / "film.png")
-    assert code == 2 and "for the moving picture" in said
+    assert code == 2 and "for the animation" in said
 
 
 def test_a_plot_compares_with_a_saved_result(tmp_path):

@@ -1,4 +1,4 @@
-"""The moving picture: its numbers against closed forms, and what a page may contain."""
+"""The animation: its numbers against closed forms, and what a page may contain."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ def test_a_title_cannot_end_the_script():
 
 
 def test_a_method_without_a_moving_picture_is_refused_by_name():
-    with pytest.raises(ModelError, match="toy has no moving picture"):
+    with pytest.raises(ModelError, match="toy has no animation"):
         View().drawn_outputs(SimpleNamespace(name="toy"))
 
 

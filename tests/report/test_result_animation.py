@@ -1,4 +1,4 @@
-"""Moving pictures of results: their frames at the samples of the result, and what notebooks show."""
+"""Animations of results: their frames at the samples of the result, and what notebooks show."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_what_does_not_move_is_refused(tmp_path):
     assert "<iframe" not in loaded._repr_html_()
     with pytest.raises(ResultError, match="1 sample: nothing moves"):
         symgen.build("crank_rocker").kinematics(at=[0.5]).animate()
-    with pytest.raises(ResultError, match="for the moving picture"):
+    with pytest.raises(ResultError, match="for the animation"):
         run.animate("run.png")
     with pytest.raises(ModelError, match="whole number for frames, got 'many'"):
         run.animate(frames="many")

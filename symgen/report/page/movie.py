@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 #: Writers of Matplotlib by the ending of the file.
 _WRITERS = {".gif": "pillow", ".mp4": "ffmpeg"}
-#: Endings of files of moving pictures.
+#: Endings of files of animations.
 FILMED_AS = (".html", *_WRITERS)
 #: Pictures per second at most, and bounds of the duration of a film [s].
 _RATE, _SHORTEST, _LONGEST = 25.0, 2.0, 20.0
@@ -49,7 +49,7 @@ _STYLES: dict[str, tuple[str, float, str, str]] = {
 
 
 def film_file(file: str | os.PathLike[str]) -> Path:
-    """Return the path of a moving picture, checked before the picture is made.
+    """Return the path of an animation, checked before the picture is made.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def film_file(file: str | os.PathLike[str]) -> Path:
     ModelError
         For MP4 without ffmpeg.
     """
-    path = writable(file, FILMED_AS, "moving picture")
+    path = writable(file, FILMED_AS, "animation")
     if path.suffix.lower() != ".mp4":
         return path
     from matplotlib.animation import FFMpegWriter

@@ -66,7 +66,7 @@ class KernelCalls:
     def record(self, times: ArrayLike, states: ArrayLike, inputs: ArrayLike | None = None) -> Result:
         """Return the result of a motion that another solver found, as :meth:`simulate` would.
 
-        It has outputs, drift, plots and a moving picture. Drift is that of the recorded times, of the energy
+        It has outputs, drift, plots and an animation. Drift is that of the recorded times, of the energy
         only where no load does work. Angles of links are continuous if none turns by half a revolution
         between two times.
 

@@ -200,7 +200,7 @@ class Findings:
 
 
 class Pictures:
-    """Plots and moving pictures of a result."""
+    """Plots and animations of a result."""
 
     if TYPE_CHECKING:
         _cache: dict[str, Any]
@@ -218,7 +218,7 @@ class Pictures:
         return display("plot", self, *names, file=file, xy=xy, over=over, compare=compare)
 
     def animate(self, file: str | os.PathLike[str] | None = None, *, frames: int = 241) -> Any:
-        """Return the moving picture of the result, which notebooks play, next to plots of its outputs.
+        """Return the animation of the result, which notebooks play, next to plots of its outputs.
 
         Places of all points are computed by another run of the analysis. Deflections of elastic links are
         magnified, as the caption says.
@@ -235,7 +235,7 @@ class Pictures:
         ResultError
             For a result that was loaded or has a single sample, and when the file cannot be written.
         ModelError
-            For an analysis whose method has no moving picture.
+            For an analysis whose method has no animation.
         """
         return display("animate", self, file, frames)
 
