@@ -50,6 +50,7 @@ extensions = [
         for name in (
             "_loop",
             "_beams",
+            "_constrained",
             "_kinematics",
             "_kinematic_lanes",
             "_start",

@@ -42,9 +42,9 @@ def director_beam_system() -> System:
         NamedMatrix(
             "energies",
             made.energies,
-            "J",
-            "kinetic energy, strain energy, potential of gravity",
-            ("kinetic", "strain", "gravity"),
+            "J, J, J, W",
+            "kinetic energy, strain energy, potential of gravity, power dissipated",
+            ("kinetic", "strain", "gravity", "dissipated"),
         ),
         NamedMatrix("section", made.section, "1; N*m; Pa; m", "strains, torque, stress, place", RESULTANTS),
     )

@@ -5,8 +5,8 @@ import numpy as np
 
 from cpython.bytes cimport PyBytes_FromStringAndSize
 from libc.stdlib cimport calloc, free
-from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy
+
 
 from symgen.runtime._core cimport Core, Integrable, Reals, _DONE, at_least, equations, kernel_of, kernel_t
 
@@ -580,69 +580,3 @@ cdef class BeamSteps:
         """S' of all unknowns, (unknowns, columns)."""
         shape = (self.equations.whole, self.columns)
         return _doubles(self.equations.of, self.equations.api.steps_rates(self.core), shape)
-
-
-cdef class Elements:
-    """Finite elements whose kernels read positions, rates and second rates of their own unknowns.
-
-    Parameters
-    ----------
-    unknowns
-        Number of unknowns of the structure.
-    places
-        Unknowns of every element, (elements, n).
-    properties
-        Arguments of the kernels for every element, (elements, arguments).
-    """
-
-    cdef readonly Py_ssize_t unknowns
-    cdef const Py_ssize_t[:, ::1] places
-    cdef const double[:, ::1] properties
-
-    def __init__(self, Py_ssize_t unknowns, places, properties):
-        _within("places", places, 0, unknowns)
-        at_least("properties of elements", len(properties), len(places))
-        self.unknowns, self.places, self.properties = unknowns, places, properties
-
-    def values(self, uintptr_t kernel, Py_ssize_t width, const double[:, :] q, const double[:, :] v, const double[:, :] a):
-        """Return what a kernel writes for every element at states (times, unknowns), (times, elements, width)."""
-        cdef Py_ssize_t k, i
-        found = np.empty((q.shape[0], self.places.shape[0], width))
-        cdef double[:, :, ::1] out = found
-        cdef double[::1] state = self._state(q, v, a)
-        with nogil:
-            for k in range(out.shape[0]):
-                for i in range(out.shape[1]):
-                    self._call(<kernel_t>kernel, i, q[k], v[k], a[k], state, &out[k, i, 0])
-        return found
-
-    def forces(self, uintptr_t kernel, const double[:, :] q, const double[:, :] v, const double[:, :] a):
-        """Return the sums of forces on the unknowns, which a kernel writes for every element, (times, unknowns)."""
-        cdef Py_ssize_t k, i, j
-        found = np.zeros((q.shape[0], self.unknowns))
-        cdef double[:, ::1] total = found
-        cdef double[::1] state = self._state(q, v, a), own = np.empty(self.places.shape[1])
-        with nogil:
-            for k in range(total.shape[0]):
-                for i in range(self.places.shape[0]):
-                    self._call(<kernel_t>kernel, i, q[k], v[k], a[k], state, &own[0])
-                    for j in range(self.places.shape[1]):
-                        total[k, self.places[i, j]] += own[j]
-        return found
-
-    cdef object _state(self, const double[:, :] q, const double[:, :] v, const double[:, :] a):
-        """Return memory for the state of an element, after a check of the shapes of states."""
-        for what, rows, columns in (("v", v.shape[0], v.shape[1]), ("a", a.shape[0], a.shape[1])):
-            at_least(f"times of {what}", rows, q.shape[0])
-            at_least(f"unknowns in {what}", columns, self.unknowns)
-        at_least("unknowns in q", q.shape[1], self.unknowns)
-        return np.empty(3 * self.places.shape[1])
-
-    cdef void _call(self, kernel_t kernel, Py_ssize_t i, const double[:] q, const double[:] v, const double[:] a,
-                    double[::1] state, double *out) noexcept nogil:
-        cdef Py_ssize_t j, place, n = self.places.shape[1]
-        cdef double none = 0.0
-        for j in range(n):
-            place = self.places[i, j]
-            state[j], state[n + j], state[2 * n + j] = q[place], v[place], a[place]
-        kernel(&none, &state[0], &state[n], &self.properties[i, 0], &none, out)

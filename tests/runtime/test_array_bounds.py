@@ -7,8 +7,10 @@ import pytest
 
 import symgen
 from symgen.runtime import _beams, _core
+from symgen.runtime._constrained import Constrained, Elements, Ties
 from symgen.runtime._kinematics import Kinematics
 from symgen.runtime.beams.elements import kernels
+from symgen.runtime.elastic.large.collocation import Pattern
 from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.rods.following.groups import groups_of
@@ -167,15 +169,21 @@ def test_groups_may_not_start_outside_their_arrays(wrong):
 
 
 def test_elements_are_within_their_states():
-    """An element with one unknown too many, rows without properties, and states that are too short."""
-    address = kernels("corotational_beam").ADDRESSES["residual"]
-    places, properties = np.arange(6)[None], np.ones((1, 9))
-    elements, q = _beams.Elements(6, places, properties), np.zeros((2, 6))
-    for unknowns, rows, most in ((5, places, "to below 5"), (6, np.repeat(places, 2, axis=0), "at least 2")):
-        with pytest.raises(ValueError, match=most):
-            _beams.Elements(unknowns, rows, properties)
+    """Rows without properties, states that are too short, and parts with more unknowns than their system."""
+    addresses, places = kernels("corotational_beam").ADDRESSES, np.arange(6)[None]
+    with pytest.raises(ValueError, match="at least 3"):
+        Elements(addresses, np.repeat(places, 3, axis=0), np.ones((2, 9)), False)
+    elements, q = Elements(addresses, places, np.ones((1, 9)), False), np.zeros((2, 6))
     for states in ((q[:, :5], q, q), (q, q[:1], q), (q, q, q[:, 1:])):
         with pytest.raises(ValueError, match="expected at least"):
-            elements.forces(address, *states)
-        with pytest.raises(ValueError, match="expected at least"):
-            elements.values(address, 6, *states)
+            elements.values("residual", 6, *states)
+    tie = Ties([0], [2], [1.0])
+    pattern = Pattern(elements.pairs, tie.bound, 6, 1)
+    system = Constrained(6, 1, 0, pattern, [elements, tie])
+    t, multipliers, known = np.zeros(2), np.zeros((2, 1)), np.zeros((2, 0))
+    for states in ((q[:, :5], q, q, multipliers), (q[:1], q, q, multipliers), (q, q, q, multipliers[:, :0])):
+        with pytest.raises(ValueError, match="expected 2 rows of"):
+            system.forces(t, *states, known, known)
+    for wrong in (Ties([1], [2], [1.0]), Ties([0], [6], [1.0])):
+        with pytest.raises(ValueError, match="expected .* to below"):
+            Constrained(6, 1, 0, pattern, [elements, wrong])

@@ -67,10 +67,10 @@ _Q, _V, _A = ([x.symbol for x in group] for group in (PLACES, RATES, SECOND_RATE
 
 @dataclass(frozen=True, slots=True)
 class DirectorBeam:
-    """The element: residual (24, 1) with its slopes (24, 24), energies (3, 1), ``RESULTANTS`` (8, 1).
+    """The element: residual (24, 1) with its slopes (24, 24), energies (4, 1), ``RESULTANTS`` (8, 1).
 
     ``residual`` is inertia and internal force less gravity; ``mass``, ``damping`` and ``stiffness`` are its
-    slopes by second rates, rates and places.
+    slopes by second rates, rates and places. ``energies`` ends with the power of damping.
     """
 
     residual: sp.ImmutableMatrix
@@ -109,12 +109,13 @@ def director_beam(names: Names) -> DirectorBeam:
         for k, name in enumerate(formulas)
     ]
     strained = _strains(invariants)
-    forces = [sp.Integer(0)] * len(invariants)
+    forces, dissipated = [sp.Integer(0)] * len(invariants), sp.Integer(0)
     for strain, stiffness in strained:
         of = [sp.diff(strain, g) for g in invariants]
         rate = sp.Add(*(d * g for d, g in zip(of, rates, strict=True)))
         stress = stiffness * (strain + DAMPING.symbol * rate)
         forces = [f + d * stress for f, d in zip(forces, of, strict=True)]
+        dissipated += DAMPING.symbol * stiffness * rate**2
     forced = [
         names.scalar(f"force{k}", f, "N*m", f"derivative of the energy by invariant {k}")
         for k, f in enumerate(forces)
@@ -159,7 +160,7 @@ def director_beam(names: Names) -> DirectorBeam:
         mass=sp.ImmutableMatrix(mass),
         damping=sp.ImmutableMatrix(parts.T * damping * parts),
         stiffness=sp.ImmutableMatrix(parts.T * stiffness * parts),
-        energies=sp.ImmutableMatrix([kinetic, energy, -(loads.T * sp.Matrix(_Q))[0]]),
+        energies=sp.ImmutableMatrix([kinetic, energy, -(loads.T * sp.Matrix(_Q))[0], dissipated]),
         section=sp.ImmutableMatrix(_section(residual, first, second)),
     )
 

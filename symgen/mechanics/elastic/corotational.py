@@ -109,12 +109,13 @@ def corotational(names: Names) -> Corotational:
         (b1 + b2, 3 * bending / (length * (1 + SHEARING.symbol))),
     )
     of_bending = sp.Add(*(k * s**2 for s, k in strained[1:])) / 2
-    internal = [zero] * len(_Q)
+    internal, dissipated = [zero] * len(_Q), zero
     for strain, stiffness in strained:
         of = slopes(strain)
         rate = sp.Add(*(d * v for d, v in zip(of, _V, strict=True)))
         force = stiffness * (strain + DAMPING.symbol * rate)
         internal = [f + d * force for f, d in zip(internal, of, strict=True)]
+        dissipated += DAMPING.symbol * stiffness * rate**2
     mass, v = _mass(cosine, sine), sp.Matrix(_V)
     kinetic = (v.T * mass * v)[0] / 2
     momenta = mass * v
@@ -141,6 +142,7 @@ def corotational(names: Names) -> Corotational:
             "kinetic": kinetic,
             "strain": sp.Add(*(k * s**2 for s, k in strained)) / 2,
             "gravity": potential,
+            "dissipated": dissipated,
         },
         strains={
             "axial": axial,

@@ -34,7 +34,12 @@ def corotational_beam_system() -> System:
         slope("mass", made.mass, "acceleration", "slope of the residual by second rates"),
         slope("damping", made.damping, "rate", "slope of the residual by rates"),
         slope("stiffness", made.stiffness, "place", "slope of the residual by places"),
-        scalars(dict(made.energies), "energies", "J", "kinetic energy, strain energy, potential of gravity"),
+        scalars(
+            dict(made.energies),
+            "energies",
+            "J, J, J, W",
+            "kinetic energy, strain energy, potential of gravity, power dissipated",
+        ),
         scalars(
             dict(made.strains),
             "strains",

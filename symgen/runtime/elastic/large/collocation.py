@@ -17,22 +17,19 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import SimulationError
+from symgen.runtime._constrained import Constrained, Part, Steps
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.integrate.pace import OutOfTime, Pace
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Error that corrections leave in the places, over their sizes.
-_CLOSE = 1e-10
-#: Corrections in a step at most; a correction over the one before from which on they do not converge.
-_MOST, _DIVERGING = 20, 2.0
 #: Part of a step over which the rates of the constraints are differentiated in time.
 _PART = 1e-3
 
@@ -60,7 +57,7 @@ def stacked(found: Sequence[Moment]) -> tuple[Array, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """Slopes of the equation by second rates, rates and places, (entries,), and of the constraints."""
+    """Slopes by second rates, rates and places, and of the constraints, over the slots of a pattern."""
 
     mass: Array
     damping: Array
@@ -69,211 +66,130 @@ class Slopes:
 
 
 class Pattern:
-    """The sparse matrix [W, J^T; J, 0] of a system, banded by the reverse Cuthill-McKee order.
+    """The slots of the matrix [W, J^T; J, 0] of a system, in the envelope of its entries.
+
+    They are those of the rows below the diagonal, of the columns above it, and of the diagonal, in an order
+    of least band width in which each constraint follows the last of its unknowns.
 
     Parameters
     ----------
     pairs
-        Rows and columns of the entries of slopes, (2, entries); entries of the same place are summed.
+        Rows and columns of the entries of W, (2, entries).
     bound
-        Rows and columns of the entries of the constraint Jacobian, (2, slopes).
-    sizes
-        Numbers of unknowns and of constraints.
+        Rows and columns of the entries of J, (2, slopes).
+    unknowns, multipliers
+        Sizes of W and of J.
+
+    Attributes
+    ----------
+    position
+        Place of each unknown and multiplier in that order.
+    first, starts
+        Column of the first entry of each row, and its slot; one more start is the number of slots below.
+    size
+        Number of slots.
     """
 
-    def __init__(self, pairs: Indices, bound: Indices, sizes: tuple[int, int]) -> None:
+    def __init__(self, pairs: Indices, bound: Indices, unknowns: int, multipliers: int) -> None:
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-        lower = bound + np.array([[sizes[0]], [0]])
-        self._places = row, column = np.hstack([pairs, lower, lower[::-1]])
-        self._size = sum(sizes)
-        graph = csr_array((np.ones(len(row)), (row, column)), shape=(self._size, self._size))
-        #: Unknowns and multipliers in the order of the banded matrix, in which links are chains of nodes.
-        self._order = reverse_cuthill_mckee(graph, symmetric_mode=True)
-        ranks = np.argsort(self._order)
-        self._band = int(np.max(np.abs(ranks[row] - ranks[column]), initial=0))
-        # Columns of LAPACK's banded matrices have a diagonal and three bands, of which one is for pivoting.
-        self._height = 3 * self._band + 1
-        self._slots = self._height * ranks[column] + 2 * self._band + ranks[row] - ranks[column]
+        count = unknowns + multipliers
+        lower = bound + np.array([[unknowns], [0]])
+        row, column = np.hstack([pairs, lower, lower[::-1]])
+        graph = csr_array((np.ones(len(row)), (row, column)), shape=(count, count))
+        position = np.zeros(count)
+        position[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(count)
+        position[unknowns:] = 0.0
+        np.maximum.at(position, lower[0], position[bound[1]] + 0.5)
+        order = np.argsort(position, kind="stable")
+        self.position = np.argsort(order)
+        row, column = self.position[row], self.position[column]
+        self.first = np.arange(count)
+        np.minimum.at(self.first, np.maximum(row, column), np.minimum(row, column))
+        self.starts = np.append(0, np.cumsum(np.arange(count) - self.first))
+        self.size = int(2 * self.starts[-1] + count)
 
-    def matrix(self, entries: Array, jacobian: Array) -> Any:
-        """Return the matrix, compressed by columns, with entries of W and slopes of constraints."""
+    def slots(self, row: Indices, column: Indices) -> Indices:
+        """Return the slots of entries, within the envelope."""
+        i, j = (np.take(self.position, x, mode="clip") for x in (row, column))
+        low, high = np.minimum(i, j), np.maximum(i, j)
+        below = self.starts[high] + low - self.first[high]
+        count = self.starts[-1]
+        found: Indices = np.where(i > j, below, np.where(i < j, below + count, i + 2 * count))
+        return found
+
+    def matrix(self, entries: Array) -> Any:
+        """Return the matrix, compressed by columns, by its numbers at the slots."""
         from scipy.sparse import csc_array
 
-        data = np.concatenate([entries, jacobian, jacobian])
-        return csc_array((data, self._places), shape=(self._size, self._size))
+        count = len(self.position)
+        own = np.repeat(np.arange(count), np.diff(self.starts))
+        other = np.arange(self.starts[-1]) - self.starts[own] + self.first[own]
+        diagonal = np.arange(count)
+        row, column = np.concatenate([own, other, diagonal]), np.concatenate([other, own, diagonal])
+        of, kept = np.argsort(self.position), np.flatnonzero(entries)
+        return csc_array((entries[kept], (of[row[kept]], of[column[kept]])), shape=(count, count))
 
-    def factorised(self, entries: Array, jacobian: Array) -> Callable[[Array], Array]:
-        """Return the solution by its right-hand side, with entries of W; nan where the matrix is singular."""
-        from scipy.linalg.lapack import dgbtrf, dgbtrs, zgbtrf, zgbtrs
+    def factorised(self, entries: Array) -> Callable[[Array], Array]:
+        """Return the solution by its right-hand side; nan where the matrix is singular."""
+        from scipy.sparse.linalg import splu
 
-        data, count = np.concatenate([entries, jacobian, jacobian]), self._size * self._height
-        summed = np.bincount(self._slots, data.real, count)
-        factorise, solve = dgbtrf, dgbtrs
-        if np.iscomplexobj(data):
-            summed = summed + 1j * np.bincount(self._slots, data.imag, count)
-            factorise, solve = zgbtrf, zgbtrs
-        band, order = self._band, self._order
-        factors, pivots, failed = factorise(summed.reshape(self._size, -1).T, band, band, overwrite_ab=True)
-
-        def solution(right: Array) -> Array:
-            found = np.full_like(right, math.nan)
-            if not failed:
-                found[order] = solve(factors, band, band, right[order], pivots)[0]
-            return found
-
-        return solution
+        try:
+            solve: Callable[[Array], Array] = splu(self.matrix(entries)).solve
+        except RuntimeError:
+            return lambda right: np.full_like(right, math.nan)
+        return solve
 
 
-def pairs_of(unknowns: Indices) -> Indices:
-    """Return rows and columns of the matrices of elements, (2, entries), by their unknowns (elements, n)."""
-    return np.stack(np.broadcast_arrays(unknowns[:, :, None], unknowns[:, None, :])).reshape(2, -1)
-
-
-class System(Protocol):
-    """A mechanical system with constraints Phi(t, q) = 0, at one or more times in each call."""
-
-    name: str
-    unknowns: int
-    multipliers: int
-    #: Sizes of the places: lengths, and one radian.
-    scale: Array
-
-    @property
-    def pattern(self) -> Pattern:
-        """The places of the entries of slopes."""
-
-    def residual(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
-        """Return M a + ... + J^T lambda, (times, unknowns), of states (times, unknowns)."""
-
-    def rates(self, t: Array, q: Array, v: Array) -> Array:
-        """Return J v + Phi_t, (times, multipliers)."""
-
-    def errors(self, t: float, q: Array) -> Array:
-        """Return Phi, (multipliers,)."""
-
-    def slopes(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> Slopes:
-        """Return the slopes at a state."""
-
-    def dissipated(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Return the power that damping takes [W], (times,)."""
-
-    def start(self) -> Moment:
-        """Return the motion at the start."""
-
-
-class Stepper:
-    """Steps of a system by collocation.
+class System:
+    """A mechanical system of parts with constraints Phi(t, q) = 0, at one or more times in each call.
 
     Parameters
     ----------
-    system
-        The system.
-    method
-        A collocated method with an even number of stages.
-    h
-        Length of the steps [s].
+    name
+        That of the linkage.
+    parts
+        Elements, constraints, rigid components and loads.
+    scale
+        Sizes of the unknowns, (unknowns,): lengths, and one radian.
+    multipliers, known
+        Numbers of constraints, and of prescribed numbers.
     """
 
-    def __init__(self, system: System, method: BeamMethod, h: float) -> None:
-        self._system, self._method, self._h = system, method, h
-        values, vectors = np.linalg.eig(method.a)
-        pairs = np.flatnonzero(values.imag > 0.0)
-        # The other one of each pair is its complex conjugate, with the conjugate correction.
-        self._values, self._vectors = values[pairs], -2.0 * vectors[:, pairs]
-        self._rows = np.linalg.inv(vectors)[pairs]
-        self._rows_of_rates = self._rows / (h * self._values[:, None])
-        self._square = h * h * method.a @ method.a
-        self._factors: list[Callable[[Array], Array]] = []
-        #: Counts of steps and of corrections.
-        self.steps = self.corrections = 0
+    def __init__(self, name: str, parts: Sequence[Part], scale: Array, multipliers: int, known: int) -> None:
+        self.name, self.scale, self.unknowns, self.multipliers = name, scale, len(scale), multipliers
+        pairs, bound = (np.concatenate([getattr(p, of) for p in parts], axis=1) for of in ("pairs", "bound"))
+        bound = bound[:, bound[1] < self.unknowns]
+        self.pattern = Pattern(pairs, bound, self.unknowns, multipliers)
+        self.core = Constrained(self.unknowns, multipliers, known, self.pattern, parts)
 
-    def _refresh(self, at: Moment) -> None:
-        system = self._system
-        half = self._h / 2
-        slopes = system.slopes(at.t + half, at.q + half * at.v, at.v, at.a, at.multipliers)
-        self._factors = []
-        for g in (self._values * self._h).tolist():
-            entries = slopes.mass + g * slopes.damping + g * g * slopes.stiffness
-            self._factors.append(system.pattern.factorised(entries, slopes.jacobian))
-        self._metric = system.pattern.factorised(slopes.mass, slopes.jacobian)
+    def start(self) -> Moment:
+        """Return the motion at the start."""
+        raise NotImplementedError
 
-    def _correction(self, residual: Array, rates: Array) -> tuple[Array, Array]:
-        """Return corrections of second rates (stages, unknowns) and multipliers (stages, multipliers)."""
-        n = self._system.unknowns
-        right = np.hstack([self._rows @ residual, self._rows_of_rates @ rates])
-        solved = [solve(own) for solve, own in zip(self._factors, right, strict=True)]
-        change = (self._vectors @ np.array(solved)).real
-        return change[:, :n], change[:, n:]
+    def prescribed(self, t: Array) -> tuple[Array, Array]:
+        """Return the prescribed numbers and their rates, (times, numbers) each."""
+        raise NotImplementedError
 
-    def step(self, at: Moment, guess: tuple[Array, Array]) -> tuple[Moment, tuple[Array, Array]]:
-        """Return the motion one step on, without second rates, and its stages: second rates, multipliers.
+    def residual(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
+        """Return M a + internal forces - f + J^T lambda, (times, unknowns), of states (times, unknowns)."""
+        return self.core.forces(t, q, v, a, multipliers, *self.prescribed(t))
 
-        Raises
-        ------
-        SimulationError
-            Where corrections do not converge.
-        """
-        self._refresh(at)
-        stages = self._stages(at, guess)
-        if stages is None:
-            raise SimulationError(
-                f"{self._system.name}: Newton's method does not converge in a step of {self._h:.3g} s",
-                time=at.t,
-            )
-        self.steps += 1
-        return self._ended(at, *stages), stages
+    def rates(self, t: Array, q: Array, v: Array) -> Array:
+        """Return the rates of the constraints, J v + Phi_t, (times, multipliers)."""
+        return self.core.rows(t, q, v, *self.prescribed(t))[1]
 
-    def _moved(self, at: Moment, a: Array) -> tuple[Array, Array]:
-        """Return places and rates of the stages."""
-        h, method = self._h, self._method
-        v = at.v + h * method.a @ a
-        return at.q + h * method.c[:, None] * at.v + self._square @ a, v
+    def errors(self, t: float, q: Array) -> Array:
+        """Return the errors of the constraints Phi, (multipliers,)."""
+        time = np.array([t])
+        return self.core.rows(time, q[None], np.zeros((1, self.unknowns)), *self.prescribed(time))[0][0]
 
-    def _stages(self, at: Moment, guess: tuple[Array, Array]) -> tuple[Array, Array] | None:
-        """Return second rates and multipliers of the stages; None where corrections do not converge."""
-        system, h, method = self._system, self._h, self._method
-        times, (a, multipliers) = at.t + h * method.c, guess
-        before, rate = math.inf, 1.0
-        for k in range(_MOST):
-            q, v = self._moved(at, a)
-            da, dm = self._correction(system.residual(times, q, v, a, multipliers), system.rates(times, q, v))
-            size = float(np.max(np.abs(self._square @ da) / system.scale))
-            if not math.isfinite(size):
-                return None
-            a, multipliers = a + da, multipliers + dm
-            self.corrections += 1
-            if k:
-                rate = size / before if before else 0.0
-                if rate > _DIVERGING and k > 3:
-                    return None
-            if size <= _CLOSE * max(1.0, 1.0 / rate - 1.0) or size == 0.0:
-                return a, multipliers
-            before = size
-        return None
-
-    def _ended(self, at: Moment, a: Array, multipliers: Array) -> Moment:
-        """Return the end of a step, on the constraints."""
-        system, h, method = self._system, self._h, self._method
-        t, n = at.t + h, system.unknowns
-        q, v = self._moved(at, a)
-        times = at.t + h * method.c
-        power = -system.dissipated(times, q, v, a)
-        if system.multipliers:
-            power += np.sum(multipliers * system.rates(times, q, np.zeros_like(v)), axis=1)
-        ended = at.q + h * at.v + h * h * (method.b @ method.a) @ a
-        rate = at.v + h * method.b @ a
-        if system.multipliers:
-            for _ in range(_MOST):
-                right = np.concatenate([np.zeros(n), system.errors(t, ended)])
-                change = self._metric(right)[:n]
-                ended = ended - change
-                if not np.max(np.abs(change) / system.scale) > _CLOSE:
-                    break
-            over = system.rates(np.array([t]), ended[None], rate[None])[0]
-            rate = rate - self._metric(np.concatenate([np.zeros(n), over]))[:n]
-        return Moment(t, ended, rate, a[-1], multipliers[-1], at.work + h * float(method.b @ power))
+    def slopes(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> Slopes:
+        """Return the slopes at a state."""
+        time = np.array([t])
+        state = q[None], v[None], a[None], multipliers[None]
+        return Slopes(*self.core.slopes(time, *state, *self.prescribed(time)))
 
 
 def settled(system: System, at: Moment, span: float) -> Moment:
@@ -282,15 +198,14 @@ def settled(system: System, at: Moment, span: float) -> Moment:
     They are those of the equation of motion and of the second rate of the constraints, which is the
     difference of first rates, to the fourth order, over a part of ``span`` [s].
     """
-    t, q, v, n = at.t, at.q, at.v, system.unknowns
-    still, none = np.zeros(n), np.zeros(system.multipliers)
-    residual = system.residual(np.array([t]), q[None], v[None], still[None], none[None])[0]
+    t, q, v, n = np.array([at.t]), at.q, at.v, system.unknowns
+    still, none = np.zeros((1, n)), np.zeros((1, system.multipliers))
+    state = (t, q[None], v[None], still, none, *system.prescribed(t))
     offsets = _PART * span * np.array([-2.0, -1.0, 1.0, 2.0])
-    near = system.rates(t + offsets, q + np.outer(offsets, v), np.broadcast_to(v, (4, n)))
+    near = system.rates(at.t + offsets, q + np.outer(offsets, v), np.broadcast_to(v, (4, n)))
     changes = np.array([1.0, -8.0, 8.0, -1.0]) @ near / (12 * _PART * span)
-    slopes = system.slopes(t, q, v, still, none)
-    found = system.pattern.factorised(slopes.mass, slopes.jacobian)(-np.concatenate([residual, changes]))
-    return Moment(t, q, v, found[:n], found[n:], at.work)
+    found = system.core.accelerated(*state, -np.append(system.core.forces(*state)[0], changes))
+    return Moment(at.t, q, v, found[:n], found[n:], at.work)
 
 
 def moved(
@@ -300,7 +215,7 @@ def moved(
     steps: int,
     pace: Pace,
     progress: Callable[[float], None] | None = None,
-) -> tuple[list[Moment], Stepper]:
+) -> tuple[list[Moment], Steps]:
     """Return the motion at times, by so many equal steps between two of them, and what counted them.
 
     Raises
@@ -310,20 +225,25 @@ def moved(
     OutOfTime
         When the wall time is spent.
     """
-    span = float(times[-1] - times[0]) / (len(times) - 1)
-    stepper, now = Stepper(system, method, span / steps), system.start()
+    h = float(times[-1] - times[0]) / (len(times) - 1) / steps
+    stepper, now = Steps(system.core, method, h, system.scale), system.start()
     found: list[Moment] = [now]
-    count = len(method.c)
-    guess = (
-        np.broadcast_to(now.a, (count, system.unknowns)),
-        np.broadcast_to(now.multipliers, (count, system.multipliers)),
-    )
+    shape = len(method.c)
+    guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
+    within = h * np.concatenate([[0.5], method.c, [1.0]])
     for start, end in pairwise(times.tolist()):
         if pace.spent(start):
             raise OutOfTime(start, found, np.arange(len(found)))
-        for _ in range(steps):
-            now, guess = stepper.step(now, guess)
-        found.append(settled(system, now, stepper._h))
+        known = system.prescribed((start + h * np.arange(steps)[:, None] + within).ravel())
+        for places, rates in zip(*(x.reshape(steps, len(within), -1) for x in known), strict=True):
+            stepped = stepper.step(now.t, now.q, now.v, now.a, now.multipliers, guess, places, rates)
+            if stepped is None:
+                raise SimulationError(
+                    f"{system.name}: Newton's method does not converge in a step of {h:.3g} s", time=now.t
+                )
+            q, v, a, multipliers, work = stepped
+            guess, now = (a, multipliers), Moment(now.t + h, q, v, a[-1], multipliers[-1], now.work + work)
+        found.append(settled(system, now, h))
         if progress is not None:
             progress(end / float(times[-1]))
     return found, stepper

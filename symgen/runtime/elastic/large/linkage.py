@@ -7,18 +7,19 @@ welds and the direction of a held crank are constraints with multipliers.
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime._beams import APPLIED, MOTION, Elements
+from symgen.runtime._beams import APPLIED, MOTION
+from symgen.runtime._constrained import Added, Elements, Part, Rigid, Ties
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.attached import Posed, Section, direction_of, forces_along, lumps_of
-from symgen.runtime.elastic.large.collocation import Moment, Pattern, Slopes, pairs_of
-from symgen.runtime.elastic.large.links import BLOCK, undamped
+from symgen.runtime.elastic.large.collocation import Moment, System
+from symgen.runtime.elastic.large.links import BLOCK
 from symgen.runtime.elastic.large.supports import Supports, divided, gravity_of, section_of
 from symgen.runtime.elastic.motion import ElasticMotion
 
@@ -29,7 +30,7 @@ Indices = NDArray[np.intp]
 _SLOPES = ("mass_matrix", "damping", "stiffness")
 
 
-class LargeLinkage:
+class LargeLinkage(System):
     """The equations of a linkage with elastic links in large rotation: M a + ... + J^T lambda = f, Phi = 0.
 
     Parameters
@@ -43,21 +44,13 @@ class LargeLinkage:
     def __init__(self, motion: ElasticMotion, count: int) -> None:
         _check(motion)
         d = motion.rigid.description
-        self.name, self.motion, self._points = motion.rigid.name, motion, d.coordinates
+        self.motion, self._points = motion, d.coordinates
         self._rigid, self._joints = motion.rigid.evaluator, motion._joints
         # Elements stretch, and welds hold their nodes: these constraints of the rigid motion are not theirs.
         elastic = {beam.info.link for beam in motion.beams} | set(motion.info.welds)
         self._names = [name for name in motion.constraints if name not in elastic]
-        self._kept = [motion.constraints.index(name) for name in self._names]
-        self._rows = np.array([d.constraints.index(name) for name in self._names], dtype=np.intp)
         gravity = gravity_of(motion)
-        self.links, pins, self.unknowns = divided(motion, count, gravity)
-        elements = np.concatenate([link.elements for link in self.links])
-        properties = np.concatenate([link.properties for link in self.links])
-        self._kernels = kernels(BLOCK).ADDRESSES
-        self._elements = Elements(self.unknowns, elements, properties)
-        damped = any(link.beam.properties.stiffness_damping for link in self.links)
-        self._undamped = Elements(self.unknowns, elements, undamped(properties)) if damped else None
+        self.links, pins, size = divided(motion, count, gravity)
         self._lumps = lumps_of(motion, self.links, gravity)
         self._along = [(x, self._chord(x.link)) for x in forces_along(motion, self.links)]
         self._sections = {name: section_of(self.links, *name.split(".")) for name in motion.info.rotations}
@@ -70,20 +63,38 @@ class LargeLinkage:
         of_joints = {b.name: b for b in self._joints.info("joints").blocks}
         place = {f"{p}_{axis}": 2 * k + i for k, p in enumerate(d.free) for i, axis in enumerate(d.axes)}
         place |= {f"{name}_theta": section.place for name, section in self._sections.items()}
-        self._entries = {
-            name: np.array(entries_of(of_joints, name, place), dtype=np.intp).reshape(-1, 2)
-            for name in _SLOPES
-        }
-        y = motion._start[: self._points]
-        found = self._rigid.blocks("constraints", 0.0, y, np.zeros_like(y)) if self._names else {}
-        self._sizes = found["constraint_scale"][self._rows] if self._names else np.ones(0)
+        entries = [entries_of(of_joints, name, place) for name in _SLOPES]
+        y, rows = motion._start[: self._points], [d.constraints.index(name) for name in self._names]
+        found = self._rigid.blocks("constraints", 0.0, y, np.zeros_like(y)) if rows else {}
+        sizes = found["constraint_scale"][rows] if rows else np.zeros(0)
         held = crank and motion.info.mode == "held"
         self._shaft = int(crank.places[0, 2]) if crank and held else None
-        self._supports = Supports(motion, self.links, pins, self._shaft, self._straight()[0])
-        self.multipliers = len(self._rows) + len(self._supports.rows)
-        self.scale = np.full(self.unknowns, max(link.beam.properties.length for link in self.links))
+        self._start = self._straight(size)
+        self._supports = Supports(motion, self.links, pins, self._shaft, self._start[0])
+        kept = [motion.constraints.index(name) for name in self._names]
+        properties = np.concatenate([link.properties for link in self.links])
+        self._elements = Elements(
+            kernels(BLOCK).ADDRESSES,
+            np.concatenate([link.elements for link in self.links]),
+            properties,
+            any(link.beam.properties.stiffness_damping for link in self.links),
+        )
+        parts: list[Part] = [self._elements, Rigid(self._rigid, self._joints, rows, kept, sizes, entries)]
+        supported, (row, column) = len(self._supports.rows), np.nonzero(self._supports.rows)
+        # Values of supports are known numbers behind the unknowns.
+        parts.append(
+            Ties(
+                len(rows) + np.append(row, np.arange(supported)),
+                np.append(column, size + np.arange(supported)),
+                np.append(self._supports.rows[row, column], np.full(supported, -1.0)),
+            )
+        )
+        if self._lumps or self._along or self._couples or self._motor:
+            parts.append(Added(self._added, self._diagonal, self._own()))
+        scale = np.full(size, max(link.beam.properties.length for link in self.links))
         for link in self.links:
-            self.scale[link.places[:, 2]] = 1.0
+            scale[link.places[:, 2]] = 1.0
+        super().__init__(motion.rigid.name, parts, scale, len(rows) + supported, supported)
 
     def _chord(self, number: int) -> Posed:
         """Return the calls of kernels with a link of undeformed length along the line between its ends."""
@@ -99,15 +110,15 @@ class LargeLinkage:
 
     def start(self) -> Moment:
         """Return places and rates at t = 0: straight links that move as rigid ones."""
-        q, v = self._straight()
+        q, v = self._start
         return Moment(0.0, q, v, np.zeros(self.unknowns), np.zeros(self.multipliers))
 
-    def _straight(self) -> Array:
+    def _straight(self, size: int) -> Array:
         """Return places and rates of straight links that move as rigid ones, (2, unknowns)."""
         y = np.asarray(self.motion._start)
         n = self._points
         q, u = y[:n], y[n:]
-        found = np.zeros((2, self.unknowns))
+        found = np.zeros((2, size))
         found[0, :n], found[1, :n] = q, u
         d = self.motion.rigid.description
         points = self._rigid.blocks("points", 0.0, q, u)
@@ -128,16 +139,13 @@ class LargeLinkage:
         """Whether forces, couples or a motor act on elastic links, whose work is not accounted for."""
         return bool(self._along or self._couples or self._motor)
 
-    def residual(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
-        """Return M a + internal forces - f + J^T lambda, (times, unknowns), of states (times, unknowns)."""
-        n = self._points
-        found = self._elements.forces(self._kernels["residual"], q, v, a)
-        parts = self._parts(t, q, v, a, multipliers)
-        found[:, :n] -= parts["load"][:, :n]
-        if len(self._rows):
-            jacobian = parts["jacobian"][:, self._kept, :n]
-            found[:, :n] += np.einsum("kij,ki->kj", jacobian, multipliers[:, : len(self._rows)])
-        found += multipliers[:, len(self._rows) :] @ self._supports.rows
+    def prescribed(self, t: Array) -> tuple[Array, Array]:
+        """Return the values of supports [m, rad] and their rates, (times, rows) each."""
+        return self._supports.values(t)
+
+    def _added(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return inertia of masses on links and of a motor less loads on links, (times, unknowns)."""
+        n, found = self._points, np.zeros(q.shape)
         if self._lumps:
             self._lumps.add(found, q, v, a)
         self._add_along(found, t, q, v)
@@ -173,101 +181,36 @@ class LargeLinkage:
         found: Array = self._rigid.many_blocks("points", t, y, np.zeros_like(y))["positions"][:, number]
         return found
 
-    def rates(self, t: Array, q: Array, v: Array) -> Array:
-        """Return the rates of the constraints, J v + Phi_t, (times, multipliers) [m/s, rad/s]."""
-        n, found = self._points, np.zeros((len(t), self.multipliers))
-        if len(self._rows):
-            rows = self._rigid.many("velocity_constraints", t, q[:, :n], v[:, :n])
-            found[:, : len(self._rows)] = rows[:, self._rows] / self._sizes
-        found[:, len(self._rows) :] = v @ self._supports.rows.T - self._supports.values(t)[1]
-        return found
-
-    def errors(self, t: float, q: Array) -> Array:
-        """Return the errors of the constraints Phi, (multipliers,) [m, rad]."""
-        found, n = np.zeros(self.multipliers), self._points
-        if len(self._rows):
-            rows = self._rigid.blocks("constraints", t, q[:n], np.zeros(n))["constraints"]
-            found[: len(self._rows)] = rows[self._rows] / self._sizes
-        found[len(self._rows) :] = self._supports.rows @ q - self._supports.values(np.array([t]))[0][0]
-        return found
-
-    def slopes(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> Slopes:
-        """Return the slopes of the residual and of the constraints, over the entries of the matrix.
+    def _diagonal(self, t: Array, q: Array, v: Array) -> Array:
+        """Return mass, damping and stiffness of masses on links and of a motor, (3, unknowns of ``_own``).
 
         Slopes of forces along links, and of couples by the lines between the ends of links, are left out.
         """
-        states = q[None], v[None], a[None]
-        tangents = self._elements.values(self._kernels["tangent"], 108, *states).reshape(-1, 3, 36)
-        values = [[tangents[:, k].ravel()] for k in range(3)]
-        time = np.array([t])
-        parts = self._parts(time, *states, multipliers[None])
-        extra = self._diagonal(time, *states[:2])
-        for own, of, diagonal in zip(values, _SLOPES, extra, strict=True):
-            own += [parts[name][0] if of == name else np.zeros(len(self._entries[name])) for name in _SLOPES]
-            own.append(diagonal)
-        jacobian = [self._supports.rows[np.nonzero(self._supports.rows)]]
-        if len(self._rows):
-            jacobian.insert(0, parts["jacobian"][0][self._kept, : self._points].ravel())
-        return Slopes(*(np.concatenate(own) for own in (*values, jacobian)))
-
-    @cached_property
-    def pattern(self) -> Pattern:
-        """The places of the entries of slopes."""
-        pairs = [pairs_of(np.concatenate([link.elements for link in self.links]))]
-        pairs += [self._entries[name].T for name in _SLOPES]
-        pairs.append(np.stack([self._own, self._own]))
-        rigid, (row, column) = len(self._rows), np.nonzero(self._supports.rows)
-        bound = np.hstack([np.indices((rigid, self._points)).reshape(2, -1), np.stack([rigid + row, column])])
-        return Pattern(np.concatenate(pairs, axis=1), bound, (self.unknowns, self.multipliers))
-
-    def _diagonal(self, t: Array, q: Array, v: Array) -> list[Array]:
-        """Return mass, damping and stiffness of masses on links and of the motor, at ``_own``."""
-        found = [np.zeros(len(self._own)) for _ in _SLOPES]
+        found = np.zeros((3, len(self._own())))
         if self._lumps:
-            found[0][: self._lumps.places.size] = self._lumps.diagonal.ravel()
+            found[0, : self._lumps.places.size] = self._lumps.diagonal.ravel()
         if self._motor:
-            for own, term in zip(found, self._shaft_terms(self._motor, t, q, v)[0], strict=False):
-                own[-1] = term
+            found[:, -1] = self._shaft_terms(self._motor, t, q, v)[0, :3]
         return found
 
-    @cached_property
     def _own(self) -> Indices:
-        """Unknowns with entries of their own on the diagonal: masses on links, the shaft of a motor."""
+        """Return unknowns of masses on links and of the shaft of a motor, with entries on the diagonal."""
         places = [self._lumps.places.ravel()] if self._lumps else []
         places += [np.array([self._motor.moves[0][0].place])] if self._motor else []
         return np.concatenate(places) if places else np.zeros(0, dtype=np.intp)
 
-    def _parts(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> dict[str, Array]:
-        """Return load, slopes and Jacobian of rigid links, particles and loads at states, by name."""
-        n = self._points
-        count = len(self.motion.rigid.description.constraints)
-        work = np.zeros((len(t), n + count))
-        work[:, :n] = a[:, :n]
-        work[:, n + self._rows] = multipliers[:, : len(self._rows)] / self._sizes
-        found = self._joints.many_blocks("joints", t, q[:, :n], v[:, :n], work)
-        none = np.zeros((len(t), 0))
-        return dict.fromkeys(_SLOPES, none) | found
-
-    def dissipated(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Return the power that the damping of links takes [W], (times,)."""
-        if self._undamped is None:
-            return np.zeros(len(t))
-        forces = (of.forces(self._kernels["residual"], q, v, a) for of in (self._elements, self._undamped))
-        found: Array = np.sum(np.subtract(*forces) * v, axis=1)
-        return found
-
     def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""
         n = self._points
-        found = np.sum(self._elements.values(self._kernels["energies"], 3, q, v, a), axis=1)
+        found = np.sum(self._elements.values("energies", 4, q, v, a), axis=1)
         if self._lumps:
-            found += self._lumps.energies(q, v)
+            found[:, :3] += self._lumps.energies(q, v)
         if self._motor:
             inertia = self._shaft_terms(self._motor, t, q, v)[:, 0]
             found[:, 0] += inertia * v[:, self._motor.moves[0][0].place] ** 2 / 2
         kinetic, potential = self._joints.many("energy", t, q[:, :n], v[:, :n])[:, :2].T
-        own, strain, of_weight = found.T
-        return np.array([own + kinetic, strain, of_weight + potential, self.dissipated(t, q, v, a)])
+        own, strain, of_weight, dissipated = found.T
+        return np.array([own + kinetic, strain, of_weight + potential, dissipated])
 
     def torque(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array | None:
         """Return the torque of the shaft on the crank [N m], counter-clockwise, (times,); None if free."""
@@ -276,17 +219,17 @@ class LargeLinkage:
         if self._motor:
             return self._shaft_terms(self._motor, t, q, v)[:, 3]
         info, d, n = self.motion.info, self.motion.rigid.description, self._points
-        drive = f"{info.crank}_drive"
-        if drive not in self._names:
+        if f"{info.crank}_drive" not in self._names:
             return None
-        row = self._names.index(drive)
-        jacobian = self._parts(t, q, v, a, multipliers)["jacobian"]
-        slopes = jacobian[:, self._kept[row], :n].reshape(len(t), -1, 2)
+        row = self._names.index(f"{info.crank}_drive")
+        drive = np.zeros_like(multipliers)
+        drive[:, row] = multipliers[:, row]
+        forces = (self.residual(t, q, v, a, m)[:, :n] for m in (drive, np.zeros_like(drive)))
+        pulls = np.subtract(*forces).reshape(len(t), -1, 2)
         shaft = next(p for p in d.links[info.crank][:2] if p not in d.free)
         arms = q[:, :n].reshape(len(t), -1, 2) - self._ground(t, shaft)[:, None]
         # The power of J^T lambda at the unit rate of the crank.
-        power = np.sum(slopes[..., 1] * arms[..., 0] - slopes[..., 0] * arms[..., 1], axis=1)
-        found: Array = -multipliers[:, row] * power
+        found: Array = -np.sum(pulls[..., 1] * arms[..., 0] - pulls[..., 0] * arms[..., 1], axis=1)
         return found
 
 

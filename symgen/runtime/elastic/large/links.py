@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._beams import Elements
+from symgen.runtime._constrained import Elements
 from symgen.runtime.beams.data import Properties
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.elements import integral, kernels
@@ -20,7 +20,7 @@ Indices = NDArray[np.intp]
 
 BLOCK = "corotational_beam"
 #: Numbers that each kernel writes.
-_WRITTEN = {"residual": 6, "tangent": 108, "energies": 3, "strains": 5}
+_WRITTEN = {"residual": 6, "strains": 5}
 #: Column of the damping in the properties of elements.
 _DAMPING = 6
 #: Relative difference of equal sections of two elements, by rounding.
@@ -95,8 +95,8 @@ class LargeLink:
 
 def values(kernel: str, elements: Indices, properties: Array, q: Array, v: Array, a: Array) -> Array:
     """Return what a kernel writes for elements at states (times, unknowns), (times, elements, numbers)."""
-    made = Elements(q.shape[1], elements, properties)
-    return made.values(kernels(BLOCK).ADDRESSES[kernel], _WRITTEN[kernel], q, v, a)
+    made = Elements(kernels(BLOCK).ADDRESSES, elements, properties, damped=False)
+    return made.values(kernel, _WRITTEN[kernel], q, v, a)
 
 
 def undamped(properties: Array) -> Array:

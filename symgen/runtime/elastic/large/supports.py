@@ -105,15 +105,9 @@ class Supports:
         self.rows = np.zeros((len(rows), len(start)))
         for row, entries in zip(self.rows, rows, strict=True):
             row[list(entries)] = list(entries.values())
-        self._kept = np.zeros(0), (self.rows, self.rows)
 
     def values(self, t: Array) -> tuple[Array, Array]:
-        """Return the given values of the rows [m, rad] and their rates, (times, rows) each.
-
-        Those at the times of the last call are kept: all corrections of a step need them.
-        """
-        if np.array_equal(t, self._kept[0]):
-            return self._kept[1]
+        """Return the given values of the rows [m, rad] and their rates, (times, rows) each."""
         values, rates = np.zeros((2, len(t), len(self.rows)))
         count = 2 * len(self._pins)
         if count:
@@ -125,7 +119,6 @@ class Supports:
         values[:, count : count + len(self._drawn)] = self._drawn
         if self._held:
             values[:, -1], rates[:, -1] = self._motion.angle_at(t), self._speed(t)
-        self._kept = np.array(t), (values, rates)
         return values, rates
 
     def _speed(self, t: Array) -> Array:

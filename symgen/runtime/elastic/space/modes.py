@@ -47,7 +47,7 @@ def _at_rest(linkage: LinkageInSpace, found: Moment) -> Moment:
     for _ in range(_MOST):
         slopes = linkage.slopes(found.t, q, still, still, multipliers)
         shift = _SHIFT * np.max(np.abs(slopes.stiffness)) / np.max(np.abs(slopes.mass))
-        solve = linkage.pattern.factorised(slopes.stiffness + shift * slopes.mass, slopes.jacobian)
+        solve = linkage.pattern.factorised(slopes.stiffness + shift * slopes.mass + slopes.jacobian)
         residual = linkage.residual(t, q[None], still[None], still[None], multipliers[None])[0]
         change = solve(np.concatenate([residual, linkage.errors(found.t, q)]))
         q, multipliers = q - change[:n], multipliers - change[n:]
@@ -85,7 +85,7 @@ def _modes(linkage: LinkageInSpace, t: float) -> ElasticModes:
     at, n = equilibrium(linkage, t), linkage.unknowns
     slopes = linkage.slopes(t, at.q, at.v, at.a, at.multipliers)
     mass, damping, stiffness = (
-        linkage.pattern.matrix(entries, slopes.jacobian).toarray()
+        linkage.pattern.matrix(entries + slopes.jacobian).toarray()
         for entries in (slopes.mass, slopes.damping, slopes.stiffness)
     )
     basis = null_space(mass[n:, :n])

@@ -1,0 +1,111 @@
+"""Types of systems of elements with constraints; see ``_constrained.pyx`` for what things do."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.runtime.beams.methods import BeamMethod
+from symgen.runtime.elastic.large.collocation import Pattern
+from symgen.runtime.kernels.evaluate import Evaluator
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+class Part:
+    pairs: Indices
+    bound: Indices
+
+class Elements(Part):
+    def __init__(
+        self, kernels: Mapping[str, int], places: Indices, properties: Array, damped: bool
+    ) -> None: ...
+    def values(self, kernel: str, width: int, q: Array, v: Array, a: Array) -> Array: ...
+
+class Directions(Part):
+    def __init__(
+        self,
+        kernel: int,
+        places: Indices,
+        factors: Array,
+        first: int,
+        bound: Indices,
+        pairs: Indices,
+        owners: Indices,
+        curvature: Array,
+    ) -> None: ...
+
+class Ties(Part):
+    def __init__(self, rows: ArrayLike, places: ArrayLike, factors: ArrayLike) -> None: ...
+
+class Rigid(Part):
+    def __init__(
+        self,
+        rigid: Evaluator,
+        joints: Evaluator,
+        rows: Sequence[int],
+        in_jacobian: Sequence[int],
+        sizes: ArrayLike,
+        entries: Sequence[Sequence[tuple[int, ...]]],
+    ) -> None: ...
+
+class Added(Part):
+    def __init__(
+        self,
+        forces: Callable[[Array, Array, Array, Array], Array],
+        slopes: Callable[[Array, Array, Array], Array],
+        places: Indices,
+    ) -> None: ...
+
+class Constrained:
+    def __init__(
+        self, unknowns: int, multipliers: int, known: int, pattern: Pattern, parts: Sequence[Part]
+    ) -> None: ...
+    def forces(
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        multipliers: Array,
+        known: Array,
+        known_rates: Array,
+    ) -> Array: ...
+    def rows(self, t: Array, q: Array, v: Array, known: Array, known_rates: Array) -> tuple[Array, Array]: ...
+    def slopes(
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        multipliers: Array,
+        known: Array,
+        known_rates: Array,
+    ) -> tuple[Array, Array, Array, Array]: ...
+    def accelerated(
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        multipliers: Array,
+        known: Array,
+        known_rates: Array,
+        right: Array,
+    ) -> Array: ...
+
+class Steps:
+    steps: int
+    corrections: int
+    def __init__(self, of: Constrained, method: BeamMethod, h: float, scale: Array) -> None: ...
+    def step(
+        self,
+        t: float,
+        q: Array,
+        v: Array,
+        a: Array,
+        multipliers: Array,
+        guess: Sequence[Array],
+        known: Array,
+        known_rates: Array,
+    ) -> tuple[Array, Array, Array, Array, float] | None: ...

@@ -1,0 +1,700 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Mechanical systems of elements with constraints, M a + ... + J^T lambda = 0, Phi = 0, and their steps.
+
+The parts of a system add their forces, constraints and slopes. Vectors of constraints may be unknowns, or known
+numbers behind these, such as places of the ground.
+"""
+
+import numpy as np
+
+from libc.math cimport fabs, isfinite
+from libc.stdint cimport uintptr_t
+from libc.string cimport memcpy
+
+from symgen.calls import raise_failure
+from symgen.runtime._core cimport Core, at_least, kernel_t
+from symgen.runtime._core import DOUBLE
+
+cdef extern from "core/elastic.h" nogil:
+    cdef struct envelope:
+        Py_ssize_t n
+        const Py_ssize_t *first
+        const Py_ssize_t *at
+
+    cdef struct elastic_table "elastic_api":
+        int (*envelope_factor)(const envelope *, void *, void *) noexcept nogil
+        void (*envelope_solve)(const envelope *, const void *, const void *, void *, void *) noexcept nogil
+
+cdef const elastic_table *API = <const elastic_table *>(<Core>DOUBLE).api.elastic
+
+cdef enum:
+    # Numbers of the vectors and of the factors of a constraint on directions.
+    _VECTORS = 21
+    _FACTORS = 8
+
+#: Error that corrections leave in the places, over their sizes.
+cdef double _CLOSE = 1e-10
+#: Corrections in a step at most; a correction over the one before from which on they do not converge.
+cdef int _MOST = 20
+cdef double _DIVERGING = 2.0
+
+cdef struct states:
+    # Rows of times, places, rates, second rates, multipliers, and of known numbers with their rates.
+    Py_ssize_t count, unknowns, multipliers, known
+    const double *t
+    const double *q
+    const double *v
+    const double *a
+    const double *multipliers_of
+    const double *known_of
+    const double *known_rates
+
+cdef struct matrices:
+    # Rows of so many slots: slopes by second rates, rates and places, and those of the constraints.
+    Py_ssize_t size
+    double *of
+
+
+cdef inline double _of(const double *own, Py_ssize_t unknowns, const double *known, Py_ssize_t place) noexcept nogil:
+    return own[place] if place < unknowns else known[place - unknowns]
+
+
+cdef int _within(str what, values, Py_ssize_t low, Py_ssize_t high) except -1:
+    """Raise ValueError where an index is below ``low`` or not below ``high``."""
+    found = np.asarray(values)
+    if (found < low).any() or (found >= high).any():
+        raise ValueError(f"expected {what} from {low} to below {high}, got {found.tolist()}")
+    return 0
+
+
+cdef Py_ssize_t[::1] _places(values):
+    # One more number, so that there is an address of the first.
+    return np.append(np.ravel(values), 0).astype(np.intp)
+
+
+cdef double[::1] _numbers(values):
+    return np.append(np.ravel(values), 0.0).astype(float)
+
+
+cdef class Part:
+    """A part of a system: ``pairs`` (2, entries) of unknowns with slopes, ``bound`` (2, entries): row and place."""
+
+    cdef readonly object pairs, bound
+    cdef Py_ssize_t[::1] slots, below, right
+
+    def take(self, pattern, Py_ssize_t unknowns):
+        """Take the slots of the entries in a pattern; -1 are those of slopes by known numbers."""
+        row, place = self.bound
+        below, right = pattern.slots(unknowns + row, place), pattern.slots(place, unknowns + row)
+        known = place >= unknowns
+        self.slots = _places(pattern.slots(*self.pairs))
+        self.below, self.right = (_places(np.where(known, -1, of)) for of in (below, right))
+
+    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
+        """Add forces, errors of constraints and their rates at all states; each may be NULL."""
+        return 0
+
+    cdef int add_slopes(self, const states *s, matrices *to) except -1:
+        """Add slopes at the first state."""
+        return 0
+
+    cdef double dissipation(self, const states *s, Py_ssize_t row):
+        """Return the power that damping takes at a state [W]."""
+        return 0.0
+
+    cdef inline void bind(self, matrices *to, Py_ssize_t entry, double slope) noexcept:
+        if self.below[entry] >= 0:
+            to.of[3 * to.size + self.below[entry]] += slope
+            to.of[3 * to.size + self.right[entry]] += slope
+
+
+cdef class Elements(Part):
+    """Elements of a link: kernels by name, unknowns (elements, size), properties (elements, numbers) or (1, numbers)."""
+
+    cdef object kernels
+    cdef kernel_t residual, tangent, energies
+    cdef Py_ssize_t count, size, apart
+    cdef Py_ssize_t[::1] places
+    cdef double[::1] properties, state, out
+    cdef bint damped
+
+    def __init__(self, kernels, places, properties, bint damped):
+        self.kernels = kernels
+        self.residual = <kernel_t><uintptr_t>kernels["residual"]
+        self.tangent = <kernel_t><uintptr_t>kernels["tangent"]
+        self.energies = <kernel_t><uintptr_t>kernels["energies"]
+        self.count, self.size = places.shape
+        self.damped, self.apart = damped, properties.shape[1] if len(properties) > 1 else 0
+        at_least("rows of properties", len(properties), self.count if self.apart else 1)
+        self.places, self.properties = _places(places), _numbers(properties)
+        self.state, self.out = np.zeros(3 * self.size), np.zeros(3 * self.size ** 2)
+        pairs = np.broadcast_arrays(places[:, :, None], places[:, None, :])
+        self.pairs, self.bound = np.stack(pairs).reshape(2, -1), np.zeros((2, 0), dtype=np.intp)
+
+    def values(self, str kernel, Py_ssize_t width, q, v, a):
+        """Return what a kernel writes for every element at states (times, unknowns), (times, elements, width)."""
+        cdef double[:, ::1] states = np.empty((3, self.size))
+        cdef double[:, :, ::1] found = np.empty((len(q), self.count, width))
+        cdef const double[:, :] places = q, rates = v, second = a
+        cdef kernel_t function = <kernel_t><uintptr_t>self.kernels[kernel]
+        cdef Py_ssize_t row, element, k, place
+        cdef double none = 0.0
+        for what in (v, a):
+            at_least("rows of states", len(what), len(q))
+        for row in range(found.shape[0]):
+            for element in range(self.count):
+                for k in range(self.size):
+                    place = self.places[element * self.size + k]
+                    at_least("unknowns in states", min(places.shape[1], rates.shape[1], second.shape[1]), place + 1)
+                    states[0, k], states[1, k], states[2, k] = places[row, place], rates[row, place], second[row, place]
+                function(&none, &states[0, 0], &states[1, 0], &self.properties[element * self.apart], NULL, &found[row, element, 0])
+        return found.base
+
+    cdef inline void call(self, kernel_t kernel, const states *s, Py_ssize_t row, Py_ssize_t element) noexcept:
+        cdef Py_ssize_t k, n = self.size, at = row * s.unknowns, place
+        for k in range(n):
+            place = at + self.places[element * n + k]
+            self.state[k], self.state[n + k], self.state[2 * n + k] = s.q[place], s.v[place], s.a[place]
+        kernel(s.t + row, &self.state[0], &self.state[n], &self.properties[element * self.apart], NULL, &self.out[0])
+
+    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
+        cdef Py_ssize_t row, element, k
+        if forces == NULL:
+            return 0
+        for row in range(s.count):
+            for element in range(self.count):
+                self.call(self.residual, s, row, element)
+                for k in range(self.size):
+                    forces[row * s.unknowns + self.places[element * self.size + k]] += self.out[k]
+        return 0
+
+    cdef int add_slopes(self, const states *s, matrices *to) except -1:
+        cdef Py_ssize_t element, k, i, entries = self.size * self.size
+        for element in range(self.count):
+            self.call(self.tangent, s, 0, element)
+            for i in range(3):
+                for k in range(entries):
+                    to.of[i * to.size + self.slots[element * entries + k]] += self.out[i * entries + k]
+        return 0
+
+    cdef double dissipation(self, const states *s, Py_ssize_t row):
+        cdef Py_ssize_t element
+        cdef double power = 0.0
+        if self.damped:
+            for element in range(self.count):
+                self.call(self.energies, s, row, element)
+                power += self.out[3]
+        return power
+
+
+cdef class Directions(Part):
+    """Constraints on directions: places of their vectors (rows, 21), factors and value (rows, 8), the first row.
+
+    ``curvature`` are the second slopes of rows ``owners`` at ``pairs``.
+    """
+
+    cdef kernel_t row
+    cdef Py_ssize_t count, first
+    cdef Py_ssize_t[::1] places, owners
+    cdef double[::1] factors, curvature, state, out
+
+    def __init__(self, uintptr_t kernel, places, factors, Py_ssize_t first, bound, pairs, owners, curvature):
+        self.row, self.count, self.first = <kernel_t>kernel, len(places), first
+        self.places, self.factors = _places(places), _numbers(factors)
+        self.owners, self.curvature = _places(owners), _numbers(curvature)
+        self.state, self.out = np.zeros(2 * _VECTORS), np.zeros(2 + _VECTORS)
+        self.bound, self.pairs = bound, pairs
+
+    cdef inline void call(self, const states *s, Py_ssize_t row, Py_ssize_t k) noexcept:
+        cdef Py_ssize_t i, place, n = s.unknowns
+        cdef double[2 * _VECTORS + _FACTORS] state
+        for i in range(_VECTORS):
+            place = self.places[k * _VECTORS + i]
+            state[i] = _of(s.q + row * n, n, s.known_of + row * s.known, place)
+            state[_VECTORS + i] = _of(s.v + row * n, n, s.known_rates + row * s.known, place)
+        memcpy(&state[2 * _VECTORS], &self.factors[k * _FACTORS], _FACTORS * sizeof(double))
+        self.row(s.t + row, state, state + _VECTORS, NULL, NULL, &self.out[0])
+
+    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
+        cdef Py_ssize_t row, k, i, place, at
+        cdef double multiplier
+        for row in range(s.count):
+            for k in range(self.count):
+                self.call(s, row, k)
+                at = row * s.multipliers + self.first + k
+                if errors != NULL:
+                    errors[at] += self.out[0]
+                if rates != NULL:
+                    rates[at] += self.out[1]
+                if forces == NULL:
+                    continue
+                for i in range(_VECTORS):
+                    place = self.places[k * _VECTORS + i]
+                    if place < s.unknowns:
+                        forces[row * s.unknowns + place] += self.out[2 + i] * s.multipliers_of[at]
+        return 0
+
+    cdef int add_slopes(self, const states *s, matrices *to) except -1:
+        cdef Py_ssize_t k, i
+        for k in range(self.count):
+            self.call(s, 0, k)
+            for i in range(_VECTORS):
+                self.bind(to, k * _VECTORS + i, self.out[2 + i])
+        for k in range(self.curvature.shape[0] - 1):
+            to.of[2 * to.size + self.slots[k]] += self.curvature[k] * s.multipliers_of[self.first + self.owners[k]]
+        return 0
+
+
+cdef class Ties(Part):
+    """Linear constraints: entries with row, place and factor."""
+
+    cdef Py_ssize_t count
+    cdef Py_ssize_t[::1] rows, places
+    cdef double[::1] factors
+
+    def __init__(self, rows, places, factors):
+        self.count, self.rows, self.places, self.factors = len(rows), _places(rows), _places(places), _numbers(factors)
+        self.pairs, self.bound = np.zeros((2, 0), dtype=np.intp), np.array([rows, places], dtype=np.intp)
+
+    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
+        cdef Py_ssize_t row, k, place, at, n = s.unknowns
+        for row in range(s.count):
+            for k in range(self.count):
+                place, at = self.places[k], row * s.multipliers + self.rows[k]
+                if forces != NULL and place < n:
+                    forces[row * n + place] += self.factors[k] * s.multipliers_of[at]
+                if errors != NULL:
+                    errors[at] += self.factors[k] * _of(s.q + row * n, n, s.known_of + row * s.known, place)
+                if rates != NULL:
+                    rates[at] += self.factors[k] * _of(s.v + row * n, n, s.known_rates + row * s.known, place)
+        return 0
+
+    cdef int add_slopes(self, const states *s, matrices *to) except -1:
+        cdef Py_ssize_t k
+        for k in range(self.count):
+            self.bind(to, k, self.factors[k])
+        return 0
+
+
+cdef class Rigid(Part):
+    """Rigid links, particles and loads, over the first unknowns; their constraints are the first rows.
+
+    Parameters
+    ----------
+    rigid, joints
+        The :class:`symgen.runtime.kernels.evaluate.Evaluator` of the linkage and of its ``elastic_joints``.
+    rows, in_jacobian, sizes
+        Numbers of the constraints among those of the linkage and in the Jacobian of ``joints``, and their scales.
+    entries
+        Unknowns (entries, 2) of the entries of mass, damping and stiffness that ``joints`` gives.
+    """
+
+    cdef object owners
+    cdef kernel_t joints, rates, constraints
+    cdef Py_ssize_t n, count, load, jacobian, columns
+    cdef Py_ssize_t[::1] in_jacobian, of_rows
+    cdef Py_ssize_t[3] at, entries
+    cdef double[::1] p_joints, p, sizes, work, spare, out
+
+    def __init__(self, rigid, joints, rows, in_jacobian, sizes, entries):
+        names = ("mass_matrix", "damping", "stiffness")
+        info, owners = joints.info("joints"), [rigid, joints]
+        blocks = {block.name: block for block in info.blocks}
+        self.owners, self.n, self.count = owners, rigid.description.coordinates, len(rows)
+        self.joints = <kernel_t><uintptr_t>joints.library.addresses["joints"]
+        widest, work = info.out_size, info.work_size
+        if self.count:
+            for name in ("velocity_constraints", "constraints"):
+                other = rigid.info(name)
+                widest, work = max(widest, other.out_size), max(work, other.work_size)
+            self.rates = <kernel_t><uintptr_t>rigid.library.addresses["velocity_constraints"]
+            self.constraints = <kernel_t><uintptr_t>rigid.library.addresses["constraints"]
+            self.jacobian, self.columns = blocks["jacobian"].offset, blocks["jacobian"].shape[1]
+        self.load = blocks["load"].offset
+        self.p_joints, self.p = _numbers(joints.parameters), _numbers(rigid.parameters)
+        self.of_rows, self.in_jacobian, self.sizes = _places(rows), _places(in_jacobian), _numbers(sizes)
+        self.work = np.zeros(max(work, self.n + len(rigid.description.constraints)) + 1)
+        self.spare, self.out = np.zeros(work + 1), np.zeros(widest + 1)
+        for k, name in enumerate(names):
+            self.entries[k], self.at[k] = len(entries[k]), blocks[name].offset if len(entries[k]) else 0
+        self.pairs = np.concatenate([np.reshape(of, (-1, 2)) for of in entries]).T.astype(np.intp)
+        self.bound = np.indices((self.count, self.n)).reshape(2, -1)
+
+    cdef inline void call(self, const states *s, Py_ssize_t row) noexcept:
+        cdef Py_ssize_t k
+        cdef const double *q = s.q + row * s.unknowns
+        memcpy(&self.work[0], s.a + row * s.unknowns, self.n * sizeof(double))
+        for k in range(self.count):
+            self.work[self.n + self.of_rows[k]] = s.multipliers_of[row * s.multipliers + k] / self.sizes[k]
+        self.joints(s.t + row, q, s.v + row * s.unknowns, &self.p_joints[0], &self.work[0], &self.out[0])
+
+    cdef inline void scaled(self, kernel_t kernel, const states *s, Py_ssize_t row, double *to) noexcept:
+        cdef Py_ssize_t k, at = row * s.unknowns
+        kernel(s.t + row, s.q + at, s.v + at, &self.p[0], &self.spare[0], &self.out[0])
+        for k in range(self.count):
+            to[row * s.multipliers + k] += self.out[self.of_rows[k]] / self.sizes[k]
+
+    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
+        cdef Py_ssize_t row, k, i, at
+        for row in range(s.count):
+            if forces != NULL:
+                self.call(s, row)
+                for i in range(self.n):
+                    forces[row * s.unknowns + i] -= self.out[self.load + i]
+                for k in range(self.count):
+                    at = self.jacobian + self.in_jacobian[k] * self.columns
+                    for i in range(self.n):
+                        forces[row * s.unknowns + i] += self.out[at + i] * s.multipliers_of[row * s.multipliers + k]
+            if rates != NULL and self.count:
+                self.scaled(self.rates, s, row, rates)
+            if errors != NULL and self.count:
+                self.scaled(self.constraints, s, row, errors)
+        return 0
+
+    cdef int add_slopes(self, const states *s, matrices *to) except -1:
+        cdef Py_ssize_t k, i, at, slot = 0
+        self.call(s, 0)
+        for i in range(3):
+            for k in range(self.entries[i]):
+                to.of[i * to.size + self.slots[slot]] += self.out[self.at[i] + k]
+                slot += 1
+        for k in range(self.count):
+            at = self.jacobian + self.in_jacobian[k] * self.columns
+            for i in range(self.n):
+                self.bind(to, k * self.n + i, self.out[at + i])
+        return 0
+
+
+cdef class Added(Part):
+    """Forces and slopes that functions give: ``forces(t, q, v, a)``, (times, unknowns), ``slopes(t, q, v)``.
+
+    Slopes, (3, unknowns given by ``places``), are those of the force on an unknown by itself.
+    """
+
+    cdef object forces_of, slopes_of
+
+    def __init__(self, forces, slopes, places):
+        self.forces_of, self.slopes_of = forces, slopes
+        self.pairs, self.bound = np.array([places, places], dtype=np.intp), np.zeros((2, 0), dtype=np.intp)
+
+    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
+        cdef Py_ssize_t k
+        cdef double[:, ::1] found
+        if forces == NULL:
+            return 0
+        t = np.array([s.t[k] for k in range(s.count)])
+        found = np.ascontiguousarray(self.forces_of(t, *(_copied(x, s.count, s.unknowns) for x in (<uintptr_t>s.q, <uintptr_t>s.v, <uintptr_t>s.a))))
+        for k in range(s.count * s.unknowns):
+            forces[k] += (&found[0, 0])[k]
+        return 0
+
+    cdef int add_slopes(self, const states *s, matrices *to) except -1:
+        cdef Py_ssize_t i, k
+        cdef double[:, ::1] found = np.ascontiguousarray(self.slopes_of(
+            np.array([s.t[0]]), *(_copied(x, 1, s.unknowns) for x in (<uintptr_t>s.q, <uintptr_t>s.v))))
+        for i in range(3):
+            for k in range(found.shape[1]):
+                to.of[i * to.size + self.slots[k]] += found[i, k]
+        return 0
+
+
+cdef object _copied(uintptr_t raw, Py_ssize_t rows, Py_ssize_t columns):
+    cdef double[:, ::1] made = np.empty((rows, columns))
+    memcpy(&made[0, 0], <const double *>raw, rows * columns * sizeof(double))
+    return made.base
+
+
+cdef class Constrained:
+    """A system of parts over unknowns, multipliers, and so many known numbers.
+
+    Parameters
+    ----------
+    pattern
+        A :class:`symgen.runtime.elastic.large.collocation.Pattern` of the entries of all parts.
+    """
+
+    cdef tuple parts
+    cdef envelope envelope
+    cdef states at
+    cdef matrices to
+    cdef readonly object pattern, entries
+    cdef Py_ssize_t size
+    cdef Py_ssize_t[::1] first, starts, position
+    cdef double[:, ::1] values
+
+    def __init__(self, Py_ssize_t unknowns, Py_ssize_t multipliers, Py_ssize_t known, pattern, parts):
+        self.pattern, self.parts, self.size = pattern, tuple(parts), pattern.size
+        self.at.unknowns, self.at.multipliers, self.at.known = unknowns, multipliers, known
+        self.first, self.starts, self.position = _places(pattern.first), _places(pattern.starts), _places(pattern.position)
+        self.envelope.n, self.envelope.first, self.envelope.at = unknowns + multipliers, &self.first[0], &self.starts[0]
+        for part in self.parts:
+            _within("unknowns", part.pairs, 0, unknowns)
+            _within("rows of constraints", part.bound[0], 0, multipliers)
+            _within("places of constraints", part.bound[1], 0, unknowns + known)
+            part.take(pattern, unknowns)
+        self.values = np.zeros((4, self.size))
+        self.to.size, self.to.of = self.size, &self.values[0, 0]
+
+    cdef list _take(self, t, q, v, a, multipliers, known, known_rates):
+        """Point at states of as many times; return what must live as long."""
+        cdef Py_ssize_t count = len(t), n = self.at.unknowns, m = self.at.multipliers, k = self.at.known
+        rows = [np.ascontiguousarray(t, dtype=float)]
+        for values, width in zip((q, v, a, multipliers, known, known_rates), (n, n, n, m, k, k)):
+            # Without numbers there is no address.
+            row = np.zeros((count, 1)) if width == 0 else np.ascontiguousarray(values, dtype=float)
+            if row.shape != (count, max(width, 1)):
+                raise ValueError(f"expected {count} rows of {width} numbers, got {row.shape}")
+            rows.append(row)
+        self.point(count, rows)
+        return rows
+
+    cdef int point(self, Py_ssize_t count, list rows) except -1:
+        cdef const double[::1] t = rows[0]
+        cdef const double[:, ::1] q = rows[1], v = rows[2], a = rows[3], m = rows[4], known = rows[5], moving = rows[6]
+        self.at.count, self.at.t, self.at.q, self.at.v, self.at.a = count, &t[0], &q[0, 0], &v[0, 0], &a[0, 0]
+        self.at.multipliers_of, self.at.known_of, self.at.known_rates = &m[0, 0], &known[0, 0], &moving[0, 0]
+        return 0
+
+    cdef int evaluate(self, double *forces, double *errors, double *rates) except -1:
+        cdef Part part
+        for part in self.parts:
+            part.evaluate(&self.at, forces, errors, rates)
+        raise_failure()
+        return 0
+
+    def forces(self, t, q, v, a, multipliers, known, known_rates):
+        """Return M a + ... + J^T lambda, (times, unknowns), of states of as many times."""
+        kept = self._take(t, q, v, a, multipliers, known, known_rates)
+        cdef double[:, ::1] found = np.zeros((len(t), self.at.unknowns))
+        self.evaluate(&found[0, 0], NULL, NULL)
+        return found.base
+
+    def rows(self, t, q, v, known, known_rates):
+        """Return the constraints Phi and their rates J v + Phi_t, (times, multipliers) each."""
+        cdef double[:, :, ::1] found = np.zeros((2, len(t), max(self.at.multipliers, 1)))
+        kept = self._take(t, q, v, q, np.zeros((len(t), self.at.multipliers)), known, known_rates)
+        self.evaluate(NULL, &found[0, 0, 0], &found[1, 0, 0])
+        return found.base[:, :, :self.at.multipliers]
+
+    def slopes(self, t, q, v, a, multipliers, known, known_rates):
+        """Return slopes by second rates, rates and places, and those of constraints, (4, slots), at one state."""
+        kept = self._take(t, q, v, a, multipliers, known, known_rates)
+        self.refresh()
+        return self.values.base.copy()
+
+    def accelerated(self, t, q, v, a, multipliers, known, known_rates, right):
+        """Return second rates and multipliers by a right-hand side of M a + J^T lambda, J a, at one state."""
+        cdef double[::1] x = np.zeros(len(right)), factors = np.empty(self.size)
+        kept = self._take(t, q, v, a, multipliers, known, known_rates)
+        self.refresh()
+        if not self.factor(0.0, factors, None):
+            return np.full(len(right), np.nan)
+        x.base[self.pattern.position] = right
+        API.envelope_solve(&self.envelope, &factors[0], NULL, &x[0], NULL)
+        return x.base[self.pattern.position]
+
+    cdef int refresh(self) except -1:
+        cdef Part part
+        self.values[:, :] = 0.0
+        for part in self.parts:
+            part.add_slopes(&self.at, &self.to)
+        raise_failure()
+        return 0
+
+    cdef bint factor(self, double complex g, double[::1] re, double[::1] im):
+        """Factorise M + g C + g^2 K with the constraints; M alone without imaginary parts."""
+        cdef Py_ssize_t k
+        cdef double complex square = g * g
+        cdef double[:, ::1] of = self.values
+        if im is None:
+            for k in range(self.size):
+                re[k] = of[0, k] + of[3, k]
+            return API.envelope_factor(&self.envelope, &re[0], NULL)
+        for k in range(self.size):
+            re[k] = of[0, k] + of[3, k] + g.real * of[1, k] + square.real * of[2, k]
+            im[k] = g.imag * of[1, k] + square.imag * of[2, k]
+        return API.envelope_factor(&self.envelope, &re[0], &im[0])
+
+
+cdef class Steps:
+    """Steps of a system by collocation: see :mod:`symgen.runtime.elastic.large.collocation`.
+
+    Parameters
+    ----------
+    method
+        A :class:`symgen.runtime.beams.methods.BeamMethod` that is collocated, with an even number of stages.
+    h
+        Length of the steps [s].
+    scale
+        Sizes of the unknowns, (unknowns,).
+    """
+
+    cdef Constrained of
+    cdef double h
+    cdef Py_ssize_t stages, pairs
+    cdef double[:, ::1] a, aa
+    cdef double[::1] b, ba, c, scale
+    cdef double complex[::1] eigenvalues
+    cdef double complex[:, ::1] vectors, rows
+    cdef list factors
+    cdef double[::1] metric, x, y
+    cdef double[:, ::1] q, v, forces, rates, change
+    #: Counts of steps and of corrections.
+    cdef readonly Py_ssize_t steps, corrections
+
+    def __init__(self, Constrained of, method, double h, scale):
+        values, vectors = np.linalg.eig(method.a)
+        # The other one of each pair is its complex conjugate.
+        pairs = np.flatnonzero(values.imag > 0.0)
+        n, m, stages = of.at.unknowns, of.at.multipliers, len(method.c)
+        self.of, self.h, self.stages, self.pairs = of, h, stages, len(pairs)
+        arrays = method.arrays
+        self.a, self.aa, self.b, self.ba, self.c = (np.ascontiguousarray(arrays[k]) for k in ("a", "aa", "b", "ba", "c"))
+        self.eigenvalues, self.vectors = h * values[pairs], np.ascontiguousarray(vectors[:, pairs])
+        self.rows = np.ascontiguousarray(np.linalg.inv(vectors)[pairs])
+        self.factors = [np.zeros((2, of.size)) for _ in pairs]
+        self.metric, self.scale = np.zeros(of.size), _numbers(scale)
+        self.x, self.y = np.zeros((2, n + m + 1))
+        self.q, self.v, self.forces = np.zeros((3, stages, n))
+        self.rates, self.change = np.zeros((stages, max(m, 1))), np.zeros((stages, n + m))
+        self.steps = self.corrections = 0
+
+    def step(self, double t, q, v, a, multipliers, guess, known, known_rates):
+        """Return places, rates, second rates and multipliers of stages, and work, one step on; None if it fails.
+
+        ``guess`` are second rates (stages, unknowns) and multipliers (stages, multipliers); ``known`` and
+        ``known_rates`` are those in the middle, at the stages, and at the end.
+        """
+        cdef Py_ssize_t stages = self.stages
+        times = t + self.h * np.concatenate([[0.5], self.c, [1.0]])
+        half = q + self.h / 2 * v
+        kept = self.of._take(times[:1], half[None], v[None], a[None], multipliers[None], known[:1], known_rates[:1])
+        self.of.refresh()
+        cdef Py_ssize_t k
+        for k in range(self.pairs):
+            re, im = self.factors[k]
+            if not self.of.factor(self.eigenvalues[k], re, im):
+                return None
+        if not self.of.factor(0.0, self.metric, None):
+            return None
+        second, forces = guess[0].copy(), guess[1].copy()
+        at = slice(1, 1 + stages)
+        kept = self.of._take(times[at], self.q.base, self.v.base, second, forces, known[at], known_rates[at])
+        if not self.corrected(q, v, second, forces):
+            return None
+        self.steps += 1
+        return self.ended(times, q, v, second, forces, known, known_rates)
+
+    cdef int move(self, const double[::1] q, const double[::1] v, const double[:, ::1] a) except -1:
+        """Set places and rates of the stages."""
+        cdef Py_ssize_t i, j, k
+        cdef double place, rate
+        for i in range(self.stages):
+            for k in range(q.shape[0]):
+                place = rate = 0.0
+                for j in range(self.stages):
+                    place += self.aa[i, j] * a[j, k]
+                    rate += self.a[i, j] * a[j, k]
+                self.q[i, k] = q[k] + self.h * (self.c[i] * v[k] + self.h * place)
+                self.v[i, k] = v[k] + self.h * rate
+        return 0
+
+    cdef bint corrected(self, const double[::1] q, const double[::1] v, double[:, ::1] a, double[:, ::1] multipliers) except *:
+        """Correct second rates and multipliers of the stages; False where corrections do not converge."""
+        cdef Py_ssize_t i, j, k, n = q.shape[0], m = self.of.at.multipliers
+        cdef double size, before = 0.0, rate = 1.0, place
+        cdef int count
+        for count in range(_MOST):
+            self.move(q, v, a)
+            self.forces[:, :] = 0.0
+            self.rates[:, :] = 0.0
+            self.of.evaluate(&self.forces[0, 0], NULL, &self.rates[0, 0])
+            self.solve()
+            size = 0.0
+            for i in range(self.stages):
+                for k in range(n):
+                    place = 0.0
+                    for j in range(self.stages):
+                        place += self.aa[i, j] * self.change[j, k]
+                    place = fabs(self.h * self.h * place / self.scale[k])
+                    if not isfinite(place):
+                        return False
+                    size = max(size, place)
+            for i in range(self.stages):
+                for k in range(n):
+                    a[i, k] += self.change[i, k]
+                for k in range(m):
+                    multipliers[i, k] += self.change[i, n + k]
+            self.corrections += 1
+            if count:
+                rate = size / before if before else 0.0
+                if rate > _DIVERGING and count > 3:
+                    return False
+            if size == 0.0 or size <= _CLOSE * max(1.0, 1.0 / rate - 1.0):
+                return True
+            before = size
+        return False
+
+    cdef int solve(self) except -1:
+        """Set corrections of second rates and multipliers, by the forces and rates of the stages."""
+        cdef Py_ssize_t i, k, pair, at, n = self.of.at.unknowns, m = self.of.at.multipliers
+        cdef double[:, ::1] factors
+        cdef double complex weight, by, z
+        self.change[:, :] = 0.0
+        for pair in range(self.pairs):
+            factors = self.factors[pair]
+            by = 1.0 / self.eigenvalues[pair]
+            for k in range(n + m):
+                z = 0.0
+                for i in range(self.stages):
+                    z = z + self.rows[pair, i] * (self.forces[i, k] if k < n else self.rates[i, k - n])
+                if k >= n:
+                    z = z * by
+                at = self.of.position[k]
+                self.x[at], self.y[at] = z.real, z.imag
+            API.envelope_solve(&self.of.envelope, &factors[0, 0], &factors[1, 0], &self.x[0], &self.y[0])
+            for i in range(self.stages):
+                weight = -2.0 * self.vectors[i, pair]
+                for k in range(n + m):
+                    at = self.of.position[k]
+                    self.change[i, k] += weight.real * self.x[at] - weight.imag * self.y[at]
+        return 0
+
+    cdef double project(self, const double[:, ::1] rows, double[::1] values):
+        """Subtract from values the least change, in the metric of the mass matrix, that meets the constraints."""
+        cdef Py_ssize_t k, n = values.shape[0]
+        cdef double size = 0.0
+        for k in range(n + rows.shape[1]):
+            self.x[self.of.position[k]] = 0.0 if k < n else rows[0, k - n]
+        API.envelope_solve(&self.of.envelope, &self.metric[0], NULL, &self.x[0], NULL)
+        for k in range(n):
+            values[k] -= self.x[self.of.position[k]]
+            size = max(size, fabs(self.x[self.of.position[k]]) / self.scale[k])
+        return size
+
+    cdef object ended(self, times, q, v, double[:, ::1] a, double[:, ::1] multipliers, known, known_rates):
+        """Return the end of a step, on the constraints."""
+        cdef Py_ssize_t i, k, stages = self.stages, m = self.of.at.multipliers
+        cdef double work = 0.0, power
+        cdef Part part
+        h, second = self.h, a.base
+        for i in range(stages):
+            power = 0.0
+            for part in self.of.parts:
+                power -= part.dissipation(&self.of.at, i)
+            work += h * self.b[i] * power
+        end = q + h * v + h * h * (self.ba.base @ second)
+        rate = v + h * (self.b.base @ second)
+        if m:
+            at = slice(1, 1 + stages)
+            none = np.zeros_like(second)
+            moved = self.of.rows(times[at], self.q.base, none, known[at], known_rates[at])[1]
+            work += h * float(self.b.base @ np.sum(multipliers.base * moved, axis=1))
+            last = slice(1 + stages, 2 + stages)
+            for _ in range(_MOST):
+                errors, _ = self.of.rows(times[last], end[None], rate[None], known[last], known_rates[last])
+                if not self.project(np.ascontiguousarray(errors), end) > _CLOSE:
+                    break
+            _, rates = self.of.rows(times[last], end[None], rate[None], known[last], known_rates[last])
+            self.project(np.ascontiguousarray(rates), rate)
+        return end, rate, second, multipliers.base, work
