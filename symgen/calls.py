@@ -22,7 +22,7 @@ _OPERATORS = ("__getitem__", "__contains__")
 
 
 class _Failures(threading.local):
-    """Errors of kernels in Python, and Ctrl-C in them, of each thread: compiled code between cannot raise."""
+    """Errors of kernels in Python, and Ctrl-C in them, by thread: compiled code between them cannot raise."""
 
     def __init__(self) -> None:
         self.errors: list[BaseException] = []
@@ -71,7 +71,7 @@ def raise_failure() -> None:
         raise error from None
 
 
-#: What to call in place of a function without an argument of this name.
+#: Calls that replace a function without an argument of this name.
 _ELSEWHERE = {
     "inputs": "model.with_parameters sets constant inputs; for others integrate model.rhs(t, y, u), and "
     "model.record makes a result of the states.",

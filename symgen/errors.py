@@ -48,7 +48,7 @@ class SceneError(SymgenError):
 
     def __str__(self) -> str:
         *path, key = self.where.split(".")
-        if key.isdecimal() and len(path) > 1:  # a place in a list, counted from 0
+        if key.isdecimal() and len(path) > 1:  # an index of a list
             key = f"{path.pop()}[{key}]"
         table = ".".join(path)
         place = f"[{table}] {key}" if table else (f"[{key}]" if key else "")
@@ -66,14 +66,14 @@ _APART = 1e-3
 
 
 def check_joints(link: str, ends: Sequence[str], joints: Iterable[tuple[str, float]]) -> None:
-    """Check fractions of the length at which components are joined to an elastic link between its ends.
+    """Check the fractions of the length of an elastic link at which components are joined to it.
 
     Parameters
     ----------
     link, ends
         Its name, and those of its end points.
     joints
-        Name of the point and fraction of each joint.
+        Point and fraction of each joint.
 
     Raises
     ------
@@ -143,7 +143,7 @@ class GenerationError(SymgenError):
 
 
 class BuildError(SymgenError):
-    """The C compiler failed. Its own text is in the message; flags come from ``SYMGEN_CFLAGS``."""
+    """The C compiler failed. The message contains its output; flags come from ``SYMGEN_CFLAGS``."""
 
 
 class CacheError(SymgenError):
@@ -187,7 +187,8 @@ class ArgumentError(ModelError):
 class CapabilityError(SymgenError, AttributeError):
     """A model does not support an analysis. The message has the reason; ``hasattr(model, "modes")`` is False.
 
-    Raised when the analysis is accessed, before any call. ``model.capabilities`` lists those supported.
+    It is raised when the analysis is accessed, before any call. ``model.capabilities`` lists the supported
+    analyses.
     """
 
 
@@ -247,7 +248,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def check_known(name: str, known: Collection[str], problem: str) -> None:
-    """Raise ModelError with the nearest name unless a name is known; ``problem`` stands before the name."""
+    """Raise ModelError with the nearest name unless a name is known; ``problem`` precedes the name."""
     if name not in known:
         raise ModelError(f"{problem} {name!r}. {nearest(name, known)}")
 

@@ -1,4 +1,4 @@
-"""From a scene to a model: :func:`compile_scene` is the pipeline; the rest decides when to call it."""
+"""From a scene to a model: :func:`compile_scene` is the pipeline; it runs unless the cache has its result."""
 
 from __future__ import annotations
 
@@ -56,29 +56,29 @@ def build(
     """Derive, lower, emit and compile a scene or a user-defined system, or take it from the cache.
 
     Returns a :class:`~symgen.Model` of the kind that ``symgen.methods`` binds to the scene. Type checkers see
-    the base class, which declares all analyses: a name or a path does not tell the kind.
+    the base class, which declares all analyses, since a name or a path does not determine the kind.
 
     Parameters
     ----------
     scene
-        A shipped name, the path of a scene file, or a :class:`symgen.Scene`; or the path of a Python file,
-        which is run.
+        Name of a shipped scene, path of a scene file, or a :class:`symgen.Scene`; or path of a Python file,
+        which is executed.
     set
         Values to replace: parameter names or dotted keys, as in ``symgen.load_scene``. Tunable parameters
         are changed without recompilation.
     backend
-        ``c`` (a C compiler is needed), ``numpy`` (slow, needs none), or ``auto``: C where there is a
-        compiler, else shipped kernels of the same equations, else NumPy, with a warning. ``mpmath`` adds
+        ``c`` (requires a C compiler), ``numpy`` (slow), or ``auto``: C if there is a compiler, else shipped
+        kernels of the same equations, else NumPy, with a warning. ``mpmath`` adds
         kernels in any number of digits, as a reference: see ``Model.batch``.
     precision
-        ``float32``, ``float64``, ``longdouble`` or ``float128``: the type of runs of rods and batches, see
+        Number type of runs and batches: ``float32``, ``float64``, ``longdouble`` or ``float128``; see
         ``docs/precision.md``.
     digits
         Digits of the backend mpmath (40).
     contraction
-        ``off``, or ``fast``: one rounding for a product and a sum where the processor supports it.
+        ``off``, or ``fast``: a product and a sum share one rounding if the processor supports it.
     vector
-        ``none``: the compiled code runs on any processor of this kind; or ``native``: on this processor.
+        ``none``: compiled code runs on any processor of this kind; ``native``: on this processor only.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def with_forces(made: Model) -> _WithForces:
 
 
 def is_kinematic(made: Model) -> bool:
-    """Return whether a model has no forces, without loading what such models need."""
+    """Return whether a model has no forces, without loading the modules of such models."""
     return bool(getattr(made.description, "kinematic", False))
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class ManyCall(Protocol):
-    """Signature of ``model.simulate_many`` and its like."""
+    """Signature of ``model.simulate_many`` and the other calls for many runs."""
 
     def __call__(
         self,
@@ -87,18 +87,18 @@ class ManyRuns:
     parameters
         Values of tunable parameters by name, in SI units: one number for all runs, or one per run.
     states
-        The state in which each run starts, one per run; those of the variants when absent.
+        Initial states, one per run; by default those of the variants.
     outputs
-        Names of the outputs to keep; all when absent.
+        Names of the outputs to keep; by default all.
     reduce
-        Called as ``reduce(values, axis=0)`` with the samples of each output, such as ``np.max`` or
-        ``np.ptp``; its results are kept in place of the samples. Or names of reductions, each of which gives
-        an output ``OUTPUT.NAME``: ``peak`` (largest magnitude, of a vector that of the vector), ``greatest``,
+        Function that is called as ``reduce(values, axis=0)`` with the samples of each output, such as
+        ``np.max``; its results replace the samples. Or names of reductions, each of which gives
+        an output ``OUTPUT.NAME``: ``peak`` (largest magnitude of the output or vector), ``greatest``,
         ``least``, ``range``, ``mean``, ``rms`` (of the magnitude), ``final``; ``history`` keeps the samples.
     threads
-        Number of threads; as many as processors when absent. It changes no bit of the results.
+        Number of threads; by default that of processors. It changes no bit of the results.
     progress
-        Called now and then with the completed part of all runs.
+        Called from time to time with the completed part of all runs, 0 to 1.
 
     Returns
     -------
@@ -106,9 +106,9 @@ class ManyRuns:
         Outputs over the dimension ``run`` and the coordinate of the analysis, with the parameters as
         coordinates of the runs and the largest drift of each run where it is measured. ``error`` is the
         message of a run that failed, and empty for all others. Outputs of a failed run are nan, as are
-        samples that a run did not reach. Where runs differ in the values of their coordinate, the dimension
-        is ``sample``, and the coordinate has a row per run. Every run has the bits of
-        ``model.with_parameters(...)`` and the analysis alone.
+        samples that a run did not reach. If runs differ in the values of their coordinate, the dimension is
+        ``sample``, and the coordinate has a row per run. Every run has the bits of a single analysis of
+        ``model.with_parameters(...)``.
 
     Raises
     ------

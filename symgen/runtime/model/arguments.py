@@ -118,7 +118,7 @@ class LinkageRange(Range):
     state: State | None = None
 
     def instants(self, end: float) -> Instants:
-        """Return where a linkage whose scene ends at a time [s] is evaluated."""
+        """Return the times or inputs at which a linkage is evaluated; its scene ends at a time [s]."""
         from symgen.runtime.rods.instants import instants
 
         return instants(self.start, self.stop, self.at, self.over, self.samples, end)

@@ -113,7 +113,7 @@ class Compiled:
 
     @property
     def method(self) -> str:
-        """Name of the method that solves it, a row of ``symgen.methods``."""
+        """Name of the method of the model, a row of ``symgen.methods``."""
         return self.description.method
 
     @property
@@ -123,12 +123,12 @@ class Compiled:
 
     @property
     def mobility(self) -> tuple[str, ...]:
-        """Degrees of freedom at the start and redundant constraints, a line of text each."""
+        """Degrees of freedom at the start, and redundant constraints, as one line of text each."""
         return (self.description.extent,)
 
     @property
     def precision(self) -> str:
-        """The type that runs and batches are computed in: ``float64``, or as it was built."""
+        """Number type of runs and batches, ``float64`` by default."""
         return self._type.name
 
     @property
@@ -156,7 +156,7 @@ class Compiled:
 
     @property
     def given(self) -> list[float]:
-        """Parameters as kernels take them: :attr:`parameters`, then those that runs hold during a step."""
+        """Parameters in the order of the kernels: :attr:`parameters`, then those held during a step."""
         d = self.description
         return [*self.parameters.values(), *(p.default for p in d.parameters[len(d.tunable) :])]
 
@@ -171,12 +171,12 @@ class Compiled:
         return any(self.parameters[p.name] != p.default for p in self.description.tunable)
 
     def _differentiated(self, names: Sequence[str] | None, further: Sequence[str] = ()) -> tuple[str, ...]:
-        """Return the tunable parameters, or ``further`` quantities, to differentiate by; all when absent.
+        """Return the tunable parameters, or ``further`` quantities, for differentiation; by default all.
 
         Raises
         ------
         ModelError
-            For an unknown name, and where there are none.
+            For an unknown name, and if there are none.
         """
         by = tuple([*self.parameters, *further] if names is None else names)
         for name in by:
@@ -208,7 +208,7 @@ class Compiled:
         return self._evaluate_many(what, t, q, u, work, threads)[0]
 
     def _refuse_types(self, what: str, but: str = "") -> None:
-        """Raise ModelError if ``what`` has doubles only and the model another type; ``but`` excepts C."""
+        """Raise ModelError if an analysis in doubles does not apply to the type of the model."""
         if self.typed and (self.typed.digits or not but):
             how = f"{self.typed.digits} digits" if self.typed.digits else self.precision
             raise ModelError(
@@ -225,7 +225,7 @@ class Compiled:
         work: ArrayLike | None = None,
         threads: int = 1,
     ) -> tuple[dict[str, Rows], dict[str, Rows]]:
-        """Return the results of a batch, and what float64 leaves of those of float128."""
+        """Return the results of a batch, and the remainders of float128 results beyond float64."""
         if self._batches is None:
             if self._typed is None:
                 raise ModelError(f"{self.name} has no kernels for batches: build it with symgen.build")

@@ -34,7 +34,7 @@ class ElasticAnalyses:
     ) -> ElasticResult:
         """Return the steady state of one revolution, with its Floquet multipliers.
 
-        The crank has constant speed, or with a motor the speed that this gives it. Arguments and errors are
+        The crank has constant speed, or the periodic speed that its motor produces. Arguments and errors are
         those of :meth:`simulate`.
         """
         raise NotImplementedError
@@ -51,7 +51,7 @@ class ElasticAnalyses:
         max_wall: float | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> ElasticResult:
-        """Return the deformation by the forces of the rigid motion, without inertia of the elastic motion.
+        """Return the static deformation under the loads and inertia of the rigid motion.
 
         Arguments and errors are those of :meth:`simulate`.
         """
@@ -73,24 +73,24 @@ class ElasticAnalyses:
         resume: str | os.PathLike[str] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> ElasticResult:
-        """Run the motion with large rotation of the elastic links, in rods with springs or in elements.
+        """Run the motion in large rotation of the elastic links, by rods with springs or by beam elements.
 
-        It is the reference for :meth:`simulate`, which holds for small bending only; see
+        It is the reference solution for :meth:`simulate`, which holds for small bending only; see
         ``docs/large_rotation.md``. Other arguments and errors are those of :meth:`simulate`.
 
         Parameters
         ----------
         segments
-            Number of rigid rods of each elastic link, with springs between them (12). The error falls as its
-            square; the cost rises faster than its cube, since the steps in time shorten with its square. The
-            notes of the result report what rods omit.
+            Number n of rigid rods of each elastic link, with springs between them (12). The error falls as
+            1/n^2; the cost rises faster than n^3, since the time step falls as 1/n^2. The notes of the result
+            report the simplifications.
         elements
             Number of beam elements of each elastic link, in place of rods. Links stretch, and the result has
-            forces, torque, deflections, energies, and errors by time steps and by elements. Torsion springs,
-            welds to rigid links and forces that rotate with sections are refused.
+            forces, torque, deflections, energies, and error estimates by time steps and by elements. Torsion
+            springs, welds to rigid links and forces that rotate with sections are refused.
         rtol
-            Of rods, the relative tolerance of the local error (1e-7); of elements, the error by time steps
-            over the peak stress of each station (2e-2).
+            For rods, relative tolerance of the local error (1e-7); for elements, error by time steps over the
+            peak stress of each station (2e-2).
         """
         raise NotImplementedError
 
@@ -109,19 +109,20 @@ class ElasticAnalyses:
         Parameters
         ----------
         speeds
-            Angular velocities of the crank [rad/s]. It must be proportional to a tunable parameter.
+            Angular velocities of the crank [rad/s]. The scene's speed must be proportional to a tunable
+            parameter.
         rtol
             Error over the peak stress of every run.
         samples
             Number of equally spaced times of a revolution at which peaks are evaluated.
         max_wall
-            Wall time [s] after which the analysis ends with an error that carries the speeds so far.
+            Wall time [s] after which the analysis ends with an error that contains the completed speeds.
 
         Raises
         ------
         ModelError
             When no tunable parameter sets the speed, or a speed is zero or not finite.
         SimulationError
-            When the linkage cannot turn.
+            When the crank cannot make a revolution.
         """
         raise NotImplementedError

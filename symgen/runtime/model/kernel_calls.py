@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class KernelCalls:
-    """Kernels of a scene at many states, and those of a user-defined system, declared for every model."""
+    """Calls of the kernels of scenes and of user-defined systems, declared for every model."""
 
     @verb
     def batch(
@@ -28,31 +28,29 @@ class KernelCalls:
         work: ArrayLike | None = None,
         threads: int = 1,
     ) -> dict[str, Rows]:
-        """Evaluate a kernel at many states in one call, in the precision the model was built in.
+        """Evaluate a kernel at many states in one call, in the precision of the model.
 
-        States go through the lanes of vector registers. Each gets the operations of the kernel and no others:
-        multipliers are not refined, and with redundant constraints they are one choice of many.
+        States are evaluated in SIMD lanes, by the operations of the kernel alone: multipliers are not
+        refined, and with redundant constraints they are one of many solutions.
 
         Parameters
         ----------
         what
-            A kernel of :attr:`operations`, or one of its results, such as ``"accelerations"``.
+            Kernel of :attr:`operations`, or one of its results, such as ``"accelerations"``.
         t
             One time [s], or one per state.
         q, u
-            A row per state: coordinates and velocities, as in ``State.q`` and ``State.u``; zero velocities
-            when absent.
-        work
-            A row per state of the work memory that the kernel reads; the accelerations and multipliers of
-            the state when absent.
+            Coordinates and velocities, a row per state, as in ``State.q`` and ``State.u``; velocities are
+            zero by default. work Work memory that the kernel reads, a row per state; by default the
+            accelerations and multipliers of the state.
         threads
             Number of threads. It changes no bit of the results.
 
         Returns
         -------
         dict
-            Results of the kernel by name, a row per state: in the model's precision where NumPy has it
-            (``float32``, ``float64``, ``longdouble``), in float64 for ``float128``, and mpmath's numbers for
+            Results of the kernel by name, a row per state: in the model's precision if NumPy has this type
+            (``float32``, ``float64``, ``longdouble``), in float64 for ``float128``, and numbers of mpmath for
             the backend ``mpmath``.
 
         Raises
@@ -64,11 +62,11 @@ class KernelCalls:
 
     @verb
     def record(self, times: ArrayLike, states: ArrayLike, inputs: ArrayLike | None = None) -> Result:
-        """Return the result of a motion that another solver found, as :meth:`simulate` would.
+        """Return the result of a motion computed by another solver, like a result of :meth:`simulate`.
 
-        It has outputs, drift, plots and an animation. Drift is that of the recorded times, of the energy
-        only where no load does work. Angles of links are continuous if none turns by half a revolution
-        between two times.
+        It has outputs, drift, plots and an animation. The drift is that at the recorded times; the energy
+        drift is omitted if loads do work. Angles are continuous if no link rotates by more than half a
+        revolution between two times.
 
         Parameters
         ----------
@@ -77,7 +75,7 @@ class KernelCalls:
         states
             States y = (q, u) of :attr:`rhs`, a row per time: ``motion.y.T`` of SciPy's ``solve_ivp``.
         inputs
-            Values of the inputs of the scene, a row per time; those of the model when absent.
+            Values of the inputs of the scene, a row per time; by default those of the model.
 
         Raises
         ------
@@ -97,15 +95,15 @@ class KernelCalls:
         p: ArrayLike = (),
         work: ArrayLike = (),
     ) -> dict[str, NDArray[np.float64]]:
-        """Return the results of a kernel of a user-defined system by name, shaped; a single column is 1-D.
+        """Return the matrices of a kernel of a user-defined system by name; a single column is a 1-D array.
 
         Parameters
         ----------
         kernel
             One of :attr:`operations`.
         t, q, u, p, work
-            The argument arrays, in the units that the System declares. What depends on ``p`` alone is
-            recomputed at every call, also where the System declares ``p`` constant over a run.
+            Argument arrays, in the units that the System declares. The per-run precomputation from ``p`` is
+            repeated at every call.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""A driven linkage of which nothing is asked but its motion: no masses, no loads, no forces."""
+"""A driven linkage restricted to kinematics: no masses, loads and forces."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from symgen.runtime.rods.start import Start, pose
 
 @checked
 class KinematicModel(LinkageModel):
-    """Compiled constraints and places of a scene that asks for kinematics.
+    """Compiled constraints and positions of a scene restricted to kinematics.
 
-    Made by :func:`symgen.build` of a scene with ``kind = "kinematics"`` under ``[analysis]``.
+    :func:`symgen.build` returns it for a scene with ``kind = "kinematics"`` under ``[analysis]``.
     """
 
     MISSING: ClassVar[Mapping[str, str]] = {
@@ -28,7 +28,7 @@ class KinematicModel(LinkageModel):
 
     @property
     def mobility(self) -> tuple[str, ...]:
-        """Numbers of coordinates and constraints, a line of text."""
+        """Numbers of coordinates and constraints, as a line of text."""
         return (f"{self.description.extent}: drives prescribe the motion",)
 
     def _begun(self) -> Start:
@@ -39,7 +39,7 @@ class KinematicModel(LinkageModel):
 
 
 def posed(evaluator: Evaluator) -> Start:
-    """Return the pose at the start, with the velocities that the drives give it.
+    """Return the pose at the start, with the velocities that the drives prescribe.
 
     Raises
     ------

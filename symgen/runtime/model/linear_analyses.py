@@ -24,16 +24,16 @@ class LinearAnalyses:
     def mass_matrix(
         self, state: State | None = None, *, coordinates: Sequence[str] | None = None
     ) -> NDArray[np.float64]:
-        """Return the mass matrix (coordinates, coordinates) at a state; the start when absent.
+        """Return the mass matrix (coordinates, coordinates) at a state, by default the start.
 
         Parameters
         ----------
         state
-            The state; its velocities do not matter.
+            State; its velocities have no effect.
         coordinates
-            Independent coordinates as for :meth:`linearise`; the units follow from theirs. When absent, the
-            coordinates of the moving points in the order of ``State.q``: M [kg] of M a + J^T lambda = f. Of
-            loops the free variables.
+            Independent coordinates as for :meth:`linearise`, which determine the units. By default the
+            coordinates of the moving points in the order of ``State.q``: M [kg] of M a + J^T lambda = f. For
+            loops the default is the free variables.
 
         Raises
         ------
@@ -44,11 +44,11 @@ class LinearAnalyses:
 
     @verb
     def jacobian(self, state: State | None = None) -> NDArray[np.float64]:
-        """Return the constraint Jacobian J = dPhi/dq (constraints, coordinates) at a state; else the start.
+        """Return the constraint Jacobian dPhi/dq (constraints, coordinates) at a state, by default the start.
 
         Rows are in the order of ``model.description.constraints``, columns in that of ``State.q``. The
-        Jacobian of :attr:`rhs` by the state is the matrix A of ``linearise(state)``. Of loops these are
-        screws of the joint variables in the first frame, (6, variables): rotations, then displacements.
+        Jacobian of :attr:`rhs` by the state is the matrix A of ``linearise(state)``. For loops the result has
+        the screws of the joint variables in the first frame, (6, variables): rotations, then displacements.
         """
         raise NotImplementedError
 
@@ -61,32 +61,32 @@ class LinearAnalyses:
         *,
         coordinates: Sequence[str] | None = None,
     ) -> Linearisation:
-        """Return the state-space matrices A, B, C, D at a state: exact derivatives, no differences.
+        """Return the state-space matrices A, B, C, D at a state, as exact derivatives.
 
-        The deviations may be from any state, at rest or in motion; ``rates`` of the result are zero at an
-        equilibrium. Time and the prescribed drives are held. See ``docs/control.md``.
+        Deviations are from any state, at rest or in motion; ``rates`` of the result are zero at an
+        equilibrium. Time and prescribed drives are held constant. See ``docs/control.md``.
 
         Parameters
         ----------
         at
-            A state, the result of :meth:`equilibrium`, or a time [s] of the run from the start; the
-            start when absent.
+            State, result of :meth:`equilibrium`, or time [s] of the run from the start; by default the start.
         inputs
-            Inputs of the scene, all when absent. Others keep their values in :attr:`parameters`.
+            Inputs of the scene, by default all. Others keep their values in :attr:`parameters`.
         outputs
             Scalars that a scene can record, such as ``A.position.x``, ``crank.angle``, ``energy``, or all
-            components of ``O.reaction``; a coordinate with ``'`` is its rate. The coordinates when absent.
+            components of ``O.reaction``; a coordinate with ``'`` is its rate. By default the coordinates.
         coordinates
             Independent scalars of the pose, one for each degree of freedom: angles of links (plane),
-            components of positions. The states are these and their rates. When absent, the positions and
-            velocities of all moving points: A is then the Jacobian of :attr:`rhs`, constraints included.
-            Of loops joint variables that are not prescribed, and the free ones when absent.
+            components of positions. The states are these coordinates and their rates. By default the states
+            are positions and velocities of all moving points; A is then the Jacobian of :attr:`rhs`,
+            constraints included. Coordinates of loops are joint variables that are not prescribed, by default
+            the free variables.
 
         Raises
         ------
         ModelError
             For unknown names; for coordinates that do not determine the motion; for a singular state, or one
-            that violates the constraints; for forces that redundant constraints leave open.
+            that violates the constraints; for forces that redundant constraints leave undetermined.
         """
         raise NotImplementedError
 
@@ -114,35 +114,34 @@ class LinearAnalyses:
         ----------
         outputs
             Scalars that a scene can record, as for :meth:`linearise`: poses, velocities, accelerations,
-            reactions, drive efforts, energies. At an equilibrium also ``frequencies`` [Hz] of all modes that
-            oscillate, damped if they are, sorted by the modulus of their eigenvalues, and ``poles``, all
-            eigenvalues, growing ones first; they come last. Of elastic links
-            ``frequencies`` at rest in the pose, which come first, and those outputs of :meth:`quasi_static`
-            that are displacements of joints, strains, stresses at stations or changes of length.
+            reactions, drive efforts, energies. At an equilibrium also ``frequencies``, the damped frequencies
+            [Hz] of all modes that oscillate, by rising modulus of their eigenvalues, and ``poles``, all
+            eigenvalues, growing ones first; these are the last outputs. For elastic links: ``frequencies`` at
+            rest in the pose, which are the first outputs, and displacements of joints, strains, stresses at
+            stations and changes of length of :meth:`quasi_static`.
         parameters
-            Tunable parameters and inputs, all when absent. Of a run also the initial values of
-            ``coordinates`` and of their rates, called ``crank.angle`` and ``crank.angle'``; of a loop
-            those of its free variables, without ``coordinates``.
+            Tunable parameters and inputs, by default all. For a run also the initial values of
+            ``coordinates`` and of their rates, such as ``crank.angle`` and ``crank.angle'``; for a loop those
+            of its free variables, without ``coordinates``.
         at
-            An equilibrium, which moves with the parameters; or a state, which is held as far as drives and
-            ``coordinates`` determine it, together with its time. Where drives alone move the linkage, and
-            of loops and elastic links, a time [s] gives the state. Of elastic links also the result of
-            :meth:`periodic`, which moves with the parameters at held angles of the crank, or of
-            :meth:`simulate`, at its samples. The start when absent.
+            An equilibrium, which moves with the parameters; or a state, in which the time, drives and
+            ``coordinates`` are held constant. If drives alone move the linkage, and for loops and elastic
+            links, a time [s] specifies the state. For elastic links also the result of :meth:`periodic`,
+            at constant angles of the crank, or of :meth:`simulate`, at its samples. By default the start.
         coordinates
-            Independent coordinates as for :meth:`linearise` that are held at a state, with their rates: one
+            Independent coordinates as for :meth:`linearise`, held constant with their rates at a state: one
             for each degree of freedom that is not driven.
         t_end, t_eval
-            With either, the derivatives are those along the run from that state: at the end [s], or at these
-            increasing times [s] after the start. Of driven loops and elastic links ``t_eval``
-            gives poses [s]. An event that ends the run of a linkage replaces later times; derivatives there
-            are those at its time, which changes, and ``time`` is a further output.
+            With one of these, derivatives are along the run from that state: at the end [s], or at these
+            increasing times [s] after the start. For driven loops and elastic links ``t_eval`` are times of
+            poses [s]. An event that ends the run of a linkage replaces later times; derivatives at the event
+            include the change of its time, and ``time`` is a further output.
         integrals
             Outputs whose integrals over the time from the start are further outputs, ``integral of NAME``.
         method, rtol, atol, step, max_steps, max_step
-            Options of the run, as for :meth:`simulate`; the method is explicit, or of linkages ``radau5``,
-            ``newmark`` or ``generalized-alpha``. ``max_steps`` is 1,000,000 when absent: the states between
-            all steps are kept.
+            Options of the run, as for :meth:`simulate`; the method is explicit, or for linkages ``radau5``,
+            ``newmark`` or ``generalized-alpha``. The default of ``max_steps`` is 1,000,000, since the states
+            between all steps are stored.
 
         Raises
         ------
@@ -150,6 +149,6 @@ class LinearAnalyses:
             As :meth:`linearise`; for a neutral equilibrium; for a parameter that contradicts redundant
             constraints; for equal frequencies.
         SimulationError
-            When the pose of that time cannot be reached; as :meth:`simulate`.
+            When the pose at that time cannot be reached; as :meth:`simulate`.
         """
         raise NotImplementedError

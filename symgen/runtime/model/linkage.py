@@ -1,4 +1,4 @@
-"""What models of linkages of points and links share: states, poses, kinematics."""
+"""Common base of models of linkages of points and links: states, poses, kinematics."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class LinkageModel(Model):
             f"{len(d.constraints)} constraints, {self.backend} backend>"
         )
 
-    #: Whether its inputs alone move it; a linkage's motion is followed in time.
+    #: Whether inputs alone move the mechanism; the motion of a linkage is followed in time.
     is_driven = False
 
     @abstractmethod
@@ -64,7 +64,7 @@ class LinkageModel(Model):
         """Find the start at the parameters of the model."""
 
     def _found(self) -> Start:
-        """Return the start: the one stored with the scene, unless a parameter was changed."""
+        """Return the start: that stored with the scene, unless a parameter has changed."""
         d = self.description
         if self._start is None and (self.is_changed or not d.start):
             self._start = self._begun()
@@ -79,7 +79,7 @@ class LinkageModel(Model):
         Raises
         ------
         InitialStateError
-            When it cannot be assembled, is contradictory, or is singular.
+            When the state cannot be assembled, is contradictory, or is singular.
         """
         found = self._found()
         return self._state(0.0, found.q, found.u)
@@ -97,17 +97,17 @@ class LinkageModel(Model):
     ) -> State:
         """Return a state from the positions [m] and velocities [m/s] of the moving points, by name.
 
-        Points left out of ``velocities`` are at rest; ground points may be given and are ignored. The state
-        is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
+        Points without an entry in ``velocities`` are at rest; ground points are ignored. The state is not
+        changed: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
 
-        Instead of points, both may name independent coordinates as :meth:`linearise` does, such as
-        ``crank.angle`` [rad]: the linkage is led there from its start, on its assembly branch.
+        Instead of points, both may name independent coordinates as in :meth:`linearise`, such as
+        ``crank.angle`` [rad]: the linkage is moved there from its start, on its assembly branch.
 
         Raises
         ------
         ModelError
-            For missing or unknown names, and numbers that are not finite; for coordinates that do not
-            determine the pose, or to which the linkage cannot be led.
+            For missing or unknown names, numbers that are not finite, and coordinates that do not determine
+            the pose or cannot be reached.
         """
         d = self.description
         if any("." in name for name in positions):
@@ -132,9 +132,9 @@ class LinkageModel(Model):
         return self._evaluator
 
     def analysis(self, kind: str, stepping: bool = False, outputs: tuple[str, ...] = ()) -> Evaluator:
-        """Return the kernels of a kind of analysis; for ``stepping`` in the type of runs, else in doubles.
+        """Return the kernels of a kind of analysis.
 
-        ``outputs`` are those of the analysis.
+        ``stepping`` selects the number type of runs, else doubles; ``outputs`` are those of the analysis.
         """
         return Evaluator(*self._kernels_of(kind, stepping, outputs), self._evaluator.given)
 

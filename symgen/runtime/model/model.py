@@ -1,4 +1,4 @@
-"""The one interface of compiled models: analyses with the same names and arguments for every mechanism."""
+"""The interface of all compiled models: analyses with the same names and arguments for every mechanism."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
 
-#: Why most models do not support an analysis, where it is for one method alone.
+#: Reasons why models do not support an analysis of a single method.
 _INSTEAD = {"evaluate": "it calls kernels of user-defined systems; batch calls those of scenes"}
 
 
@@ -36,10 +36,11 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
 
     Every model has the analyses below, with the same arguments. An analysis that a mechanism does not support
     raises CapabilityError with the reason when it is accessed, so that ``hasattr(model, "modes")`` is False.
-    An argument that does not apply to a mechanism is refused by name. Angles are in radians, all else in SI.
+    An argument that does not apply to a mechanism is refused by name. Values are in SI units, angles in
+    radians.
     """
 
-    #: Why analyses are missing, by name; under "" the reason for all others.
+    #: Reasons why analyses are missing, by name; under "" the reason for all others.
     MISSING: ClassVar[Mapping[str, str]]
 
     @checked
@@ -62,7 +63,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         return self
 
     def _refused(self, name: str) -> str | None:
-        """Return why an analysis is not supported; None where it is."""
+        """Return the reason why an analysis is not supported; None if it is."""
         if name not in self.MISSING and hasattr(type(self), f"_{name}"):
             return None
         return self.MISSING.get(name) or _INSTEAD.get(name) or self.MISSING[""]
@@ -74,9 +75,9 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
 
     @verb
     def in_segments(self, count: int = 12) -> Model:
-        """Return the linkage with every elastic link in so many rigid rods with torsion springs between them.
+        """Return the linkage with every elastic link divided into ``count`` rigid rods with torsion springs.
 
-        It is derived and compiled when first requested. ``LINK__k.angle`` are the directions of the rods.
+        The linkage is derived and compiled at the first request. ``LINK__k.angle`` is the direction of rod k.
         """
         raise NotImplementedError
 
@@ -114,52 +115,52 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         Parameters
         ----------
         t_end
-            End of the run [s]; the scene's own when absent. Elastic links: one revolution when absent.
+            End of the run [s]; by default that of the scene, for elastic links one revolution.
         method
-            An integrator's name (``docs/integrators.md``): ``dop853`` when absent, ``rk4`` with a ``step``.
-            Elastic links: ``gauss`` when absent, ``gauss4``, ``newmark``, ``generalized-alpha``,
+            Name of an integrator (``docs/integrators.md``): by default ``dop853``, or ``rk4`` with a
+            ``step``. Elastic links: ``gauss`` (default), ``gauss4``, ``newmark``, ``generalized-alpha``,
             ``wilson-theta``, ``dop853``, ``rk4``.
         rtol, atol
             Tolerances of the local error of adaptive methods: relative (1e-9), in m and m/s (rtol/1000).
             Elastic links: ``rtol`` is the error over the peak stress (1e-4) of methods with fixed steps.
         step
-            The fixed step [s]; adaptive methods then take fixed steps without error control.
+            Fixed step [s]; adaptive methods then take fixed steps without error control.
         steps, revolutions
-            Elastic links: fixed steps per revolution, those that ``rtol`` needs when absent; revolutions
-            of the crank in place of ``t_end``.
+            Elastic links: fixed steps per revolution (by default as many as
+            ``rtol`` needs), and revolutions of the crank in place of ``t_end``.
         samples
             Number of equally spaced times recorded (201; elastic links 361).
         t_eval
             Increasing times [s] from the start to ``t_end`` to record instead; ``result.at`` records others.
         at
-            Elastic links: directions of the crank [rad] to record instead, in the last revolution.
+            Elastic links: angles of the crank [rad] to record instead, in the last revolution.
         form, geometric_stiffness
-            Elastic links: ``exact`` or ``thesis`` (rotations of axes taken as constant, for comparison only);
-            false omits geometric stiffness, whatever the scene says.
+            Elastic links: ``exact``, or ``thesis`` (constant transformations, for comparison only); false
+            omits geometric stiffness, for all links.
         initial
             Elastic links: ``undeformed``, at rest relative to the rigid motion (the default), or
             ``quasi-static``, with the shape under the loads of the rigid motion at the start, and its rates;
             or the amplitudes of the first modes at rest, their largest displacements [m].
         max_steps
-            A run that needs more steps (1e9) ends with an error.
+            Number of steps (1e9) after which the run ends with an error.
         stabilisation, stabilisation_rate
-            ``projection`` onto the constraints after every step; for comparison only: ``baumgarte``, of the
-            rate r [1/s] in Phi'' + 2 r Phi' + r^2 Phi = 0 (10), and ``raw``, which lets them drift.
+            ``projection`` onto the constraints after every step. For comparison only: ``baumgarte``, with the
+            rate r [1/s] in Phi'' + 2 r Phi' + r^2 Phi = 0 (10), and ``raw``, without correction.
         max_drift
-            Error of a constraint [m] beyond which the run ends with an error; none when absent. Loops: the
-            defect of closure [m], of rotations times the size of the loop.
+            Constraint error [m] beyond which the run ends with an error; default: none. Loops: closure defect
+            [m], with rotations multiplied by the size of the loop.
         max_step
-            The longest step [s] of an adaptive method; for loads shorter than the steps.
+            Longest step [s] of an adaptive method; for loads shorter than the steps.
         max_wall
-            Wall time [s] after which the run ends with an error that carries its result so far.
+            Wall time [s] after which the run ends with an error that contains the result so far.
         checkpoint, checkpoint_every
-            A file to which the state of the run is written every so many seconds of wall time (10).
+            File to which the state of the run is written, and the wall time [s] between two writes (10).
         resume
-            A checkpoint to continue from, to the same bits as an uninterrupted run.
+            Checkpoint from which the run continues, with the bits of an uninterrupted run.
         state
-            The state to start from; that of the scene when absent.
+            Initial state; by default that of the scene.
         progress
-            Called now and then with the completed part of the run.
+            Called from time to time with the completed part of the run, 0 to 1.
 
         Raises
         ------
@@ -168,7 +169,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         InitialStateError
             When the start cannot be assembled.
         SimulationError
-            If the run cannot continue; it carries the time and the samples recorded.
+            When the run cannot continue; it contains the time and the recorded samples.
         """
         raise NotImplementedError
 
@@ -193,22 +194,23 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         Parameters
         ----------
         start, stop
-            The range; the scene's own when absent.
+            Range of poses; by default that of the scene.
         at
             Values to evaluate instead of a range, in any order.
         over
-            The variable of range and values: ``input`` (first input of a loop [rad, m], direction of the
-            driven link [rad]) or ``time`` [s]. By default values are of the input; a range of the input for
-            loops, of the time for linkages.
+            Variable of range and values: ``input`` (first input of a loop [rad, m], direction of the driven
+            link [rad]) or ``time`` [s]. By default ``at`` has values of the input; a range is of the input
+            for loops, of the time for linkages.
         samples
             Number of equally spaced poses of the range (361; linkages 181).
         of
-            Linkages: points and links (plane) to record; all that move when absent.
+            Linkages: points and links (plane) to record; by default all that move.
         state
-            Linkages: the assembly to follow, one of :meth:`assemblies`; the scene's own when absent.
+            Linkages: assembly mode, one of :meth:`assemblies`; by default that of the scene.
         through
-            Continue past turning points of the input until the range is left or the curve closes. Linkages
-            continue on the other branch, back in time; a loop is sampled by equal parts of the arc length.
+            Continue past turning points of the input, to the end of the range or until the curve closes.
+            Linkages continue on the other branch, back in time; samples of a loop are equally spaced in
+            arc length.
 
         Raises
         ------
@@ -217,7 +219,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         InitialStateError
             When the mechanism cannot be assembled at the start.
         SimulationError
-            When a pose cannot be reached; it names the cause, and carries the poses that were.
+            When a pose cannot be reached; it names the cause and contains the poses before it.
         """
         raise NotImplementedError
 
@@ -237,23 +239,23 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
     ) -> Result:
         """Return joint forces and drive efforts of the driven mechanism along its motion.
 
-        Loops: together with the motion. Linkages: also section forces; elastic links are taken as rigid.
+        Results of loops include the motion, those of linkages section forces; elastic links count as rigid.
 
         Parameters
         ----------
         start, stop, at, over, samples, state, through
             As for :meth:`kinematics` (361 samples).
         elements
-            Linkages: number of elements of each link (1); forces between them are recorded.
+            Linkages: number of elements of each link (1); the forces between them are recorded.
         sections
-            Linkages: parts of the length of links at which section forces are recorded (the middle).
+            Linkages: fractions of the length at which section forces are recorded (the middle).
 
         Raises
         ------
         ModelError, InitialStateError
             As :meth:`kinematics`.
         SimulationError
-            When a pose cannot be reached or does not determine the forces; it names direction, rank, forces.
+            When a pose cannot be reached or does not determine the forces; it names pose, rank and forces.
         """
         raise NotImplementedError
 
@@ -271,12 +273,12 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         Parameters
         ----------
         state
-            The pose to start from; the scene's own when absent. Its velocities do not matter.
+            Initial pose; by default that of the scene. Its velocities have no effect.
         t
-            The time [s] at which forces and drives are held; that of ``state`` when absent.
+            Time [s] at which forces and drives are held; by default that of ``state``.
         stable
-            Descend to a stable equilibrium, or, if false, find one of any kind nearby. A start that is in
-            equilibrium already is the answer in both cases.
+            Find a stable equilibrium, or, if false, a nearby one of any kind. A start that is already an
+            equilibrium is returned in both cases.
         segments
             Elastic links: number of rods of each link, which rotate by any angle (12).
 
@@ -305,11 +307,11 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         Parameters
         ----------
         at
-            The equilibrium about which a linkage vibrates; that found from the scene's start when absent.
-            Elastic links: direction of the crank [rad], in space the time [s]; that of the start if absent.
+            Equilibrium about which a linkage vibrates; by default that found from the scene's start. Elastic
+            links: angle of the crank [rad], in space the time [s]; by default that of the start.
         moving
-            Elastic links: with centrifugal, gyroscopic and axial forces of the rigid motion, as if these
-            lasted, each joint on the axes of an elastic link. At rest otherwise.
+            Elastic links: with centrifugal, gyroscopic and axial forces of the rigid motion, frozen at that
+            instant, with each joint in the axes of an elastic link. At rest otherwise.
 
         Raises
         ------
@@ -324,14 +326,14 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
     ) -> AssemblyModes[State] | AssemblyModes[dict[str, float]]:
         """Return the assembly modes, the scene's own first: states of a linkage, joint variables of a loop.
 
-        They are all modes of linkages of driven cranks, dyads and triads; those of others are searched from
-        many starts, the same every time: ``complete`` and ``incomplete`` of the tuple tell. Velocities are
-        zero.
+        The list is complete for linkages of driven cranks, dyads and triads. Other mechanisms are searched
+        from many fixed starts. ``complete`` of the tuple states whether the list is complete, ``incomplete``
+        the reason if it may not be. Velocities are zero.
 
         Parameters
         ----------
         at
-            Value of the first input [rad, m], or of the time [s] with ``over="time"``; the start when absent.
+            Value of the first input [rad, m], or of the time [s] with ``over="time"``; by default the start.
         over
             ``input`` (default) or ``time``.
 
@@ -357,11 +359,11 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         Parameters
         ----------
         at
-            Values at which poses are drawn; the beginning of the motion when absent.
+            Values at which poses are drawn; by default the beginning of the motion.
         over
-            Their variable: ``input`` (default where there is one) or ``time`` [s].
+            Variable of the values: ``input`` (the default, if there is one) or ``time`` [s].
         paths
-            Points, or joints of a loop, whose paths over the motion are drawn; all that move when absent.
+            Points, or joints of a loop, whose paths over the motion are drawn; by default all that move.
         unit
             Unit of length of DXF and of the scale bar, such as ``mm``; that of ``[units]``, otherwise m.
         file
@@ -383,7 +385,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         Raises
         ------
         ModelError
-            When the constraints have lost rank there, so that no finite answer exists.
+            When the constraints lose rank at the state, so that accelerations are not finite or not unique.
         """
         raise NotImplementedError
 

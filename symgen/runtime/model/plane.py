@@ -30,9 +30,9 @@ Array = NDArray[np.float64]
 class PlaneModel(RodModel):
     """Compiled equations of a linkage written in space, of its motion in a plane.
 
-    Runs and accelerations are those in the plane: nothing drives the motion out of it. Analyses of freedoms
-    rather than of a motion (poses, equilibria and their stability, modes) use the model of ``in_space``. It
-    includes out-of-plane freedoms and is built on first use.
+    Runs and accelerations are computed in the plane, since nothing drives the motion out of it. Analyses that
+    depend on all degrees of freedom (poses, equilibria and their stability, modes) use the model
+    ``in_space``, which is built at the first use.
     """
 
     def __init__(self, *args: Any, in_space: Callable[[], RodModel], **kwargs: Any) -> None:

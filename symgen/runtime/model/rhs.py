@@ -1,4 +1,4 @@
-"""The equations of motion of a linkage as dy/dt = f(t, y) for solvers from elsewhere, and their results."""
+"""The equations of motion of a linkage as dy/dt = f(t, y) for external solvers, and their results."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def right_hand_side(begin: State, evaluator: Evaluator, redundant: int, work_of_
     ``solve_ivp(model.rhs, (0, 1), model.rhs.start)``. ``f(t, y, u)`` takes values u of the scene's inputs,
     in SI units and in the order of ``inputs``; without u they are those of ``model.parameters``.
 
-    ``start`` is the state in which the scene starts, ``project(t, y)`` returns a state brought onto the
-    constraints by the least change, and ``energy(t, y)`` is kinetic plus potential energy [J]. The
-    accelerations keep the constraints' second rates only, so what a solver errs makes a state drift off the
-    constraints: project it now and then.
+    ``start`` is the initial state of the scene. ``project(t, y)`` returns the state projected onto the
+    constraints with the least change. ``energy(t, y)`` is kinetic plus potential energy [J]. The
+    accelerations satisfy only the second derivatives of the constraints, so integration errors make a state
+    drift off the constraints: project it from time to time.
 
     ``low_level`` is the same as a ``scipy.LowLevelCallable``, for solvers that call from C: see
-    :func:`low_level`. Its inputs are those of the last call from Python. Where no finite accelerations exist,
-    both give numbers that are not finite.
+    :func:`low_level`. Its inputs are those of the last call from Python. If accelerations are not finite,
+    both return numbers that are not finite.
 
-    Each ``model.rhs`` has scratch memory of its own. Threads of Python may share one, since a call holds
-    Python's lock; threads that call the compiled function without that lock must have one each.
+    Each ``model.rhs`` has its own scratch memory. Threads of Python may share one, since a call holds the
+    GIL; threads that call the compiled function without the GIL need one each.
 
-    With ``work_of_loads`` a last unknown is the work of the loads without potential [J], where there are any.
+    With ``work_of_loads`` the last unknown is the work of loads without potential [J], if there are any.
 
     Raises
     ------
@@ -59,18 +59,18 @@ def right_hand_side(begin: State, evaluator: Evaluator, redundant: int, work_of_
 def low_level(function: int, equations: int, owner: Rhs) -> Any:
     """Return a compiled right-hand side as a ``scipy.LowLevelCallable``.
 
-    Its signature is ``void (double, double *, double *, void *)``: the time [s], y, where dy/dt goes, and
+    Its signature is ``void (double, double *, double *, void *)``: the time [s], y, dy/dt (output), and
     ``user_data``, which holds parameters and scratch memory. It takes no lock and allocates nothing.
     """
     from scipy import LowLevelCallable
 
     compiled = _SIGNATURE(function)
-    compiled.owner = owner  # type: ignore[attr-defined]  # what user_data points into lives as long
+    compiled.owner = owner  # type: ignore[attr-defined]  # keeps the memory behind user_data alive
     return LowLevelCallable(compiled, ctypes.c_void_p(equations))
 
 
 def rows(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return finite numbers of this shape, of any number of times where it is empty, or raise ModelError."""
+    """Return finite numbers of a shape; raise ModelError. An empty shape permits any number of times."""
     try:
         found = np.ascontiguousarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -89,10 +89,10 @@ def rows(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
 def recorded(
     evaluator: Evaluator, redundant: int, times: Array, states: Array, inputs: Array | None, **how: Any
 ) -> Result:
-    """Return the result of states (times, numbers) that a solver from elsewhere found.
+    """Return the result of states (times, numbers) from an external solver.
 
-    The states may end with the work of loads; ``inputs`` are those of the scene at each time, those of the
-    model when absent; ``how`` is the provenance.
+    The states may end with the work of loads. ``inputs`` are those of the scene at each time, by default
+    those of the model; ``how`` is the provenance.
     """
     d = evaluator.description
     values = np.empty((len(times), 0)) if inputs is None else inputs

@@ -41,15 +41,15 @@ Array = NDArray[np.float64]
 class RodModel(LinkageModel):
     """Compiled equations of motion of a linkage of points and links.
 
-    Made by :func:`symgen.build`. Parameters that the scene declares tunable can be changed with
-    :meth:`~symgen.Model.with_parameters` without compiling again.
+    :func:`symgen.build` returns one. :meth:`~symgen.Model.with_parameters` changes tunable parameters without
+    compilation.
     """
 
     MISSING: ClassVar[Mapping[str, str]] = {"": "it has no elastic links"}
 
     @property
     def mobility(self) -> tuple[str, ...]:
-        """Degrees of freedom at the start and redundant constraints, a line of text each."""
+        """Degrees of freedom at the start, and redundant constraints, as one line of text each."""
         d, redundant = self.description, self.redundant
         implied = ", ".join(redundant) or "none"
         freedom = degrees(d.coordinates - len(d.constraints) + len(redundant))
@@ -73,20 +73,20 @@ class RodModel(LinkageModel):
 
     @cached_property
     def _never_rests(self) -> str | None:
-        """Why there is no equilibrium; None where there may be one."""
+        """Reason why there is no equilibrium; None if there may be one."""
         from symgen.runtime.rods.equilibrium import never_rests
 
         return never_rests(self._evaluator)
 
     @property
     def redundant(self) -> tuple[str, ...]:
-        """Constraints that follow from the others wherever the linkage goes, as messages call them."""
+        """Labels of the constraints that follow from the others in every pose."""
         return tuple(self.description.labels[i] for i in self._found().redundant)
 
     def _solution(self, state: State, typed: bool = False) -> Array:
-        """Return accelerations and multipliers at a state; raise ModelError where it is singular.
+        """Return accelerations and multipliers at a state; raise ModelError if it is singular.
 
-        ``typed``: in the type of the model, else in doubles.
+        ``typed`` selects the number type of the model, otherwise doubles.
         """
         d = self.description
         redundant = self._found().redundant
@@ -143,9 +143,9 @@ class RodModel(LinkageModel):
     def _tangents(
         self, at: State | Equilibrium | None, names: Sequence[str], kind: str = "linearisation"
     ) -> Tangents:
-        """Return the linearised motion at a state, with the slopes of the outputs ``names``.
+        """Return the linearised motion at a state, with the derivatives of the outputs ``names``.
 
-        At an equilibrium it is at rest, with the multipliers that balance the forces.
+        At an equilibrium, velocities are zero and the multipliers balance the forces.
         """
         from symgen.runtime.linearisation.state_space import Tangents
 

@@ -1,4 +1,4 @@
-"""The compiled kernels of a user's own derivation: called by name, with arrays."""
+"""The compiled kernels of a user-defined system: called by name, with arrays."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def _carry_out(
     return made
 
 
-#: Analyses whose results move, and arguments that act outside of them.
+#: Analyses whose results have an animation, and arguments without effect on these results.
 _MOVING = (
     "simulate",
     "record",
@@ -91,7 +91,7 @@ _MOVING = (
     "large_rotation",
 )
 _OUTSIDE = frozenset(("checkpoint", "checkpoint_every", "resume", "progress"))
-#: Arguments that other times to record replace.
+#: Arguments that are replaced by other recorded times.
 _RECORDED = frozenset(("samples", "t_eval", "at"))
 
 

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: How the note begins that a run judges itself, by linear theory too, at selected samples only.
+#: Beginning of the note that the limits of linear theory are checked at selected samples only.
 SELECTED = "peaks, and limits of linear theory, are those at the"
-#: Difference of the last value of a steady state from the first, over its range, up to which it repeats it.
+#: Largest difference between first and last value of a steady state, over its range, that counts as zero.
 _REPEATED = 1e-6
-#: The error of the largest Floquet multiplier, as a part of it, from which on it says nothing of stability.
+#: Relative error of the largest Floquet multiplier from which on the stability is unknown.
 FLOQUET_SETTLED = 1e-3
-#: By how much a multiplier may pass one before a steady state counts as unstable.
+#: Margin by which a multiplier must exceed one for the steady state to count as unstable.
 _ROUND_OFF = 1e-6
 
 
@@ -42,7 +42,7 @@ class ElasticResult(Result):
     NOTED_IN_MANY = True
 
     def panel(self, variable: Variable) -> str:
-        """Return the panel of a plot that an output is drawn in: positions dwarf displacements."""
+        """Return the panel of an output in plots: positions and displacements have separate panels."""
         return panel_by_kind(variable)
 
     @property
@@ -52,26 +52,25 @@ class ElasticResult(Result):
 
     @property
     def stable(self) -> bool | None:
-        """Whether the steady state is stable; None where its multipliers do not tell, or there are none."""
+        """Whether the steady state is stable; None if its multipliers are too inaccurate or absent."""
         return is_stable(abs(self.floquet[0]), self.statistics["floquet_error"]) if self.floquet else None
 
     @property
     def counts(self) -> NDArray[np.intp] | None:
-        """Steps to each time, in rising order, from the one before; None of stored runs and other motions."""
+        """Numbers of steps between successive recorded times; None for stored runs and other motions."""
         source = self.__dict__.get("_source")
         return None if source is None else source.found.counts
 
     def _estimate_later(self, estimate: Callable[[], float | None]) -> None:
-        """Set how :attr:`mesh_error` is computed when it is requested."""
+        """Set the function that computes :attr:`mesh_error` at the first request."""
         self._cache["estimate"] = estimate
 
     @property
     def mesh_error(self) -> float | None:
-        """Estimated error of stresses by elements, over their peak; None where unknown.
+        """Estimated error of stresses by elements, over their peak; None if unknown.
 
-        It is 4/3 of their largest change when every element is halved.
-
-        The first request, which printing and saving make, repeats the run with halved elements.
+        It is 4/3 of the largest change of stresses when every element is halved. The first request, also by
+        printing or saving, repeats the run with halved elements.
         """
         if "mesh_error" not in self._cache:
             estimate = self._cache.pop("estimate", None)
@@ -79,7 +78,7 @@ class ElasticResult(Result):
         return self._cache["mesh_error"]
 
     def all_statistics(self) -> dict[str, Any]:
-        """Return the statistics with those that are computed when they are requested."""
+        """Return the statistics, including those that are computed at the first request."""
         return {**self.statistics, "mesh_error": self.mesh_error, "stable": self.stable}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -192,14 +191,14 @@ def panel_by_kind(variable: Variable) -> str:
 
 
 def beyond_linear_theory(notes: Iterable[str]) -> bool:
-    """Return whether notes of a run say that linear theory does not hold."""
+    """Return whether notes of a run report that linear theory does not hold."""
     return any("linear theory" in note and not note.startswith(SELECTED) for note in notes)
 
 
 def is_stable(largest: float, error: float | None) -> bool | None:
-    """Tell from the largest Floquet multiplier and how far off it is whether a steady state is stable.
+    """Return whether a steady state is stable, from its largest Floquet multiplier and the error of this.
 
-    None where it is not known well enough to tell.
+    None if the error is too large.
     """
     if error is None or not error <= FLOQUET_SETTLED * largest:
         return None

@@ -37,7 +37,7 @@ class SingularPose:
     positions
         Position of every point by name [m].
     collinear
-        Pairs of links that lie in one line there, if that is how it locks.
+        Pairs of links in one line, if these cause the dead centre.
     units
         Unit of every drive by name.
     """
@@ -50,7 +50,7 @@ class SingularPose:
     units: dict[str, str] = field(default_factory=dict)
 
     def describe(self, shown: Mapping[str, tuple[str, float]] | None = None) -> str:
-        """Return it as one line, in units of tables by SI unit: their names and sizes."""
+        """Return a line of text; ``shown`` has name and size of the displayed unit by SI unit."""
         where = ", ".join(self._drive(name, shown or {}) for name in self.drives)
         lines = "; ".join(f"{a} and {b} in line" for a, b in self.collinear)
         return f"{self.kind} at t = {self.t:.12g} s, {where}{f': {lines}' if lines else ''}"
@@ -80,9 +80,9 @@ class Findings:
 
     @property
     def peaks(self) -> dict[str, float]:
-        """Largest absolute value of every output of one component but places along links, in its unit.
+        """Largest absolute value of every scalar output, except positions along links, in its unit.
 
-        Between equally spaced samples it is that of the parabola through the largest and its neighbours.
+        Between equally spaced samples it is the peak of the parabola through the largest and its neighbours.
         """
         along = self.coordinate.values if self.times is None else self.times
         even = len(along) > 2 and bool(np.allclose(np.diff(along), along[1] - along[0]))
@@ -94,7 +94,7 @@ class Findings:
 
     @property
     def singular_poses(self) -> tuple[SingularPose, ...]:
-        """Dead centres and bifurcations met by a prescribed motion of a linkage, in their order.
+        """Dead centres and bifurcations of a prescribed motion of a linkage, in the order of time.
 
         Raises
         ------
@@ -141,8 +141,8 @@ class Findings:
     ) -> Sensitivity:
         """Return exact derivatives of outputs of this analysis: ``model.sensitivity`` with its arguments.
 
-        Of a run, and of prescribed motions, they are those at the end, also where an event is the end, or at
-        times ``t_eval`` [s]; of elastic links those at all samples.
+        For runs and prescribed motions, derivatives are at the end (or at the event that ends a run) or at
+        times ``t_eval`` [s]; for elastic links at all samples.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class Findings:
         return found
 
     def _run_end(self, given: Mapping[str, Any]) -> float:
-        """Return the end of the run [s]; where an event ended it, the one requested: it ends it again."""
+        """Return the requested end of the run [s]: an event that ended the run also ends its repetition."""
         known = self.origin[0].description if self.events and self.origin else None
         if known is None or self.events[-1].name not in [e.name for e in known.events if e.ends_run]:
             return float(self.time[-1])
@@ -220,8 +220,8 @@ class Pictures:
     def animate(self, file: str | os.PathLike[str] | None = None, *, frames: int = 241) -> Any:
         """Return the animation of the result, which notebooks play, next to plots of its outputs.
 
-        Places of all points are computed by another run of the analysis. Deflections of elastic links are
-        magnified, as the caption says.
+        Another run of the analysis computes the positions of all points. Deflections of elastic links are
+        magnified; the caption states the factor.
 
         Parameters
         ----------
@@ -251,7 +251,7 @@ checked(Pictures)
 
 
 def _between(values: Array) -> float:
-    """Return the largest of the parabola through the largest of equally spaced values and its neighbours."""
+    """Return the peak of the parabola through the largest of equally spaced values and its neighbours."""
     k = int(np.argmax(values))
     if not 0 < k < len(values) - 1:
         return float(values[k])

@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 class Forces(Result):
     """Joint forces, section forces and driving torques over a motion of rigid links.
 
-    ``LINK.POINT.force`` is what acts on a link at a point, ``POINT.reaction`` the force of the ground on the
+    ``LINK.POINT.force`` is the force on a link at a point, ``POINT.reaction`` the force of the ground on the
     linkage, ``LINK.torque`` the torque of a drive, ``LINK.POINT.guide_force`` the force of a guide on a point
-    to the left of the link. Of a section at a part s of the length, ``LINK@s.axial_force`` is positive in
-    tension; ``LINK@s.shear_force`` pushes what lies before the section to the left; ``LINK@s.moment`` is
-    positive where it stretches the fibres to the left of the link (thesis, Chapter IV; minus E I w'' of the
+    to the left of the link. At a section at a fraction s of the length, ``LINK@s.axial_force`` is positive in
+    tension; a positive ``LINK@s.shear_force`` pushes the part before the section to the left; a positive
+    ``LINK@s.moment`` stretches the fibres to the left of the link (thesis, Chapter IV; minus E I w'' of the
     elastic link).
     """
 

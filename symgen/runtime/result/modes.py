@@ -30,24 +30,24 @@ class ElasticModes:
     Attributes
     ----------
     angle, t
-        Direction of the crank [rad]; in space, where there is none, the time of the pose [s].
+        Angle of the crank [rad]; in space, without a crank, the time of the pose [s].
     frequencies
         [Hz].
     shapes
-        (unknowns, modes) in the order of ``names``, on fixed axes: of unit modal mass, or complex with 1 as
-        their largest component where the links move.
+        (unknowns, modes) in the order of ``names``, on fixed axes: of unit modal mass; in motion complex,
+        with the largest component 1.
     growth
-        Of each mode in motion [1/s], below zero where it decays; empty at rest.
+        Growth rate of each mode in motion [1/s], negative if it decays; empty at rest.
     without_reduction
-        Where links are reduced: the frequencies [Hz] without that, as many of the lowest, and the number of
-        unknowns then. Empty and the same number where none is.
+        If links are reduced: as many of the lowest frequencies [Hz] without reduction, and the number of
+        unknowns without it. Otherwise empty, and the same number.
     estimate
-        Gives ``errors_of_elements``.
+        Function that computes ``errors_of_elements``.
     rigid
-        Number of the first modes that strain nothing: the nullity of the stiffness at rest.
+        Number of rigid modes, which come first: the nullity of the stiffness at rest.
     ratios
-        Damping of each mode at rest over its critical damping, each mode taken alone; zero of rigid ones. The
-        ``damping.ratio`` of a link is another: of modes of the link with free ends.
+        Damping of each mode at rest over its critical damping, without coupling of modes; zero for rigid
+        modes. The ``damping.ratio`` of a link refers to modes of the link with free ends.
     """
 
     name: str
@@ -77,18 +77,18 @@ class ElasticModes:
 
     @cached_property
     def errors_of_elements(self) -> Array:
-        """Parts by which the elements make frequencies too high: over those of halved elements, less one.
+        """Relative errors of frequencies by elements: ratio to those of halved elements, less one.
 
-        The first request, which printing makes, solves the halved elements. Frequencies of zero have none.
-        Empty where it is not measured: of more than 400 unknowns.
+        The first request, also by printing, solves the structure with halved elements. The error of a zero
+        frequency is zero. Empty beyond 400 unknowns.
         """
         return self.estimate() if self.estimate else np.zeros(0)
 
     @property
     def errors(self) -> Array:
-        """Parts by which the reduction of links makes frequencies too high; empty where none is reduced.
+        """Relative errors of frequencies by the reduction of links; empty if no link is reduced.
 
-        Frequencies of zero have none.
+        The error of a zero frequency is zero.
         """
         if self.without_reduction is None:
             return np.zeros(0)
@@ -96,7 +96,7 @@ class ElasticModes:
         return relative(self.frequencies[: len(exact)], exact)
 
     def summary(self) -> dict[str, Any]:
-        """Return them in plain numbers: what ``symgen modes --json`` prints."""
+        """Return the modes in plain numbers: the output of ``symgen modes --json``."""
         found: dict[str, Any] = {
             "scene": self.name,
             "analysis": "modes",
@@ -128,16 +128,16 @@ class RotorModes:
     frequencies
         [Hz], seen in the rotating axes.
     shapes
-        (unknowns, modes), complex, in the order of ``names``; 1 is the largest component. Of zero frequency
-        they are displacements that the stiffness under rotation does not resist.
+        (unknowns, modes), complex, in the order of ``names``, with the largest component 1. Shapes of zero
+        frequency are displacements that the stiffness under rotation does not resist.
     parts
         Parts of the strain energy by kind, (modes,) each: ``stretch``, ``bending_width`` (displacements along
-        the width of sections), ``bending_thickness`` and ``torsion``. Zero where links are not strained.
+        the width of sections), ``bending_thickness`` and ``torsion``. Zero if links are not strained.
     errors_of_elements
-        Frequencies over those of elements divided in two, less one; empty beyond 400 unknowns. Infinite
-        where round-off may change either by more than 0.1 %.
+        Ratio of frequencies to those of halved elements, less one; empty beyond 400 unknowns. Infinite if
+        round-off may change either frequency by more than 0.1 %.
     notes
-        Where the theory may not hold, and which frequencies are lost in round-off.
+        Limits of the theory, and frequencies lost in round-off.
     """
 
     name: str
@@ -154,7 +154,7 @@ class RotorModes:
         return f"<RotorModes {self.name!r}: {found}, ... Hz, {len(self.frequencies)} modes>"
 
     def summary(self) -> dict[str, Any]:
-        """Return them in plain numbers."""
+        """Return the modes in plain numbers."""
         return {
             "scene": self.name,
             "analysis": "modes",

@@ -21,13 +21,13 @@ from symgen.runtime.rods.poses import Poses
 Array = NDArray[np.float64]
 
 
-#: Gives the angles of a link at the samples [rad] over its revolutions.
+#: Function that returns the continuous angles of a link at the samples [rad].
 Counted = Callable[[str, Array], Array]
 
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """Positions of all points along the curve that was followed; the number of that next to each sample.
+    """Positions of all points along the followed curve, and the index of the pose next to each sample.
 
     Positions have the shape (..., poses, points, axes).
     """
@@ -45,17 +45,14 @@ class Along:
         return nearest_turn(angles, whole[..., self.near])
 
 
-#: What is recorded of a point, of a link, and of a corner.
+#: Recorded quantities of a point, a link, and a corner.
 _OF_POINT = ("position", "velocity", "acceleration")
 _OF_LINK = ("angle", "rate", "acceleration")
 _OF_CORNER = ("angle", "transmission_angle")
 
 
 def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> dict[str, tuple[str, ...]]:
-    """Return what to record of points, links and corners A.B.C.
-
-    By default it is all of the points and links that move.
-    """
+    """Return the quantities to record of points, links and corners A.B.C; by default of all that move."""
     d = bonds.description
     moving = [
         p for p in d.points if p not in d.ground or any(n.startswith(f"{p}.") for n in bonds.drives(0.0))
@@ -163,7 +160,7 @@ def _asked(bonds: Bonds, samples: Poses, along: Along) -> list[Variable]:
 def of_names(
     d: Description, chosen: Mapping[str, Sequence[str]], counted: Counted, r: Array, v: Array, a: Array
 ) -> Iterator[Variable]:
-    """Yield the records of points, links and corners, from what all points do: (samples, points, axes)."""
+    """Yield the records of names, from the motion of all points, (samples, points, axes)."""
     for name, wanted in chosen.items():
         if name in d.points:
             found = _of_point(d.points.index(name), name, d.axes, r, v, a)

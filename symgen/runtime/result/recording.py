@@ -19,7 +19,7 @@ from symgen.runtime.rods.redundancy import CLOSED, extent, least_norm, not_uniqu
 
 Array = NDArray[np.float64]
 
-#: Passages told by their times; of more, only the number.
+#: Largest number of passages whose times are reported; of more, only the number is.
 _SHOWN = 6
 #: Longest jump or kink of a load that a note shows as written; of others only the table.
 _LONGEST = 80
@@ -27,10 +27,10 @@ _LONGEST = 80
 
 @dataclass(slots=True)
 class Recording:
-    """A run that has ended, whatever the cause; its methods give the fields of its :class:`Result`.
+    """A run that has ended, complete or not; its methods return the fields of its :class:`Result`.
 
-    ``library`` are the kernels that it went through, ``wall`` its wall time [s], ``given`` the time and the
-    state (q, u) at which it was to start.
+    ``library`` has the kernels of the run, ``wall`` is its wall time [s], ``given`` the requested initial
+    time and state (q, u).
     """
 
     evaluator: Evaluator
@@ -90,7 +90,7 @@ class Recording:
         return continued(variables, links, self.stepper.turns) if links else variables
 
     def drift(self) -> Drift:
-        """Return how far the run strayed."""
+        """Return the drift of the run."""
         return drift_of(self.stepper)
 
     def final(self) -> dict[str, dict[str, list[float]]]:
@@ -127,7 +127,7 @@ class Recording:
         )
 
     def events(self) -> tuple[Event, ...]:
-        """Return the moments that the scene told the run to look for."""
+        """Return the located events of the scene."""
         known = self.evaluator.description.events
         return tuple(
             Event(known[i].name, t, rising, motion(self.evaluator, t, y))
@@ -153,7 +153,7 @@ def _of_the_start(
 
 
 def drift_of(stepper: _core.Run) -> Drift:
-    """Return how far a run strayed."""
+    """Return the drift of a run."""
     kinetic, potential = (
         stepper.kinetic_max - stepper.kinetic_min,
         stepper.potential_max - stepper.potential_min,
@@ -178,7 +178,7 @@ def options_of(chosen: Options) -> dict[str, Any]:
 
 
 def losses_of_rank(stepper: _core.Run, of: str, names: Iterable[str]) -> str:
-    """Begin a note on losses of rank that a run passed; ``names`` are those of the lost unknowns."""
+    """Return the beginning of a note on losses of rank in a run; ``names`` are the lost unknowns."""
     times = ", ".join(f"{t:.9g}" for t, _, _ in stepper.passages[:_SHOWN])
     more = ", ..." if len(stepper.passages) > _SHOWN else ""
     losses = "1 loss" if len(stepper.passages) == 1 else f"{len(stepper.passages)} losses"
@@ -229,7 +229,7 @@ def outputs_by_group(
     states: Array,
     redundant: int,
 ) -> tuple[Variable, ...]:
-    """Return :func:`outputs` where groups of rows have parameters of their own."""
+    """Return :func:`outputs` for groups of rows with different parameters."""
     parts, places = [], []
     for held, rows in groups:
         equations.set_parameters(held)
@@ -263,7 +263,7 @@ def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, NDAr
 
 
 def grouped(given: Array, first: int, values: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
-    """Yield parameters with a row of values from a place on, for each distinct one, and where it occurs."""
+    """Yield parameters with each distinct row of values, from index ``first`` on, and its occurrences."""
     kinds, which = np.unique(values, axis=0, return_inverse=True)
     for kind, row in enumerate(kinds):
         held = given.copy()
@@ -272,7 +272,7 @@ def grouped(given: Array, first: int, values: Array) -> Iterator[tuple[Array, ND
 
 
 def nearest_turn(angles: Array, to: Array) -> Array:
-    """Return angles [rad] moved by the whole revolutions that bring them nearest to others."""
+    """Return angles [rad] shifted by whole revolutions to be nearest to other angles."""
     revolution = 2 * np.pi
     nearest: Array = angles + np.round((to - angles) / revolution) * revolution
     return nearest
@@ -305,7 +305,7 @@ def _of_redundancy(evaluator: Evaluator, stepper: _core.Run, redundant: tuple[in
 
 
 def _of_passages(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
-    """Say where the run passed configurations in which constraints lose rank."""
+    """Yield the note on configurations of the run in which constraints lose rank."""
     if stepper.passages:
         names = (evaluator.description.unknown(index) for _, _, index in stepper.passages)
         yield losses_of_rank(stepper, "constraints", names) + "went on smoothly"
@@ -315,7 +315,7 @@ def _of_passages(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
 
 
 def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
-    """Say that an implicit method would do better."""
+    """Yield the note that recommends an implicit method."""
     if stepper.stiff:
         yield (
             f"the motion is stiff from t = {stepper.t_stiff:.6g} s on: stability, not accuracy, sets the "
@@ -331,7 +331,7 @@ def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
 
 
 def of_switches(switches: tuple[str, ...], passed: int) -> Iterator[str]:
-    """Yield the note on switching points of loads that steps ended on, and how many were passed."""
+    """Yield the note on the switching points of loads on which steps ended, with their number."""
     if passed:
         named = (s if len(s) <= _LONGEST else f"in {s.rpartition(' in ')[2]}" for s in switches)
         jumps = "; ".join([*dict.fromkeys(named)][:_SHOWN])
@@ -340,7 +340,7 @@ def of_switches(switches: tuple[str, ...], passed: int) -> Iterator[str]:
 
 
 def _of_blind_events(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
-    """Say that an event may have been missed, since it had no value."""
+    """Yield the note that an event without a value may have been missed."""
     if stepper.blind >= 0:
         name = evaluator.description.events[stepper.blind].name
         yield (

@@ -24,7 +24,7 @@ _DISPLAY_UNITS = "display_units"
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """The coordinate of a result, which every output is recorded over.
+    """The coordinate of a result, over which every output is recorded.
 
     Attributes
     ----------
@@ -109,9 +109,9 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A moment that the scene told the run to look for.
+    """An event of the scene, located in a run.
 
-    ``motion`` holds positions [m] and velocities [m/s] of the points then, as ``Result.final`` does.
+    ``motion`` has positions [m] and velocities [m/s] of the points at its time, as ``Result.final``.
     """
 
     name: str

@@ -77,10 +77,10 @@ class Result(Findings, Pictures):
 
     @classmethod
     def _later(cls, source: Any, **known: Any) -> Self:
-        """Return a result whose fields the methods of ``source`` of the same names compute on first access.
+        """Return a result whose fields methods of ``source`` with the same names compute at first access.
 
         In short runs most fields are never read, and computing them would take longer than the steps.
-        ``known`` are fields that are there already.
+        ``known`` are fields that exist already.
         """
         made = object.__new__(cls)
         made.__dict__.update(known, _source=source, _cache={})
@@ -92,7 +92,7 @@ class Result(Findings, Pictures):
         return {**self.__dict__, "_cache": {}}
 
     def all_statistics(self) -> dict[str, Any]:
-        """Return the statistics, those included that are computed when they are requested."""
+        """Return the statistics, including those that are computed at the first request."""
         return dict(self.statistics)
 
     def __repr__(self) -> str:
@@ -189,7 +189,7 @@ class Result(Findings, Pictures):
 
     @property
     def headline(self) -> str:
-        """Title line of plots: method, steps where they are known, and drift."""
+        """Title line of plots: method, steps if they are known, and drift."""
         measured = self.drift.measured
         units = (("constraint", "constraints", "m"), ("energy", "energy", "J"))
         drift = [f"{word} {measured[name]:.1e} {unit}" for name, word, unit in units if name in measured]
@@ -223,10 +223,10 @@ class Result(Findings, Pictures):
     def at(self, times: ArrayLike) -> Result:
         """Return the run at other times [s]: dense output.
 
-        The run is repeated in the same steps and recorded at these times, so that values between its samples
-        have the accuracy of the method's own interpolant, on the constraints, however few samples it has; at
-        its samples they are the same to the bit. It takes the time of another run: ask for all times in one
-        call. Runs of elastic links end a step at every time and are accurate to their ``rtol``.
+        The run is repeated in the same steps and recorded at these times. Values between its samples
+        therefore have the accuracy of the interpolant of the method, on the constraints; values at its
+        samples have the same bits. A call takes the time of a run: pass all times in one call. Runs of
+        elastic links end a step at every time and are accurate to their ``rtol``.
 
         Parameters
         ----------
@@ -238,7 +238,8 @@ class Result(Findings, Pictures):
         ModelError
             For times that do not increase, or are outside of the run.
         ResultError
-            For results that no ``simulate`` of this process returned, and beyond an event that ended the run.
+            For results that were not returned by ``simulate`` in this process, and for times beyond an event
+            that ended the run.
         """
         again = self._cache.get("again")
         if again is None:
@@ -251,10 +252,7 @@ class Result(Findings, Pictures):
         return found
 
     def summary(self) -> dict[str, Any]:
-        """Return the result in plain numbers in SI, without its samples: the JSON of the command line.
-
-        ``docs/results.md`` describes it.
-        """
+        """Return the result without its samples, in SI units: see ``docs/results.md``, JSON."""
         along, outputs = self.coordinate, columns(self.variables)
         ends = {"first": along.values[0], "last": along.values[-1]} if self.count else {}
         summary: dict[str, Any] = plain(
@@ -277,7 +275,7 @@ class Result(Findings, Pictures):
         return summary
 
     def _extremes(self, values: Array) -> dict[str, Any]:
-        """Return the last, least and greatest of values, and the coordinate at both; None without any."""
+        """Return the last, least and greatest value, and where the extremes occur; None without values."""
         known, along = ~np.isnan(values), self.coordinate.values
         if not known.any():
             return dict.fromkeys(("final", "minimum", "minimum_at", "maximum", "maximum_at"))
@@ -370,7 +368,7 @@ SAVED_AS = tuple(_WRITERS)
 
 
 class _WhenAsked:
-    """A field that a result's source computes on first access; the result then stores it."""
+    """A field that the source of a result computes at first access; the result then stores it."""
 
     def __init__(self, name: str) -> None:
         self.name = name

@@ -33,7 +33,7 @@ class SpeedResponse(Result):
         return self.coordinate.values
 
     def panel(self, variable: Variable) -> str:
-        """Return the panel of a plot that an output is drawn in: multipliers would hide the strains."""
+        """Return the panel of an output in plots: multipliers and strains have separate panels."""
         return panel_by_kind(variable)
 
     @property
@@ -50,19 +50,19 @@ class SpeedResponse(Result):
 
     @property
     def verdicts(self) -> tuple[bool | None, ...]:
-        """Whether the steady state at each speed is stable; None where its multipliers do not tell."""
+        """Whether the steady state at each speed is stable; None if its multipliers are too inaccurate."""
         largest = self.variable("floquet").values.tolist()
         return tuple(map(is_stable, largest, self.statistics["floquet_errors"]))
 
     @property
     def unstable(self) -> tuple[float, ...]:
-        """Speeds [rad/s] whose steady state grows away from itself."""
+        """Speeds [rad/s] with an unstable steady state."""
         return tuple(
             s for s, stable in zip(self.speeds.tolist(), self.verdicts, strict=True) if stable is False
         )
 
     def all_statistics(self) -> dict[str, Any]:
-        """Return the statistics with resonances, speeds without stability, and the verdict at each speed."""
+        """Return the statistics with resonances, unstable speeds, and the stability at each speed."""
         found = {"resonances": self.resonances, "unstable": self.unstable, "stable": self.verdicts}
         return {**self.statistics, **{name: list(values) for name, values in found.items()}}
 

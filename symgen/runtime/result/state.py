@@ -18,7 +18,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 Array = NDArray[np.float64]
 Pose = TypeVar("Pose")
 
-#: Part of a vector that may lead out of a plane, as what rounding left of an analysis in space.
+#: Relative out-of-plane component of a vector that counts as rounding of an analysis in space.
 _ROUNDING = 1e-12
 
 
@@ -60,7 +60,7 @@ class AssemblyModes(tuple[Pose, ...]):
     Attributes
     ----------
     incomplete
-        Why there may be others; empty where these are all.
+        Reason why there may be others; empty if the list is complete.
     """
 
     incomplete: str
@@ -73,7 +73,7 @@ class AssemblyModes(tuple[Pose, ...]):
 
     @property
     def complete(self) -> bool:
-        """Whether these are all."""
+        """Whether the list is complete."""
         return not self.incomplete
 
 
@@ -97,12 +97,12 @@ class Accelerations:
     points
         Acceleration of every point [m/s^2].
     multipliers
-        Lagrange multiplier of every constraint by its link; times the link's length: tension [N/m].
+        Lagrange multiplier of every constraint by its link [N/m]; multiplied by the length, the tension.
     reactions
         Force of the ground on the linkage at every ground point [N].
     not_unique
-        Constraints whose multipliers are not determined, since some constraints are redundant: those of least
-        norm are given, and reactions by them.
+        Constraints whose multipliers are not unique, since constraints are redundant. The multipliers are
+        those of minimum norm, and so are the reactions.
     """
 
     points: dict[str, Array]
@@ -157,7 +157,7 @@ def coordinates(
 
 
 def _in_plane(d: Description, across: int, level: float, vector: Array, what: str) -> Array:
-    """Return the components of a vector in the plane in which a linkage stays; raise where it leaves that."""
+    """Return the components of a vector in the plane of a linkage; raise ModelError outside of it."""
     if abs(vector[across] - level) > _ROUNDING * max(float(np.max(np.abs(vector))), abs(level)):
         axis = d.shown_axes[across]
         raise ModelError(

@@ -19,12 +19,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pole:
-    """A dead centre at which given loads cannot hold the loop: some efforts have a pole in the input.
+    """A dead centre at which no finite load balances the given efforts, so that efforts have a pole.
 
     Attributes
     ----------
     at
-        Value of the input there [rad or m].
+        Value of the input at the pole [rad or m].
     residues
         For each component with a pole, the limit of its value times (input - at) [SI].
     """
@@ -37,8 +37,8 @@ class Pole:
 class Turn(Result):
     """A driven loop over values of its first input, or over time. ``turn["theta2"]`` is an array over them.
 
-    ``time`` holds the times at which the input has those values. Where an output has a pole at a value, it
-    is not a number there, and :attr:`poles` gives its residue.
+    ``time`` holds the times at which the input has these values. At a pole an output is nan, and
+    :attr:`poles` has its residue.
     """
 
     KIND = "loop"
@@ -78,7 +78,7 @@ class Turn(Result):
     def indeterminate(self) -> tuple[str, ...]:
         """Force components that redundant constraints leave undetermined at any pose.
 
-        Their values are those of the closing wrench of minimum norm; :attr:`undetermined` says where.
+        Their values are those of the closing wrench of minimum norm; :attr:`undetermined` has the poses.
         """
         return tuple(self.statistics["undetermined"])
 
