@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import eigh, null_space
 
 import symgen
-from symgen.errors import ModelError, SceneError
+from symgen.errors import ModelError, SceneError, SimulationError
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 
@@ -277,6 +277,17 @@ def test_round_rods_need_no_direction_and_parameters_are_tunable(tmp_path):
     slow, fast = (model.with_parameters(rate=x).simulate(0.004, samples=5) for x in (10.0, 20.0))
     stress = [np.max(r["rod.stress"].values) for r in (slow, fast)]
     assert 2 < stress[1] / stress[0] < 6
+
+
+def test_a_rod_shorter_than_its_crank_comes_to_a_dead_centre(tmp_path):
+    """The pin leaves the reach r of the slider where r sin(rate t) is the length of the rod."""
+    file = tmp_path / "space.toml"
+    longer = SCENE.replace('r = "50 mm"', 'r = "200 mm"').replace('"50 mm", "0 m"]', '"0 m", "0 m"]')
+    motion = '["r*cos(rate*t)", "r*sin(rate*t)/sqrt(2)", "r*sin(rate*t)/sqrt(2)"]'
+    longer = longer.replace('A = {{ at = ["0 m"', 'A = {{ at = ["0.2 m"')
+    file.write_text(longer.format(motion=motion.replace('(rate*t)"', '(rate*t) - r"', 1), section=FLAT))
+    with pytest.raises(SimulationError, match=f"dead centre at t = {math.asin(0.5) / 20:.6g} s"):
+        symgen.build(str(file)).simulate(samples=31)
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,36 @@ def test_welded_halves_are_a_cantilever():
     assert np.max(np.abs(found.errors_of_elements[:5])) < 2e-3
 
 
+def test_three_links_are_welded_at_a_point():
+    """Massless beams along x, y and z, clamped outside, with a mass where they meet.
+
+    A displacement u and rotation phi of the weld take the force k u + c phi x s and the moment, by phi, r phi
+    with s the sum of the directions; rotations without inertia are eliminated.
+    """
+    length, mass, radius = 0.3, 2.0, 3e-3
+    bending, stretching = E * math.pi * radius**4 / 4, E * math.pi * radius**2
+    points, links = {"O": at(0, 0, 0)}, {}
+    for k, axis in enumerate("xyz"):
+        points[axis] = at(*(length * (k == i) for i in range(3)), ground=True)
+        links[f"along_{axis}"] = elastic(["O", axis], "1e-3 kg/m^3") | {
+            "section": {"diameter": f"{2 * radius} m"}
+        }
+    welds = [{"point": axis, "links": [f"along_{axis}"]} for axis in "xyz"]
+    scene = symgen.Scene(
+        points=points,
+        links=links,
+        masses=[{"point": "O", "mass": f"{mass} kg"}],
+        welds=[*welds, {"point": "O", "links": list(links)}],
+    )
+    found = symgen.build(scene).modes()
+    k, c = stretching / length + 24 * bending / length**3, 6 * bending / length**2
+    r = (8 * bending + bending / 1.3) / length  # G J = E I/(1 + nu)
+    assert found.rigid == 0
+    for stiffness, count in ((k, 1), (k - 3 * c**2 / r, 2)):
+        frequency = math.sqrt(stiffness / mass) / (2 * math.pi)
+        assert np.sum(np.abs(found.frequencies / frequency - 1) < 1e-5) == count
+
+
 def test_a_body_is_welded_to_a_massless_beam():
     """Two coordinates in each plane: deflection and rotation of the end of the beam, by its stiffness."""
     mass, offset, inertias, length = 2.0, 0.05, (4e-3, 5e-3, 7e-3), 0.4

@@ -108,15 +108,16 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
                 if joint.point not in scene.links[name].points:
                     raise SceneError(f"{joint.point} is no joint of {name}", where=f"{where}.point")
             names = sorted(joint.links, key=lambda name: name not in elastic)
-            if names[0] not in elastic or len(set(names)) < len(names) or len(names) > 2:
+            if names[0] not in elastic or len(set(names)) < len(names):
                 raise SceneError(
-                    "expected an elastic link, alone or with another link that it joins, got "
+                    "expected an elastic link, alone or with others that it joins, got "
                     + " and ".join(joint.links),
                     where=f"{where}.links",
                     hint="Without another link the joint is with the ground.",
                 )
             if isinstance(joint, Weld):
-                yield JointInSpace("weld", joint.point, tuple(names), (_ZERO,) * 3)
+                for others in [(name,) for name in names[1:]] or [()]:
+                    yield JointInSpace("weld", joint.point, (names[0], *others), (_ZERO,) * 3)
                 continue
             axis = read.vector(joint.axis, units.NUMBER, f"{where}.axis")
             if all(read.number(c) == 0 for c in axis):

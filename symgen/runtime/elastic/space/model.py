@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 
 #: Steps of a run to start with; error by time steps over the peak stress of a link.
 _STEPS, RTOL = 64, 1e-2
+#: Axial strain from which on stress in proportion to strain is no model of a link.
+_STRAIN = 0.1
 
 
 @checked
@@ -117,9 +119,11 @@ class SpatialModel(Model):
         with limited(max_wall):
             try:
                 refine(
-                    passes, linkage, partial(outputs, linkage), partial(_drift, linkage),
+                    passes, linkage, partial(self._checked, linkage), partial(_drift, linkage),
                     times, least, rtol, pace, progress,
                 )  # fmt: skip
+            except SimulationError as error:
+                raise SimulationError(f"{error}{self._dead_centre(error.time)}", time=error.time) from None
             except OutOfTime as stop:
                 if not passes:
                     variables = outputs(linkage, stop.found)
@@ -132,6 +136,32 @@ class SpatialModel(Model):
             made = self._result(linkage, times, passes[-1], rtol, pace.wall)
             made._estimate_later(partial(self._by_elements, times, passes[-2:][0], wall_left()))
         return made
+
+    def _checked(self, linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
+        """Return the outputs; raise SimulationError where an axial strain is beyond linear elasticity."""
+        made = outputs(linkage, found)
+        for variable in (v for v in made if v.name.endswith(".axial_strain")):
+            beyond = np.flatnonzero(~(np.abs(variable.values) <= _STRAIN))
+            if len(beyond):
+                t, strain = found[beyond[0]].t, variable.values[beyond[0]]
+                raise SimulationError(
+                    f"{self.name}: expected {variable.name} of at most {_STRAIN:g}, beyond which linear "
+                    f"elasticity does not hold, got {strain:.3g} at t = {t:.6g} s",
+                    time=t,
+                )
+        return made
+
+    def _dead_centre(self, t: float) -> str:
+        """Return a line on the dead centre that the linkage with rigid links comes to before a time [s]."""
+        if "kinematics" in self.rigid.capabilities:
+            try:
+                self.rigid.simulate(t, samples=2)
+            except SimulationError as error:
+                return (
+                    f"\n  With rigid links it comes to a dead centre at t = {error.time:.6g} s, beyond which its "
+                    "input cannot move it: change the lengths, or end the run before."
+                )
+        return ""
 
     def _by_elements(self, times: Array, coarse: Pass, max_wall: float | None) -> float | None:
         """Return the change of stresses in twice as many elements, over their peak; None if not known."""
