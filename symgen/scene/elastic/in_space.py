@@ -116,8 +116,9 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
                     hint="Without another link the joint is with the ground.",
                 )
             if isinstance(joint, Weld):
-                for others in [(name,) for name in names[1:]] or [()]:
-                    yield JointInSpace("weld", joint.point, (names[0], *others), (_ZERO,) * 3)
+                # Without another link, with the ground.
+                for k in range(1, max(2, len(names))):
+                    yield JointInSpace("weld", joint.point, (names[0], *names[k : k + 1]), (_ZERO,) * 3)
                 continue
             axis = read.vector(joint.axis, units.NUMBER, f"{where}.axis")
             if all(read.number(c) == 0 for c in axis):
