@@ -105,6 +105,8 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
         console.print(f"mean power of the shaft {shaft:.4g} W, of damping {damping:.4g} W")
     if (balance := result.statistics.get("power_balance")) is not None:
         console.print(f"power of the shaft, damping, and rate of the energies balance within {balance:.1e}")
+    if (share := result.statistics.get("omitted_power")) is not None:
+        console.print(f"power of the torque that linear theory omits: {share:.1e} of the largest power")
     if result.floquet:
         verdict = {
             True: "the steady state is stable",

@@ -209,7 +209,8 @@ OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
 #: Outputs of elastic links, which their runs recover.
 OF_ELASTIC = (
     *("bending_strain", "axial_strain", "stress", "deflection", "displacement", "length_change"),
-    *("strain_energy", "dissipated_power", "shaft_power", "greatest_stress", "greatest_stress_at"),
+    *("strain_energy", "dissipated_power", "shaft_power", "omitted_power"),
+    *("greatest_stress", "greatest_stress_at"),
 )
 #: Outputs that need no masses and no forces.
 KINEMATIC = (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.beams.forces import Forces, Motion, modal_rates, of_coordinates, own_motion
-from symgen.runtime.beams.second_order import Shortening, rows_work, shortening
+from symgen.runtime.beams.shortening import Shortening, rows_work, shortening
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
 
@@ -52,16 +52,16 @@ _WORK: tuple[Term, ...] = (
     ("moment", "moment_rate_load_out", "load_out", (1,)),
     ("moment", "moment_second_rate_load_turn", "load_turn", (2,)),
 )
-#: Virtual motions of a link by the force that works on them: the factors with these values.
-_MOVES = {
+#: Factors whose values are the virtual velocity of a link, by the force or moment of the same direction.
+_VELOCITIES = {
     "force_x": "kinetic_rate_load_x",
     "force_y": "kinetic_rate_load_y",
     "moment": "kinetic_rate_load_turn",
 }
-#: Part of the displacements from which terms of first and second degree are computed.
-_SMALL = 1 / 64
-#: Part of the largest power that is none.
-_NOTHING = 1e-9
+#: Step, over the displacements, of the differences that give terms of first and second degree.
+_STEP = 1 / 64
+#: Power of damping, over the largest power of the shaft, below which it is round-off.
+_UNDAMPED = 1e-9
 #: Part of the larger mean power by which means of all and of every other sample may differ.
 _RESOLVED = 0.02
 
@@ -71,8 +71,10 @@ class Energies:
     """Energies [J] and powers [W] of the whole linkage, each (times,).
 
     ``potential`` is None where loads act along elastic links, or by angles counted over revolutions,
-    ``shaft`` None where nothing is known to drive the shaft, ``imbalance`` the power of the shaft less
-    ``dissipated`` and the rates of all energies, None where other loads may do work.
+    ``shaft`` None where nothing is known to drive the shaft. ``omitted`` is the power of the torque of second
+    degree that a crank that is not held would need to keep its rigid motion, and that nothing applies.
+    ``imbalance`` is the power of both less ``dissipated`` and the rates of all energies. The last two are
+    None where other loads may do work, ``omitted`` also of a held crank.
     """
 
     kinetic: Array
@@ -80,17 +82,27 @@ class Energies:
     potential: Array | None
     dissipated: Array
     shaft: Array | None
+    omitted: Array | None
     imbalance: Array | None
 
     @property
     def balance(self) -> float | None:
         """The largest imbalance over the largest power."""
-        if self.imbalance is None:
+        return self._of_largest(self.imbalance)
+
+    @property
+    def omitted_share(self) -> float | None:
+        """The largest omitted power over the largest power."""
+        return self._of_largest(self.omitted)
+
+    def _of_largest(self, power: Array | None) -> float | None:
+        """Return the largest value of a power over that of shaft, damping and the rate of all energies."""
+        if power is None or self.imbalance is None:
             return None
-        driven = np.zeros_like(self.dissipated) if self.shaft is None else self.shaft
-        parts = driven, self.dissipated, driven - self.dissipated - self.imbalance
+        shaft, both = _sum(self.shaft), _sum(self.shaft, self.omitted)
+        parts = shaft, self.dissipated, both - self.dissipated - self.imbalance
         largest = max(float(np.max(np.abs(part))) for part in parts)
-        return float(np.max(np.abs(self.imbalance))) / largest if largest else None
+        return float(np.max(np.abs(power))) / largest if largest else None
 
     def mean_powers(self) -> tuple[float, float] | None:
         """Return the means [W] of the powers of the shaft and of damping over a revolution of a steady state.
@@ -106,7 +118,7 @@ class Energies:
             np.abs(coarse - means) <= _RESOLVED * np.max(np.abs(means))
         )
         shaft, damping = means.tolist()
-        damped = damping > _NOTHING * float(np.max(np.abs(self.shaft)))
+        damped = damping > _UNDAMPED * float(np.max(np.abs(self.shaft)))
         return (shaft, damping) if damped and resolved else None
 
     def variables(self) -> Iterator[Variable]:
@@ -117,6 +129,7 @@ class Energies:
             ("potential_energy", "J", "potential of gravity and springs", self.potential),
             ("dissipated_power", "W", "power dissipated by elastic links and modes", self.dissipated),
             ("shaft_power", "W", "power of the shaft on the crank", self.shaft),
+            ("omitted_power", "W", "power of the torque that linear theory omits", self.omitted),
         ):
             if values is not None:
                 yield Variable(name, unit, about, (), values)
@@ -138,18 +151,24 @@ def energies(
     accelerations
         S'' (times, unknowns).
     acting
-        Joint forces and torque; where the shaft alone does work, the torque of second degree takes its place.
+        Joint forces and torque of a held crank; where the shaft alone does work, that of second degree takes
+        its place.
     """
     if found.thesis:
         return None
+    held, second = motion.info.mode == "held", None
     torque = next((v.values for v in acting.variables if v.name == f"{motion.info.crank}.torque"), None)
-    second = None
-    if motion.info.mode != "held":
-        torque = None
-    elif torque is not None and motion.info.shaft_alone and found.rates is not None:
-        second = shortening(motion, rigid, found, accelerations)
-        torque = torque_of_second_degree(motion, rigid, found, accelerations, acting, second)
     weights, of_shaft = of_links(motion, found.times, *rigid)
+    on_shaft = np.zeros((len(found.times), 4))
+    if of_shaft is not None:
+        on_shaft = motion._motion.many("shaft", found.times, *rigid)
+    if motion.info.shaft_alone and found.rates is not None and not (held and torque is None):
+        second = shortening(motion, rigid, found, accelerations, on_shaft)
+        torque = torque_of_second_degree(motion, rigid, found, accelerations, acting, second)
+        if of_shaft is not None:
+            mass, damping, stiffness, load = on_shaft.T
+            s, v, a = (x[:, motion.layout.shaft] for x in (found.displacements, found.rates, accelerations))
+            torque += mass * a + damping * v + stiffness * s - load
     summed = {name: np.zeros(len(found.times)) for name in ("kinetic", "strain", "potential")}
     dissipated, rates = np.zeros((2, len(found.times)))
     for k, x in enumerate(weights):
@@ -170,14 +189,16 @@ def energies(
         summed["kinetic"] += kinetic
         summed["potential"] += second.lifted[0]
         rates += rate + second.lifted[1]
-    shaft = None if torque is None else torque * _speed(motion, found, weights, rigid[1])
+    shaft = omitted = imbalance = None
     if of_shaft is not None:
-        flywheel, by_flywheel, shaft = _of_shaft(motion, of_shaft, *moved)
-        summed["kinetic"] += flywheel
-        rates += by_flywheel
-    imbalance = None
+        kinetic, rate, shaft = _of_shaft(motion, of_shaft, *moved)
+        summed["kinetic"] += kinetic
+        rates += rate
+    if torque is not None and (held or second is not None):
+        driven = torque * _speed(motion, found, weights, rigid[1])
+        shaft, omitted = (driven, None) if held else (shaft, driven)
     if found.rates is not None and motion.info.shaft_alone:
-        imbalance = (0.0 if shaft is None else shaft) + power - dissipated - rates
+        imbalance = power - dissipated - rates + _sum(shaft, omitted)
     known = not motion.rigid.description.windings and "" not in motion.info.joints
     return Energies(
         summed["kinetic"],
@@ -185,6 +206,7 @@ def energies(
         summed["potential"] if known else None,
         dissipated,
         shaft,
+        omitted,
         imbalance,
     )
 
@@ -197,11 +219,12 @@ def torque_of_second_degree(
     acting: Forces,
     second: Shortening,
 ) -> Array:
-    """Return the torque [N m] of the shaft on a held crank, to the second degree in displacements, (times,).
+    """Return the torque [N m] that the rigid motion needs, to the second degree in displacements, (times,).
 
-    It is the virtual work per angle of the crank, at constant displacements of the joints in fixed axes and
-    constant elastic unknowns: inertia and weight act at displaced points, and forces at joints on links that
-    rotate. Shortening moves masses; its slope by the angle works against the constraints of the rigid motion.
+    The shaft applies it to a held crank; flywheel and motor of another one are not included. It is the
+    virtual work per angle of the crank, at constant displacements of the joints in fixed axes and constant
+    elastic unknowns: inertia and weight act at displaced points, and forces at joints on links that rotate.
+    Shortening moves masses; its slope by the angle works against the constraints of the rigid motion.
     """
     unit, still = second.unit, np.zeros_like(found.displacements)
     weights, _ = of_links(motion, found.times, *rigid)
@@ -209,7 +232,7 @@ def torque_of_second_degree(
     torque = np.zeros(len(found.times))
     for k, (x, by) in enumerate(zip(weights, turned, strict=True)):
         forms = Forms(motion, found, accelerations, k, second)
-        work = {force: x[f"{force}_rigid"] for force in _MOVES}
+        work = {force: x[f"{force}_rigid"] for force in _VELOCITIES}
         for force, factor, constant, orders in _WORK:
             work[force] = work[force] + x[factor] * forms(constant, orders)
         for pair, (force_x, force_y) in zip(
@@ -218,7 +241,7 @@ def torque_of_second_degree(
             s = found.displacements[:, motion.layout.of_links[k][list(pair)]]
             s[:, motion.layout.of_links[k][list(pair)] < 0] = 0.0
             work["moment"] = work["moment"] - (s[:, 0] * force_y - s[:, 1] * force_x)
-        torque += sum(by[move] * work[force] for force, move in _MOVES.items())
+        torque += sum(by[velocity] * work[force] for force, velocity in _VELOCITIES.items())
     moved = found.displacements, still if found.rates is None else found.rates, accelerations
     load = of_joints(motion, found.times, rigid, moved)[3]
     torque -= np.sum(load * unit, axis=1)
@@ -266,9 +289,9 @@ def of_joints(
         kinetic, potential = (energy[f"{name}_energy"][:, 0] for name in ("kinetic", "potential"))
         return kinetic, potential, np.sum(load * u, axis=1), load
 
-    sides = zip(at(-_SMALL), at(0.0), at(_SMALL), strict=True)
+    sides = zip(at(-_STEP), at(0.0), at(_STEP), strict=True)
     return tuple(
-        x + (up - down) / (2 * _SMALL) + (up + down - 2 * x) / (2 * _SMALL**2) for down, x, up in sides
+        x + (up - down) / (2 * _STEP) + (up + down - 2 * x) / (2 * _STEP**2) for down, x, up in sides
     )
 
 
@@ -332,8 +355,13 @@ def _of_shaft(
     return energy, rate, power
 
 
+def _sum(*powers: Array | None) -> Array:
+    """Return the sum of the powers that are known."""
+    return np.sum([x for x in powers if x is not None] or [np.zeros(1)], axis=0)
+
+
 def _speed(motion: ElasticMotion, found: Motion, weights: Sequence[Weights], u: Array) -> Array:
-    """Return the angular velocity of a held crank [rad/s] in the rigid motion, (times,)."""
+    """Return the angular velocity of the crank [rad/s] in the rigid motion, (times,)."""
     links = [beam.info.link for beam in motion.beams]
     if motion.info.crank in links:
         return weights[links.index(motion.info.crank)]["kinetic_rate_load_turn"]

@@ -307,6 +307,7 @@ class _Recorded:
             "second_order": self._shares,
             "mean_powers_w": list(self._mean_powers or ()),
             "power_balance": balance.balance if balance else None,
+            "omitted_power": balance.omitted_share if balance else None,
             "wall_s": self.wall,
             "floquet": [[z.real, z.imag] for z in found.floquet],
             "floquet_error": found.floquet_error,

@@ -155,7 +155,7 @@ def _outputs(motion: ElasticMotion, linkage: LargeLinkage, found: Sequence[Momen
     kinetic, strain, potential, dissipated = linkage.energies(times, q, v, a)
     # Loads on elastic links have no potential energy among those of rigid parts.
     known = None if linkage.loaded else potential
-    return [*made, *Energies(kinetic, strain, known, dissipated, None, None).variables()]
+    return [*made, *Energies(kinetic, strain, known, dissipated, None, None, None).variables()]
 
 
 def drift_of(linkage: LargeLinkage, found: Sequence[Moment]) -> Drift:

@@ -249,7 +249,7 @@ def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
     for point, place in linkage.positions(found).items():
         made.append(Variable(f"{point}.position", "m", f"position of {point}", ("x", "y", "z"), place))
     kinetic, strain, potential, dissipated = np.array([linkage.energies(moment) for moment in found]).T
-    return [*made, *Energies(kinetic, strain, potential, dissipated, None, None).variables()]
+    return [*made, *Energies(kinetic, strain, potential, dissipated, None, None, None).variables()]
 
 
 def _strains(name: str, section: Array) -> list[Variable]:
