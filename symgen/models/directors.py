@@ -46,7 +46,9 @@ def director_beam_system() -> System:
             "kinetic energy, strain energy, potential of gravity, power dissipated",
             ("kinetic", "strain", "gravity", "dissipated"),
         ),
-        NamedMatrix("section", made.section, "1; N*m; Pa; m", "strains, torque, stress, place", RESULTANTS),
+        NamedMatrix(
+            "section", made.section, "1; N*m; Pa; m", "strains, moments, stresses, place", RESULTANTS
+        ),
     )
     return System(
         "director_beam",

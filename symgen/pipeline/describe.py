@@ -263,8 +263,17 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         base = {x.name: x.base for x in linkage.links} | {x.name: x.base for x in linkage.bodies}
         base |= dict.fromkeys((b.link for b in linkage.elastic), ())
         joints = tuple(JointInfo(j.kind, j.point, j.links, base[j.links[-1]]) for j in linkage.joints)
+        stations = tuple((s.name, s.link) for s in linkage.stations)
         return ElasticInfo(
-            beams, "", "", (), (), (), outputs=linkage.outputs, shaft_alone=alone, joints_in_space=joints
+            beams,
+            "",
+            "",
+            stations,
+            (),
+            (),
+            outputs=linkage.outputs,
+            shaft_alone=alone,
+            joints_in_space=joints,
         )
     acting = list(couples(linkage))
     on_sections = [

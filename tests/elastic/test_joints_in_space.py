@@ -13,6 +13,8 @@ from symgen.errors import ModelError
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import moved
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.elastic.space.model import outputs
+from symgen.runtime.elastic.space.modes import equilibrium
 from symgen.runtime.integrate.pace import Pace
 
 SECTION = {"width": "8 mm", "thickness": "4 mm", "width_along": [0, 0, 1]}
@@ -96,6 +98,53 @@ def test_a_body_is_welded_to_a_massless_beam():
         expected += list(np.sqrt(eigh(stiffness, inertial, eigvals_only=True)) / (2 * math.pi))
     for frequency in expected:
         assert np.min(np.abs(found.frequencies / frequency - 1)) < 1e-4
+
+
+def test_stresses_moments_and_places_of_a_cantilever():
+    """A force at the tip, with tension: E I w'' = F sinh(k (L - x))/(k cosh(k L)), k^2 = N/(E I)."""
+    length, (tension, *across), part = 0.4, (40.0, 0.3, 0.2), 0.25
+    scene = symgen.Scene(
+        points={"A": at(0, 0, 0, ground=True), "B": at(length, 0, 0)},
+        links={"beam": elastic(["A", "B"], "1e-3 kg/m^3")},
+        welds=[{"point": "A", "links": ["beam"]}],
+        forces=[{"point": "B", "force": [f"{x} N" for x in (tension, *across)]}],
+        stations=[
+            {"link": "beam", "at": part, "name": "quarter"},
+            {"link": "beam", "at": 1, "name": "tip"},
+        ],
+    )
+    linkage = LinkageInSpace(symgen.build(scene).rigid, elements=8)
+    found = {v.name: v.values[0] for v in outputs(linkage, [equilibrium(linkage, 0.0)])}
+    areas = np.array([ABOUT_WIDTH, ABOUT_THICKNESS])
+    k = np.sqrt(tension / (E * areas))
+
+    def moments(x):
+        return across * np.sinh(k * (length - x)) / (k * np.cosh(k * length))
+
+    # Fibres at y and z are stretched at the side from which the beam bends.
+    bent = moments(part * length) / areas
+    # The axes of the section are its width, along z, and its thickness, along -y.
+    for number, (width, thickness) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1)), 1):
+        fibre = np.array([-thickness * THICKNESS, width * WIDTH]) / 2
+        expected = tension / (WIDTH * THICKNESS) - bent @ fibre
+        assert found[f"quarter.stress_{number}"] == pytest.approx(expected, rel=2e-3)
+    deflected = across / np.float64(tension) * (length - np.tanh(k * length) / k)
+    twisting = across[1] * deflected[0] - across[0] * deflected[1]
+    np.testing.assert_allclose(found["beam.A.moment"], [-twisting, *-moments(0.0)], rtol=5e-3)
+    np.testing.assert_allclose(found["beam.B.moment"], np.zeros(3), atol=1e-9)
+    np.testing.assert_allclose(found["beam.A.force"], [-tension, *-np.array(across)], rtol=1e-6)
+    np.testing.assert_allclose(found["tip.position"][1:], deflected, rtol=1e-3)
+    np.testing.assert_allclose(found["tip.position"], found["B.position"], atol=1e-15)
+
+
+def test_cycles_are_counted_of_a_fibre_in_space():
+    result = symgen.build("spatial_slider_crank").simulate(0.03, samples=61)
+    stress = result["rod.stress_2"].values
+    cycles = result.fatigue_cycles("rod.stress_2")
+    assert float(cycles["range"][0]) == pytest.approx(np.ptp(stress))
+    assert np.min(stress) < 0.0 < np.max(stress)
+    fibres = np.array([np.abs(result[f"rod.stress_{k}"].values) for k in range(1, 5)])
+    np.testing.assert_allclose(np.max(fibres, axis=0), result["rod.stress"].values, rtol=1e-12)
 
 
 def test_revolute_joints_across_the_plane_are_planar():

@@ -58,8 +58,17 @@ FIBRES = (
 )
 #: Where in the element its section is evaluated: 0 at the first node, 1 at the second.
 FRACTION = quantity("x", "1", "fraction of the element")
-#: Strains of outer fibres by axial force and moments about y and z, torque, greatest stress, place.
-RESULTANTS = ("axial_strain", "bending_strain_y", "bending_strain_z", "torque", "stress", *AXES)
+#: Signs of y and z at four outer fibres: the corners of a rectangle; a circle has its fibres on the axes.
+CORNERS, ON_AXES = ((1, 1), (-1, 1), (-1, -1), (1, -1)), ((1, 0), (0, 1), (-1, 0), (0, -1))
+#: Strains of outer fibres by axial force and moments about y and z, torque, moments about y and z, greatest
+#: stress, stresses of four fibres, place.
+RESULTANTS = (
+    *("axial_strain", "bending_strain_y", "bending_strain_z", "torque", "moment_y", "moment_z", "stress"),
+    *(f"stress_{k}" for k in range(1, 1 + len(CORNERS))),
+    *AXES,
+)
+
+_FORCES = {"axial_force": "N", "moment_about_y": "N*m", "moment_about_z": "N*m", "moment_about_x": "N*m"}
 
 Vectors = list[list[sp.Expr]]
 _Q, _V, _A = ([x.symbol for x in group] for group in (PLACES, RATES, SECOND_RATES))
@@ -67,7 +76,7 @@ _Q, _V, _A = ([x.symbol for x in group] for group in (PLACES, RATES, SECOND_RATE
 
 @dataclass(frozen=True, slots=True)
 class DirectorBeam:
-    """The element: residual (24, 1) with its slopes (24, 24), energies (4, 1), ``RESULTANTS`` (8, 1).
+    """The element: residual (24, 1) with its slopes (24, 24), energies (4, 1), ``RESULTANTS`` (14, 1).
 
     ``residual`` is inertia and internal force less gravity; ``mass``, ``damping`` and ``stiffness`` are its
     slopes by second rates, rates and places. ``energies`` ends with the power of damping.
@@ -161,7 +170,7 @@ def director_beam(names: Names) -> DirectorBeam:
         damping=sp.ImmutableMatrix(parts.T * damping * parts),
         stiffness=sp.ImmutableMatrix(parts.T * stiffness * parts),
         energies=sp.ImmutableMatrix([kinetic, energy, -(loads.T * sp.Matrix(_Q))[0], dissipated]),
-        section=sp.ImmutableMatrix(_section(residual, first, second)),
+        section=sp.ImmutableMatrix(_section(names, residual, first, second)),
     )
 
 
@@ -180,7 +189,7 @@ def _strains(invariants: Sequence[sp.Expr]) -> list[tuple[sp.Expr, sp.Expr]]:
     return [*strained, (angle[4], TORSION.symbol / length)]
 
 
-def _section(residual: sp.Matrix, first: Vectors, second: Vectors) -> list[sp.Expr]:
+def _section(names: Names, residual: sp.Matrix, first: Vectors, second: Vectors) -> list[sp.Expr]:
     """Return ``RESULTANTS`` at a fraction of the element, linear between those of its ends.
 
     The nodal forces contain inertia, so that the resultants at a node are exact there to the order of the
@@ -194,7 +203,10 @@ def _section(residual: sp.Matrix, first: Vectors, second: Vectors) -> list[sp.Ex
             couple = [c + x for c, x in zip(couple, _cross(d, f), strict=True)]
         ends.append([_dot(of[1], force), _dot(of[2], couple), _dot(of[3], couple), _dot(of[1], couple)])
     x, length = FRACTION.symbol, LENGTH.symbol
-    axial, about_y, about_z, torque = ((1 - x) * a + x * b for a, b in zip(*ends, strict=True))
+    axial, about_y, about_z, torque = (
+        names.scalar(name, (1 - x) * a + x * b, unit, f"{name} of the section".replace("_", " "))
+        for (name, unit), a, b in zip(_FORCES.items(), *ends, strict=True)
+    )
     fibre_y, fibre_z, modulus, is_round = (q.symbol for q in FIBRES)
     strains = [
         axial / AXIAL.symbol,
@@ -203,6 +215,12 @@ def _section(residual: sp.Matrix, first: Vectors, second: Vectors) -> list[sp.Ex
     ]
     stretch, y, z = strains
     bent = is_round * sp.sqrt(y**2 + z**2) + (1 - is_round) * (sp.Abs(y) + sp.Abs(z))
+    # A moment about y stretches fibres at positive z, one about z those at negative y.
+    fibres = [
+        modulus
+        * (stretch + sum(s * (b * y - a * z) for s, (a, b) in ((is_round, on), (1 - is_round, corner))))
+        for on, corner in zip(ON_AXES, CORNERS, strict=True)
+    ]
     shapes = (
         2 * x**3 - 3 * x**2 + 1,
         length * (x**3 - 2 * x**2 + x),
@@ -210,7 +228,7 @@ def _section(residual: sp.Matrix, first: Vectors, second: Vectors) -> list[sp.Ex
         length * (x**3 - x**2),
     )
     place = [_dot(shapes, at) for at in zip(first[0], first[1], second[0], second[1], strict=True)]
-    return [*strains, torque, modulus * (sp.Abs(stretch) + bent), *place]
+    return [*strains, torque, about_y, about_z, modulus * (sp.Abs(stretch) + bent), *fibres, *place]
 
 
 def _vectors(components: Sequence[sp.Expr]) -> Vectors:

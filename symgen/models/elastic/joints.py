@@ -62,11 +62,14 @@ def joints_system(linkage: Linkage) -> System:
         entries_of = [e for row in rows_in_space for e in row]
         labels = [b.link for b in linkage.elastic]
         matrices.append(named(model, "sections", entries_of, "SI", about, rows=labels, columns=IN_SPACE))
+        stations = [station.at for station in linkage.stations]
+        labels = [station.name for station in linkage.stations]
+        matrices.append(named(model, "stations", stations, "1", "fractions of links", rows=labels))
         axes = [e for joint in linkage.joints for e in joint.axis]
         if axes:
             labels = [f"{joint.kind}_{k}" for k, joint in enumerate(linkage.joints)]
             matrices.append(named(model, "axes", axes, "1", "axes of joints", rows=labels, columns=AXES))
-        exports.append(Export("constants", about, ("sections", "axes") if axes else ("sections",)))
+        exports.append(Export("constants", about, ("sections", "stations", *(("axes",) if axes else ()))))
     return analysis_of(model, "elastic_joints", matrices, exports)
 
 

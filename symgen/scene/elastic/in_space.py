@@ -37,7 +37,7 @@ def spatial_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -
         )
     if len(scene.links[rigid.name].points) > 2 or any(p.on == rigid.name for p in scene.points.values()):
         raise SceneError("an elastic link in space has no points but its two ends", where=place)
-    for key in ("crank", "modal_damping", "stations"):
+    for key in ("crank", "modal_damping"):
         if getattr(scene, key):
             raise SceneError(
                 f"a linkage with elastic links in space has no {key}",

@@ -320,6 +320,12 @@ def stations(read: Reader, links: Sequence[RigidLink], elastic: Sequence[Elastic
             )
         taken.add(name)
         fibre = None
+        if station.fibre is not None and read.dimension == 3:
+            raise SceneError(
+                "a station of an elastic link in space has no fibre",
+                where=f"{where}.fibre",
+                hint="Leave it out: stresses of four outer fibres are among its outputs.",
+            )
         if station.fibre is not None:
             fibre = read.value(station.fibre, units.LENGTH, f"{where}.fibre")
             h0, h1 = by_name[station.link].section.fibre

@@ -7,7 +7,7 @@ directors and joints that restrict rotations are constraints with multipliers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,8 +21,8 @@ from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.collocation import Moment, System
 from symgen.runtime.elastic.space.directions import Row, directions, orthonormal
 from symgen.runtime.elastic.space.joints import Frame, check_independent, rows_of
+from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.elastic_description import JointInfo
-from symgen.runtime.kernels.evaluate import at_rows
 from symgen.runtime.model.rods import RodModel
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ Indices = NDArray[np.intp]
 
 _BLOCK = "director_beam"
 #: Numbers that each of the kernels writes.
-_WRITTEN = {"residual": 24, "tangent": 3 * 576, "energies": 4, "section": 8}
+_WRITTEN = {"residual": 24, "tangent": 3 * 576, "energies": 4, "section": 14}
 #: Matrices that the kernel ``joints`` gives: M, C, K.
 _SLOPES = ("mass_matrix", "damping", "stiffness")
 #: Column of the damping among those of sections.
@@ -61,31 +61,52 @@ class LinkInSpace:
         """Undeformed length [m]."""
         return float(self.section[0])
 
-    def call(self, kernel: str, q: Array, rates: Array | None = None, fraction: float = 0.0) -> Array:
-        """Return the output of a kernel for every element, (..., elements, numbers), at states before it."""
-        rows = np.zeros((q.size // 24, 72))
-        rows[:, :24] = q.reshape(-1, 24)
-        if rates is not None:
-            rows[:, 24:] = rates.reshape(-1, 48)
-        arguments = np.append(self.arguments, fraction)
-        found = at_rows(kernels(_BLOCK).ADDRESSES[kernel], rows, 24, arguments, _WRITTEN[kernel])
-        return found.reshape(*q.shape[:-1], -1)
+    def values(
+        self, kernel: str, q: Array, v: Array, a: Array, of: slice = slice(None), fraction: float = 0.0
+    ) -> Array:
+        """Return the output of a kernel at states (times, unknowns), (times, elements, numbers)."""
+        properties = np.append(self.arguments, fraction)[None]
+        elements = Elements(kernels(_BLOCK).ADDRESSES, self.elements[of], properties, damped=False)
+        return elements.values(kernel, _WRITTEN[kernel], q, v, a)
 
-    def middle(self, found: Sequence[Moment]) -> Array:
-        """Return what the kernel ``section`` gives at mid-length, (times, 8)."""
-        element, odd = divmod(len(self.places) - 1, 2)
-        at = self.elements[element if odd else element - 1]
-        q = np.array([m.q[at] for m in found])
-        rates = np.array([np.concatenate([m.v[at], m.a[at]]) for m in found])
-        return self.call("section", q, rates, fraction=0.5 if odd else 1.0)
+    def resultants(self, q: Array, v: Array, a: Array, fraction: float) -> Array:
+        """Return what the kernel ``section`` gives at a fraction of the length, (times, 14)."""
+        count = len(self.places) - 1
+        k = min(int(fraction * count), count - 1)
+        return self.values("section", q, v, a, slice(k, k + 1), fraction * count - k)[:, 0]
 
-    def end_forces(self, found: Sequence[Moment]) -> Array:
+    def end_forces(self, q: Array, v: Array, a: Array) -> Array:
         """Return the forces on both ends [N], (times, 2, 3)."""
-        at = self.elements[[0, -1]]
-        q = np.array([m.q[at] for m in found])
-        rates = np.array([np.hstack([m.v[at], m.a[at]]) for m in found])
-        forces = self.call("residual", q, rates)
-        return np.stack([forces[:, 0, :3], forces[:, 1, 12:15]], axis=1)
+        forces = self.values("residual", q, v, a)
+        return np.stack([forces[:, 0, :3], forces[:, -1, 12:15]], axis=1)
+
+
+def _divided(
+    d: Description, sections: Array, divided: int, elements: int | None
+) -> tuple[list[LinkInSpace], list[tuple[Indices, int]], int]:
+    """Return the links in elements, ends on the ground with their points, and the number of all unknowns.
+
+    The first unknowns are the coordinates of free points, which nodes there share.
+    """
+    links, pins, size = list[LinkInSpace](), list[tuple[Indices, int]](), d.coordinates
+    for info, row in zip(d.elastic.beams if d.elastic else (), np.atleast_2d(sections), strict=True):
+        count = (elements or info.elements) * divided
+        places = np.zeros((count + 1, 12), dtype=np.intp)
+        for node, own in enumerate(places):
+            point = {0: info.start, count: info.end}.get(node)
+            shared = point is not None and point in d.free
+            if point is not None and shared:
+                first = 3 * d.free.index(point)
+                own[:3] = range(first, first + 3)
+            else:
+                own[:3] = range(size, size + 3)
+                size += 3
+            own[3:] = range(size, size + 9)
+            size += 9
+            if point is not None and not shared:
+                pins.append((own[:3], d.points.index(point)))
+        links.append(LinkInSpace(info, places, np.append(row[0] / count, row[1:_WIDTH]), row))
+    return links, pins, size
 
 
 class LinkageInSpace(System):
@@ -109,28 +130,12 @@ class LinkageInSpace(System):
         self._rigid, self._joints = rigid.evaluator, rigid.analysis("elastic_joints")
         start = rigid.initial_state()
         self._q, self._u = np.asarray(start.q, dtype=float), np.asarray(start.u, dtype=float)
-        table = self._joints.blocks("constants", 0.0, self._q, self._u)["sections"]
-        self.links: list[LinkInSpace] = []
-        pins: list[tuple[Indices, int]] = []
-        size = d.coordinates
-        for info, row in zip(d.elastic.beams, np.atleast_2d(table), strict=True):
-            count = (elements or info.elements) * divided
-            places = np.zeros((count + 1, 12), dtype=np.intp)
-            for node, own in enumerate(places):
-                point = {0: info.start, count: info.end}.get(node)
-                shared = point is not None and point in d.free
-                if point is not None and shared:
-                    first = 3 * d.free.index(point)
-                    own[:3] = range(first, first + 3)
-                else:
-                    own[:3] = range(size, size + 3)
-                    size += 3
-                own[3:] = range(size, size + 9)
-                size += 9
-                if point is not None and not shared:
-                    pins.append((own[:3], d.points.index(point)))
-            arguments = np.append(row[0] / count, row[1:_WIDTH])
-            self.links.append(LinkInSpace(info, places, arguments, row))
+        constants = self._joints.blocks("constants", 0.0, self._q, self._u)
+        #: Names of stations, names of their links, and fractions of these.
+        self.stations = [
+            (*of, float(at)) for of, at in zip(d.elastic.stations, constants["stations"].ravel(), strict=True)
+        ]
+        self.links, pins, size = _divided(d, constants["sections"], divided, elements)
         of_joints = {b.name: b for b in self._joints.info("joints").blocks}
         place = {f"{p}_{axis}": 3 * k + i for k, p in enumerate(d.free) for i, axis in enumerate("xyz")}
         entries = [entries_of(of_joints, name, place) for name in _SLOPES]
@@ -271,20 +276,17 @@ class LinkageInSpace(System):
         points = self._rigid.many_blocks("points", t, y, np.zeros_like(y))
         return points["positions"], points["velocities"]
 
-    def positions(self, found: Sequence[Moment]) -> dict[str, Array]:
+    def positions(self, t: Array, q: Array) -> dict[str, Array]:
         """Return the places of all points (times, 3) by name."""
-        d, places = self.rigid.description, np.array([m.q for m in found])
-        ground = self._ground(np.array([m.t for m in found]))[0]
+        d, ground = self.rigid.description, self._ground(t)[0]
         return {
-            p: places[:, 3 * d.free.index(p) :][:, :3] if p in d.free else ground[:, k]
+            p: q[:, 3 * d.free.index(p) :][:, :3] if p in d.free else ground[:, k]
             for k, p in enumerate(d.points)
         }
 
-    def energies(self, moment: Moment) -> Array:
-        """Return kinetic, strain and potential energy [J] and the power dissipated by links [W]."""
-        q, v, n, found = moment.q, moment.v, self._points, np.zeros(4)
-        for link in self.links:
-            at = link.elements
-            found += np.sum(link.call("energies", q[at], np.hstack([v[at], moment.a[at]])), axis=0)
-        kinetic, potential = self._joints("energy", moment.t, q[:n], v[:n])[:2]
-        return found + np.array([kinetic, 0.0, potential, 0.0])
+    def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""
+        n = self._points
+        found: Array = sum(np.sum(link.values("energies", q, v, a), axis=1) for link in self.links).T
+        found[[0, 2]] += self._joints.many("energy", t, q[:, :n], v[:, :n])[:, :2].T
+        return found

@@ -15,7 +15,7 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import Moment, moved
+from symgen.runtime.elastic.large.collocation import Moment, moved, stacked
 from symgen.runtime.elastic.large.passes import Pass, refine
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.outputs import length_change
@@ -38,6 +38,18 @@ Array = NDArray[np.float64]
 _STEPS, RTOL = 64, 1e-2
 #: Axial strain from which on stress in proportion to strain is no model of a link.
 _STRAIN = 0.1
+#: What the kernel ``section`` gives, in order, with units; moments are its columns 3 to 5.
+_AT_STATIONS = {
+    "axial_strain": ("1", "axial strain"),
+    "bending_strain_y": ("1", "strain by bending about y"),
+    "bending_strain_z": ("1", "strain by bending about z"),
+    "torque": ("N*m", "torque"),
+    "moment_y": ("N*m", "bending moment about y"),
+    "moment_z": ("N*m", "bending moment about z"),
+    "stress": ("Pa", "greatest normal stress"),
+    **{f"stress_{k}": ("Pa", f"normal stress of outer fibre {k}") for k in range(1, 5)},
+}
+_MOMENTS = slice(3, 6)
 
 
 @checked
@@ -158,8 +170,8 @@ class SpatialModel(Model):
                 self.rigid.simulate(t, samples=2)
             except SimulationError as error:
                 return (
-                    f"\n  With rigid links it comes to a dead centre at t = {error.time:.6g} s, beyond which its "
-                    "input cannot move it: change the lengths, or end the run before."
+                    f"\n  With rigid links it comes to a dead centre at t = {error.time:.6g} s, beyond which "
+                    "its input cannot move it: change the lengths, or end the run before."
                 )
         return ""
 
@@ -225,53 +237,42 @@ class SpatialModel(Model):
 
 
 def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
-    """Return strains and stress at mid-length, joint forces and deflection of links, places, energies."""
-    made: list[Variable] = []
-    for link in linkage.links:
-        name, info = link.info.link, link.info
-        middle, ends = link.middle(found), link.end_forces(found)
-        made += _strains(name, middle)
-        for k, point in enumerate((info.start, info.end)):
-            about = f"force on {name} at {point}"
-            made.append(Variable(f"{name}.{point}.force", "N", about, ("x", "y", "z"), ends[:, k]))
-        first, last = (np.array([m.q[link.places[k, :3]] for m in found]) for k in (0, -1))
-        chord = last - first
-        made.append(length_change(name, np.linalg.norm(chord, axis=1) - link.length))
-        made.append(
-            Variable(
-                f"{name}.deflection",
-                "m",
-                f"deflection of the middle of {name} from the line between its ends",
-                ("x", "y", "z"),
-                middle[:, 5:] - (first + last) / 2,
-            )
+    """Return strains and stresses at stations, joint forces and moments of links, places, energies."""
+    t, q, v, a, _ = stacked(found)
+    links, made, axes = {k.info.link: k for k in linkage.links}, list[Variable](), ("x", "y", "z")
+    for name, owner, at in linkage.stations:
+        where, link = f"{name}, at {at:g} of {owner}", links[owner]
+        section, first, last = (
+            link.resultants(q, v, a, at),
+            q[:, link.places[0, :3]],
+            q[:, link.places[-1, :3]],
         )
-    for point, place in linkage.positions(found).items():
-        made.append(Variable(f"{point}.position", "m", f"position of {point}", ("x", "y", "z"), place))
-    kinetic, strain, potential, dissipated = np.array([linkage.energies(moment) for moment in found]).T
+        for k, (what, (unit, about)) in enumerate(_AT_STATIONS.items()):
+            made.append(Variable(f"{name}.{what}", unit, f"{about} at {where}", (), section[:, k]))
+        place, about = section[:, -3:], f"deflection at {where} from the line between the ends"
+        made.append(Variable(f"{name}.deflection", "m", about, axes, place - (1 - at) * first - at * last))
+        made.append(Variable(f"{name}.position", "m", f"position of {where}", axes, place))
+    for name, link in links.items():
+        info, forces = link.info, link.end_forces(q, v, a)
+        for k, (point, sign) in enumerate(((info.start, -1.0), (info.end, 1.0))):
+            about = f"force on {name} at {point}"
+            made.append(Variable(f"{name}.{point}.force", "N", about, axes, forces[:, k]))
+            about = f"moment on {name} at {point} about its line, width and thickness"
+            moments = sign * link.resultants(q, v, a, float(k))[:, _MOMENTS]
+            made.append(Variable(f"{name}.{point}.moment", "N*m", about, axes, moments))
+        chord = q[:, link.places[-1, :3]] - q[:, link.places[0, :3]]
+        made.append(length_change(name, np.linalg.norm(chord, axis=1) - link.length))
+    for point, place in linkage.positions(t, q).items():
+        made.append(Variable(f"{point}.position", "m", f"position of {point}", axes, place))
+    kinetic, strain, potential, dissipated = linkage.energies(t, q, v, a)
     return [*made, *Energies(kinetic, strain, potential, dissipated, None, None, None).variables()]
-
-
-def _strains(name: str, section: Array) -> list[Variable]:
-    """Return strains, torque and the greatest stress in the middle of a link."""
-    about = {
-        "axial_strain": ("1", "axial strain"),
-        "bending_strain_y": ("1", "strain by bending about y"),
-        "bending_strain_z": ("1", "strain by bending about z"),
-        "torque": ("N*m", "torque"),
-        "stress": ("Pa", "greatest normal stress"),
-    }
-    return [
-        Variable(f"{name}.{what}", unit, f"{words} in the middle of {name}", (), section[:, k])
-        for k, (what, (unit, words)) in enumerate(about.items())
-    ]
 
 
 def _drift(linkage: LinkageInSpace, found: Sequence[Moment]) -> Drift:
     """Return the largest errors of the constraints, and of the energy where no load does other work."""
-    errors = [linkage.errors(m.t, m.q) for m in found]
-    rates = [linkage.rates(np.array([m.t]), m.q[None], m.v[None]) for m in found]
-    kinetic, strain, potential, _ = np.array([linkage.energies(m) for m in found]).T
+    t, q, v, a, _ = stacked(found)
+    errors, rates = linkage.core.rows(t, q, v, *linkage.prescribed(t))
+    kinetic, strain, potential, _ = linkage.energies(t, q, v, a)
     balance = kinetic + strain + potential - [m.work for m in found]
     return Drift(
         float(np.max(np.abs(errors))),
