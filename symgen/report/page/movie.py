@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +20,17 @@ from symgen.report.page.drawing import Paper, Shape, Sketch
 from symgen.report.page.page import LIGHT
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
-#: Writers of Matplotlib by the ending of the file.
-_WRITERS = {".gif": "pillow", ".mp4": "ffmpeg"}
-#: Endings of files of animations.
-FILMED_AS = (".html", *_WRITERS)
+#: Adds an artist in pixels on paper to the frame that is drawn.
+Add = Callable[["Artist"], None]
+
+#: Endings of files of frames, and of all animations.
+_FRAMES = (".gif", ".mp4")
+FILMED_AS = (".html", *_FRAMES)
 #: Pictures per second at most, and bounds of the duration of a film [s].
 _RATE, _SHORTEST, _LONGEST = 25.0, 2.0, 20.0
 #: Points of a film without times [s]; pixels of a film per pixel on paper; points of print per pixel.
@@ -73,7 +77,7 @@ def film_file(file: str | os.PathLike[str]) -> Path:
 
 def save(film: Film, file: Path, told: Callable[[str], None] | None = None) -> None:
     """Write a film as HTML page, GIF or MP4, by the ending of the file; raise as :func:`movie`."""
-    if file.suffix.lower() in _WRITERS:
+    if file.suffix.lower() in _FRAMES:
         movie(film, file, told)
     else:
         write_text(file, animation(film))
@@ -90,38 +94,71 @@ def movie(film: Film, file: Path, told: Callable[[str], None] | None = None) -> 
     ResultError
         When the file cannot be written.
     """
-    from matplotlib.animation import writers
-    from matplotlib.figure import Figure
-
-    paper = Paper.of(film.sketches)
-    count, along = film.result.count, film.result.over
+    count = film.result.count
     own = float(np.sum(np.abs(np.diff(film.result.time))))
     seconds = float(np.clip(own or _TIMELESS, _SHORTEST, _LONGEST))
     shown = np.unique(np.linspace(0, count - 1, min(count, round(_RATE * seconds) + 1)).round().astype(int))
     shown = shown[: max(1, len(shown) - 1)]  # the last is the first of the next round
-    traces = [paper(places) for places in traces_of(film.sketches).values()]
-    forces = _Forces.of(film, paper)
-    figure = Figure(figsize=(paper.width / 100, paper.height / 100), facecolor=_PAPER)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    rate: Any = len(shown) / seconds
-    writer = writers[_WRITERS[file.suffix.lower()]](fps=rate)
+    write = _write_gif if file.suffix.lower() == ".gif" else _write_mp4
     try:
-        with replacing(file) as temporary, writer.saving(figure, str(temporary), 100 * _ENLARGED):
-            for i, k in enumerate(shown, start=1):
-                if told:
-                    told(f"writing frame {i} of {len(shown)}")
-                axes.clear()
-                axes.set(xlim=(0, paper.width), ylim=(paper.height, 0))
-                axes.set_axis_off()
-                for trace in traces:
-                    _draw(axes, Shape("path", trace))
-                _draw_pose(axes, paper, film.sketches[k])
-                forces.draw(axes, k)
-                _write(axes, (12, 20), film.result.title, _INK, paper.width - 24)
-                _write(axes, (12, paper.height - 12), f"{along[1]}: {along[0][k]:.4g}", _SOFT)
-                writer.grab_frame()
+        with replacing(file) as temporary:
+            write(temporary, _drawn(film, shown, told), len(shown) / seconds)
     except OSError as error:
         raise ResultError(f"cannot write the film to {file}: {error.strerror or error}") from None
+
+
+def _drawn(film: Film, shown: NDArray[np.int_], told: Callable[[str], None] | None) -> Iterator[Figure]:
+    """Yield a figure with each of the frames to show, one after the other."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.transforms import Affine2D
+
+    paper, along = Paper.of(film.sketches), film.result.over
+    traces = [paper(places) for places in traces_of(film.sketches).values()]
+    forces = _Forces.of(film, paper)
+    figure = Figure((paper.width / 100, paper.height / 100), dpi=100 * _ENLARGED, facecolor=_PAPER)
+    FigureCanvasAgg(figure)
+    to_figure = Affine2D().scale(1 / paper.width, -1 / paper.height).translate(0, 1) + figure.transFigure
+
+    # Of the figure itself: axes would find their limits anew for every line.
+    def add(artist: Artist) -> None:
+        artist.set_transform(to_figure)
+        figure.add_artist(artist)
+
+    for i, k in enumerate(shown, start=1):
+        if told:
+            told(f"writing frame {i} of {len(shown)}")
+        figure.clear()
+        for trace in traces:
+            _draw(add, Shape("path", trace))
+        _draw_pose(add, paper, film.sketches[k])
+        forces.draw(add, k, paper.height)
+        _write(add, (12, 20), film.result.title, _INK, paper.width - 24)
+        _write(add, (12, paper.height - 12), f"{along[1]}: {along[0][k]:.4g}", _SOFT)
+        yield figure
+
+
+def _write_gif(file: Path, figures: Iterator[Figure], rate: float) -> None:
+    """Write frames with 256 colours each, by the fastest quantiser: median cut takes as long as drawing."""
+    from PIL import Image
+
+    frames: list[Image.Image] = []
+    for figure in figures:
+        canvas: Any = figure.canvas
+        canvas.draw()
+        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+        frames.append(picture.quantize(method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE))
+    frames[0].save(file, "GIF", save_all=True, append_images=frames[1:], duration=round(1000 / rate), loop=0)
+
+
+def _write_mp4(file: Path, figures: Iterator[Figure], rate: float) -> None:
+    from matplotlib.animation import FFMpegWriter
+
+    writer, first = FFMpegWriter(fps=cast("int", rate)), next(figures)
+    with writer.saving(first, str(file), first.dpi):
+        writer.grab_frame()
+        for _ in figures:
+            writer.grab_frame()
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,20 +186,26 @@ class _Forces:
         unit = forces[0]["parts"][0]["unit"]
         return cls(at, (values @ paper.view) * per * (1.0, -1.0), shown * per, f"{shown:g} {unit}")
 
-    def draw(self, axes: Axes, frame: int) -> None:
-        """Draw the arrows of a frame, and one of a round force."""
+    def draw(self, add: Add, frame: int, height: float) -> None:
+        """Draw the arrows of a frame, and one of a round force, on paper of a height [px]."""
+        from matplotlib.patches import FancyArrowPatch
+
         if not self.scale:
             return
-        bottom = axes.get_ylim()[0] - 34
+        bottom = height - 34
         arrows = [(a[frame], v[frame]) for a, v in zip(self.at, self.along, strict=True)]
         for at, along in [*arrows, (np.array([12.0, bottom]), np.array([self.scale, 0.0]))]:
             if np.linalg.norm(along) > 1.0:
-                style = {"arrowstyle": "-|>", "color": _FORCE, "lw": 1.8 * _PRINT, "shrinkA": 0, "shrinkB": 0}
-                axes.annotate("", at + along, at, arrowprops=style)
-        _write(axes, (12, bottom - 8), self.label, _FORCE)
+                add(
+                    FancyArrowPatch(
+                        at, at + along, arrowstyle="-|>", mutation_scale=10, shrinkA=0, shrinkB=0,
+                        color=_FORCE, linewidth=1.8 * _PRINT, zorder=3,
+                    )
+                )  # fmt: skip
+        _write(add, (12, bottom - 8), self.label, _FORCE)
 
 
-def _draw(axes: Axes, shape: Shape) -> None:
+def _draw(add: Add, shape: Shape) -> None:
     from matplotlib.patches import Polygon
 
     colour, width, dashes, fill = _STYLES[shape.kind]
@@ -179,25 +222,30 @@ def _draw(axes: Axes, shape: Shape) -> None:
         capstyle="round",
         joinstyle="round",
     )
-    axes.add_patch(drawn)
+    add(drawn)
 
 
-def _draw_pose(axes: Axes, paper: Paper, sketch: Sketch) -> None:
+def _draw_pose(add: Add, paper: Paper, sketch: Sketch) -> None:
     """Draw lines, points and names of one frame."""
+    from matplotlib.lines import Line2D
+
     for shape in paper.shapes(sketch):
-        _draw(axes, shape)
-    names = []
+        _draw(add, shape)
+    names, lines = [], [paper(line.at) for line in sketch.lines if line.kind != "slider"]
     for node in sketch.nodes:
         if node.kind == "hidden":
             continue
         x, y = paper(node.at)
         if node.kind == "ground":
-            _draw(axes, Shape("rail", np.array([[x, y], [x - 8, y + 13], [x + 8, y + 13]]), closed=True))
+            _draw(add, Shape("rail", np.array([[x, y], [x - 8, y + 13], [x + 8, y + 13]]), closed=True))
             for i in range(-10, 11, 5):
-                _draw(axes, Shape("rail", np.array([[x + i, y + 13], [x + i - 4, y + 18]])))
+                _draw(add, Shape("rail", np.array([[x + i, y + 13], [x + i - 4, y + 18]])))
         fill, size = (_INK, 6.4) if node.kind == "end" else (_PAPER, 8.0)
-        axes.plot(x, y, "o", ms=size * _PRINT, mfc=fill, mec=_INK, mew=1.6 * _PRINT)
-        names.append((x + 9, y - 9, node.name, _INK))
+        mark = Line2D([x], [y], marker="o", markersize=size * _PRINT, markerfacecolor=fill)
+        mark.set(markeredgecolor=_INK, markeredgewidth=1.6 * _PRINT)
+        add(mark)
+        dx, dy = _away(np.array([x, y]), lines, node.kind == "ground")
+        names.append((x + 12 * dx + 4 * (dx - 1) * len(node.name), y + 14 * dy + 4, node.name, _INK))
     for line in sketch.lines:
         at = paper(line.at)
         along = at[1] - at[0]
@@ -212,13 +260,30 @@ def _draw_pose(axes: Axes, paper: Paper, sketch: Sketch) -> None:
         box = (x, x + 8.0 * len(name), y)
         if not any(box[0] < b[1] and b[0] < box[1] and abs(y - b[2]) < 14 for b in taken):
             taken.append(box)
-            _write(axes, (x, y), name, colour)
+            _write(add, (x, y), name, colour)
 
 
-def _write(axes: Axes, at: tuple[float, float], text: str, colour: str, room: float = math.inf) -> None:
+def _away(joint: Array, lines: Sequence[Array], ground: bool) -> Array:
+    """Return the direction from a joint away from its lines; not down into the support of a ground point."""
+    ways = [q - p for at in lines for p, q in (*pairwise(at), *pairwise(at[::-1])) if _near(p, joint)]
+    units = [way / (np.linalg.norm(way) or 1.0) for way in ways]
+    found: Array = -np.sum(units, axis=0) if units else np.array([1.0, -1.0])
+    if np.linalg.norm(found) < 0.3:
+        found = np.array([-units[0][1], units[0][0]])
+    if ground and found[1] > -0.3 * np.linalg.norm(found):
+        found = np.array([-1.0 if found[0] < 0 else 1.0, -0.6])
+    return found / (np.linalg.norm(found) or 1.0)
+
+
+def _near(a: Array, b: Array) -> bool:
+    return float(np.linalg.norm(a - b)) < 1.5
+
+
+def _write(add: Add, at: tuple[float, float], text: str, colour: str, room: float = math.inf) -> None:
     """Write a text, in smaller letters if it is wider than the room [px], legible on lines."""
     from matplotlib.patheffects import withStroke
+    from matplotlib.text import Text
 
     size = min(13.0, room / (0.6 * max(1, len(text)))) * _PRINT
     around = [withStroke(linewidth=3.0 * _PRINT, foreground=_PAPER)]
-    axes.text(*at, text, color=colour, fontsize=size, path_effects=around)
+    add(Text(*at, text, color=colour, fontsize=size, path_effects=around))
