@@ -209,20 +209,26 @@ def loop_sketch(loop: Loop, drawn: Mapping[str, Array]) -> Sketch:
     """Return the links between their joint axes, in the first frame, from the outputs of a pose."""
     links, size, lines, nodes = _links(loop), loop.size, [], []
     last = len(loop.rows)
+    spherical = all(row.a == 0 and row.S == 0 for row in loop.rows)
     for i, row in enumerate(loop.rows, 1):
         foot, head, k = (
             drawn[f"{links[j]}.joint{i}.{word}"]
             for j, word in ((i - 1, "position"), (i, "position"), (i, "axis"))
         )
-        behind = drawn[f"{links[i]}.joint{i % last + 1}.position"]
+        at, behind = head, drawn[f"{links[i]}.joint{i % last + 1}.position"]
         lines.append(Line("axis", "", np.array([foot, head])))
         varies = JOINTS[row.joint].varies
         if varies == ("S",):
             lines.append(Line("slider", "", np.array([foot, foot + _LITTLE * size * k])))
         if varies != _BALL:
             lines.append(Line("axis", "", np.array([head - _AXIS * size * k, head + _AXIS * size * k])))
-        lines.append(Line("rail" if i == last else "rod", row.link, np.array([head, behind])))
-        nodes.append(Node(f"{row.joint}{i}", head, "ground" if i in (1, last) else "joint"))
+        kind = "rail" if i == last else "rod"
+        if spherical and i < last:  # its links have no length: plates between the ends of their axes
+            next_k = drawn[f"{links[i + 1]}.joint{i + 1}.axis"]
+            kind, head, behind = "body", head + _AXIS * size * k, behind + _AXIS * size * next_k
+        ends = [head, behind, foot] if kind == "body" else [head, behind]
+        lines.append(Line(kind, row.link, np.array(ends)))
+        nodes.append(Node(f"{row.joint}{i}", at, "ground" if i in (1, last) else "joint"))
     gravity = np.array([loop.number(g) for g in loop.gravity])
     return Sketch(tuple(nodes), tuple(lines), gravity, "m")
 

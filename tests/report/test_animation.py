@@ -231,3 +231,17 @@ def test_a_mode_of_a_four_bar_keeps_the_lengths_of_its_links():
 def test_modes_without_a_picture_are_refused(scene, number, angle, words):
     with pytest.raises((ModelError, CapabilityError), match=words):
         film_of_mode(read_scene(scene), number, angle, 5)
+
+
+def test_links_of_spherical_loops_are_plates_with_the_angle_of_their_axes():
+    """The axes of each moving link of a Cardan joint are perpendicular; the loop has no lengths."""
+    film = film_of(read_scene("cardan"), 9)
+    for sketch in film.sketches:
+        centre = sketch.nodes[0].at
+        plates = [line for line in sketch.lines if line.kind == "body"]
+        assert [plate.name for plate in plates] == ["input", "cross", "output"]
+        for plate in plates:
+            a, b = plate.at[0] - centre, plate.at[1] - centre
+            assert abs(a @ b) < 1e-9 * (a @ a) and np.isclose(a @ a, b @ b, rtol=1e-9)
+    moved = [sketch.lines[-1].at for sketch in (film.sketches[0], film.sketches[2])]
+    assert np.allclose(*moved)  # the ground stays

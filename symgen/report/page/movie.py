@@ -179,12 +179,17 @@ class _Forces:
         largest = float(np.nanmax(np.linalg.norm(values, axis=-1), initial=0.0))
         if not largest > 0.0:
             return cls(np.zeros((0, 0, 2)), np.zeros((0, 0, 2)), 0.0, "")
-        per = _REACH * paper.height / largest
         at = np.array([[paper(s.nodes[f["node"]].at) for s in film.sketches] for f in forces])
+        along = (values @ paper.view) * (1.0, -1.0)
+        room = np.where(along > 0, (paper.width, paper.height) - at - 6.0, 6.0 - at)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            per = min(
+                _REACH * paper.height / largest, float(np.nanmin(np.where(along, room / along, np.inf)))
+            )
         power = 10.0 ** math.floor(math.log10(largest))
         shown = next((x for x in (5, 2) if x * power <= largest), 1) * power
         unit = forces[0]["parts"][0]["unit"]
-        return cls(at, (values @ paper.view) * per * (1.0, -1.0), shown * per, f"{shown:g} {unit}")
+        return cls(at, along * per, shown * per, f"{shown:g} {unit}")
 
     def draw(self, add: Add, frame: int, height: float) -> None:
         """Draw the arrows of a frame, and one of a round force, on paper of a height [px]."""
