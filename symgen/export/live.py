@@ -38,7 +38,7 @@ def sources_of(x: Exported, frames: int) -> list[SourceFile]:
     if not x.outputs:
         raise ModelError(
             f"{x.name} has no live page: {x.own.get('refused', 'it has no outputs')}\n"
-            "  'symgen animate' draws its motion."
+            "  'symgen animate' draws its motion; --vary KEY=LOW:HIGH chooses other sliders."
         )
     template = environment().get_template("export/live.c.j2")
     text = template.render(x=x, frames=frames, rtol=RTOL, atol=ATOL, steps=_STEPS, parts=_PARTS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +20,7 @@ from symgen.report.page.live import Live, Slider
 from symgen.runtime.kernels.description import ParameterInfo
 from symgen.runtime.result.records import converters
 from symgen.runtime.sweeps.designs import Uniform
-from symgen.scene.loading import SceneText
+from symgen.scene.loading import SceneText, override
 from symgen.scene.units import parse_quantity
 from symgen.study.sweeps import tunable, values_of
 
@@ -54,6 +54,8 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         raise ModelError(f"expected at least 2 frames of a page, got {frames}")
     keys = list(vary) or ([] if _has_tunable(text) else [*_usual(text)])
     text, names = tunable(text, keys)
+    if vary:
+        text = _held(text, names.values())
     ranges = values_of(text, names, vary)
     wrong = next((name for name, given in ranges.items() if not isinstance(given, Uniform)), None)
     if wrong:
@@ -89,6 +91,14 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         sketch=sketch,
         sliders=[_shown(s, keys_by_name, units, text) for s in sliders],
     )
+
+
+def _held(text: SceneText, sliders: Collection[str]) -> SceneText:
+    """Return a scene; if it has elastic links, whose sections C fixes, only sliders stay tunable."""
+    elastic = any("elastic" in link for link in text.data.get("links", {}).values() if isinstance(link, dict))
+    given = text.data.get("parameters", {})
+    others = [name for name, x in given.items() if isinstance(x, dict) and name not in sliders and elastic]
+    return override(text, {f"parameters.{name}.tunable": False for name in others})
 
 
 def _left_out(wanted: Sequence[str], known: Sequence[str]) -> str:

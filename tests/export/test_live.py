@@ -191,8 +191,15 @@ def test_elastic_links_that_c_does_not_hold_are_refused():
         ModelError, match="elastic_four_bar_free has no live page: nothing holds its free crank"
     ):
         inspected.live_of(read_scene("elastic_four_bar_free"), {}, FRAMES)
-    with pytest.raises(ModelError, match="which depend on thickness, are fixed in C"):
+    with pytest.raises(ModelError, match=r"which depend on thickness, are fixed in C\n.*; --vary"):
         inspected.live_of(read_scene("elastic_four_bar"), {"thickness": "0.3 in:0.5 in"}, FRAMES)
+
+
+def test_other_tunable_parameters_of_elastic_links_are_held(monkeypatch):
+    text = override(read_scene("elastic_four_bar"), {"parameters.width": {"value": "1 in", "tunable": True}})
+    monkeypatch.setattr(inspected, "wasm_of", lambda code, frames: code.name.encode())
+    page = inspected.live_of(text, {"speed": "80 rpm:100 rpm"}, FRAMES)
+    assert [slider.name for slider in page.sliders] == ["speed"]
 
 
 def test_places_of_joints_are_products_of_matrices():
