@@ -1,4 +1,7 @@
-"""Frames of elastic links at rest, welded and pinned: against a closed form and an independent assembly."""
+"""Frames of elastic links at rest and beams between ground points, welded and pinned.
+
+They are compared with closed forms, an independent assembly, and elements in large rotation.
+"""
 
 from __future__ import annotations
 
@@ -161,3 +164,65 @@ def test_rigid_links_are_not_welded_to_the_ground():
     data["welds"] = [{"point": "B", "links": WELDS["B"]}]
     with pytest.raises(SceneError, match="right and beam are rigid"):
         symgen.build(symgen.Scene(**data))
+
+
+LENGTH, THICKNESS = 0.7, 0.01
+BENDING, LINE = E * WIDTH * THICKNESS**3 / 12, RHO * WIDTH * THICKNESS
+CLAMPED = [{"point": p, "links": ["beam"]} for p in "QG"]
+
+
+def on_two_supports(points=(), links=(), **tables):
+    """Return the model of a beam between ground points; nothing joins it to the rigid crank but ``links``."""
+    section = {"width": f"{WIDTH} m", "thickness": f"{THICKNESS} m"}
+    bar = {"density": "7850 kg/m^3", "section": section}
+    bent = bar | {"elastic": {"E": "210 GPa", "elements": 3}}
+    places = {"O": (0, -0.5), "Q": (0, 0), "G": (LENGTH, 0), "A": (0.1, -0.4)}
+    drawn = {p: {"at": [f"{x} m" for x in xy], "ground": p != "A"} for p, xy in places.items()}
+    scene = symgen.Scene(
+        points=drawn | dict(points),
+        links={"crank": bar | {"points": ["O", "A"]}, "beam": bent | {"points": ["Q", "G"]}}
+        | {name: bent | {"points": ends} for name, ends in dict(links).items()},
+        crank={"link": "crank", "speed": "1 rpm"},
+        **tables,
+    )
+    return symgen.build(scene)
+
+
+@pytest.mark.parametrize(("welds", "root"), [([], np.pi), (CLAMPED, 4.730040744862704)])
+def test_frequencies_of_a_beam_between_ground_points(welds, root):
+    model = on_two_supports(welds=welds)
+    expected = root**2 * np.sqrt(BENDING / LINE) / (2 * np.pi * LENGTH**2)
+    assert model.modes().frequencies[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("welds", "factor"), [([], 5), (CLAMPED, 1)])
+def test_a_beam_between_ground_points_under_its_weight(welds, factor):
+    """q L^4/(384 EI), five times as much between hinges, and couples of q L^2/12 at clamps."""
+    weight = LINE * 9.81
+    gravity = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
+    found = on_two_supports(welds=welds, gravity=gravity).quasi_static(samples=2)
+    sag = factor * weight * LENGTH**4 / (384 * BENDING)
+    assert found["beam.deflection"].values[-1] == pytest.approx(-sag, rel=1e-9)
+    assert found["beam.Q.force"].values[-1] == pytest.approx([0.0, weight * LENGTH / 2], rel=1e-9, abs=1e-9)
+    if welds:
+        assert found["beam.Q.couple"].values[-1] == pytest.approx(weight * LENGTH**2 / 12, rel=1e-9)
+
+
+def test_supports_share_an_axial_force_by_the_stiffness_of_the_parts():
+    place = {"X": {"on": "beam", "fraction": 0.3}}
+    found = on_two_supports(place, forces=[{"point": "X", "force": ["1000 N", "0 N"]}]).quasi_static(
+        samples=2
+    )
+    for point, share in (("Q", 0.7), ("G", 0.3)):
+        assert found[f"beam.{point}.force"].values[-1] == pytest.approx([-1000 * share, 0.0], abs=1e-6)
+
+
+def test_a_rocker_on_a_beam_between_ground_points_in_large_rotation():
+    points = {"B": {"at": ["0.6 m", "-0.2 m"]}, "X": {"on": "beam", "fraction": 0.5}}
+    model = on_two_supports(points, {"coupler": ["A", "B"], "rocker": ["X", "B"]})
+    options = {"revolutions": 1 / 60 / model.modes().frequencies[0], "samples": 21}
+    linear, large = model.simulate(**options), model.large_rotation(**options, elements=4, rtol=1e-3)
+    expected = linear["X.displacement"].values
+    assert np.max(np.abs(expected[:, 1])) > 1e-8
+    assert large["X.displacement"].values == pytest.approx(expected, abs=1e-2 * np.max(np.abs(expected)))
+    assert linear.statistics["power_balance"] < 1e-6

@@ -135,7 +135,8 @@ CASES = {
     "shear of a slender beam": ([with_keys("shear = { poisson = 0.3 }")], [f"{COUPLER}.elastic] shear", "timoshenko"]),
     "loop that does not close": ([('points = ["A", "B"]', 'points = ["A", "B"]\nlength = "9 m"')],
         ["[links] coupler", "cannot be assembled"]),
-    "elastic rail": ([behind('[links.rail]\npoints = ["O", "Q"]\ndensity = "1 kg/m^3"\n' + f"{SECTION}\n{ELASTIC}")],
+    "elastic rail on moved ground": ([behind('[points.M]\nat = ["2 m", "0 m"]\nground = true\nmotion = ["0 m", "0 m"]\n'
+        '[links.rail]\npoints = ["O", "M"]\ndensity = "1 kg/m^3"\n' + f"{SECTION}\n{ELASTIC}")],
         ["[links.rail] elastic", "cannot turn"]),
     "third point": ([with_point('X = { at = ["1 m", "1 m"] }'), ('["A", "B"]', '["A", "B", "X"]')],
         [f"{COUPLER}] points", "a rod between two points"]),

@@ -205,6 +205,8 @@ class AngleRow:
 def angle_rows(model: Points) -> Iterator[AngleRow]:
     """|a||b| sin of the change of the angle from b to a: it is constant where links are welded."""
     for kept in model.linkage.kept_angles:
+        if {kept.link, kept.other} <= {"", *model.idle}:
+            continue
         (ax, ay), length = model.along[kept.link], model.linkage.link(kept.link).length
         bx, by = model.along[kept.other] if kept.other else (ONE, ZERO)
         c, s = kept.cosine, kept.sine

@@ -39,7 +39,7 @@ class JointForces:
         SceneError
             When the link lies between ground points, so that its forces are not determined.
         """
-        if link in self.model.idle:
+        if link in self.model.idle and all(beam.link != link for beam in self.model.linkage.elastic):
             raise SceneError(f"{link} lies between two ground points: the forces on it are not determined")
         if (link, point) not in self._found:
             self._found[link, point] = self._force(self._parts[link], point)
@@ -145,7 +145,8 @@ def _of_link(model: ConstrainedPoints, link: RigidLink) -> Forces:
 def _on_along(model: ConstrainedPoints, link: RigidLink) -> Iterator[Vector]:
     """Yield J^T lambda - f on the vector d along a link, which acts on its end and against its start."""
     d, lever = model.along[link.name], link.mass * link.offset / link.length
-    yield _times(model.multipliers[link.name].symbol, d)
+    if link.name in model.multipliers:  # a link between ground points has no constraint
+        yield _times(model.multipliers[link.name].symbol, d)
     if link.offset != 0:
         yield _times(lever, _left(model.linkage.gravity))
     for _, torque in model.loads.couples(link.name):

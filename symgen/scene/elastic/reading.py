@@ -50,7 +50,8 @@ def _element(elastic: Elastic, where: str) -> Element:
 def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticLink]:
     """Yield the elastic links, each checked against the components joined to it."""
     for name, link in read.scene.links.items():
-        if link.elastic is not None:
+        moved = read.dimension == 3 or any(read.scene.points[p].motion for p in link.points[:2])
+        if link.elastic is not None and moved:
             read.moving_link(name, f"links.{name}.elastic")
     _check_neighbours(read)
     for rigid in links:
