@@ -23,7 +23,14 @@ from symgen.runtime.beams.energies import energies, of_joints, of_links
 from symgen.runtime.beams.forces import own_motion
 from symgen.runtime.elastic import run as run_of_elastic
 
-HELD = ("thesis_four_bar", "elastic_four_bar", "elastic_slider_crank", "rotating_cantilever")
+#: Scenes with a held crank, and bounds of the imbalance of powers, as reported and by differences, at the scene's
+#: speed and at resonance: three to ten times what is seen. It is of second order in the deflections.
+HELD = {
+    "thesis_four_bar": ((1e-6, 5e-4), (1e-6, 5e-5)),
+    "elastic_four_bar": ((2e-8, 5e-5), (1e-6, 5e-6)),
+    "elastic_slider_crank": ((4e-12, 3e-8), (1e-8, 3e-6)),
+    "rotating_cantilever": ((5e-9, 1e-5), (4e-8, 5e-6)),
+}
 SCENES = (*HELD, "elastic_four_bar_free", "elastic_four_bar_motor")
 #: Torque [N m] at 0 degrees of the four-bar of rigid links at 373 rpm, with bearings.
 TORQUE = RIG.motion(0.0).forces["torque"][0] * FT * LBF
@@ -164,10 +171,11 @@ def test_imbalance_of_powers_is_as_reported(scene, speed):
     assert ("omitted_power" in names) == (scene not in HELD)
     assert np.all(lost >= 0.0)
     largest = max(np.max(np.abs(part)) for part in (shaft, lost, change))
-    assert run.statistics["power_balance"] < 1e-6
+    reported, differences = HELD.get(scene, ((1e-6, 3e-4),) * 2)[speed != "given"]
+    assert run.statistics["power_balance"] < reported
     # The rigid motion with a motor is integrated with a tolerance of 1e-11.
     noise = 4e-11 * np.max(energy) / (run.times[1] - run.times[0])
-    assert np.max(np.abs(shaft + omitted - lost - change)[8:-8]) < 3e-4 * largest + noise
+    assert np.max(np.abs(shaft + omitted - lost - change)[8:-8]) < differences * largest + noise
     if scene not in HELD:
         assert run.statistics["omitted_power"] == pytest.approx(np.max(np.abs(omitted)) / largest, rel=1e-2)
 

@@ -121,16 +121,21 @@ def test_a_start_on_the_branching_point_is_refused():
         symgen.build(symgen.Scene(**data))
 
 
-@pytest.mark.parametrize(("options", "error"), [({"rtol": 1e-12}, 1e-9), ({"step": 1e-4}, 1e-8)])
-def test_peaucellier_through_its_limit(options, error):
-    """B and D pass through each other, and the crank turns back: the smooth branch, known independently."""
-    result = symgen.build("peaucellier_limit").simulate(samples=81, **options)
-    expected = peaucellier_arm(0.4)(result.time)
-    for i, point in enumerate("ABCD"):
-        assert np.abs(result[f"{point}.position"].values - expected[:, i]).max() < error
-    note = result.notes[0]
-    assert "passed 1 loss of rank" in note
-    assert float(note.split("t = ")[1].split(" s")[0]) == pytest.approx(0.169936759, abs=1e-8)
+def test_peaucellier_through_its_limit():
+    """B and D pass through each other, and the crank turns back: the smooth branch, known independently.
+
+    Errors are of rounding over the distance of the nearest step from the limit: 4e-13 and 1e-12 here, 2e-13 to 7e-8
+    with steps that are up to 5 % longer or shorter. The bounds are those of the stability suite.
+    """
+    model = symgen.build("peaucellier_limit")
+    for given, error in (({"rtol": 1e-12}, 2e-11), ({"step": 1e-4}, 6e-11)):
+        result = model.simulate(samples=81, **given)
+        expected = peaucellier_arm(0.4)(result.time)
+        for i, point in enumerate("ABCD"):
+            assert np.abs(result[f"{point}.position"].values - expected[:, i]).max() < error
+        note = result.notes[0]
+        assert "passed 1 loss of rank" in note
+        assert float(note.split("t = ")[1].split(" s")[0]) == pytest.approx(0.169936759, abs=1e-8)
 
 
 @pytest.mark.parametrize("excess", [0.0, 1e-9, 1e-6])
