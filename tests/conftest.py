@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import math
 import os
@@ -10,6 +11,7 @@ import warnings
 from pathlib import Path
 
 import pytest
+import typer.testing
 from hypothesis import HealthCheck, settings
 
 # Tests run side by side, and threads of linear algebra wait for each other by spinning: matrices of 30 rows took
@@ -24,7 +26,10 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 # SymPy makes many objects that live long: looking for circles among them took a sixteenth of the time.
-gc.set_threshold(100_000, 20, 100)
+gc.set_threshold(1_000_000, 20, 100)
+
+# Typer converts all commands of an app for each call of one, which takes as long as most of the calls.
+typer.testing._get_command = functools.cache(typer.testing._get_command)
 
 # What CI finds it finds again; elsewhere every run looks at other examples.
 # Machines of any load and speed run them, so examples are allowed to take long.
