@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 from shared.full import full
+from shared.in_numpy import build
 
 import symgen
 from symgen.errors import ModelError, SceneError
@@ -45,7 +46,7 @@ def cantilever(**more):
 def test_moment_on_a_cantilever(point, arm):
     """M over EI up to the section: deflection M a^2/2 there and a slope M a beyond."""
     couple = {"link": "beam", "point": point, "torque": "5 N*m"}
-    found = symgen.build(cantilever(torques=[couple])).quasi_static(samples=2)
+    found = build(cantilever(torques=[couple])).quasi_static(samples=2)
     expected = 5 * arm * (LENGTH - arm / 2) / BENDING
     assert found["T.displacement"].values[-1] == pytest.approx([0, expected], rel=1e-9, abs=1e-15)
     assert found["beam.torque"].values[-1] == pytest.approx(-5, rel=1e-9)
@@ -69,15 +70,14 @@ def test_couples_without_work_at_a_weld_with_a_mass_change_nothing(more):
     links = {"beam": ["O", "A"], "top": ["A", "B"], "right": ["Q", "B"]}
     frame = {"welds": [{"point": "A", "links": ["beam", "top"]}], "masses": [{"point": "A", "mass": "1 kg"}]}
     plain, loaded = (
-        symgen.build(symgen.Scene(**beams(points, links, **frame, **own))).modes().frequencies
-        for own in ({}, more)
+        build(symgen.Scene(**beams(points, links, **frame, **own))).modes().frequencies for own in ({}, more)
     )
     assert loaded == pytest.approx(plain, rel=1e-9)
 
 
 @pytest.fixture(scope="module")
 def sprung():
-    return symgen.build(
+    return build(
         cantilever(
             parameters={"k": {"value": "1 N*m", "tunable": True}},
             torsion_springs=[{"link": "beam", "point": "O", "stiffness": "k"}],
@@ -125,7 +125,7 @@ def test_sway_of_a_portal_with_springs_at_its_corners():
     scene = beams(points, links, torsion_springs=springs, **more)
     for link in scene["links"].values():
         link["elastic"]["axial"] = False
-    found = symgen.build(symgen.Scene(**scene)).quasi_static(samples=2, geometric_stiffness=False)
+    found = build(symgen.Scene(**scene)).quasi_static(samples=2, geometric_stiffness=False)
     column, beam = BENDING / height, 1 / (1 / stiffness + span / (6 * BENDING))
     sway = pull * height**2 / (2 * (12 * column - 36 * column**2 / (4 * column + beam)))
     for p in "AB":
@@ -152,7 +152,7 @@ BAD = {
 def test_refused(case):
     changes, words = BAD[case]
     with pytest.raises(SceneError, match=words):
-        symgen.build(
+        build(
             cantilever(**changes)
             if "points" not in changes
             else symgen.Scene(**beams(changes["points"], {"beam": ["O", "T"]}, torques=changes["torques"]))
@@ -160,6 +160,6 @@ def test_refused(case):
 
 
 def test_rods_have_no_sections():
-    model = symgen.build(cantilever(torques=[{"link": "beam", "point": "T", "torque": "1 N*m"}]))
+    model = build(cantilever(torques=[{"link": "beam", "point": "T", "torque": "1 N*m"}]))
     with pytest.raises(ModelError, match="couple"):
         model.large_rotation(segments=5)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve
+from shared.in_numpy import build
 
 import symgen
 from symgen.errors import ModelError, SceneError, SimulationError
@@ -47,7 +48,7 @@ def critical(model, low, high):
 
 def test_column_of_beck():
     """M. Beck, ZAMP 3 (1952) 225: frequencies, and flutter at 20.05 EI/l^2 where the first two meet."""
-    model = symgen.build(symgen.Scene(**BECK))
+    model = build(symgen.Scene(**BECK))
     found = 2 * np.pi * model.with_parameters(P=10.0).modes(moving=True).frequencies
     for k, (low, high) in enumerate(((4.0, 6.0), (17.0, 20.0))):
         assert found[k] == pytest.approx(brentq(lambda w: characteristic(10.0, w), low, high), rel=1e-6)
@@ -65,14 +66,14 @@ def test_column_of_leipholz():
     """Tangential load of constant density: flutter at 40.05 EI/l^3 (H. Leipholz, Stability of Elastic Systems)."""
     load = {"link": "beam", "force": ["-P", "0 N/m"], "axes": "section"}
     parameters = {"P": {"value": "1 N/m", "tunable": True}}
-    model = symgen.build(symgen.Scene(**COLUMN | {"parameters": parameters, "distributed_forces": [load]}))
+    model = build(symgen.Scene(**COLUMN | {"parameters": parameters, "distributed_forces": [load]}))
     assert critical(model, 35.0, 45.0) == pytest.approx(40.05, abs=6e-3)
 
 
 def test_a_force_that_keeps_its_direction_buckles_the_column():
     """Euler's load pi^2/4: without rotation of the force the lowest frequency vanishes there."""
     fixed = BECK | {"forces": [{"point": "tip", "force": ["-P", "0 N"]}]}
-    model = symgen.build(symgen.Scene(**fixed))
+    model = build(symgen.Scene(**fixed))
     limit = np.pi**2 / 4
     assert not grows(model, limit - 1e-3)
     assert grows(model, limit + 1e-3)
@@ -81,7 +82,7 @@ def test_a_force_that_keeps_its_direction_buckles_the_column():
 def test_static_deflection_under_a_follower_force():
     """With k^2 = P/(E I), w = A sin kx + B cos kx - A k x - B, no moment and the shear force -P/10 at the tip."""
     load = {"point": "tip", "force": ["-P", "0.1*P"], "link": "beam"}
-    model = symgen.build(symgen.Scene(**COLUMN | {"forces": [load]}))
+    model = build(symgen.Scene(**COLUMN | {"forces": [load]}))
 
     def deflection(load):
         k = np.sqrt(load)
@@ -104,7 +105,7 @@ def test_divergence_where_a_quarter_of_the_load_follows():
         {"point": "tip", "force": ["-0.75*P", "0 N"]},
         {"point": "tip", "force": ["-0.25*P", "0.01*P"], "link": "beam"},
     ]
-    model = symgen.build(symgen.Scene(**COLUMN | {"forces": loads}))
+    model = build(symgen.Scene(**COLUMN | {"forces": loads}))
     limit = np.arccos(-1 / 3) ** 2
     assert (
         model.with_parameters(P=0.999 * limit).quasi_static(samples=2)["tip.displacement"].values[-1, 1] > 1
@@ -122,7 +123,7 @@ def test_a_force_that_rotates_with_a_rigid_link():
         forces=[{"point": "A", "force": ["7 N", "2 N"], "link": "bar"}],
         analysis={"outputs": ["bar.angle", "O.reaction"]},
     )
-    run = symgen.build(scene).simulate(1.0, rtol=1e-11)
+    run = build(scene).simulate(1.0, rtol=1e-11)
     assert run["bar.angle"].values[-1] == pytest.approx(0.5 * 2.0 * 0.5 / (3 * 0.5**2 / 3), rel=1e-9)
     # The pull along the bar is carried by the pivot, with the centrifugal force of the bar.
     angle, rate = run["bar.angle"].values[-1], 4.0
@@ -134,14 +135,14 @@ def test_what_is_refused():
     elsewhere = BECK["points"] | {"X": {"at": ["0.5 m", "0.1 m"], "ground": True}}
     load = [{"point": "X", "force": ["1 N", "0 N"], "link": "beam"}]
     with pytest.raises(SceneError, match="no point of it"):
-        symgen.build(symgen.Scene(**BECK | {"points": elsewhere, "forces": load}))
-    model = symgen.build(symgen.Scene(**BECK))
+        build(symgen.Scene(**BECK | {"points": elsewhere, "forces": load}))
+    model = build(symgen.Scene(**BECK))
     with pytest.raises(ModelError, match="rods have no sections"):
         model.large_rotation(segments=4)
     with pytest.raises(ModelError, match="forces that rotate with sections\n  Run it by linear theory"):
         model.large_rotation(elements=4)
     spread = {"link": "beam", "force": ["-0.1 N/m", "0 N/m"], "axes": "section"}
-    model = symgen.build(symgen.Scene(**COLUMN | {"parameters": {}, "distributed_forces": [spread]}))
+    model = build(symgen.Scene(**COLUMN | {"parameters": {}, "distributed_forces": [spread]}))
     with pytest.raises(ModelError, match="forces that rotate with sections\n  Run it in rods"):
         model.large_rotation(elements=4)
     assert model.large_rotation(segments=4, samples=2).variables

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from shared.in_numpy import build
 
 import symgen
 from symgen.errors import ModelError
@@ -37,7 +38,7 @@ def test_welded_halves_are_a_cantilever():
     points = {"A": at(0, 0, 0, ground=True), "B": at(0.2, 0.1, 0), "C": at(0.4, 0.2, 0)}
     links = {"first": elastic(["A", "B"]), "second": elastic(["C", "B"])}
     welds = [{"point": "A", "links": ["first"]}, {"point": "B", "links": ["first", "second"]}]
-    found = symgen.build(symgen.Scene(points=points, links=links, welds=welds)).modes()
+    found = build(symgen.Scene(points=points, links=links, welds=welds)).modes()
     assert found.rigid == 0
     length = math.hypot(0.4, 0.2)
     roots = np.array([1.8751040687, 4.6940911330, 7.8547574382])
@@ -90,7 +91,7 @@ def test_a_body_is_welded_to_a_massless_beam():
     }
     links = {"beam": elastic(["A", "P"], "1e-3 kg/m^3"), "body": body}
     welds = [{"point": "A", "links": ["beam"]}, {"point": "P", "links": ["body", "beam"]}]
-    found = symgen.build(symgen.Scene(points=points, links=links, welds=welds)).modes()
+    found = build(symgen.Scene(points=points, links=links, welds=welds)).modes()
     expected = []
     for area, inertia in ((ABOUT_WIDTH, inertias[2]), (ABOUT_THICKNESS, inertias[1])):
         stiffness = np.array([[12, -6 * length], [-6 * length, 4 * length**2]]) * E * area / length**3
@@ -149,7 +150,7 @@ def test_cycles_are_counted_of_a_fibre_in_space():
 
 def test_revolute_joints_across_the_plane_are_planar():
     """The shipped four-bar with no error of its axes, against planar elements in large rotation."""
-    model = symgen.build("spatial_four_bar").with_parameters(error=0.0)
+    model = build("spatial_four_bar").with_parameters(error=0.0)
     found = model.simulate(0.01, samples=5, max_step=1e-4)
     square = {"coupler": "12 mm", "rocker": "8 mm"}
     links = {
@@ -173,7 +174,7 @@ def test_revolute_joints_across_the_plane_are_planar():
         crank={"link": "crank", "angle": "pi/2 + rate*t"},
         analysis={"t_end": "0.01 s"},
     )
-    other = symgen.build(planar).large_rotation(elements=4, samples=5, max_step=1e-4)
+    other = build(planar).large_rotation(elements=4, samples=5, max_step=1e-4)
     for name in ("coupler.C.force", "rocker.D.force", "C.position"):
         # The rate of the crank at the very start is a difference there.
         own, same = found[name].values[1:], other[name].values[1:]
@@ -184,7 +185,7 @@ def test_revolute_joints_across_the_plane_are_planar():
 
 def test_axes_of_joints_meet_in_motion():
     """The axis of an inclined revolute joint has the same direction in both links, in all motion."""
-    model = symgen.build("spatial_four_bar")
+    model = build("spatial_four_bar")
     linkage = LinkageInSpace(model.rigid)
     found, _ = moved(linkage, GAUSS8, np.linspace(0.0, 0.02, 5), 20, Pace(0.0, 0.02))
     axis = np.array([0.0, math.sin(math.radians(5)), math.cos(math.radians(5))])
@@ -196,7 +197,7 @@ def test_axes_of_joints_meet_in_motion():
 
 def test_a_universal_joint_prescribes_the_spin():
     """The arm of the cross stays across the fixed axis, and so does the spin at the start."""
-    linkage = LinkageInSpace(symgen.build("spatial_slider_crank").rigid)
+    linkage = LinkageInSpace(build("spatial_slider_crank").rigid)
     found, _ = moved(linkage, GAUSS8, np.linspace(0.0, 0.05, 6), 40, Pace(0.0, 0.05))
     arm = linkage.links[0].places[-1, 9:]
     assert np.max(np.abs([moment.q[arm[2]] for moment in found])) < 1e-9
@@ -216,7 +217,7 @@ def test_directions_that_a_joint_does_not_have_are_refused(joint, words):
     points = {"A": at(0, 0, 0, ground=True), "B": at(0.2, 0.1, 0), "C": at(0.4, 0.3, 0)}
     links = {"beam": elastic(["A", "B"]), "rod": {"points": ["B", "C"], "mass": "1 kg"}}
     joints = [{"point": "B", "links": ["beam"], **joint}]
-    model = symgen.build(symgen.Scene(points=points, links=links, joints=joints))
+    model = build(symgen.Scene(points=points, links=links, joints=joints))
     with pytest.raises(ModelError, match=words):
         model.modes()
 
@@ -228,12 +229,12 @@ def test_joints_that_repeat_others_are_refused(of):
     welds = [{"point": "A", "links": ["beam"]}]
     scene = symgen.Scene(points=points, links={"beam": elastic(["A", "B"])}, joints=joints, welds=welds)
     with pytest.raises(ModelError, match="the weld at A, the revolute at A\n"):
-        getattr(symgen.build(scene), of)()
+        getattr(build(scene), of)()
 
 
 def test_a_pose_is_that_of_the_input_whichever_way_it_went_there():
     """The input depends on rate times time; the end of the scene, 2 pi/rate, is negative for one of them."""
-    model = symgen.build("spatial_four_bar")
+    model = build("spatial_four_bar")
     backwards = model.with_parameters(rate=-model.parameters["rate"])
     np.testing.assert_allclose(
         backwards.modes(0.02).frequencies[:4], model.modes(-0.02).frequencies[:4], rtol=1e-7

@@ -21,6 +21,7 @@ from shared.floating_crank import (
     scene,
     slider,
 )
+from shared.in_numpy import build
 
 import symgen
 from symgen.errors import CapabilityError, ModelError, SceneError, SimulationError
@@ -32,7 +33,7 @@ AT = {ANGLE: 1.2, PLACE: 0.02, SPIN: 3.0, DRIFT: -0.1, INPUTS[0]: 0, INPUTS[1]: 
 
 @pytest.fixture(scope="module")
 def model():
-    return symgen.build(scene())
+    return build(scene())
 
 
 @pytest.fixture(scope="module")
@@ -107,8 +108,8 @@ def test_the_jacobian_has_the_motions_of_the_closed_loop_as_its_null_space(model
 def test_frequencies_of_a_four_bar_are_those_of_its_points_and_links():
     written = tomllib.loads(shipped_scene("planar_4r"))
     written["loop"] |= {"inputs": {}, "free": {"theta1": {"at": "20 deg"}}}
-    loop = symgen.build(symgen.Scene(**written, analysis={"t_end": "1 s"}))
-    rods = symgen.build(
+    loop = build(symgen.Scene(**written, analysis={"t_end": "1 s"}))
+    rods = build(
         symgen.Scene(
             points={
                 "O": {"at": [0, 0], "ground": True},
@@ -162,7 +163,7 @@ def test_runs_start_from_a_state(model):
 
 
 def test_linkages_are_linearised_at_a_time_of_their_run():
-    linkage = symgen.build("four_bar")
+    linkage = build("four_bar")
     run = linkage.simulate(0.2, samples=2).final
     names = linkage.description.free
     state = linkage.state(*({p: run[p][of] for p in names} for of in ("position", "velocity")), t=0.2)
@@ -188,25 +189,25 @@ def test_states_and_names_that_a_loop_does_not_have_are_refused(model, state):
         moved[-1] += 0.043
         model.linearise(State(0.0, moved, state.u, {}, {}))
     with pytest.raises(CapabilityError, match="does not support rhs: its inputs prescribe its motion"):
-        _ = symgen.build("planar_4r").rhs
+        _ = build("planar_4r").rhs
 
 
 def test_names_of_inputs_are_not_those_of_variables():
     written = tomllib.loads(shipped_scene("cssp"))
     for name, problem in (("S4", "is a variable of the loop"), ("stall", "is a parameter already")):
         with pytest.raises(SceneError, match=problem):
-            symgen.build(symgen.Scene(**written, inputs={name: "0 N*m"}))
+            build(symgen.Scene(**written, inputs={name: "0 N*m"}))
     with pytest.raises(SceneError, match="theta1' is an input already"):
-        symgen.build(symgen.Scene(**written, inputs={"theta1": "0 N*m"}))
+        build(symgen.Scene(**written, inputs={"theta1": "0 N*m"}))
     written["loop"]["links"]["crank"]["mass"] = "M"
     with pytest.raises(SceneError, match="M is an input, and inputs may occur in forces and torques alone"):
-        symgen.build(symgen.Scene(**written, inputs={"M": "1 kg"}))
+        build(symgen.Scene(**written, inputs={"M": "1 kg"}))
 
 
 def test_an_input_of_a_driven_loop_is_a_load_that_is_set():
     written = tomllib.loads(shipped_scene("planar_4r"))
     written["loop"]["loads"] = [{"link": "rocker", "torque": [0, 0, "T"]}]
-    driven = symgen.build(symgen.Scene(**written, inputs={"T": "0 N*m"}))
+    driven = build(symgen.Scene(**written, inputs={"T": "0 N*m"}))
     torques = [
         driven.with_parameters(T=value).inverse_dynamics(at=[1.0])["theta1.drive"].values[0]
         for value in (0.0, 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared.in_numpy import build
 from typer.testing import CliRunner
 
 import symgen
@@ -116,8 +117,8 @@ def test_operations_are_those_of_the_plane(name, across):
 )
 def test_runs_are_those_of_the_plane(name, across):
     tables = SCENES[name]
-    flat = symgen.build(symgen.Scene(**tables)).simulate(samples=21)
-    run = symgen.build(symgen.Scene(**lifted(tables, across, "0.3 m"))).simulate(samples=21)
+    flat = build(symgen.Scene(**tables)).simulate(samples=21)
+    run = build(symgen.Scene(**lifted(tables, across, "0.3 m"))).simulate(samples=21)
     assert run.axes == ("x", "y", "z")
     for variable in flat.variables:
         found = run[variable.name].values
@@ -136,8 +137,8 @@ def test_every_output_is_that_of_space(across):
     outputs += ["OA.angular_velocity", "AB.A.force", "AB.M.force", "momentum", "angular_momentum"]
     outputs += ["energy", "kinetic_energy", "potential_energy"]
     tables = with_analysis(lifted(four_bar(), across, "0.3 m"), outputs=outputs)
-    run = symgen.build(symgen.Scene(**tables)).simulate(0.3, samples=7)
-    other = symgen.build(symgen.Scene(**with_analysis(tables, motion="space"))).simulate(0.3, samples=7)
+    run = build(symgen.Scene(**tables)).simulate(0.3, samples=7)
+    other = build(symgen.Scene(**with_analysis(tables, motion="space"))).simulate(0.3, samples=7)
     for name in outputs:
         found, expected = run[name].values, other[name].values
         assert found.shape == expected.shape
@@ -185,7 +186,7 @@ def test_what_leaves_the_plane_is_derived_in_space(what):
 def test_modes_and_equilibria_keep_the_motion_across_the_plane():
     """A pendulum swings alike in both planes, and an upright one falls across the plane of its drawing too."""
     tables = lifted(chain(1) | {"gravity": {"acceleration": [0, "-9.81 m/s^2"]}, "start": {"velocities": {}}})
-    model = symgen.build(symgen.Scene(**tables))
+    model = build(symgen.Scene(**tables))
     assert len(model.description.free) * 2 == model.description.coordinates
     frequency = np.sqrt(1.5 * 9.81) / (2 * np.pi)
     assert model.modes().frequencies == pytest.approx([frequency, frequency], rel=1e-9)
@@ -194,11 +195,11 @@ def test_modes_and_equilibria_keep_the_motion_across_the_plane():
 
 def test_a_state_off_the_plane_is_refused_and_the_word_lets_it_leave():
     tables = lifted(chain(1))
-    model = symgen.build(symgen.Scene(**tables))
+    model = build(symgen.Scene(**tables))
     places, swing = {"P1": [0.8, -0.6, 0]}, {"P1": [0, 0, 1]}
     with pytest.raises(ModelError, match=r'expected 0 along z, got 1.*\n.*motion = "space"'):
         model.state(places, swing)
-    free = symgen.build(symgen.Scene(**with_analysis(tables, motion="space")))
+    free = build(symgen.Scene(**with_analysis(tables, motion="space")))
     run = free.simulate(0.2, state=free.state(places, swing), samples=3)
     assert abs(run["P1.position"].values[-1, 2]) > 0.1
     with pytest.raises(ModelError, match="along z"):
@@ -236,6 +237,6 @@ def test_explain_names_what_was_left_out(tmp_path):
 
 
 def test_a_state_that_rounding_took_off_the_plane_is_in_it():
-    model = symgen.build(symgen.Scene(**lifted(chain(1))))
+    model = build(symgen.Scene(**lifted(chain(1))))
     near = {"P1": [0.8, -0.6, 1e-17]}
     assert model.state(near).q == pytest.approx([0.8, -0.6], abs=1e-16)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared.in_numpy import build
 from shared.linkages import GRAVITY, G, at, ground
 from shared.rich_scenes import LINK_POINTS, rich_scene
 from shared.states import outputs_at_start
@@ -29,7 +30,7 @@ def rich():
     wanted += [f"{k}.{p}.force" for k, ps in LINK_POINTS.items() for p in ps]
     wanted += ["O.reaction", "E.reaction", "momentum", "angular_momentum", "energy", "kinetic_energy"]
     wanted += [f"{k}.{w}" for k in LINK_POINTS for w in ("angular_velocity", "angle")]
-    model = symgen.build(symgen.Scene(**tables, analysis={"outputs": wanted}))
+    model = build(symgen.Scene(**tables, analysis={"outputs": wanted}))
     return model, outputs_at_start(model)
 
 
@@ -168,7 +169,7 @@ def test_a_rod_hung_at_a_fraction_in_space():
             "outputs": ["AB.P.force", "OP.P.force", "OP.O.force", "O.reaction", "AB.angular_velocity"]
         },
     }
-    model = symgen.build(symgen.Scene(**tables))
+    model = build(symgen.Scene(**tables))
     assert set(model.description.free) == {"A", "B"}
     out = outputs_at_start(model)
     assert out["AB.P.force"] == pytest.approx(-out["OP.P.force"], abs=1e-12)
@@ -208,7 +209,7 @@ def test_a_joint_with_rows_of_its_own_shows_its_force():
     """The ground point E is the third of its body: the force there is a multiplier, and the reaction."""
     tables = bodies_in_a_loop({"E": ground(3.0, 0.0)}, points=["C", "D", "E"])
     tables["analysis"]["outputs"] += ["two.E.force", "E.reaction"]
-    model = symgen.build(symgen.Scene(**tables))
+    model = build(symgen.Scene(**tables))
     assert set(model.description.free) == {"A", "B", "D"}
     assert model.description.constraints[-2:] == ("two_E_x", "two_E_y")
     out = outputs_at_start(model)
@@ -216,7 +217,7 @@ def test_a_joint_with_rows_of_its_own_shows_its_force():
     assert out["one.C.force"] == pytest.approx(-out["two.C.force"], abs=1e-12)
     assert out["one.A.force"] == pytest.approx(-out["OA.A.force"], abs=1e-12)
     total = out["O.reaction"] + out["E.reaction"]
-    momentum = symgen.build(symgen.Scene(**tables | {"analysis": {"outputs": ["momentum"]}}))
+    momentum = build(symgen.Scene(**tables | {"analysis": {"outputs": ["momentum"]}}))
     rise = momentum.simulate(1e-4, samples=3, rtol=1e-13)["momentum"].values
     rate = (4 * rise[1] - rise[2] - 3 * rise[0]) / 1e-4
     assert total + [0, -3 * G] == pytest.approx(rate, abs=1e-5)
@@ -224,7 +225,7 @@ def test_a_joint_with_rows_of_its_own_shows_its_force():
 
 def test_two_bodies_with_two_joints_in_common_have_one_row_too_many():
     """Each would place a joint of the other: one is carried, the other is a joint with rows, one redundant."""
-    model = symgen.build(symgen.Scene(**bodies_in_a_loop({}, points=["C", "D", "A"])))
+    model = build(symgen.Scene(**bodies_in_a_loop({}, points=["C", "D", "A"])))
     assert len(model.redundant) == 1
     assert len(model.accelerations().not_unique) > 1
 
@@ -241,7 +242,7 @@ def test_a_point_on_a_rail_is_fixed():
         "gravity": GRAVITY,
         "analysis": {"outputs": ["O.reaction", "E.reaction", "P.velocity"]},
     }
-    out = outputs_at_start(symgen.build(symgen.Scene(**tables)))
+    out = outputs_at_start(build(symgen.Scene(**tables)))
     assert out["P.velocity"] == pytest.approx([0, 0], abs=1e-15)
     assert out["O.reaction"] == pytest.approx([0, 0.75 * G], abs=1e-12)
     assert out["E.reaction"] == pytest.approx([0, 0.25 * G], abs=1e-12)
@@ -254,7 +255,7 @@ def test_a_force_beyond_the_end_of_a_rod():
         "links": {"AB": {"points": ["A", "B"], "mass": "3 kg"}},
         "forces": [{"point": "P", "force": ["0 N", "6 N"]}],
     }
-    found = symgen.build(symgen.Scene(**tables)).accelerations()
+    found = build(symgen.Scene(**tables)).accelerations()
     alpha = 6 * 3.0 / (3 * 4 / 12)
     assert found["A"] == pytest.approx([0, 2 - alpha], rel=1e-13)
     assert found["B"] == pytest.approx([0, 2 + alpha], rel=1e-13)
@@ -279,7 +280,7 @@ def test_bad_points_on_links(case):
         "links": {"OA": {"points": ["O", "A"], "mass": "1 kg"}, "AP": {"points": ["A", "P"], "mass": "1 kg"}},
     }
     with pytest.raises(SceneError, match=words) as caught:
-        symgen.build(symgen.Scene(**tables))
+        build(symgen.Scene(**tables))
     assert caught.value.where == where
 
 
@@ -305,7 +306,7 @@ def test_forces_with_a_guide_on_a_moving_link_and_a_drive():
         "E.reaction",
     ]
     outputs += [f"{p}.{w}" for p in "OEAB" for w in ("position", "acceleration")]
-    out = outputs_at_start(symgen.build(symgen.Scene(**tables, analysis={"outputs": outputs})))
+    out = outputs_at_start(build(symgen.Scene(**tables, analysis={"outputs": outputs})))
     on_lever = -out["crank.A.force"]
     along = out["B.position"] - out["E.position"]
     assert on_lever @ along == pytest.approx(0, abs=1e-10)
@@ -340,7 +341,7 @@ def test_forces_with_a_guide_in_space():
             "outputs": ["OB.O.force", "OB.B.force", "B.acceleration", "P.acceleration", "B.position"]
         },
     }
-    out = outputs_at_start(symgen.build(symgen.Scene(**tables)))
+    out = outputs_at_start(build(symgen.Scene(**tables)))
     weight = np.array([0, 0, -G])
     on_rod = 0.7 * (weight - out["P.acceleration"])
     assert on_rod @ out["B.position"] == pytest.approx(0, abs=1e-10)
@@ -356,7 +357,7 @@ def test_bad_forces_on_links():
     }
     for output, words in (("OA.E.force", "'OA.A.force'|'OA.O.force'"), ("rail.O.force", "not determined")):
         with pytest.raises(SceneError, match=words):
-            symgen.build(symgen.Scene(**tables, analysis={"outputs": [output]}))
+            build(symgen.Scene(**tables, analysis={"outputs": [output]}))
 
 
 def test_every_name_the_derivation_gives_is_refused_for_a_tunable_parameter():
@@ -428,7 +429,7 @@ def four_bar(time, a, b, h):
 def test_points_off_the_line_keep_their_offset_when_lengths_change(a, b, h, tmp_path):
     file = tmp_path / "offset.toml"
     file.write_text(OFFSET)
-    model = symgen.build(file).with_parameters(a=a, b=b, h=h)
+    model = build(file).with_parameters(a=a, b=b, h=h)
     times = np.array([0.0, 0.15, 0.4, 0.77])
     places = model.kinematics(at=times, over="time")["P.position"].values
     torques = model.inverse_dynamics(at=times, over="time")["crank.torque"].values
@@ -466,7 +467,7 @@ def test_offsets_that_mean_nothing_are_refused(old, new, told, tmp_path):
     file = tmp_path / "offset.toml"
     file.write_text(OFFSET.replace(old, new).replace("[parameters]", '[parameters]\nv = "1 m/s"'))
     with pytest.raises(SceneError, match=f"(?s){told}"):
-        symgen.build(file)
+        build(file)
 
 
 def test_elastic_links_and_lines_in_space_have_no_points_off_them(tmp_path):
@@ -477,4 +478,4 @@ def test_elastic_links_and_lines_in_space_have_no_points_off_them(tmp_path):
         file = tmp_path / "offset.toml"
         file.write_text(text)
         with pytest.raises(SceneError, match=rf"(?s)points.P\] offset.*{told}"):
-            symgen.build(file)
+            build(file)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import minimize, root
+from shared.in_numpy import build
 from shared.linkages import GRAVITY, G, at, chain, four_bar, ground, rod
 
 import symgen
@@ -12,7 +13,7 @@ from symgen.errors import CapabilityError, ModelError, SimulationError
 
 
 def test_a_pendulum_hangs_down_and_stands_only_if_drawn_so():
-    model = symgen.build(chain([(0, 0), (0.6, 0.3)], [2.0]))
+    model = build(chain([(0, 0), (0.6, 0.3)], [2.0]))
     found = model.equilibrium()
     length = np.hypot(0.6, 0.3)
     assert found.stability == "stable" and found.freedoms == 1
@@ -21,9 +22,9 @@ def test_a_pendulum_hangs_down_and_stands_only_if_drawn_so():
     # The multiplier times the length carries the half of the weight that is lumped on the end.
     assert found.multipliers["L0"] * length == pytest.approx(G, rel=1e-13)
     assert found.residual < 1e-14 * found.scale
-    up = symgen.build(chain([(0, 0), (0, 1)], [2.0])).equilibrium()
+    up = build(chain([(0, 0), (0, 1)], [2.0])).equilibrium()
     assert up.stability == "unstable" and up.state.positions["P1"] == pytest.approx([0, 1], abs=1e-15)
-    near = symgen.build(chain([(0, 0), (0.1, 1)], [2.0]))
+    near = build(chain([(0, 0), (0.1, 1)], [2.0]))
     assert near.equilibrium(stable=False).stability == "unstable"
     assert near.equilibrium().stability == "stable"
 
@@ -38,7 +39,7 @@ def test_a_spring_scale():
         masses=[{"point": "B", "mass": "0.5 kg"}],
         gravity=GRAVITY,
     )
-    found = symgen.build(scene).equilibrium()
+    found = build(scene).equilibrium()
     stretched = 0.5 + 2 * G / 80
     assert found.state.positions["A"] == pytest.approx([0, -stretched], abs=1e-12)
     assert found.state.positions["B"] == pytest.approx([0, -stretched - 0.2], abs=1e-12)
@@ -93,7 +94,7 @@ def test_a_catenary_of_rods_against_an_independent_minimisation():
         f"L{i}": rod(f"P{i}", f"P{i + 1}", masses[i].item(), length=f"{lengths[i].item()!r} m")
         for i in range(count)
     }
-    found = symgen.build(symgen.Scene(points=points, links=links, gravity=GRAVITY)).equilibrium()
+    found = build(symgen.Scene(points=points, links=links, gravity=GRAVITY)).equilibrium()
     places = np.array([found.state.positions[f"P{i}"] for i in range(count + 1)])
     expected = np.cumsum(np.array([lengths * np.cos(exact), lengths * np.sin(exact)]), axis=1).T
     assert places[1:] == pytest.approx(expected, abs=1e-10)
@@ -117,7 +118,7 @@ def test_a_spatial_tripod_of_springs():
         springs=[{"between": [k, "M"], "stiffness": "50 N/m", "length": "0.6 m"} for k in anchors],
         gravity={"acceleration": ["0 m/s^2", "0 m/s^2", f"{-G!r} m/s^2"]},
     )
-    found = symgen.build(scene).equilibrium()
+    found = build(scene).equilibrium()
     m, n = found.state.positions["M"], found.state.positions["N"]
     assert m[:2] == pytest.approx([0, 0], abs=1e-10) and n - m == pytest.approx([0, 0, -0.5], abs=1e-10)
     length = np.hypot(1, m[2])
@@ -127,12 +128,12 @@ def test_a_spatial_tripod_of_springs():
 def test_a_lever_under_a_torque_without_potential():
     """A motor torque between ground and a pendulum: m g l/2 cos(theta) = torque."""
     scene = chain([(0, 0), (0, -1)], [2.0], torques=[{"link": "L0", "torque": "6 N*m"}])
-    found = symgen.build(scene).equilibrium()
+    found = build(scene).equilibrium()
     assert found.state.positions["P1"][0] == pytest.approx(6 / G, abs=1e-13)
     assert found.stability == "stable"
     heavy = chain([(0, 0), (0, -1)], [2.0], torques=[{"link": "L0", "torque": "10 N*m"}])
     with pytest.raises(SimulationError, match=r"no equilibrium.*P1 by"):
-        symgen.build(heavy).equilibrium()
+        build(heavy).equilibrium()
 
 
 def test_held_drives_carry_their_load():
@@ -144,7 +145,7 @@ def test_held_drives_carry_their_load():
         drivers=[{"link": "L0", "angle": f"{angle!r}"}],
         analysis={"outputs": ["L0.torque", "P0.reaction"]},
     )
-    found = symgen.build(scene).equilibrium()
+    found = build(scene).equilibrium()
     assert found.freedoms == 0 and found.stability == "stable"
     assert found.outputs["L0.torque"].item() == pytest.approx(2 * G * np.cos(angle) / 2, rel=1e-13)
     assert found.outputs["P0.reaction"] == pytest.approx([0, 2 * G], abs=1e-12)
@@ -152,13 +153,13 @@ def test_held_drives_carry_their_load():
 
 def test_a_body_that_nothing_turns_is_neutral():
     scene = chain([(0, 0), (1, 0)], [1.0], gravity=None)
-    found = symgen.build(scene).equilibrium()
+    found = build(scene).equilibrium()
     assert found.stability == "neutral" and found.residual == 0.0
 
 
 def test_four_bar_against_the_lowest_point_of_its_coupler_curve():
     """One freedom: scan the potential over the crank angle, then polish by golden section."""
-    found = symgen.build("four_bar").equilibrium()
+    found = build("four_bar").equilibrium()
     a, b, c, d = 1.0, 1.8, 1.4, 2.0
     from shared.linkages import circles
 
@@ -179,12 +180,12 @@ def test_four_bar_against_the_lowest_point_of_its_coupler_curve():
 
 def test_what_has_no_equilibrium_says_so():
     with pytest.raises(CapabilityError, match="the drive of link crank moves at all times"):
-        symgen.build("crank_rocker").equilibrium()
+        build("crank_rocker").equilibrium()
     falling = symgen.Scene(
         points={"A": at(0, 0), "B": at(1, 0)}, links={"rod": rod("A", "B")}, gravity=GRAVITY
     )
     with pytest.raises(SimulationError, match="nothing holds the linkage, which is still pushed at [AB] by"):
-        symgen.build(falling).equilibrium()
+        build(falling).equilibrium()
     shaken = {"O": ground(0, 0, motion=["d*cos(w*t) - d", "0 m"]), "A": at(0, -1)}
     scene = symgen.Scene(
         parameters={"d": "0.1 m", "w": "2 rad/s"},
@@ -193,7 +194,7 @@ def test_what_has_no_equilibrium_says_so():
         gravity=GRAVITY,
     )
     with pytest.raises(ModelError, match="the ground point O moves"):
-        symgen.build(scene).equilibrium()
+        build(scene).equilibrium()
 
 
 @pytest.mark.parametrize(("law", "t", "angle"), [("k*(t - T)**3", 0.3, 0.0), ("a*tanh(t/b)", 0.4, 1.0)])
@@ -207,7 +208,7 @@ def test_drives_rest_at_any_time_that_their_law_has(law, t, angle):
         gravity=GRAVITY,
         analysis={"t_end": "0.2 s"},
     )
-    model = symgen.build(scene, backend="numpy")
+    model = build(scene)
     with pytest.raises(ModelError, match="the drive of link crank moves at t = 0.1 s"):
         model.equilibrium(t=0.1)
     found = model.equilibrium(t=t)
@@ -224,14 +225,14 @@ def test_tunable_parameters_move_it_without_compiling_again():
         torques=[{"link": "rod", "torque": "6 N*m"}],
         gravity=GRAVITY,
     )
-    model = symgen.build(scene)
+    model = build(scene)
     for mass in (2.0, 3.0):
         found = model.with_parameters(m=mass).equilibrium()
         assert found.state.positions["A"][0] == pytest.approx(12 / (mass * G), abs=1e-13)
 
 
 def test_kinds_of_analysis_leave_the_equations_of_motion_alone():
-    model = symgen.build(four_bar(0.5, 0.4, 0.45, 0.6, 0.3))
+    model = build(four_bar(0.5, 0.4, 0.45, 0.6, 0.3))
     before = model.operations
     model.kinematics(0, 0.1, samples=2)
     assert model.operations == before and "stiffness" not in before
@@ -239,7 +240,7 @@ def test_kinds_of_analysis_leave_the_equations_of_motion_alone():
 
 def test_peaucellier_against_the_bottom_of_its_potential_well():
     """The minimum found with the crank angle as the only coordinate: 0.308868448299 rad off the symmetric pose."""
-    found = symgen.build("peaucellier").equilibrium()
+    found = build("peaucellier").equilibrium()
     a = found.state.positions["A"]
     assert np.pi - abs(np.arctan2(a[1], a[0])) == pytest.approx(0.308868448299, abs=1e-12)
     assert found.outputs["energy"].item() == pytest.approx(-4.039793e-4, abs=5e-11)
@@ -254,7 +255,7 @@ def total_length():
 
 
 def test_the_pose_to_start_from_is_assembled_first():
-    model = symgen.build("four_bar")
+    model = build("four_bar")
     rough = {p: model.initial_state().positions[p] + [0.02, -0.01] for p in "AB"}
     found = model.equilibrium(state=model.state(rough))
     assert found.state.positions["B"] == pytest.approx(model.equilibrium().state.positions["B"], abs=1e-12)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 from scipy.special import jn_zeros
+from shared.in_numpy import build
 from shared.linkages import GRAVITY, G, at, chain, ground
 
 import symgen
@@ -13,7 +14,7 @@ from symgen.errors import CapabilityError
 
 
 def test_a_uniform_rod_on_a_pin():
-    found = symgen.build(chain([(0, 0), (0.9, 0.1)], [2.0])).modes()
+    found = build(chain([(0, 0), (0.9, 0.1)], [2.0])).modes()
     length = np.hypot(0.9, 0.1)
     assert found.frequencies == pytest.approx([np.sqrt(1.5 * G / length) / (2 * np.pi)], rel=1e-12)
     (mode,) = found.modes
@@ -25,7 +26,7 @@ def test_a_uniform_rod_on_a_pin():
 def test_double_pendulum_of_rods_against_its_mass_and_stiffness_in_angles():
     m1, m2, l1, l2 = 1.2, 0.7, 0.8, 1.1
     scene = chain([(0, 0), (0, -l1), (0.3, -l1 - np.sqrt(l2**2 - 0.09))], [m1, m2])
-    found = symgen.build(scene).modes()
+    found = build(scene).modes()
     mass = np.array([[m1 * l1**2 / 3 + m2 * l1**2, m2 * l1 * l2 / 2], [m2 * l1 * l2 / 2, m2 * l2**2 / 3]])
     stiffness = G * np.diag([m1 * l1 / 2 + m2 * l1, m2 * l2 / 2])
     squares, angles = eigh(stiffness, mass)
@@ -53,7 +54,7 @@ def test_a_mass_on_a_spring_in_the_plane():
         ],
         gravity=GRAVITY,
     )
-    found = symgen.build(scene).modes()
+    found = build(scene).modes()
     stretched = slack + m * G / k
     across, along = sorted(found.modes, key=lambda mode: mode.natural)
     assert across.omega == pytest.approx(np.sqrt(G / stretched), rel=1e-12)
@@ -74,7 +75,7 @@ def test_an_overdamped_oscillator_decays_twice():
         springs=[{"between": ["O", "A"], "stiffness": "100 N/m", "length": "1 m", "damping": "40 N*s/m"}],
         guides=[{"points": ["A"], "along": "rail"}],
     )
-    found = symgen.build(scene).modes()
+    found = build(scene).modes()
     exact = [(-c + s * np.sqrt(c**2 - 4 * k * m)) / (2 * m) for s in (1, -1)]
     assert [mode.s for mode in found.modes] == pytest.approx(exact, rel=1e-12)
     assert [mode.kind for mode in found.modes] == ["decay", "decay"]
@@ -94,7 +95,7 @@ def test_two_coupled_oscillators_with_unequal_dampers():
         ],
         guides=[{"points": ["A", "B"], "along": "rail"}],
     )
-    found = symgen.build(scene).modes()
+    found = build(scene).modes()
     one = np.polymul([m1, c1 + c2, k1 + k2], [m2, c2, k2])
     roots = np.roots(np.polysub(one, np.polymul([c2, k2], [c2, k2])))
     exact = sorted((s for s in roots if s.imag > 0), key=abs)
@@ -108,7 +109,7 @@ def test_two_coupled_oscillators_with_unequal_dampers():
 @pytest.mark.parametrize("count", [4, 16])
 def test_a_hanging_chain_tends_to_the_bessel_function(count):
     places = [(0.0, -i / count) for i in range(count + 1)]
-    found = symgen.build(chain(places, [1 / count] * count)).modes()
+    found = build(chain(places, [1 / count] * count)).modes()
     exact = jn_zeros(0, 2) / 2 * np.sqrt(G) / (2 * np.pi)
     error = np.abs(found.frequencies[:2] / exact - 1)
     assert error[0] < 0.1 / count**2 * 4 and error[1] < 2 / count**2
@@ -118,8 +119,7 @@ def test_a_hanging_chain_tends_to_the_bessel_function(count):
 def test_the_chain_converges_with_the_square_of_its_links():
     exact = jn_zeros(0, 1)[0] / 2 * np.sqrt(G) / (2 * np.pi)
     errors = [
-        symgen.build(chain([(0.0, -i / n) for i in range(n + 1)], [1 / n] * n)).modes().frequencies[0] / exact
-        - 1
+        build(chain([(0.0, -i / n) for i in range(n + 1)], [1 / n] * n)).modes().frequencies[0] / exact - 1
         for n in (4, 8, 16)
     ]
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1) and errors[1] / errors[2] == pytest.approx(
@@ -128,11 +128,11 @@ def test_the_chain_converges_with_the_square_of_its_links():
 
 
 def test_unstable_and_neutral_motions_are_called_so():
-    up = symgen.build(chain([(0, 0), (0, 1)], [2.0])).modes()
+    up = build(chain([(0, 0), (0, 1)], [2.0])).modes()
     assert (
         not up.stable and up[0].kind == "unstable" and up[0].s == pytest.approx(np.sqrt(1.5 * G), rel=1e-12)
     )
-    free = symgen.build(chain([(0, 0), (1, 0)], [1.0], gravity=None)).modes()
+    free = build(chain([(0, 0), (1, 0)], [1.0], gravity=None)).modes()
     assert [m.kind for m in free.modes] == ["neutral"] and free[0].omega == 0
 
 
@@ -140,7 +140,7 @@ def test_a_spherical_pendulum_has_two_equal_modes_along_the_axes():
     scene = chain(
         [(0, 0, 0), (0, 0, -1)], [3.0], gravity={"acceleration": ["0 m/s^2", "0 m/s^2", f"{-G!r} m/s^2"]}
     )
-    found = symgen.build(scene).modes()
+    found = build(scene).modes()
     assert found.frequencies == pytest.approx([np.sqrt(1.5 * G) / (2 * np.pi)] * 2, rel=1e-12)
     assert found[0].shape["P1"] == pytest.approx([1, 0, 0], abs=1e-12)
     assert found[1].shape["P1"] == pytest.approx([0, 1, 0], abs=1e-12)
@@ -150,7 +150,7 @@ def test_four_bar_against_its_potential_over_the_crank_angle():
     """One freedom: omega^2 = V''/m_eff by central differences of closed forms."""
     from shared.linkages import circles
 
-    found = symgen.build("four_bar").modes()
+    found = build("four_bar").modes()
     place = found.equilibrium.state.positions["A"]
     theta0 = np.arctan2(place[1], place[0])
 
@@ -175,7 +175,7 @@ def test_four_bar_against_its_potential_over_the_crank_angle():
 
 def test_a_run_oscillates_at_the_frequency_found():
     """Released a little off its equilibrium, the triple pendulum repeats the lowest mode."""
-    model = symgen.build("triple_pendulum")
+    model = build("triple_pendulum")
     modes = model.modes()
     about, shape = modes.equilibrium.state, modes[0].shape
     small = 1e-5
@@ -188,7 +188,7 @@ def test_a_run_oscillates_at_the_frequency_found():
 
 def test_nothing_oscillates_where_nothing_is_free():
     scene = chain([(0, 0), (1, 0)], [1.0], drivers=[{"link": "L0", "angle": "0"}])
-    model = symgen.build(scene)
+    model = build(scene)
     assert not hasattr(model, "modes")
     with pytest.raises(CapabilityError, match="nothing oscillates"):
         model.modes()

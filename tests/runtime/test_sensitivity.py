@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from shared.commands import call
 from shared.controlled import CART_POLE, cart_pole
+from shared.in_numpy import build
 from shared.linkages import GRAVITY, G, at, circles, ground
 from shared.slopes import slopes
 
@@ -77,7 +78,7 @@ def of_driven_four_bar(t):
 
 def test_a_driven_four_bar_has_the_derivatives_of_its_closed_form():
     values = {"a": 0.3, "b": 0.8, "c": 0.6, "d": 0.9, "w": 2.5, "rho": 1.7}
-    model = symgen.build(driven_four_bar(**values))
+    model = build(driven_four_bar(**values))
     outputs = ["B.position", "B.velocity", "B.acceleration", "rocker.angle", "crank.torque"]
     found = model.sensitivity(outputs, at=0.3)
     assert found.parameters == tuple(values) and found.outputs[0] == "B.position.x"
@@ -116,7 +117,7 @@ def test_an_equilibrium_moves_as_its_balance_demands():
         torques=[{"link": "OP", "torque": "T"}],
         gravity=GRAVITY,
     )
-    model = symgen.build(scene)
+    model = build(scene)
     equilibrium = model.equilibrium()
     start = mp.mpf(float(np.arctan2(*equilibrium.state.positions["P"][::-1])))
 
@@ -140,7 +141,7 @@ def test_an_equilibrium_moves_as_its_balance_demands():
 
 def test_at_a_state_coordinates_and_their_rates_are_held():
     """The cart of a cart-pole brakes by c: with c v as its only part of F, by -v times the force's effect."""
-    model = symgen.build(CART_POLE)
+    model = build(CART_POLE)
     y, _ = cart_pole(model, 0.3, 0.7, -0.4, 2.0)
     state = model.state({"C": y[:2], "P": y[2:4]}, {"C": y[4:6], "P": y[6:]})
     held = ["C.position.x", "pole.angle"]
@@ -157,13 +158,13 @@ def test_at_a_state_coordinates_and_their_rates_are_held():
 
 
 def test_what_cannot_be_differentiated_is_named():
-    model = symgen.build(CART_POLE)
+    model = build(CART_POLE)
     with pytest.raises(ModelError, match="no tunable parameter 'd'"):
         model.sensitivity(["energy"], ["d"], coordinates=["C.position.x", "pole.angle"])
     with pytest.raises(ModelError, match="expected 2 independent coordinates"):
         model.sensitivity(["energy"])
     with pytest.raises(ModelError, match=r"no tunable parameters(.|\n)*tunable = true"):
-        symgen.build("andrews_squeezer").sensitivity(["energy"], coordinates=["K1.angle"])
+        build("andrews_squeezer").sensitivity(["energy"], coordinates=["K1.angle"])
     with pytest.raises(
         ModelError, match=r"neutral: no force determines C\.position\.x(.|\n)*equilibrium\.state"
     ):
@@ -174,7 +175,7 @@ def test_what_cannot_be_differentiated_is_named():
 
 def test_a_parameter_that_contradicts_redundant_constraints_is_refused():
     names = {"a": "1 m", "b": "1 m"}
-    model = symgen.build(
+    model = build(
         symgen.Scene(
             parameters={k: {"value": v, "tunable": True} for k, v in names.items()},
             points={"A": ground(0, 0), "D": ground(1, 0), "G": ground(2, 0)}
@@ -210,7 +211,7 @@ def test_frequencies_have_the_derivatives_of_their_closed_forms():
             {"between": ["Q", "B"], "stiffness": "k", "length": "l"},
         ],
     )
-    model = symgen.build(scene)
+    model = build(scene)
     equilibrium = model.equilibrium()
 
     def outputs(k, m, n, length):
@@ -229,7 +230,7 @@ def test_a_frequency_follows_the_pose_of_its_equilibrium():
     """A rod on a spring from its tip with damping: its rest, and with it stiffness and damping, move."""
     values = {"m": 1.3, "k": 150.0, "l": 0.6, "free": 0.5, "c": 4.0}
     units = {"m": "kg", "k": "N/m", "c": "N*s/m"}
-    model = symgen.build(
+    model = build(
         symgen.Scene(
             parameters={
                 k: {"value": f"{v!r} {units.get(k, 'm')}", "tunable": True} for k, v in values.items()
@@ -272,7 +273,7 @@ def test_real_poles_have_the_derivatives_of_their_closed_forms():
     """A damped inverted pendulum: s^2 + b s - 3 g/(2 l) = 0 with b = 3 c/(m l^2) has a growing root."""
     values = {"l": 0.6, "m": 0.3, "c": 0.5}
     units = {"l": "m", "m": "kg", "c": "N*m*s"}
-    model = symgen.build(
+    model = build(
         symgen.Scene(
             parameters={k: {"value": f"{v!r} {units[k]}", "tunable": True} for k, v in values.items()},
             points={"O": ground(0, 0), "P": at(0, 0.6)},
@@ -302,7 +303,7 @@ def test_the_command_prints_what_python_returns():
     """Reactions to weights alone are proportional to the mass per length."""
     arguments = ["sensitivity", "peaucellier", "--at", "equilibrium", "--of", "O.reaction"]
     printed = json.loads(call(*arguments, "--json"))
-    model = symgen.build("peaucellier")
+    model = build("peaucellier")
     found = model.sensitivity(["O.reaction"], at=model.equilibrium())
     assert printed["parameters"] == {"rho": "kg/m"}
     for name, entry in printed["outputs"].items():
@@ -321,13 +322,13 @@ def test_a_torque_by_a_length_that_is_drawn_as_a_root():
         drivers=[{"link": "crank", "angle": "w*t"}],
         gravity=GRAVITY,
     )
-    found = symgen.build(scene).sensitivity(["crank.torque"], ["r"], at=0.0)
+    found = build(scene).sensitivity(["crank.torque"], ["r"], at=0.0)
     assert found.values == pytest.approx([2 * G * 0.3 / 2], rel=1e-12)
     assert found.derivatives == pytest.approx(np.array([[2 * G / 2]]), rel=1e-11)
 
 
 def test_a_dead_centre_has_no_derivatives():
-    model = symgen.build(driven_four_bar((), a=0.3, b=0.8, c=0.6, d=0.9, w=2.5, rho=1.7))
+    model = build(driven_four_bar((), a=0.3, b=0.8, c=0.6, d=0.9, w=2.5, rho=1.7))
     in_line = model.state({"A": [0.3, 0.0], "B": [1.1, 0.0]})
     with pytest.raises(ModelError, match="lose rank at this state, at t = 0 s: it is at a dead centre"):
         model.sensitivity(["B.position"], at=replace(model.equilibrium(), state=in_line))
@@ -336,7 +337,7 @@ def test_a_dead_centre_has_no_derivatives():
 def test_a_derivative_that_is_not_finite_is_named():
     """The slope of a root at zero."""
     values = {"s": "1 N*m", "T": "0 N*m"}
-    model = symgen.build(
+    model = build(
         symgen.Scene(
             parameters={k: {"value": v, "tunable": True} for k, v in values.items()},
             points={"O": ground(0, 0), "P": at(1, 0)},

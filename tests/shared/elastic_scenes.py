@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import symgen
+from symgen import build
 
 #: A bar of steel, 1 m by 20 mm: slender, so that shear and rotary inertia count little.
 E, RHO, WIDTH, HEIGHT, LENGTH = 2.1e11, 7850.0, 0.02, 0.02, 1.0
@@ -80,7 +80,7 @@ speed = "0 rad/s"
 def _built(folder: Path, text: str):
     file = folder / "scene.toml"
     file.write_text(f'symgen = 1\ntitle = "a bar"\n{text}')
-    return symgen.build(str(file))
+    return build(str(file))
 
 
 def by_method(model, method, **options):
