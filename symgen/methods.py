@@ -206,7 +206,7 @@ METHODS = Registry[Method](
                 model="symgen.pipeline.spatial:spatial_model",
                 record="symgen.models.record:of_linkage",
                 accuracy="symgen.study.accuracy.kernels:of_spatial",
-                view="symgen.inspection.linkages:RodsView",
+                view="symgen.inspection.linkages:SpatialView",
                 state="symgen.inspection.state:of_linkage",
                 commands={
                     "simulate": Command("symgen.report.elastic:print_elastic_result"),

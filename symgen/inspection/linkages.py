@@ -270,6 +270,25 @@ class ElasticView(RodsView):
         return ["turn = model.simulate()", "turn.peaks"]
 
 
+class SpatialView(RodsView):
+    """A linkage in space with elastic links in large rotation."""
+
+    drawn_outputs = ElasticView.drawn_outputs
+    recorded = ElasticView.recorded
+
+    def film_text(self, resolved: Linkage, result: Result) -> str:
+        """Return the caption, with the magnification of deflections."""
+        return _of_deflections(magnification(resolved, result), "the lines between their ends")
+
+    def plotted_outputs(self, resolved: Linkage) -> Sequence[str]:
+        """Return the positions of all points."""
+        return super().drawn_outputs(resolved)
+
+    def sketches(self, resolved: Linkage, model: Any, result: Result) -> list[Sketch]:
+        """Return the mechanism with magnified deflections."""
+        return bent_sketches(resolved, model.initial_state().positions, result)
+
+
 def _of_vibrations(model: ElasticModel, shape: Result) -> Iterator[str]:
     """Say by how much stresses of the steady state exceed the quasi-static ones, where there is one."""
     names = [v.name for v in shape.variables if v.name.endswith(".stress")]
@@ -286,12 +305,12 @@ def _of_vibrations(model: ElasticModel, shape: Result) -> Iterator[str]:
         )
 
 
-def _of_deflections(times: float) -> str:
+def _of_deflections(times: float, about: str = "the rigid motion") -> str:
     """Return the caption of a picture with deflections magnified so many times."""
     size = "drawn in their own size" if times == 1.0 else f"magnified {times:g} times"
     return (
-        f"Deflections are {size}: blue links bend about the rigid motion, in grey. Thin lines are the paths "
-        "of points so drawn."
+        f"Deflections are {size}: blue links bend about {about}, in grey. Thin lines are the paths of points "
+        "so drawn."
     )
 
 

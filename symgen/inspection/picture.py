@@ -104,8 +104,8 @@ def stations_of(linkage: Linkage) -> list[dict[str, object]]:
 
 def bent_outputs(linkage: Linkage) -> list[str]:
     """Return the outputs of a run of elastic links from which its deformed shape follows."""
-    moving = [p.name for p in linkage.as_written.points if not p.ground]
-    points = [f"{p}.{word}" for p in moving for word in ("position", "displacement")]
+    words = ("position", "displacement") if linkage.dimension == 2 else ("position",)
+    points = [f"{p}.{word}" for p in _moving(linkage) for word in words]
     return points + [f"{station['name']}.deflection" for station in stations_of(linkage)]
 
 
@@ -134,12 +134,13 @@ def magnification(linkage: Linkage, result: Result) -> float:
 def bent_sketches(linkage: Linkage, start: Mapping[str, Array], result: Result) -> list[Sketch]:
     """Return a linkage at every sample of a run, with magnified deflections about its rigid motion.
 
-    Ground points stay where they are at the ``start`` [m].
+    In space they are those from the lines between the ends of links. Points of the ground without a motion
+    stay where they are at the ``start`` [m].
     """
     drawn = {name: result.variable(name).values for name in bent_outputs(linkage)}
     rigid = {name: np.tile(at, (result.count, 1)) for name, at in start.items()}
     rigid |= _rigid(linkage, drawn)
-    for e in linkage.elastic:
+    for e in linkage.elastic if linkage.dimension == 2 else ():
         along = rigid[linkage.link(e.link).end] - rigid[linkage.link(e.link).start]
         left = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
         for k in range(1, _PARTS):
@@ -153,8 +154,13 @@ def bent_sketches(linkage: Linkage, start: Mapping[str, Array], result: Result) 
 
 def _rigid(linkage: Linkage, drawn: Mapping[str, Array]) -> dict[str, Array]:
     """Return the places of moving points in the rigid motion [m]."""
-    moving = [p.name for p in linkage.as_written.points if not p.ground]
-    return {p: drawn[f"{p}.position"] - drawn[f"{p}.displacement"] for p in moving}
+    return {p: drawn[f"{p}.position"] - drawn.get(f"{p}.displacement", 0.0) for p in _moving(linkage)}
+
+
+def _moving(linkage: Linkage) -> list[str]:
+    """Return the points that move; in the plane the ground of linkages with elastic links does not."""
+    fixed = _fixed(linkage)
+    return [p.name for p in linkage.as_written.points if p.name not in fixed]
 
 
 def bent_sketch(
@@ -166,7 +172,7 @@ def bent_sketch(
     in the outputs.
     """
     rigid = {**start, **_rigid(linkage, drawn)}
-    bent = {p: at + times * drawn.get(f"{p}.displacement", np.zeros(2)) for p, at in rigid.items()}
+    bent = {p: at + times * drawn.get(f"{p}.displacement", 0.0) for p, at in rigid.items()}
     shares = np.linspace(0.0, 1.0, _PARTS + 1)[:, None]
     curves, straight = {}, []
     for e in linkage.elastic:

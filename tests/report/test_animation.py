@@ -245,3 +245,23 @@ def test_links_of_spherical_loops_are_plates_with_the_angle_of_their_axes():
             assert abs(a @ b) < 1e-9 * (a @ a) and np.isclose(a @ a, b @ b, rtol=1e-9)
     moved = [sketch.lines[-1].at for sketch in (film.sketches[0], film.sketches[2])]
     assert np.allclose(*moved)  # the ground stays
+
+
+def test_elastic_links_in_space_bend_by_magnified_deflections():
+    """The rod between its pin, on a circle, and the slider; its middle against a station of the scene's own run."""
+    station = {"stations": [{"name": "mid", "link": "rod", "at": 0.5}]}
+    text = override(read_scene("spatial_slider_crank"), station)
+    film = film_of(text, 13)
+    run = symgen.build(text).simulate(samples=13)
+    times = float(re.search(r"magnified (\d+) times", film.caption)[1])
+    for k, sketch in enumerate(film.sketches):
+        curve = next(line.at for line in sketch.lines if line.kind == "elastic")
+        angle = 2 * math.pi * k / 12
+        pin = 0.05 * np.array(
+            [math.sin(angle) / math.sqrt(2), math.cos(angle), math.sin(angle) / math.sqrt(2)]
+        )
+        assert curve[0] == pytest.approx(pin, abs=1e-9)
+        ends = [run[f"{p}.position"].values[k] for p in "AP"]
+        off = run["mid.position"].values[k] - np.mean(ends, axis=0)
+        assert curve[4] == pytest.approx(np.mean(ends, axis=0) + times * off, abs=1e-9)
+        assert np.linalg.norm(off) * times < 0.08 * 0.4
