@@ -10,6 +10,7 @@ import pytest
 import shared.elastic_golden as golden
 import sympy as sp
 from shared.elastic_reference import RIG
+from shared.in_numpy import build
 from shared.linkages import GRAVITY, at, circles, ground, rod
 from shared.shipped import derived
 from typer.testing import CliRunner
@@ -51,7 +52,7 @@ def thesis(bearings=False, outputs=None):
 
 @pytest.fixture(scope="module")
 def four_bar():
-    return symgen.build(thesis())
+    return build(thesis())
 
 
 @pytest.mark.parametrize("elements", [1, 2, 3, 10])
@@ -78,7 +79,7 @@ def test_golden_forces(four_bar, elements):
 
 
 def test_golden_torques_with_bearings():
-    model = symgen.build(thesis(bearings=True))
+    model = build(thesis(bearings=True))
     found = model.inverse_dynamics(at=np.radians(golden.DEGREES))
     torque = found.variable("crank.torque").values / LBF / FT
     assert torque == pytest.approx(golden.TORQUE, rel=1e-6)
@@ -143,7 +144,7 @@ FOUR_BAR_OUTPUTS = [
 
 @pytest.mark.parametrize("elements", [1, 4])
 def test_equal_to_the_rods_method(elements):
-    model = symgen.build(thesis(bearings=True, outputs=FOUR_BAR_OUTPUTS))
+    model = build(thesis(bearings=True, outputs=FOUR_BAR_OUTPUTS))
     equal_to_rods(model, model.inverse_dynamics(samples=37, elements=elements), FOUR_BAR_OUTPUTS)
 
 
@@ -168,7 +169,7 @@ def balanced_power(model, found, tolerance=3e-8):
 
 
 def test_power_of_the_torque():
-    model = symgen.build(thesis(bearings=True))
+    model = build(thesis(bearings=True))
     balanced_power(model, model.inverse_dynamics(samples=13))
 
 
@@ -199,7 +200,7 @@ def slider_crank(**more):
 
 
 def test_slider_crank():
-    model = symgen.build(slider_crank())
+    model = build(slider_crank())
     found = model.inverse_dynamics(samples=25, elements=3)
     equal_to_rods(model, found, SLIDER_OUTPUTS)
     balanced_power(model, found)
@@ -226,7 +227,7 @@ def test_a_block_that_slides_on_a_moving_link():
         gravity=GRAVITY,
         analysis={"t_end": f"{float(np.pi)!r} s", "outputs": outputs},
     )
-    model = symgen.build(scene)
+    model = build(scene)
     for elements in (1, 5):
         found = model.inverse_dynamics(samples=25, elements=elements, sections=(0.999999999,))
         equal_to_rods(model, found, outputs)
@@ -277,7 +278,7 @@ def test_two_loops_with_a_ternary_link_and_loads():
         "crank.torque", "O.reaction", "C.reaction", "S.reaction", "crank.O.force", "coupler.A.force",
         "coupler.B.force", "coupler.P.force", "rocker.B.force", "link.P.force", "output.R.force",
     ]  # fmt: skip
-    model = symgen.build(six_bar(outputs))
+    model = build(six_bar(outputs))
     for elements in (1, 3):
         found = model.inverse_dynamics(samples=25, elements=elements)
         equal_to_rods(model, found, outputs)
@@ -297,7 +298,7 @@ def test_redundant_links_are_told_of():
     data["analysis"] = {"t_end": "1 s", "outputs": ["AB.torque", "AB.B.force"]}
     data["parameters"]["w"] = "1 rad/s"
     data["drivers"][0]["angle"] = "atan2(-0.8, 0.6) + 0.3*sin(2*w*t)"
-    model = symgen.build(symgen.Scene(**data))
+    model = build(symgen.Scene(**data))
     assert len(model.redundant) == 1
     found = model.inverse_dynamics(samples=11)
     equal_to_rods(model, found, ["AB.torque"])
@@ -381,7 +382,7 @@ def test_a_toggle_is_named():
         drivers=[{"link": "rocker", "angle": f"{float(psi + 0.4)!r} - w*t"}],
         analysis={"t_end": "0.6 s"},
     )  # fmt: skip
-    model = symgen.build(scene)
+    model = build(scene)
     with pytest.raises(SimulationError) as error:
         model.inverse_dynamics(at=[psi])
     text = str(error.value)
@@ -400,7 +401,7 @@ def test_a_bifurcation_is_left_out():
     data["drivers"] = [{"link": "AB", "angle": "atan2(0.8, 0.6) + w*t"}]
     data["analysis"] = {"t_end": "3 s"}
     del data["start"]
-    model = symgen.build(symgen.Scene(**data))
+    model = build(symgen.Scene(**data))
     with pytest.raises(SimulationError, match="rank 12; open: .*the force on"):
         model.inverse_dynamics(at=[np.pi])
     found = model.inverse_dynamics(samples=31)
@@ -455,4 +456,4 @@ def test_command_line(tmp_path, four_bar):
 
 def test_a_linkage_without_a_drive_is_told_to_have_one():
     with pytest.raises(CapabilityError, match="1 more drive"):
-        symgen.build("four_bar").inverse_dynamics(at=[0.0])
+        build("four_bar").inverse_dynamics(at=[0.0])

@@ -6,6 +6,7 @@ import gc
 
 import numpy as np
 import pytest
+from shared.in_numpy import build
 from shared.linkages import GRAVITY, at, circles, four_bar, ground, rod, stephenson
 
 import symgen
@@ -28,7 +29,7 @@ def groups(model):
 )
 def test_groups_solve_what_the_whole_jacobian_solves(scene, widths):
     """The third point of the ternary link is no unknown: it is carried by the other two."""
-    model = symgen.build(scene)
+    model = build(scene)
     bonds, found = groups(model)
     assert found.widths == widths
     q = model.initial_state().q
@@ -96,7 +97,7 @@ def random_scene(seed):
 @pytest.mark.parametrize("scene", [*map(random_scene, range(2)), stephenson(), "crank_rocker"], ids=str)
 def test_forces_by_multipliers_are_those_by_elements(scene, by_elements):
     """Two derivations: Attia's constraints and their multipliers, and the balance of rigid elements."""
-    model = symgen.build(scene)
+    model = build(scene)
     asked = {"samples": 60, "elements": 2, "sections": (0.3,)}
     found = model.inverse_dynamics(**asked)
     reference = by_elements(model, **asked)
@@ -116,7 +117,7 @@ def test_loads_that_are_not_a_number_are_named(by, monkeypatch):
     scene = four_bar(0.1, 0.35, 0.3, 0.4, 0.3).model_dump(exclude_unset=True)
     scene["parameters"] |= {"F": "1 N", "T": "0.2 s"}
     scene["forces"] = [{"point": "B", "force": ["F*sqrt(0.95 - t/T)", "0 N"]}]
-    model = symgen.build(symgen.Scene(**scene))
+    model = build(symgen.Scene(**scene))
     with pytest.raises(
         SimulationError, match="no finite forces at crank.angle = .*: a load there is not"
     ) as error:
@@ -128,7 +129,7 @@ def test_loads_that_are_not_a_number_are_named(by, monkeypatch):
 
 
 def test_steps_keep_the_kernels_that_they_call():
-    model = symgen.build("crank_rocker", backend="numpy")
+    model = build("crank_rocker")
     steps = steps_of(model._bonds(), model.initial_state().q, 0.0, model.analysis("forces"))
     start = model.initial_state().q
     model.__dict__.clear()
@@ -143,7 +144,7 @@ def test_steps_keep_the_kernels_that_they_call():
 
 def test_errors_of_multipliers_are_those_of_the_equations_at_each_pose():
     """J^T lambda = f - M a, with the Jacobian of the dense kernel in place of the groups."""
-    model = symgen.build("crank_rocker")
+    model = build("crank_rocker")
     bonds, loads, start = model._bonds(), model.analysis("forces"), model.initial_state().q
     steps = steps_of(bonds, start, 0.0, loads)
     times = np.linspace(0.0, 1.0, 9)
@@ -159,13 +160,13 @@ def test_errors_of_multipliers_are_those_of_the_equations_at_each_pose():
 
 
 def test_forces_without_their_kernel_are_refused():
-    model = symgen.build("crank_rocker")
+    model = build("crank_rocker")
     with pytest.raises(ModelError, match="no kernel 'balance'"):
         steps_of(model._bonds(), model.initial_state().q, 0.0, model.evaluator)
 
 
 def test_states_of_another_shape_are_refused():
-    model = symgen.build("crank_rocker")
+    model = build("crank_rocker")
     start = model.initial_state().q
     steps = steps_of(model._bonds(), start, 0.0)
     with pytest.raises(ValueError, match="expected states of shape"):
