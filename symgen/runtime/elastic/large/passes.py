@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,23 +20,22 @@ Array = NDArray[np.float64]
 
 #: The most steps that are doubled.
 _MOST = 20_000
-#: Change of a run in steps of half the length, over its error after, where no run before tells: with a change
-#: by 4 to 256 times, as of the second to the eighth order, the error is 0.3 to 28 times the true one.
-_FALLS, _FASTEST = 9.0, 256.0
+#: Part of the samples in which the error of steps is compared with the change from steps of twice the length.
+_PROBED = 8
+#: Factor of the error there: the finer run has errors too, and later motion may be faster.
+_SAFE = 8.0
 
 
 @dataclass(frozen=True, slots=True)
 class Pass:
     """Outputs of a run with so many steps between two samples, and what was counted of it.
 
-    ``change`` is that of the stresses from the run before, over their peak, ``error`` the error by time steps
-    that follows from it.
+    ``error`` is the error of stresses by time steps over their peak.
     """
 
     variables: list[Variable]
     steps: int
     corrections: int
-    change: float
     error: float
     drift: Drift
 
@@ -69,14 +68,27 @@ def refine(
             if passes or steps * (len(times) - 1) > _MOST:
                 raise
         else:
-            variables, change, error = outputs(found), math.inf, math.inf
+            variables, error = outputs(found), math.inf
             if passes:
-                change, before = mesh_error(passes[-1].variables, variables), passes[-1].change
-                # Where it does not fall, as with vibrations too fast for the steps, small changes are chance.
-                falls = before / change if change and math.isfinite(before) else _FALLS + 1
-                error = change / (min(falls, _FASTEST) - 1) if falls > 2 else max(change, passes[-1].error)
-            passes.append(Pass(variables, steps, stepper.corrections, change, error, drift(found)))
+                pace.restart(0.0)
+                part = times[: 1 + math.ceil((len(times) - 1) / _PROBED)]
+                finer, _ = moved(system, GAUSS8, part, 2 * steps, pace)
+                error = _error(passes[-1].variables, variables, outputs(finer))
+            passes.append(Pass(variables, steps, stepper.corrections, error, drift(found)))
             if error <= rtol or steps * (len(times) - 1) > _MOST:
                 return
         steps *= 2
         pace.restart(0.0)
+
+
+def _error(coarse: Sequence[Variable], own: Sequence[Variable], finer: Sequence[Variable]) -> float:
+    """Return the estimated error of stresses of a run over their peak.
+
+    It is the change from the coarser run times the ratio of two changes over the first samples: that to a
+    finer run over that from the coarser one, times a factor of safety.
+    """
+    count = len(finer[0].values)
+    of_coarse, of_own = ([replace(v, values=v.values[:count]) for v in run] for run in (coarse, own))
+    before, after = mesh_error(of_coarse, of_own), _SAFE * mesh_error(of_own, finer)
+    change = mesh_error(coarse, own)
+    return change * after / before if before else change

@@ -124,7 +124,7 @@ def _out_of_time(
     if last is None:
         reached = times[stop.reached]
         variables = _outputs(motion, linkage, stop.found)
-        last = Pass(variables, 0, 0, math.inf, math.inf, drift_of(linkage, stop.found))
+        last = Pass(variables, 0, 0, math.inf, drift_of(linkage, stop.found))
     partial_result = _result(motion, linkage, task, reached, last, pace.wall)
     return SimulationError(problem, time=stop.t, partial=partial_result)
 

@@ -140,7 +140,7 @@ class SpatialModel(Model):
                 if not passes:
                     variables = outputs(linkage, stop.found)
                     drift = _drift(linkage, stop.found)
-                    passes.append(Pass(variables, 0, 0, math.inf, math.inf, drift))
+                    passes.append(Pass(variables, 0, 0, math.inf, drift))
                     times = times[stop.reached]
                 partial_result = self._result(linkage, times, passes[-1], rtol, pace.wall)
                 problem = f"{self.name}: {out_of_time(stop.t, end)}"
