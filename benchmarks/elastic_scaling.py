@@ -141,7 +141,7 @@ def estimates(scene: str, modal: bool, short: bool) -> list[dict[str, Any]]:
 
 
 def of_estimates(name: str, runs: Sequence[dict[str, Any]]) -> list[Required]:
-    """Return what is required of the estimates of runs."""
+    """Return the required lines on the error estimates of runs."""
     required = []
     if within := [run["estimate"] / run["rtol"] for run in runs if run["rtol"]]:
         required.append(Required(f"estimates within rtol, {name}", max(within), 1.0, False))

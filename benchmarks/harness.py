@@ -237,7 +237,7 @@ def report_repeats(measured: Callable[[], Measurement], options: argparse.Namesp
 
 
 def _place(page: Path, name: str) -> tuple[str, str]:
-    """Return what a page has before and after the tables of a benchmark, marks included."""
+    """Return the parts of a page before and after the tables of a benchmark, with their markers."""
     begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->\n"
     head, found, rest = page.read_text(encoding="utf-8").partition(begin)
     _, closed, tail = rest.partition(end)

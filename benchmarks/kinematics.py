@@ -1,4 +1,4 @@
-"""Time per pose of driven linkages: positions, velocities and accelerations, beside the error.
+"""Time per pose of driven linkages, for positions, velocities and accelerations, with the error.
 
 symgen's ``model.kinematics`` is timed whole, with everything that it records, and its compiled steps alone.
 The other ways are symgen's own curve by arc length, which follows linkages near singular poses, and

@@ -43,12 +43,12 @@ const wrong = [];
 addEventListener("error", (e) => wrong.push(e.message));
 addEventListener("unhandledrejection", (e) => wrong.push(String(e.reason)));
 </script>"""
-#: Added to the script of a page, whose functions it calls: it sends what it finds to the server.
+#: Added to the script of a page, whose functions it calls; it sends its measurements to the server.
 _TRY = Path(__file__).with_suffix(".js").read_text()
 
 
 def main() -> int:
-    """Open the pages and print what was found; return the exit code."""
+    """Open the pages and print the measurements; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--rate", action="store_true", help="require 60 frames per second")
@@ -92,7 +92,7 @@ def _words(found: dict[str, Any]) -> str:
 
 
 def opened(page: str, width: int) -> dict[str, Any]:
-    """Open a page in a window of a width [px]; return what the script in it found."""
+    """Open a page in a window of a width [px]; return the measurements of its script."""
     head, _, tail = page.rpartition("</script>")
     text = head.replace("<head>", f"<head>{_WATCH}", 1) + _TRY + "</script>" + tail
     frame = f'<iframe src="/page" style="width: {width}px; height: 900px; border: 0"></iframe>'

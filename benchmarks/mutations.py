@@ -1,10 +1,10 @@
 """Single faults in the derivations: each must change the result of a run, and a fast test must fail.
 
 ``python benchmarks/mutations.py`` copies the tree, and for every fault of ``FAULTS`` replaces one piece of a
-file of ``symgen/mechanics`` in the copy: a sign, a factor, a missing term. What the file decides is derived
-anew, a scene is run, and the named test is run; then the file is put back. Kernels of building blocks are not
-compiled for this: their derived program runs in NumPy. Those that are called by their address are compiled
-anew. ``--only WORD`` takes the faults whose file or name has the word.
+file of ``symgen/mechanics`` in the copy: a sign, a factor, a missing term. The dependent equations are
+regenerated, a scene and the named test are run, and the file is restored. Kernels of building blocks are not
+compiled: their derived program runs in NumPy, except for those that are called by their address.
+``--only WORD`` selects the faults whose file or name contains the word.
 
 The equation of an elastic link in fixed axes (``turning_axes.py``) is for inspection, and the recursion of
 chains and rigid elements are compiled blocks: no fault is put there.
@@ -33,15 +33,15 @@ ROOT = Path(__file__).resolve().parents[1]
 CHANGED, PATIENCE = 1e-7, 1800
 #: Outputs smaller than this, in SI, are round-off.
 NOTHING = 1e-9
-#: Faults that there are at least, and among them in elastic links.
+#: Minimum numbers of faults, in all and in elastic links.
 FAULTS_WANTED, ELASTIC_WANTED = 30, 8
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One piece of a file of ``symgen/mechanics`` and what stands there instead.
+    """A piece of a file of ``symgen/mechanics`` and its faulty replacement.
 
-    ``scene`` is what is run, ``test`` a file or name of tests of which one fails.
+    ``scene`` is run; one test of ``test``, a file or a name, must fail.
     """
 
     name: str
@@ -230,7 +230,7 @@ def copied(tree: Path) -> Path:
 
 
 def is_caught(tree: Path, fault: Fault, before: Any) -> bool:
-    """Put a fault in, run scene and test, put the file back, and say what happened."""
+    """Insert a fault, run scene and test, restore the file, and print and return whether it is caught."""
     path = tree / "symgen" / "mechanics" / fault.file
     text = path.read_text()
     if text.count(fault.old) != 1:
@@ -254,7 +254,7 @@ def is_caught(tree: Path, fault: Fault, before: Any) -> bool:
 
 
 def change(before: dict[str, list[float]], after: dict[str, list[float]]) -> float:
-    """Return the largest change of an output over its largest value, infinite where it is lost."""
+    """Return the largest change of an output over its largest value; infinite if an output is missing."""
     found = [0.0]
     for name, values in before.items():
         a, b = np.array(values), np.array(after.get(name, []))
@@ -292,7 +292,7 @@ def probe(tree: Path, scene: str) -> Any:
 
 
 def failing(tree: Path, test: str) -> str:
-    """Return the first test that fails of those named, "" where none does."""
+    """Return the first of the named tests that fails, "" if none does."""
     options = ["-q", "-x", "--no-header", "-p", "no:cacheprovider", "-p", "mutations"]
     command = [sys.executable, "-m", "pytest", *options, test]
     done = _done(tree, command)
@@ -302,7 +302,7 @@ def failing(tree: Path, test: str) -> str:
 
 
 def results(scene: str) -> dict[str, list[float]]:
-    """Return what a run gives: every output as a list of numbers."""
+    """Return every output of a run as a list of numbers."""
     uncompiled_blocks()
     import symgen
 
@@ -330,7 +330,7 @@ def results(scene: str) -> dict[str, list[float]]:
 
 
 def uncompiled_blocks() -> None:
-    """Take the kernels of building blocks from what is derived now, in NumPy, not from what was compiled."""
+    """Replace the compiled kernels of building blocks by their present derivation, in NumPy."""
     from symgen.codegen.emit import emit
     from symgen.codegen.target import Target
     from symgen.lowering.program import lower_system
@@ -340,7 +340,7 @@ def uncompiled_blocks() -> None:
     compiled, made = library.shipped_module, {}
 
     def module(name: str) -> Any:
-        if name not in SHIPPED_BLOCKS or name == "rigid_element":  # that one is called by address
+        if name not in SHIPPED_BLOCKS or name == "rigid_element":  # called by its address
             return compiled(name)
         if name not in made:
             program = lower_system(BLOCKS[name]())

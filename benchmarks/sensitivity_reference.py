@@ -7,7 +7,7 @@ coordinates are held at the start, Newton's method gives the others. The pump ``
 equations. A derivative is the difference of two runs with the same steps, of which one starts at ``CHANGE``
 times the size of a coordinate or parameter away.
 
-As a program, it writes ``tests/reference/run_slopes.json``; names of scenes select what is computed again.
+As a program, it writes ``tests/reference/run_slopes.json``; names of scenes select the recomputed entries.
 """
 
 from __future__ import annotations
@@ -296,7 +296,7 @@ def compiled(
     def text(e: Any) -> str:
         return str(printer.doprint(e.xreplace(shown)))
 
-    # Definitions use shared terms and shared terms use definitions: in the order of what they need.
+    # Definitions and shared terms use each other, so both are in the order of their dependencies.
     lines = [(shown[s], e) for s, e in shared]
     lines += [(shown[s], e) for (s, _), e in zip(parts[::-1], whole[: len(parts)], strict=True)]
     body, known = [], {shown[s] for s in symbols}

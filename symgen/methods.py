@@ -37,7 +37,7 @@ class Method:
     claims
         Tables of a scene that only this method has; the first row of ``METHODS`` with one claims a scene.
     schema
-        Class of its first table, where that is none of the scene's own.
+        Class of its first table, if this is not a table of all scenes.
     resolve
         Scene -> resolved scene, which may carry the name of another method that shares this one's tables.
     system
@@ -90,7 +90,7 @@ class Method:
     commands: Mapping[str, Command] = field(default_factory=dict)
 
     def load(self, entry: str) -> Any:
-        """Return what an entry names, imported when first used.
+        """Return the object that an entry names, imported at the first use.
 
         Raises
         ------

@@ -17,7 +17,7 @@ from symgen.methods import load, method_of
 
 #: Options that decide how kernels are compiled, and all others that are not arguments of an analysis.
 _TYPES = ("precision", "digits", "contraction", "vector")
-#: Options that select what a plot shows; without one they mean nothing.
+#: Options that select the content of a plot; without --plot they are refused.
 _OF_PLOTS = ("plot_of", "xy", "plot_over", "compare")
 _COMMON = ("scene", "set_", "out", "plot", "film", *_OF_PLOTS, "as_json", "backend", *_TYPES)
 #: Options that select a range, which ``--at`` replaces.
@@ -95,7 +95,7 @@ class Request:
         names, path, over, files = (self.common.get(name) for name in _OF_PLOTS)
         selected = self.shown(name for name in _OF_PLOTS if self.common.get(name))
         if selected and not plot:
-            raise ModelError(f"{selected} selects what a plot shows: give --plot FILE")
+            raise ModelError(f"{selected} selects the content of a plot: give --plot FILE")
         if path and (names or over):
             raise ModelError("give --xy, or --of and --over, not both")
         stems = [file.stem for file in files or ()]

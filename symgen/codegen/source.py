@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-#: What the name of a file in C with kernels as loops ends with.
+#: Ending of the name of a C file with kernels as loops.
 LOOPS = "_rolled.c"
 
 

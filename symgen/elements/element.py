@@ -20,8 +20,8 @@ PLACE = quantity("xi", "1", "distance from the first node over the length")
 class Dof:
     """An unknown at a place of the element: ``field`` differentiated ``order`` times by x.
 
-    Fields are u, w, the rotation ``phi`` of the section, which is the slope w' where there is no shear, and
-    the shear strain ``gamma`` = w' - phi.
+    Fields are u, w, the rotation ``phi`` of the section (the slope w' without shear), and the shear strain
+    ``gamma`` = w' - phi.
     """
 
     field: str

@@ -1,4 +1,4 @@
-"""Exported data of the quasi-static shape of elastic links: what is recorded of it."""
+"""Exported data of the quasi-static shape of elastic links, and its recorded outputs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Exported data of the quasi-static shape; no outputs where there is none."""
+    """Exported data of the quasi-static shape; without a shape there are no outputs."""
 
     outputs: tuple[Slot, ...] = ()
     tables: tuple[Table, ...] = ()
@@ -159,7 +159,7 @@ def _recorded(motion: MeshedMotion) -> Iterator[Recorded]:
 def _known(motion: MeshedMotion) -> Iterator[Recorded]:
     """Yield all numbers that C records.
 
-    Rows of the unknowns of a link are what the runtime computes from unknowns that are one, each alone.
+    The runtime computes a row over the unknowns of a link by setting each unknown alone to one.
     """
     for name, k, at, fibre in motion.stations:
         beam = motion.beams[k]

@@ -31,15 +31,15 @@ _SAME = 1e-9
 
 
 def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
-    """Return what the page of a scene needs that computes.
+    """Return the content of the live page of a scene.
 
     Parameters
     ----------
     text
         The scene.
     vary
-        Ranges ``LOW:HIGH`` of sliders by parameter or key; where empty, of all tunable parameters, or of the
-        lengths of links in a scene that has none, their masses where no drive moves them.
+        Ranges ``LOW:HIGH`` of sliders by parameter or key. If empty, all tunable parameters have sliders; in
+        a scene without these, the lengths of links, or their masses if no drive moves them.
     frames
         Number of frames of the motion.
 
@@ -139,7 +139,7 @@ def _usual(text: SceneText) -> Iterator[str]:
 
 
 def _check_start(model: Any, sliders: Sequence[Slider]) -> None:
-    """Check that sliders leave the start of a motion under forces as it is: pages do not assemble it anew.
+    """Check that sliders do not change the start of a motion under forces, which pages do not assemble.
 
     Raises
     ------

@@ -72,7 +72,7 @@ def of_pose(_: Any, texts: Sequence[str], option: str) -> Values:
 
 
 def of_times(texts: Sequence[str], option: str, expected: str = "times") -> list[float]:
-    """Return times [s]; raise ModelError for other text. ``expected`` names what is accepted."""
+    """Return times [s]; raise ModelError for other text. ``expected`` is the name of accepted values."""
     return _read(texts, (1.0, "time"), {TIME: "time"}, f'{expected} after {option}, such as "0.3 s"')[0]
 
 

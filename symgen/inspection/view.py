@@ -60,7 +60,7 @@ class View:
         raise ModelError(f"{resolved.name} has no animation: its method draws only a page (symgen report)")
 
     def plotted_outputs(self, resolved: Any) -> Sequence[str]:
-        """Return the outputs that are plotted beside the picture where the scene lists none."""
+        """Return the outputs that are plotted next to the picture if the scene lists none."""
         return self.drawn_outputs(resolved)
 
     def arrows(self, resolved: Any, plotted: Sequence[str]) -> Sequence[str]:

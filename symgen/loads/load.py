@@ -1,9 +1,9 @@
-"""What a load kind states: its table of the scene, its record, and where it acts with which energy and force.
+"""Load kinds: table of the scene, record, and the measures on which a load acts, with energy and force.
 
 A load acts on *measures* of the linkage (:mod:`symgen.loads.measure`): the position of a point, the
 distance between two points, an angle. On each it has an energy, a function of the value of the measure, and
 a force without potential, a function of value, rate, time and state. Equations of motion, power, joint
-forces, momentum rows, the plane in which a linkage stays and the loads of elastic links follow from these.
+forces, momentum rows, the planarity check and the loads of elastic links follow from these.
 """
 
 from __future__ import annotations
@@ -80,15 +80,15 @@ class Load(ABC):
     Attributes
     ----------
     noun, plural
-        What messages call one load of this kind, and what structures call several.
+        Name of one load of this kind in messages, and of several in structures.
     schema
         The table of the scene.
     named
-        Whether its quantities are called ``NOUN_NUMBER``, so that links and parameters cannot be.
+        Whether its quantities have names ``NOUN_NUMBER``, which links and parameters cannot have.
     drawn
         How pages draw a line between two points on which it acts.
     name
-        What its quantities are called.
+        Name of its quantities.
     """
 
     noun: ClassVar[str]
@@ -112,10 +112,10 @@ class Load(ABC):
 
     @abstractmethod
     def terms(self, dimension: int) -> Iterator[Term]:
-        """Yield where the load acts, with its energy and its force, in the plane (2) or in space (3)."""
+        """Yield the measures on which the load acts, with energy and force, in 2 or 3 dimensions."""
 
     def on_segments(self, link: str, rods: Sequence[str], nodes: Sequence[sp.Expr]) -> Iterator[Load]:
-        """Yield the loads on the rods that stand for a link; they meet at ``nodes``, shares of its length."""
+        """Yield the loads on the rods that replace a link and meet at ``nodes``, fractions of its length."""
         yield self
 
     @classmethod
@@ -124,7 +124,7 @@ class Load(ABC):
         return f"{cls.noun.replace(' ', '_')}_{number}"
 
     def measures(self, dimension: int) -> Iterator[Measure]:
-        """Yield where the load acts."""
+        """Yield the measures on which the load acts."""
         for term in self.terms(dimension):
             yield term.on
 

@@ -24,13 +24,13 @@ RATES = tuple(sp.Symbol(f"rate[{i}]", real=True) for i in range(3))
 VALUE, RATE = VALUES[0], RATES[0]
 
 Gradient = dict[sp.Symbol, sp.Expr]
-#: Virtual work: a force, the gradient of what it works on, and the rate of that.
+#: Virtual work: a force, the gradient of its conjugate quantity, and the rate of this quantity.
 Work = tuple[sp.Expr, Gradient, sp.Expr]
 
 
 @dataclass(frozen=True, slots=True)
 class PointForce:
-    """A force [N] on a point; of the link ``link`` there, where one is named."""
+    """A force [N] on a point, or on the link ``link`` at this point."""
 
     point: str
     force: Vector
@@ -39,7 +39,7 @@ class PointForce:
 
 @dataclass(frozen=True, slots=True)
 class Couple:
-    """A couple [N m] on a link, against another one or the ground (empty)."""
+    """A couple [N m] on a link, against another link or the ground (empty)."""
 
     link: str
     torque: Vector
@@ -78,12 +78,12 @@ class CoordinatePlane(Protocol):
 class Measure:
     """A quantity of the linkage on which a load acts.
 
-    ``integrable``: energies are functions of positions that are differentiated as they are; the energy of an
-    angle is not, for its gradient is that of the angle, without an arc tangent. ``balanced``: its forces on
-    points have no resultant and no moment. ``joins``: it ties what it acts on together. ``section``: the
-    point at whose sections of elastic links a couple acts; "" for rigid links. ``follows``: the link with
-    which its force rotates, at a place with the section of an elastic link; "" where it does not. ``effort``:
-    the name of its force among outputs, ``force`` [N] or ``torque`` [N m]; "" where it has no output.
+    ``integrable``: energies are differentiated as functions of positions; the energy of an angle is not,
+    since the gradient of the angle is known without an arc tangent. ``balanced``: its forces on points have
+    no resultant and no moment. ``joins``: it connects the components on which it acts. ``section``: the point
+    at whose sections of elastic links a couple acts; "" for rigid links. ``follows``: the link with which its
+    force rotates, or with whose section at a place; "" if the force is fixed. ``effort``: the name of its
+    force among outputs, ``force`` [N] or ``torque`` [N m]; "" without an output.
     """
 
     __slots__ = ()
@@ -120,7 +120,7 @@ class Measure:
         return (self.rate if word == "rate" else self.value)(geometry)[0]
 
     def put(self, geometry: Geometry, expressions: Sequence[sp.Expr]) -> Vector:
-        """Return expressions with the value and the rate put in for ``VALUES`` and ``RATES``."""
+        """Return expressions with value and rate substituted for ``VALUES`` and ``RATES``."""
         needed = set().union(*(e.free_symbols for e in expressions))
         known: Gradient = {}
         for symbols, of in ((VALUES, self.value), (RATES, self.rate)):
@@ -137,13 +137,13 @@ class Measure:
         raise NotImplementedError
 
     def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
-        """Yield the forces on points and the couples on links that a term is equal to."""
+        """Yield the forces on points and the couples on links that are equivalent to a term."""
         raise NotImplementedError
 
     def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
-        """Say why a force in space takes a linkage out of a plane; empty where it does not.
+        """Return the reason why a force in space moves a linkage out of a plane; empty if it does not.
 
-        ``within`` is the force of the same load as it acts in the plane.
+        ``within`` is the force of the same load in the plane.
         """
         raise NotImplementedError
 
@@ -154,7 +154,7 @@ class Measure:
     def along(
         self, link: str, length: sp.Expr, places: Mapping[str, sp.Expr], force: Vector
     ) -> Iterator[Profile]:
-        """Yield a force as it acts along an elastic link, whose further points are at ``places`` [m]."""
+        """Yield the profiles of a force along an elastic link, whose further points are at ``places`` [m]."""
         return iter(())
 
 
@@ -163,7 +163,7 @@ class Profile:
     """A part of a force along an elastic link.
 
     ``shape``: the place [m] of a force, zero, zero; or zero and the factors of 1 and x of a force per length.
-    ``force`` is by the values and rates of the measure ``on``.
+    ``force`` is an expression of the values and rates of the measure ``on``.
     """
 
     on: Measure
@@ -173,7 +173,7 @@ class Profile:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """What a load does on one measure.
+    """The energy and the force of a load on one measure.
 
     Attributes
     ----------

@@ -89,8 +89,8 @@ class Position(Measure):
 class Length(Measure):
     """The distance between two points beyond ``slack`` [m]; the force pushes them apart.
 
-    ``name`` is what the vector between them is called. Where the energy depends on the square of the distance
-    alone and there is no other force, the direction of the line is not needed, and nothing divides by it.
+    ``name`` is the name of the vector between them. If the energy depends on the square of the distance alone
+    and there is no other force, nothing divides by the distance.
     """
 
     name: str

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def _made(entry: str, *arguments: Any) -> Any:
-    """Return what the function ``module:name`` of symgen derives."""
+    """Return the System that the function ``module:name`` of symgen derives."""
     return load(f"symgen.{entry}")(*arguments)
 
 

@@ -15,7 +15,7 @@ from symgen.symbolic.calculus import partial
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
 
-#: What the names of kernels, matrices and quantities of tangents end with.
+#: Ending of the names of kernels, matrices and quantities of tangents.
 ENDING = "_tangent"
 
 

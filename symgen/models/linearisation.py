@@ -147,7 +147,7 @@ def _outputs(model: RodsModel) -> list[Entry]:
 
 
 def _gaps(model: RodsModel) -> list[Entry]:
-    """Return what passes zero at each switching point of a load and at each event that ends a run."""
+    """Return the functions that vanish at switching points of loads and at events that end a run."""
     linkage = model.linkage
     gaps = {f"switch.{k}": s.gap for k, s in enumerate(linkage.switches)}
     gaps |= {f"event.{k}": e.gap for k, e in enumerate(linkage.events) if e.ends_run}

@@ -191,8 +191,8 @@ def of_loop(loop: Loop, system: System) -> Iterator[Step]:
         ),
         (
             "Equilibrium",
-            "The loop is cut at the ground; every wrench follows from the closing one and what is "
-            "outboard, and the effort at a variable is its screw's part of the wrench of its joint.",
+            "The loop is cut at the ground; every wrench follows from the closing wrench and the links "
+            "outboard. The effort at a variable is the product of its screw and the wrench of its joint.",
             "Rahman, Eqs. (62)-(64)",
             (*joints, *known("inverse_efforts", "given_efforts")),
         ),

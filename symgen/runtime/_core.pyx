@@ -298,7 +298,7 @@ cdef class Integrable:
 
     @property
     def parameters(self):
-        """The parameters, with what a run holds."""
+        """The parameters, including those held during a step."""
         cdef double[::1] held = np.zeros(self.core.sizes.parameters + 1)
         self.of.api.narrow(self.core.sizes.parameters, self.core.p, &held[0], NULL)
         return np.asarray(held)[:self.core.sizes.parameters]

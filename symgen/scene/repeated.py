@@ -43,7 +43,7 @@ def _entries(key: Any, value: Any, where: str) -> Iterator[tuple[Any, Any]]:
         raise SceneError(
             f"expected one range of numbers in a name and no other braces, got {key!r}",
             where=where,
-            hint="The number stands in the place of the range: B{k=0 to 2}_end is B0_end, B1_end, B2_end.",
+            hint="The number replaces the range: B{k=0 to 2}_end is B0_end, B1_end, B2_end.",
         )
     letter, first, last = match[1], int(match[2]), int(match[3])
     if not first <= last < first + _MOST:

@@ -102,7 +102,7 @@ class Calculus:
 
 
 def chained(parts: Iterable[tuple[sp.Expr, Mapping[sp.Symbol, sp.Expr]]]) -> dict[sp.Symbol, sp.Expr]:
-    """Return the sum of gradients, each after the slope by what it is a gradient of; no zeros."""
+    """Return the sum of slope times gradient over (slope, gradient) pairs, without zeros (chain rule)."""
     found: dict[sp.Symbol, list[sp.Expr]] = {}
     for slope, gradient in parts:
         for q, inner in gradient.items():

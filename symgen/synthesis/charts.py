@@ -26,9 +26,9 @@ class DesignChart:
     name, unit, values
         The varied quantity in SI units: rad, m or 1.
     designs
-        For each value the linkages found, without faults; none where there is none.
+        The linkages found without faults, by value.
     reasons
-        For each value why there is none, empty where there are some.
+        The reason why there is none, by value; empty if there are linkages.
     units
         Those of tables and plots, by ``length`` and ``angle``.
     """

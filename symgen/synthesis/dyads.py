@@ -335,7 +335,7 @@ def _spherical(crank: Array, rocker: Array, pose: Array, error: float) -> Spheri
 _REVOLUTE = Kind("synthesis_dyad", DYAD, _random_dyad, _own_dyad)
 _SLIDE = Kind("synthesis_slide", SLIDE, _random_slide, _own_slide)
 _AXES = Kind("synthesis_spherical_dyad", SPHERICAL_DYAD, _random_axes, _own_axes)
-#: Dyads of crank and rocker or slider, and what they make.
+#: Dyads of crank and rocker or slider, and the linkage of both.
 _LINKAGES: dict[str, tuple[Kind, Kind, Callable[..., Any]]] = {
     "four-bar": (_REVOLUTE, _REVOLUTE, _four_bar),
     "slider-crank": (_REVOLUTE, _SLIDE, _slider_crank),

@@ -39,7 +39,7 @@ class Kind:
     block
         The compiled conditions.
     what
-        What the quantities determine.
+        Name of the linkage.
     quantities
         Rows of name, unit and meaning.
     conditions
@@ -47,8 +47,8 @@ class Kind:
     necessary
         Linear relations of the quantities, as SymPy.
     random, accepts, drawn, measured, transmission
-        Lengths of a random linkage and its quantities; whether a root is a linkage; the linkage of a root;
-        quantities measured in a run; and extremes of the transmission angle.
+        Functions: lengths and quantities of a random linkage; whether a root is a linkage; the linkage of a
+        root; quantities measured in a run; extremes of the transmission angle.
     """
 
     block: str
@@ -74,11 +74,11 @@ class Kind:
 
     @property
     def given(self) -> int:
-        """Quantities that determine the others."""
+        """Number of quantities that determine the others."""
         return len(self.quantities) - self.conditions
 
     def why_not(self, given: dict[str, float], ranges: dict[str, tuple[float, float]]) -> str:
-        """Return conditions of every linkage that exclude these values; empty where none is known."""
+        """Return conditions of every linkage that exclude these values; empty if none is known."""
         low, scale = _over(given | {name: ends[0] for name, ends in ranges.items()}, self.lengths)
         high = {n: ends[1] / scale if n in self.lengths else ends[1] for n, ends in ranges.items()}
         bounds = {name: (value, high.get(name, value)) for name, value in low.items()}
@@ -174,8 +174,8 @@ def best(
 def greatest_transmission(kind: Kind, given: dict[str, float], starts: int, seed: int) -> float:
     """Return the greatest ``transmission_least`` [rad] found with the other quantities, at most 90 deg.
 
-    Linkages are sought at values up to a right angle, with a fifth of the starts each, and by bisection
-    above the greatest of them with a linkage. Zero where there is none.
+    Linkages are searched at values up to a right angle, with a fifth of the starts each, then by bisection
+    above the greatest value with a linkage. Zero if there is none.
     """
 
     def exists(value: float) -> bool:
@@ -230,7 +230,7 @@ def _check(kind: Kind, given: dict[str, float]) -> None:
 
 
 def _advice(kind: Kind, given: dict[str, float]) -> str:
-    """Return what may be added to too few quantities; empty where there is no advice."""
+    """Return advice on further quantities if there are too few; empty without advice."""
     if len(given) > kind.given or "transmission_least" in given:
         return ""
     length = "" if kind.lengths & given.keys() else "a length and, "

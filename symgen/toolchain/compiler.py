@@ -284,7 +284,7 @@ def find_compiler() -> Compiler | None:
 
 
 def zig(*flags: str) -> list[str]:
-    """Return the command of the C compiler in the Python package of Zig, empty where that is absent."""
+    """Return the command of the C compiler in the Python package of Zig; empty if it is not installed."""
     # By default Zig checks for overflow.
     command = [sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=all", *flags]
     return command if find_spec("ziglang") else []

@@ -146,7 +146,7 @@ def test_a_plot_of_some_outputs_or_of_a_path(tmp_path, entry, monkeypatch):
     assert drawn == [(("energy",), "", file), (("A", "energy"), "", file), ((), "B", file), ((), "", file)]
     for words in (("--of", "energy"), ("--xy", "B")):
         code, _, said = entry("run", "four_bar", *words)
-        assert code == 2 and said == f"symgen: {words[0]} selects what a plot shows: give --plot FILE\n"
+        assert code == 2 and said == f"symgen: {words[0]} selects the content of a plot: give --plot FILE\n"
     code, _, said = entry("run", "four_bar", "--xy", "B", "--over", "energy", "--plot", file)
     assert code == 2 and "give --xy, or --of and --over, not both" in said
 
@@ -230,7 +230,7 @@ def test_a_length_that_does_not_fit_is_the_only_one_named(tmp_path):
 def test_titles_are_not_broken_at_the_width_of_their_tables():
     title = "Four-bar linkage swinging freely: stable equilibrium, 1 degree of freedom"
     assert title in call("equilibrium", "four_bar").splitlines()
-    assert "Cantilever on a turning shaft: the structure at rest" in call("modes", "rotating_cantilever")
+    assert "Cantilever on a rotating shaft: the structure at rest" in call("modes", "rotating_cantilever")
 
 
 def test_a_failed_run_saves_what_it_had(tmp_path):
@@ -428,7 +428,8 @@ def test_assemblies_are_those_of_the_model():
     printed = json.loads(call("assemblies", "crank_rocker", "--at", "60", "--json"))
     found = printed["assemblies"]
     assert printed["complete"] is True and printed["incomplete"] == ""
-    # Crank 0.1 m, coupler and rocker from the crank's end to the ground: one mode on either side of the diagonal.
+    # Crank 0.1 m, coupler and rocker from the crank's end to the ground: one mode on either side of the
+    # diagonal.
     crank = np.array([0.05, 0.05 * math.sqrt(3)])
     (first, second), ground = [np.array(pose["B"]) for pose in found], np.array(found[0]["C"])
     assert np.array(found[0]["A"]) == pytest.approx(crank)

@@ -188,7 +188,7 @@ def test_command_line(tmp_path):
     outputs = {name for name in said["outputs"] if name.startswith("rod.")}
     assert outputs == {"rod.bending_strain", "rod.axial_strain", "rod.stress", "rod.length_change"}
     assert any("keep their length" in note for note in said["notes"])
-    assert any("rods a link is not estimated" in note for note in said["notes"])
+    assert any("rods per link is not estimated" in note for note in said["notes"])
     assert any("damp" in note and "rod" in note for note in said["notes"])
     assert file.is_file()
     options = ["large-rotation", "elastic_slider_crank", "--elements", "1", "--revolutions", "0.01", "--json"]

@@ -31,10 +31,10 @@ RIGID_FORCE = quantity("N", "N", "axial force of the rigid motion at x, tension 
 
 
 def at_a_place() -> dict[str, sp.ImmutableMatrix]:
-    """Return what a unit mass, force, axial force and moment of inertia at x add to the constants of a link.
+    """Return the constants of a link for a unit mass, force, axial force and moment of inertia at x.
 
-    They are the densities of the terms of Hamilton's principle, Eqs. (7.24)-(7.28), where mass, force and
-    rotary inertia per length are concentrated at x [m] from the first point of the link. Matrices are (6, 6),
+    They are the densities of the terms of Hamilton's principle, Eqs. (7.24)-(7.28), with mass, force and
+    rotary inertia per length concentrated at x [m] from the first point of the link. Matrices are (6, 6),
     load vectors (6, 1), over ``SHAPES``; those of the moment of inertia are called ``rotary_NAME``.
     """
     one, none = sp.Integer(1), sp.Integer(0)
@@ -45,7 +45,7 @@ def at_a_place() -> dict[str, sp.ImmutableMatrix]:
 
 
 def _concentrated(name: str, unit: dict[sp.Symbol, sp.Expr]) -> sp.ImmutableMatrix:
-    """Return the densities of a constant for units of what is concentrated at x."""
+    """Return the densities of a constant for unit quantities concentrated at x."""
     at = {field: k for k, field in enumerate(SHAPES.values())}
     constant = CONSTANTS[name]
     term = sp.zeros(len(at), len(at) if constant.order is not None else 1)

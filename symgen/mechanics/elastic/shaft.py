@@ -42,7 +42,7 @@ def rigid_crank(along: tuple[sp.Expr, sp.Expr]) -> tuple[tuple[sp.Expr, ...], tu
 
 
 def shaft(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol) -> tuple[sp.Expr, ...]:
-    """Return what the shaft adds to mass [kg m^2], damping, stiffness and load [N m] of the rotation phi.
+    """Return mass [kg m^2], damping, stiffness and load [N m] of the shaft in the rotation phi.
 
     Parameters
     ----------

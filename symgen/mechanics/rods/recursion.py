@@ -214,7 +214,7 @@ def _inward(axes: _Axes) -> System:
         "elimination of a rod and its outer point, leaves to root",
         (along_group, _COUPLING, Group("gamma", _GAMMA.description, (_GAMMA,)), here),
         (
-            _column("factors", factors, "1", "what the way back needs; last what det S lost to cancellation"),
+            _column("factors", factors, "1", "factors of the outward step; last the cancellation in det S"),
             _column(
                 "add_inner", [*gathered, *passed], "kg, N", "mass matrix and load passed to the inner point"
             ),
@@ -249,7 +249,7 @@ def _outward(axes: _Axes) -> System:
         (
             along_group,
             _COUPLING,
-            Group("factors", "what the way in left", (*flexibility, *load, *e, h, reciprocal, loss)),
+            Group("factors", "factors of the inward step", (*flexibility, *load, *e, h, reciprocal, loss)),
             Group("inner_motion", "acceleration of the inner point", inner),
         ),
         (
@@ -302,7 +302,7 @@ def _unloaded(axes: _Axes) -> System:
             Group("force", "force on the point", force),
             Group("motion", "acceleration of the point", motion),
         ),
-        (_column("left", left, "N", "what is left of the force"),),
+        (_column("left", left, "N", "residual of the force"),),
     )
 
 
@@ -322,7 +322,7 @@ def _rest(axes: _Axes) -> System:
     rows = zip(d, start, end, strict=True)
     return _step(
         "rest",
-        "what a solution leaves of a rod's equations",
+        "residuals of the equations of a rod",
         (
             along_group,
             _COUPLING,
@@ -337,7 +337,7 @@ def _rest(axes: _Axes) -> System:
             _column("add_outer", [-sp.diff(inertial, a) - lam * x for a, x in zip(end, d, strict=True)],
                     "N", "taken from the load of the outer point"),
             _column("length_left", [_GAMMA.symbol - sp.Add(*(x * (b - a) for x, a, b in rows))],
-                    "m^2/s^2", "what is left of the length row"),
+                    "m^2/s^2", "residual of the length row"),
         ),
     )  # fmt: skip
 

@@ -146,7 +146,7 @@ def motion_system(linkage: Linkage) -> System:
 
 
 def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr, sp.Expr]]:
-    """Yield what is fixed to elastic links: link, distance from its first point, mass, moment of inertia.
+    """Yield lumped masses on elastic links: link, distance from its first point, mass, moment of inertia.
 
     The masses of joints are those of points, not of links.
     """
@@ -196,7 +196,7 @@ _ABOUT = {
     "properties": "sections, material and damping of the elastic links",
     "crank": "direction at the start and speed of the crank",
     "modal_damping": "damping ratios of the modes of the structure",
-    "stations": "where strains are asked for: fraction of the length, fibre",
+    "stations": "stations of strain outputs: fraction of the length, fibre",
     "lumps": "masses on elastic links: distance from the first point, mass, moment of inertia",
     "profiles": "forces along links: places, or factors of 1 and x; 1 where they follow; mass at joints",
     "loads": "weights of the loads and geometric stiffness by forces along elastic links",

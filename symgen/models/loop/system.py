@@ -55,7 +55,7 @@ def loop_system(loop: Loop) -> System:
         exports=(
             *exports,
             *kernels,
-            Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
+            Export("outputs", "outputs of the scene", tuple(m.name for m in asked)),
             *([Export("events", switches.description, (switches.name,))] if switches else []),
         ),
         definitions=model.names.definitions,
@@ -135,13 +135,13 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
             "screw_drift",
             rates * sp.Matrix(model.rates),
             "rad/s^2, m/s^2",
-            "what the rates leave: sum of screws times accelerations + drift = 0",
+            "terms of the rates: sum of screws times accelerations + drift = 0",
             _SCREW,
         ),
     ]
     if forces and any(v.effort is None and v.role != "input" for v in model.variables):
         moving.append("screw_rates")
-    exports.append(Export("motion", "screws and what their rates leave", tuple(moving)))
+    exports.append(Export("motion", "screws and the terms of their rates", tuple(moving)))
     table = [e for row in model.loop.rows for e in entries(row)]
     rows = [f"row{i + 1}" for i in range(len(model.rows))]
     matrices.append(
@@ -152,11 +152,11 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
 
 
 def _switches(loop: Loop) -> NamedMatrix | None:
-    """Return what passes zero at each switching point of loads and drives; None where there is none."""
+    """Return the functions that vanish at switching points of loads and drives; None without these."""
     if not loop.switches:
         return None
     gaps = sp.Matrix([s.gap for s in loop.switches])
-    about = f"what passes zero at {'; '.join(s.text for s in loop.switches)}"
+    about = f"functions that vanish at {'; '.join(s.text for s in loop.switches)}"
     return named("switches", gaps, "1", about, [s.branch.name for s in loop.switches])
 
 
@@ -176,7 +176,7 @@ def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Exp
             "inverse_efforts",
             sp.Matrix(model.inverse_efforts),
             unit,
-            "efforts that motion and loads ask of the variables, all but what the closing wrench does",
+            "efforts of motion and loads at the variables, without that of the closing wrench",
             names,
         ),
         named(

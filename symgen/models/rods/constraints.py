@@ -234,7 +234,7 @@ class ConstrainedPoints(Points):
         found = [*_lengths(self), *_shapes(self), *_shared_joints(self)]
         found += [*(row.constraint for row in self.guides), *_drivers(self)]
         angles = [row.constraint for row in self.kept_angles]
-        # At rest hinges determine the pose of a frame, and welds that of what they leave free.
+        # At rest hinges determine the pose of a frame as far as they can, and welds the remaining freedoms.
         return [*found, *(angles if self.linkage.moves else self._holding(found, angles))]
 
     def _holding(self, found: Sequence[Constraint], angles: Sequence[Constraint]) -> list[Constraint]:

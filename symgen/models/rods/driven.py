@@ -38,7 +38,7 @@ def driven_system(linkage: Linkage) -> System:
     names = {m.name for m in (*derived, *moved)}
     exports = [
         *kinematic_exports(model),
-        Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
+        Export("outputs", "outputs of the scene", tuple(m.name for m in asked)),
         *start_kernels,
         *following,
         *run_end_kernel(end),

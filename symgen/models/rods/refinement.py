@@ -23,7 +23,7 @@ def refinement(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     """
     if not _spread(model):
         return [], []
-    about = "what the accelerations and multipliers in work leave of the equations of motion"
+    about = "residual of the equations of motion for the accelerations and multipliers in work"
     rows = [x.name for x in model.coordinates] + [c.name for c in model.constraints]
     matrix = named(model, "residual", residual(model), "N, m^2/s^2", about, rows=rows)
     return [matrix], [Export("residual", about, ("residual",))]

@@ -53,7 +53,7 @@ def linkage_system(linkage: Linkage) -> System:
         ),
         exports=(
             *exports,
-            Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
+            Export("outputs", "outputs of the scene", tuple(m.name for m in asked)),
             *start_kernels,
             *refining,
             *_events_kernel(events),
@@ -170,7 +170,7 @@ def bonds(model: RodsModel) -> list[NamedMatrix]:
             "constraint_scale",
             [c.scale for c in model.constraints],
             "m, 1",
-            "what a constraint is divided by to be an error in metres",
+            "divisor by which a constraint becomes an error in metres",
             rows=rows,
         ),
         sparse(

@@ -34,7 +34,7 @@ class Slider:
 
 @dataclass(frozen=True, slots=True)
 class Live:
-    """What a page that computes needs.
+    """The content of a live page.
 
     Attributes
     ----------
@@ -51,9 +51,9 @@ class Live:
     plotted, arrows
         Which of them are plotted, and which are components of forces that are drawn only.
     drawn
-        Numbers of the outputs that the picture is linear in, by name.
+        Indices of the outputs on which the picture depends linearly, by name.
     sketch
-        The picture of values of these outputs.
+        The picture as a function of the values of these outputs.
     sliders
         All parameters, in the order of the code.
     """

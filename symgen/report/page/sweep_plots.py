@@ -48,8 +48,8 @@ def histories_of(runs: xarray.Dataset) -> list[str]:
 def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:
     """Plot outputs of a sweep over its first parameter, or as maps over its first two; histories as curves.
 
-    A grid of two parameters is drawn cell by cell, samples of distributions as points. Curves of all runs lie
-    over one another; those of points in the plane, such as coupler curves, are drawn one beside the other.
+    A grid of two parameters is drawn cell by cell, samples of distributions as points. Curves of all runs are
+    overlaid; paths of points in the plane, such as coupler curves, are drawn as an atlas.
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ def _has_a_free_tip(motion: ElasticMotion, own: BeamInfo) -> bool:
 
 
 def moments(motion: ElasticMotion, times: Array) -> list[str]:
-    """Return what to call the recorded times."""
+    """Return the names of the recorded times in notes."""
     if not motion.speed:
         return [f"{t:.6g} s" for t in times.tolist()]
     return [f"crank angle {angle:.6g} degrees" for angle in np.degrees(motion.angle_at(times)).tolist()]

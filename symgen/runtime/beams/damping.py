@@ -49,10 +49,11 @@ def modal_forces(elastic: Array, speeds: Array, ratios: float | Array) -> Array:
 
 
 def shared(ratio: float, speeds: Array) -> tuple[Array, float]:
-    """Return ratios of modes by forces of their own, and the factor [s] of stiffness that damps all modes.
+    """Return damping ratios by modal forces, and the factor [s] of stiffness-proportional damping.
 
-    Modes up to number ``_OWN`` have the ratio. Of more, the stiffness gives it to that one, and more to those
-    above it, in proportion to the frequency; forces of their own add what those below lack.
+    Modes up to number ``_OWN`` have the ratio. If there are more modes, stiffness-proportional damping gives
+    mode ``_OWN`` the ratio, and higher modes ratios in proportion to their frequencies; modal forces add the
+    difference for lower modes.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ class BeamInfo:
 
     @property
     def rotations(self) -> dict[str, str]:
-        """The rotations that other components use: what they are called, by the name of the unknown."""
+        """Names of the rotations that other components use, by unknown."""
         at = zip(self.points, self.joint_nodes, strict=True)
         acted = {f"theta@{node}": f"{self.link}.{point}" for point, node in at if point in self.couples}
         return acted | self.welded

@@ -53,7 +53,7 @@ def _shipped(block: str) -> Any:
 
 
 def _evaluated(block: str, name: str, q: Array, u: Array | None = None) -> Array:
-    """Return what a kernel of a building block gives, with its tangent where arguments have them."""
+    """Return the result of a kernel of a building block, with its tangent for complex arguments."""
     station = np.zeros(1) if u is None else u
     if not (np.iscomplexobj(q) or np.iscomplexobj(station)):
         found: Array = getattr(kernels(block), name)(q=q, u=u)

@@ -103,7 +103,7 @@ def _stiffening(part: Segment, properties: Properties, own: Sequence[Lump], befo
 
 
 def _spread(part: Segment, profile: Profile, owner: Segment) -> dict[str, Array]:
-    """Return what a force along the link with a profile adds to an element, by the names ``SPREAD``."""
+    """Return the contributions of a force profile along the link to an element, by the names ``SPREAD``."""
     n = len(part.dofs)
     if profile.is_point:
         place = profile.at - part.start

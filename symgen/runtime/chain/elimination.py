@@ -197,8 +197,8 @@ class Elimination:
         if bad.any():
             rod = int(np.argwhere(bad)[:, 1].max())  # a failure there spoils all inboard rods
             raise ModelError(
-                f"nothing determines the motion of the outer point of rod {rod}: what it carries has no "
-                "inertia in some direction. Give it mass, or the rod inertia"
+                f"the motion of the outer point of rod {rod} is not determined: it has no inertia in some "
+                "direction. Give it mass, or the rod inertia"
             )
         if not np.isfinite(solved.accelerations).all():
             raise ModelError(

@@ -20,10 +20,10 @@ _SHOWN = 6
 
 
 def undetermined(kernels: LoopKernels, times: Array, states: Array) -> dict[str, Mask]:
-    """Return which entries of the outputs (poses, entries) redundant closure leaves undetermined.
+    """Return the entries of the outputs (poses, entries) that redundant closure leaves undetermined.
 
-    A wrench that does no work on the screws of any variable can be added to the closing wrench. At every
-    pose these wrenches are the null space of the screws; an output that one of them changes is undetermined.
+    Wrenches that do no work on the screws of any variable, their null space at a pose, can be added to the
+    closing wrench. An output that such a wrench changes is undetermined.
 
     Parameters
     ----------

@@ -231,9 +231,9 @@ def _of_stretch(cuts: tuple[Cut, ...], result: Result) -> list[str]:
 def _notes(motion: ElasticMotion, segments: int) -> list[str]:
     """Return the notes on effects that rods with springs between them neglect."""
     notes = [
-        f"the error of {segments} rods a link is not estimated: it falls with the square of their number; "
+        f"the error of {segments} rods per link is not estimated: it falls with the square of their number; "
         f"compare with {2 * segments}",
-        "links in rods keep their length: axial strain is what the axial force would give",
+        "links in rods are inextensible: the axial strain follows from the axial force",
     ]
     notes += stiffness_damped(motion, "rods")
     sheared = [b.info.link for b in motion.beams if any(b.properties.shear)]

@@ -20,11 +20,11 @@ from symgen.runtime.result.recording import wound
 
 Array = NDArray[np.float64]
 
-#: Looks a revolution, if it has no more steps, and parts of a revolution by which references of angles move.
+#: Least number of evaluations per revolution, and the angle by which references of angles move.
 _LOOKS, _QUARTER = 720, np.pi / 2
-#: The most looks that are held in memory together.
+#: Largest number of evaluations that are in memory together.
 _BLOCK = 4096
-#: Half the time that is left out about a jump: so many roundings of the end of the run.
+#: Half the interval that is omitted about a jump, in units of the rounding of the end of the run.
 _BLUR = 64
 #: Halvings of the time from the end of a run to the middle of a smooth pulse, at each of which a step ends.
 _GRADED = 40

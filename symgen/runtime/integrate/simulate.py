@@ -32,7 +32,7 @@ _JUDGED = 100_000
 
 
 def effects_of(events: Iterable[EventInfo]) -> list[int]:
-    """Return what events do to a run, in bits of the core."""
+    """Return the effects of events on a run, as bits of the core."""
     return [_core.ENDS_RUN * e.ends_run | _core.REVOLVES * e.revolves for e in events]
 
 

@@ -141,9 +141,9 @@ def as_taken(library: Library, values: Sequence[float] | Array, rank_tolerance: 
 
 
 def at_rows(address: int, y: Array, n: int, p: Array, width: int, work: Array | None = None) -> Array:
-    """Return what a kernel of a building block gives for every row of ``y`` and ``work``, (rows, width).
+    """Return the results of a kernel of a building block for every row of ``y`` and ``work``, (rows, width).
 
-    Rows of ``y`` hold q, n numbers, and u; the parameters ``p`` are those of all rows.
+    Rows of ``y`` hold q, n numbers, and u; the parameters ``p`` are common to all rows.
     """
     count, memory = len(y), np.zeros((len(y), 1)) if work is None else work
     sizes = (0, n, y.shape[1] - n, len(p), 0 if work is None else memory.shape[1], width)

@@ -111,7 +111,7 @@ class Course:
         apart = times[:, None] - self.times
         met = apart == 0.0
         terms = self._weights / np.where(met, 1.0, apart)
-        terms = np.where(np.any(met, axis=1)[:, None], met, terms)  # all points are at the start of no motion
+        terms = np.where(np.any(met, axis=1)[:, None], met, terms)  # all at the start
         found: Array = terms / np.sum(terms, axis=1, keepdims=True)
         return found
 

@@ -148,7 +148,7 @@ class FreePose(LoopPose):
         Raises
         ------
         ModelError
-            For names of no joint variables; for coordinates that do not determine the motion.
+            For names that are not joint variables; for coordinates that do not determine the motion.
         """
         d, count = self.loop.description, len(self.free)
         if coordinates is None:

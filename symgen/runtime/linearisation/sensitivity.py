@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _EQUAL, _NEUTRAL = 1e-9, 1e-12
 #: The part of the largest displacement above which a coordinate stands for a motion.
 _MOST = 0.999
-#: Solutions of the equations of a moved pose, each of what the one before leaves.
+#: Number of solutions of the equations of a moved pose, each for the residual of the previous one.
 _REFINED = 3
 
 

@@ -212,7 +212,8 @@ class Tangents:
             return
         size = extent(self.model, self.state.q)
         error, rate = violation(self.model, self.state.t, self.state.q, self.state.u)
-        # At rest, round-off of velocities is small beside speeds that the forces cause within the size.
+        # At rest, round-off of velocities is small compared with speeds that the forces cause within the
+        # size.
         forces = self.jacobian.T @ self.solution[self.n :]
         pushed = np.max(np.abs(self.solution[: self.n])) + np.max(np.abs(forces)) / np.max(np.abs(self.mass))
         speed = max(float(np.max(np.abs(self.state.u))), float(np.sqrt(size * pushed)))

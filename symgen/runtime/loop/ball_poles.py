@@ -32,7 +32,7 @@ def in_other_angles(
 
 
 def starts_at_pole(kernels: LoopKernels, t: float, q: Array) -> bool:
-    """Tell whether a loop under forces may start at a pole of angles that others of its balls do not have."""
+    """Return whether a loop under forces may start at a pole of the angles of one ball alone."""
     d = kernels.description
     solved = d.having("dependent")
     own = {j for ball in d.balls for j in (*ball.angles, *ball.behind)}

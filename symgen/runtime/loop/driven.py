@@ -157,8 +157,8 @@ def follow_through(
     if not turning:
         return turn
     more = ", ..." if len(turning) > _SHOWN else ""
-    told = f"{first.name} turns back at {ends}{more}, where rates have no bound"
-    return replace(turn, notes=(told, *turn.notes))
+    note = f"{first.name} reverses at {ends}{more}, where rates are unbounded"
+    return replace(turn, notes=(note, *turn.notes))
 
 
 def followed(kernels: LoopKernels, begin: Closed, value: float) -> Closed:

@@ -96,7 +96,7 @@ class LoopKernels:
         return kernel in self.library.addresses
 
     def blocks(self, kernel: str) -> tuple[BlockInfo, ...]:
-        """Return the results of a kernel: names, units, rows; none where there is no such kernel."""
+        """Return the results of a kernel: names, units, rows; empty if there is no such kernel."""
         info = self._infos.get(kernel)
         return info.blocks if info else ()
 

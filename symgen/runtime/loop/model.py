@@ -249,17 +249,17 @@ class LoopModel(Model):
     ) -> State:
         """Return a closed state from values [rad, m] and rates of joint variables.
 
-        Free variables that are left out keep their values at the start, and have no rate. The loop is
-        followed from its start to these values, so that it stays on its assembly. Where any dependent one is
-        given, the loop is closed near to the dependent ones given, and the values of others at the start.
+        Omitted free variables keep their values at the start, with zero rate. The loop is followed from its
+        start to the given values, so that it stays on its assembly branch. If dependent variables are given,
+        the loop is closed near their values, and near those of the others at the start.
 
         Raises
         ------
         ModelError
-            For a name of no free or dependent variable, a rate of one that is not free, and values that are
-            not finite.
+            For a name that is no free or dependent variable, a rate of a variable that is not free, and
+            values that are not finite.
         SimulationError
-            When the loop does not close there, or cannot be followed there.
+            When the loop does not close at these values, or cannot be followed to them.
         """
         return self._as_state(*state_at(self.kernels, self.closed_start(), values or {}, rates or {}, t))
 

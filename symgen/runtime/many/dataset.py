@@ -111,7 +111,7 @@ class Keep:
         done: Sequence[bool],
         runs: NDArray[np.intp],
     ) -> list[Kept | None]:
-        """Return what is kept of each run of a block that is done, None for the others."""
+        """Return the stored outputs of each completed run of a block, None for the others."""
         if self.reduce is not None:
             return [
                 self(variables, along, times, drift, axes, i) if own else None for i, own in enumerate(done)

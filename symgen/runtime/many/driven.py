@@ -50,15 +50,15 @@ class Driven:
     Attributes
     ----------
     motion, forces
-        Kernels that take vectors; those of ``forces`` where joint forces are asked.
+        Kernels that take vectors; ``forces`` if joint forces are requested.
     unknowns
         The joint forces, guide forces and torques that ``forces`` gives, each with its columns.
     chosen
-        Points and links to record, where no forces are asked.
+        Points and links to record, if no forces are requested.
     drive
-        The driven link whose direction is the coordinate; empty where that is the time.
+        Driven link whose direction is the coordinate; empty if the coordinate is the time.
     assembling
-        Kernels of the equations of motion that take vectors, or None where starts are found one by one.
+        Kernels of the equations of motion that take vectors, or None if starts are found singly.
     groups
         The constraint Jacobian in block triangular form.
     t, nodes, asked

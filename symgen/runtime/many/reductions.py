@@ -28,9 +28,9 @@ def _magnitudes(values: Array, vector: bool) -> Array:
 def mean_weights(along: Array, times: Array | None = None) -> Array:
     """Return the weights of samples in a mean over their coordinate, by the trapezoidal rule.
 
-    A mean over a coordinate that turns back is over ``times`` (samples,), where these are given and rise.
-    Weights of samples in no order are equal. Those at equal steps get the same bits for any range. Rows of
-    values (runs, samples) give rows of weights.
+    If the coordinate reverses, the mean is over ``times`` (samples,), if these are given and rise. Weights of
+    unordered samples are equal. Equal steps give the same bits for any range. Rows of values (runs, samples)
+    give rows of weights.
     """
     if along.ndim == 2:
         return np.array([mean_weights(row, times) for row in along]).reshape(along.shape)

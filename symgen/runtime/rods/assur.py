@@ -23,16 +23,16 @@ from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.following.groups import groups_of
 
 Array = NDArray[np.float64]
-#: Coordinates in units of the linkage's size, from a pose; complex where a group does not close.
+#: Coordinates in units of the linkage's size, from a pose; complex if a group does not close.
 Poses = NDArray[Any]
 
-#: Coordinates and poses up to which groups are solved; unknowns of a group of one point, and of a larger one
-#: at most; poses for which such a group is solved.
+#: Largest numbers of coordinates and poses for which groups are solved, of unknowns of a group of one point
+#: and of a larger group, and of poses for which a larger group is solved.
 _LARGEST, _MOST, _POINT, _GROUP, _FEW = 120, 1024, 3, 12, 64
-#: Relative sizes that count as none: of derivatives, of what the quadratic form of a constraint leaves,
+#: Relative sizes that count as zero: of derivatives, of the residual of the quadratic form of a constraint,
 #: and of determinants and leading coefficients.
 _NONE, _POLYNOMIAL, _DEGENERATE = 1e-13, 1e-10, 1e-10
-#: How far a pose may be open, of the size, before Newton's method closes it.
+#: Largest closure error of a pose, over the size, from which Newton's method closes it.
 _OPEN = 1e-4
 #: Arcs of a circle at first and at most, degree of the series on each, size of their last terms, shortest
 #: half width [rad], and the part of it by which a pair of roots may be apart from a double root.
@@ -220,7 +220,7 @@ def modes_of_groups(bonds: Bonds, near: Array, t: float) -> list[Array]:
     for group in _groups(of, range(bonds.m), range(bonds.n)):
         solver = _solver(of, *group)
         if len(poses) > (_FEW if isinstance(solver, _Circle) else _MOST):
-            raise NotInGroups(f"{len(poses)} poses of some groups are too many to go on from each")
+            raise NotInGroups(f"{len(poses)} poses of some groups are too many to continue from each")
         poses = [x for pose in poses for x in _ways(of, solver, pose)]
     return [near + size * x for x in poses]
 

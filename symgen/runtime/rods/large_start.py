@@ -23,17 +23,17 @@ _COMPLIANCE, _CORRECTIONS = 1e-8, 30
 def least_velocities(
     evaluator: Evaluator, q: Array, redundant: tuple[int, ...]
 ) -> tuple[Array, Array, Array, float] | None:
-    """Return the velocities of least kinetic energy that meet the constraints and the prescribed start.
+    """Return the velocities of least kinetic energy that satisfy the constraints and the prescribed start.
 
     With R the rows of both and r their right-hand sides, M u + R^T multipliers = 0 and R u = r. Each velocity
-    is scaled by the root of its mass and each row to a norm of one, so that neither ratios of masses nor
-    of lengths worsen the matrix. Rows may depend on each other, as prescribed velocities do that the
-    constraints imply: the conditions yield by a small compliance, and corrections remove what they yielded.
+    is scaled by the root of its mass and each row to unit norm, so that neither ratios of masses nor
+    of lengths worsen the matrix. Rows may depend on each other, such as prescribed velocities that the
+    constraints imply: therefore the conditions have a small compliance, and corrections remove its effect.
 
     Returns
     -------
-    The velocities [m/s], by how much the constraints but the redundant ones and the prescribed velocities are
-    missed [m/s], and the largest right-hand side [m/s]: those of ``Starter.velocities``. None where the mass
+    The velocities [m/s], the residuals of the constraints (without redundant ones) and of the prescribed
+    velocities [m/s], and the largest right-hand side [m/s], as in ``Starter.velocities``. None if the mass
     matrix is not positive definite.
     """
     from scipy.sparse import block_array, csc_matrix, diags_array, eye_array, vstack

@@ -163,7 +163,7 @@ def _assemble(evaluator: Evaluator, starter: Starter) -> None:
         wide = extent(evaluator, starter.q)
         raise InitialStateError(
             f"an assembly tolerance of {assembly_tolerance(evaluator, starter.q):g} m is too large for a "
-            f"linkage of {wide:g} m: redundant constraints could not be told from independent ones\n"
+            f"linkage of {wide:g} m: redundant constraints could not be distinguished from independent ones\n"
             f"  Give at most {_start.MOST * wide:.2g} m.",
             where="analysis.assembly_tolerance",
         )

@@ -214,7 +214,7 @@ def _chunk(work: bytes, rows: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
 
 
 def dask_client(address: str) -> Any:
-    """Return a client of the Dask scheduler at an address; raise ModelError where there is none."""
+    """Return a client of the Dask scheduler at an address; raise ModelError if there is none."""
     from symgen.runtime.sweeps.stores import needed
 
     needed("distributed", extra="dask")

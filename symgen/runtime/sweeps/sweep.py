@@ -47,7 +47,7 @@ _HELD = 2**32
 _CHUNKS, _LEAST, _LANES = 64, 64, 8
 #: Runs that are tried for the layout of the results where the model's own parameters fail.
 _TRIED = 64
-#: Most runs of an estimate, and the time after which no more are timed [s].
+#: Largest number of runs of an estimate, and the time [s] after which timing ends.
 _TIMED, _PATIENCE = 1024, 0.5
 
 

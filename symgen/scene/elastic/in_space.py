@@ -92,7 +92,7 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
     Raises
     ------
     SceneError
-        For links that do not meet there, of which none is elastic, and an axis of no length.
+        For links that do not meet at the point or of which none is elastic, and an axis of zero length.
     """
     scene, elastic = read.scene, {link.link for link in links}
     tables: tuple[tuple[str, Sequence[Weld | Joint]], ...] = (

@@ -1,4 +1,4 @@
-"""Joints between the ends of elastic links, and welds: what a scene may join to a link that bends."""
+"""Joints between the ends of elastic links, and welds: components that may be joined to an elastic link."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _check_weld(read: Reader, linkage: Linkage, weld: Weld, where: str) -> None:
 
 
 def _kept(linkage: Linkage, point: str, link: str, other: str) -> KeptAngle:
-    """Return the angle between two links as drawn; of one and the axis x where there is no other."""
+    """Return the drawn angle between two links, or between a link and the x axis."""
     (ax, ay), (bx, by) = (_drawn(linkage, name) if name else (sp.S.One, sp.S.Zero) for name in (link, other))
     size = sp.sqrt((ax**2 + ay**2) * (bx**2 + by**2))
     cosine, sine = (ax * bx + ay * by) / size, (bx * ay - by * ax) / size

@@ -83,7 +83,7 @@ def resolved_rotor(scene: Scene) -> RotorScene:
     Raises
     ------
     SceneError
-        For what a rotor does not have, a wrong unit, an unknown name, or a value that is not physical.
+        For a table or key that a rotor does not have, a wrong unit, an unknown name, or an unphysical value.
     """
     for key in sorted(scene.model_fields_set - _TABLES):
         if getattr(scene, key):

@@ -78,7 +78,7 @@ def line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool =
             "a link with a section is a rod between two points",
             where=f"{where}.points",
             hint='Place further points on it: P = { on = "link", fraction = 0.5 }. '
-            "Points beside it are those of a rigid link that is welded to it.",
+            "For a point off its centre line, weld a rigid link to it.",
         )
     if link.section is None:
         key = "density" if link.density is not None else "elastic"

@@ -38,7 +38,7 @@ def at_nodes(
     acting: Mapping[int, ArrayLike] = MappingProxyType({}),
     **properties: float,
 ) -> Array:
-    """Return what a kernel of ``corotational_node`` gives, (count, numbers).
+    """Return the results of a kernel of ``corotational_node``, (count, numbers).
 
     ``state`` and ``acting`` have numbers of all rows, (count, k) or (k,), by their first column.
     """
@@ -59,7 +59,7 @@ class Lumps:
     gravity: Array
 
     def _of(self, q: Array, v: Array, a: Array) -> Array:
-        """Return what the kernel ``body`` gives at states (times, unknowns), (times, bodies, 8)."""
+        """Return the results of the kernel ``body`` at states (times, unknowns), (times, bodies, 8)."""
         state = {at: x[:, self.places].reshape(-1, 3) for at, x in ((PLACE, q), (VELOCITY, v), (SECOND, a))}
         acting = {BODY: np.tile(self.bodies, (len(q), 1))}
         x, y = self.gravity

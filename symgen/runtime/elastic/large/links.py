@@ -57,7 +57,7 @@ class LargeLink:
         return values("residual", self.elements, self.properties, q, v, a)
 
     def _end_rotations(self, q: Array) -> Array:
-        """Return what the kernel ``strains`` writes, (times, elements, 5)."""
+        """Return the results of the kernel ``strains``, (times, elements, 5)."""
         still = np.zeros_like(q)
         return values("strains", self.elements, self.properties, q, still, still)
 
@@ -94,7 +94,7 @@ class LargeLink:
 
 
 def values(kernel: str, elements: Indices, properties: Array, q: Array, v: Array, a: Array) -> Array:
-    """Return what a kernel writes for elements at states (times, unknowns), (times, elements, numbers)."""
+    """Return the results of a kernel for elements at states (times, unknowns), (times, elements, numbers)."""
     made = Elements(kernels(BLOCK).ADDRESSES, elements, properties, damped=False)
     return made.values(kernel, _WRITTEN[kernel], q, v, a)
 

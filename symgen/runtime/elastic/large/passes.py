@@ -28,7 +28,7 @@ _SAFE = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """Outputs of a run with so many steps between two samples, and what was counted of it.
+    """Outputs and counts of a run with ``steps`` steps between two samples.
 
     ``error`` is the error of stresses by time steps over their peak.
     """

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _BLOCK = "direction"
-#: What the constraints of directors are called.
+#: Name of the constraints of directors.
 DIRECTORS = "the directors of a node"
 #: Products of the directors of a node that are constraints, and their factors.
 _PAIRS = ((0, 0, 0.5), (1, 1, 0.5), (2, 2, 0.5), (0, 1, 1.0), (0, 2, 1.0), (1, 2, 1.0))

@@ -38,7 +38,7 @@ class Frame:
         return kept
 
     def factors(self, direction: Array) -> Array | None:
-        """Return the factors of the vectors whose sum is a direction; None where there are none."""
+        """Return the factors with which the vectors sum to a direction; None if there are none."""
         # Those of points have the sum zero.
         of = np.vstack([self.vectors.T, np.full(len(self.vectors), float(self.between))])
         right = np.append(direction, 0.0)
@@ -52,12 +52,12 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
     Parameters
     ----------
     kind
-        ``weld``, ``revolute``, or ``universal`` with the axis on the second part, and its other axis across
-        the first link.
+        ``weld``, ``revolute``, or ``universal`` with the axis on the second part, and its other axis
+        transverse to the first link.
     about
         The joint, for messages.
     axis
-        Direction at the start, (3,); of no meaning to a weld.
+        Direction at the start, (3,); without effect for a weld.
 
     Raises
     ------

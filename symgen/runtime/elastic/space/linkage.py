@@ -70,7 +70,7 @@ class LinkInSpace:
         return elements.values(kernel, _WRITTEN[kernel], q, v, a)
 
     def resultants(self, q: Array, v: Array, a: Array, fraction: float) -> Array:
-        """Return what the kernel ``section`` gives at a fraction of the length, (times, 14)."""
+        """Return the results of the kernel ``section`` at a fraction of the length, (times, 14)."""
         count = len(self.places) - 1
         k = min(int(fraction * count), count - 1)
         return self.values("section", q, v, a, slice(k, k + 1), fraction * count - k)[:, 0]

@@ -68,7 +68,7 @@ def modes_in_space(rigid: RodModel, t: float) -> ElasticModes:
     Raises
     ------
     ModelError
-        Where there is no equilibrium, or it is unstable.
+        When there is no equilibrium, or it is unstable.
     """
     found = _modes(LinkageInSpace(rigid), t)
 

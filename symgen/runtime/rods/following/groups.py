@@ -1,8 +1,8 @@
 """The constraint Jacobian of a driven linkage in block triangular form: driven cranks and Assur groups.
 
-An Assur group is a part of a linkage that closes by itself once the groups before it are placed, such as a
-dyad or a triad. The groups are the strongly connected parts of the graph in which an unknown points to the
-unknowns that stand in the row matched to it (Dulmage and Mendelsohn).
+An Assur group is a part of a linkage that closes by itself if the previous groups are placed, such as a dyad
+or a triad. The groups are the strongly connected components of the graph in which an unknown points to the
+unknowns of the row matched to it (Dulmage and Mendelsohn).
 """
 
 from __future__ import annotations
