@@ -249,7 +249,7 @@ def _outward(axes: _Axes) -> System:
         (
             along_group,
             _COUPLING,
-            Group("factors", "factors of the inward step", (*flexibility, *load, *e, h, reciprocal, loss)),
+            Group("factors", "factors of inward", (*flexibility, *load, *e, h, reciprocal, loss)),
             Group("inner_motion", "acceleration of the inner point", inner),
         ),
         (

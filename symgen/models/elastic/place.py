@@ -7,7 +7,7 @@ from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.mechanics.elastic.places import PLACE, SHAPES, STATE, at_a_place, second_order
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
-_ABOUT = "contributions of a unit mass, force, axial force and moment of inertia to the constants of a link"
+_ABOUT = "constants of a link by a unit mass, force, axial force and moment of inertia at x"
 
 
 def elastic_place_system() -> System:

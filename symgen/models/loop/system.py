@@ -141,7 +141,7 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
     ]
     if forces and any(v.effort is None and v.role != "input" for v in model.variables):
         moving.append("screw_rates")
-    exports.append(Export("motion", "screws and the terms of their rates", tuple(moving)))
+    exports.append(Export("motion", "screws and terms of their rates", tuple(moving)))
     table = [e for row in model.loop.rows for e in entries(row)]
     rows = [f"row{i + 1}" for i in range(len(model.rows))]
     matrices.append(
@@ -156,7 +156,7 @@ def _switches(loop: Loop) -> NamedMatrix | None:
     if not loop.switches:
         return None
     gaps = sp.Matrix([s.gap for s in loop.switches])
-    about = f"functions that vanish at {'; '.join(s.text for s in loop.switches)}"
+    about = f"values zero at {'; '.join(s.text for s in loop.switches)}"
     return named("switches", gaps, "1", about, [s.branch.name for s in loop.switches])
 
 

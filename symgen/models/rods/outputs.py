@@ -121,7 +121,7 @@ def _transmission_angle(model: RodsModel, *corner: str) -> Entries:
 
 def _force(model: RodsModel, link: str, point: str) -> Entries:
     force = model.shown(model.joint_forces.on(link, point))
-    return force, "N", f"force on {link} at {point} by the components joined there"
+    return force, "N", f"force on {link} at {point} from joined components"
 
 
 def _torque(model: RodsModel, name: str) -> Entries:

@@ -100,7 +100,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
             "assembly_residual",
             residuals,
             "m",
-            "error of the prescribed quantities at the start",
+            "error at the start",
             rows=rows,
         ),
         sparse(model, "assembly_jacobian", gradients, "1", about, rows=rows),
@@ -160,6 +160,6 @@ def _velocity(model: RodsModel) -> list[NamedMatrix]:
         gradients.extend(model.calculus.gradient(c) for c in model.position(name))
     about = "their derivative by the velocities, K"
     return [
-        named(model, "start_rates", wanted, "m/s", "prescribed velocities at the start, k", rows=rows),
+        named(model, "start_rates", wanted, "m/s", "prescribed initial velocities, k", rows=rows),
         sparse(model, "start_jacobian", gradients, "1", about, rows=rows),
     ]

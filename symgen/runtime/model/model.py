@@ -36,8 +36,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
 
     Every model has the analyses below, with the same arguments. An analysis that a mechanism does not support
     raises CapabilityError with the reason when it is accessed, so that ``hasattr(model, "modes")`` is False.
-    An argument that does not apply to a mechanism is refused by name. Values are in SI units, angles in
-    radians.
+    An argument that does not apply to a mechanism is refused by name. Values are in SI units and radians.
     """
 
     #: Reasons why analyses are missing, by name; under "" the reason for all others.
@@ -208,9 +207,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         state
             Linkages: assembly mode, one of :meth:`assemblies`; by default that of the scene.
         through
-            Continue past turning points of the input, to the end of the range or until the curve closes.
-            Linkages continue on the other branch, back in time; samples of a loop are equally spaced in
-            arc length.
+            Continue past turning points of the input. Linkages continue on the other branch, back in time;
+            samples of a loop are equally spaced in arc length.
 
         Raises
         ------

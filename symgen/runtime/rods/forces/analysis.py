@@ -253,7 +253,7 @@ def of_unknown(u: Unknown, axes: tuple[str, ...], values: Array) -> Variable:
         about = f"torque of the drive on {u.link}, counter-clockwise"
         return Variable(f"{u.link}.torque", "N*m", about, (), values[..., 0])
     if u.kind == "force":
-        about = f"force on {u.link} at {u.point} by what it meets there"
+        about = f"force on {u.link} at {u.point} from joined components"
         return Variable(f"{u.link}.{u.point}.force", "N", about, axes, values)
     about = f"force of the guide along {u.link} on {u.point}, to the left of {u.link}"
     return Variable(f"{u.link}.{u.point}.guide_force", "N", about, (), values[..., 0])
