@@ -2,9 +2,11 @@
 
 Constraints bind the elastic motion of most linkages: the shipped slider-crank, its modal damping replaced by
 one proportional to stiffness; and the shipped four-bar with a rigid coupler between inextensible links, with
-a rigid crank and inextensible other links, and with all links inextensible. Damping couples all unknowns of
-the others: the four-bar with a damping ratio of all modes of the structure, and with one of its links. The
-time is processor time of one step of the default method, Gauss collocation with 6 stages. Links of up to 10
+a rigid crank and inextensible other links, and with all links inextensible. In others the coupler of the
+four-bar is joined to the middle of a longer output link, or has an arm welded to it. The slider-crank is also
+in large rotation, by collocation with 4 stages. Damping couples all unknowns of the others: the four-bar with
+a damping ratio of all modes of the structure, and with one of its links. The time is processor time of one
+step of the default method, Gauss collocation with 6 stages. Links of up to 10
 elements with damping ratios have full matrices, which cost less than the forces of 24 modes on each longer
 link: the exponent of this linkage is that from 20 elements on, and the one from 5 on is a note.
 
@@ -28,7 +30,10 @@ from numpy.typing import NDArray
 
 import symgen
 from symgen.runtime._beams import BeamSteps
-from symgen.runtime.beams.methods import BEAM_METHODS
+from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS8
+from symgen.runtime.elastic.large.collocation import moved
+from symgen.runtime.elastic.large.linkage import LargeLinkage
+from symgen.runtime.integrate.pace import Pace
 from symgen.scene.loading import read_scene
 
 ELEMENTS, STEPS, ROUNDS, EXPONENT = (5, 10, 20, 50, 100, 200), 3, 4, 1.2
@@ -62,6 +67,9 @@ LINKAGES: dict[str, tuple[str, dict[str, dict[str, Any] | None]]] = {
     "rigid coupler": ("thesis_four_bar", {"crank": SHORT, "coupler": None, "output": SHORT}),
     "rigid crank": ("thesis_four_bar", {"crank": None, "coupler": SHORT, "output": SHORT}),
     "inextensible links": ("thesis_four_bar", {"crank": SHORT, "coupler": SHORT, "output": SHORT}),
+    "joint between ends": ("thesis_four_bar", {}),
+    "weld": ("thesis_four_bar", {}),
+    "large rotation": ("elastic_slider_crank", {"rod": {"damping": {"stiffness": "1e-6 s"}}}),
     "modal damping": ("thesis_four_bar", {}),
     "damping ratios of links": ("thesis_four_bar", dict.fromkeys(("crank", "coupler", "output"), RATIO)),
 }
@@ -79,6 +87,19 @@ def linkage(name: str, elements: int) -> Any:
     for link in data["links"].values():
         if "elastic" in link:
             link["elastic"]["elements"] = elements
+    if name == "joint between ends":
+        data["points"] |= {
+            "T": {"at": ["-4 in", "18.74 in"]},
+            "B": {"on": "output", "fraction": 0.5},
+        }
+        data["links"]["output"] |= {"points": ["T", "Q"], "length": "2*c"}
+    if name == "weld":
+        data["points"]["D"] = {"at": ["3.5 in", "15 in"]}
+        data["links"]["arm"] = copy.deepcopy(data["links"]["coupler"]) | {
+            "points": ["B", "D"],
+            "length": "6 in",
+        }
+        data["welds"] = [{"point": "B", "links": ["coupler", "arm"]}]
     if name == "modal damping":
         data["modal_damping"] = {"ratio": 0.01}
     return symgen.build(symgen.Scene(**data))
@@ -87,11 +108,14 @@ def linkage(name: str, elements: int) -> Any:
 def step(name: str, elements: int) -> Case:
     """Return the case of a few steps from rest."""
     motion = linkage(name, elements)._motion(True)
+    h = motion.period / 100_000
+    if name == "large rotation":
+        system, end = LargeLinkage(motion, elements), STEPS * h
+        return Case(lambda: moved(system, GAUSS8, np.array([0.0, end]), STEPS, Pace(0.0, end)), STEPS)
     equations = motion.equations(stepping=True)
     stepper = BeamSteps(equations, BEAM_METHODS["gauss"], 1)
     rest = np.zeros((motion.layout.unknowns, 1))
     motion.check(equations, stepper.start(0.0, rest, rest), 0.0)
-    h = motion.period / 100_000
     return Case(lambda: motion.check(equations, stepper.advance(0.0, STEPS * h, STEPS), 0.0), STEPS)
 
 
