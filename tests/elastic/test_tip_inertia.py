@@ -6,6 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from shared.in_numpy import build
 
 import symgen
 from symgen.errors import SceneError
@@ -74,7 +75,7 @@ def test_a_disc_between_the_ends_lets_the_curvature_jump():
     """Against cubic elements, whose curvature is free at every node: the order of both is kept."""
     disc = {"point": "C", "mass": "0.1 kg", "inertia": "0.02 kg*m^2"}
     fine, quintic = (
-        symgen.build(symgen.Scene(**cantilever([disc], axial=False, element=element, elements=count)))
+        build(symgen.Scene(**cantilever([disc], axial=False, element=element, elements=count)))
         for element, count in (("cubic", 80), ("beam8", 8))
     )
     assert quintic.modes().frequencies[:4] == pytest.approx(fine.modes().frequencies[:4], rel=1e-6)
@@ -108,7 +109,7 @@ def test_the_same_mass_on_a_rigid_link_and_in_segments():
         "masses": [{"point": "T", "mass": "2 kg", "inertia": "0.5 kg*m^2"}],
         "gravity": {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
     }
-    found = symgen.build(symgen.Scene(**scene)).modes().frequencies
+    found = build(symgen.Scene(**scene)).modes().frequencies
     assert found == pytest.approx([np.sqrt(2 * 9.81 / (2 + 0.5)) / (2 * np.pi)], rel=1e-9)
 
 
@@ -132,12 +133,12 @@ BAD = {
 def test_refused(case):
     changes, kind, words = BAD[case]
     with pytest.raises(kind, match=words):
-        symgen.build(symgen.Scene(**cantilever() | changes))
+        build(symgen.Scene(**cantilever() | changes))
 
 
 def test_frequencies_in_large_rotation():
     """Of the straight beam at rest, by differences of the residual of elements in large rotation."""
-    linkage = LargeLinkage(symgen.build(symgen.Scene(**cantilever()))._motion(True), 8)
+    linkage = LargeLinkage(build(symgen.Scene(**cantilever()))._motion(True), 8)
     q, n, h = linkage.start().q, linkage.unknowns, 1e-7
 
     def forces(q, a):

@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 from shared.blades import flapping
+from shared.in_numpy import build
 
 import symgen
 
@@ -81,7 +82,7 @@ BLADE = {
 
 def test_lagging_of_a_blade_on_a_rigid_hub():
     """In the plane of rotation the squares of the frequencies are those of flapping less that of the speed."""
-    model = symgen.build(symgen.Scene(**BLADE))
+    model = build(symgen.Scene(**BLADE))
     for radius, speed in ((0.5, 3.0), (1.0, 6.0)):
         modes = model.with_parameters(radius=radius, speed=speed).modes(moving=True)
         for near, found in zip((4.0 + speed, 22.0 + speed), modes.frequencies, strict=False):
@@ -142,7 +143,7 @@ def test_an_open_frame_at_rest():
         welds=[{"point": "A", "links": ["column", "beam"]}],
         crank={"link": "column", "speed": "0 rpm"},
     )
-    found = symgen.build(frame).quasi_static(samples=2, geometric_stiffness=False)
+    found = build(frame).quasi_static(samples=2, geometric_stiffness=False)
     sunk = force * b**2 * (b / 3 + c) / (modulus * second) + force * c / (modulus * 20e-3 * 4e-3)
     assert found["B.displacement"].values[-1][1] == pytest.approx(-sunk, rel=1e-9)
     assert found["B.displacement"].values[-1][0] == pytest.approx(force * b * c**2 / (2 * modulus * second))
@@ -179,7 +180,7 @@ def test_an_arm_on_a_portal_at_rest(welds):
         **options,
     )
     found, expected = (
-        symgen.build(scene).quasi_static(samples=2, geometric_stiffness=False)["D.displacement"].values[-1]
+        build(scene).quasi_static(samples=2, geometric_stiffness=False)["D.displacement"].values[-1]
         for scene in (split, whole)
     )
     assert found == pytest.approx(expected, rel=1e-7)

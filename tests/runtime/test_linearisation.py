@@ -16,6 +16,7 @@ from shared.controlled import (
     cart_pole,
     four_bar_with_torque,
 )  # fmt: skip
+from shared.in_numpy import build
 from shared.linkages import GRAVITY, G, at, ground
 from shared.rich_scenes import SCENES
 
@@ -76,7 +77,7 @@ def of_cart_pole(x, u):
 
 
 def test_a_cart_pole_has_the_matrices_of_its_closed_form():
-    model = symgen.build(CART_POLE).with_parameters(F=2.0, T=-0.3)
+    model = build(CART_POLE).with_parameters(F=2.0, T=-0.3)
     coordinates, outputs = ["C.position.x", "pole.angle"], ["P.position", "C.acceleration.x", "pole.angle'"]
     y, _ = cart_pole(model, 0.3, 0.7, -0.4, 2.0)
     moving = model.state({"C": y[:2], "P": y[2:4]}, {"C": y[4:6], "P": y[6:]})
@@ -157,7 +158,7 @@ def of_spatial_pendulum(x, u):
 
 
 def test_a_spatial_pendulum_has_the_matrices_of_its_closed_form():
-    model = symgen.build(SPATIAL_PENDULUM)
+    model = build(SPATIAL_PENDULUM)
     place = np.array([0.2, 0.3, -0.6])
     moving = model.state({"P": place}, {"P": np.cross([0.4, -1.0, 0.3], place)})
     for state in (None, moving):
@@ -167,7 +168,7 @@ def test_a_spatial_pendulum_has_the_matrices_of_its_closed_form():
 
 def test_cartesian_coordinates_give_the_jacobian_of_the_right_hand_side():
     """A mass on a massless rod: a = f - r (r.f + v.v)/(r.r), on the circle and off it."""
-    model = symgen.build(
+    model = build(
         symgen.Scene(
             inputs={"F": "0.5 N"},
             points={"O": ground(0, 0), "P": at(0.6, -0.8)},
@@ -200,7 +201,7 @@ def test_cartesian_coordinates_give_the_jacobian_of_the_right_hand_side():
 @pytest.mark.parametrize("scene", ["loaded", "tumbling_body", "car_axis"])
 def test_loads_and_bodies_of_all_kinds_enter_the_slopes(scene):
     """Differences of the right-hand side, at a state in motion."""
-    model = symgen.build(SCENES[scene]())
+    model = build(SCENES[scene]())
     start, f = model.initial_state(), model.rhs
     n, points = len(start.q), model.description.free
     y = np.concatenate([start.q, start.u + 0.3 * np.random.default_rng(0).standard_normal(n)])
@@ -217,7 +218,7 @@ def test_loads_and_bodies_of_all_kinds_enter_the_slopes(scene):
 
 def test_drives_and_moving_ground_enter_the_slopes():
     """A pendulum on a driven arm, whose pivot moves: the rates of constraints depend on time and place."""
-    model = symgen.build(
+    model = build(
         symgen.Scene(
             parameters={"w": "3 rad/s", "d": "0.1 m", "v": "2 rad/s"},
             points={
@@ -264,8 +265,8 @@ def test_drives_and_moving_ground_enter_the_slopes():
 
 def test_the_type_of_runs_leaves_the_matrices_in_doubles():
     coordinates = ["C.position.x", "pole.angle"]
-    plain = symgen.build(CART_POLE).linearise(coordinates=coordinates)
-    single = symgen.build(CART_POLE, precision="float32").linearise(coordinates=coordinates)
+    plain = build(CART_POLE).linearise(coordinates=coordinates)
+    single = build(CART_POLE, precision="float32").linearise(coordinates=coordinates)
     assert np.array_equal(single.A, plain.A) and np.array_equal(single.B, plain.B)
 
 
@@ -278,7 +279,7 @@ ANGLES = {
 
 @pytest.mark.parametrize("scene", ANGLES)
 def test_frequencies_of_a_are_those_of_the_modes(scene):
-    model = symgen.build(scene)
+    model = build(scene)
     equilibrium = model.equilibrium()
     found = model.linearise(equilibrium, coordinates=ANGLES[scene])
     scale = np.max(np.abs(found.A))
@@ -293,7 +294,7 @@ def test_a_linkage_in_a_plane_of_space_keeps_its_freedoms_across():
         links={"OP": {"points": ["O", "P"], "mass": "1 kg"}},
         gravity={"acceleration": [0, 0, f"{-G!r} m/s^2"]},
     )
-    model = symgen.build(scene)
+    model = build(scene)
     assert model.description.plane is not None
     at_rest = model.equilibrium()
     found = model.linearise(at_rest, coordinates=["P.position.x", "P.position.y"])
@@ -303,7 +304,7 @@ def test_a_linkage_in_a_plane_of_space_keeps_its_freedoms_across():
 
 
 def test_redundant_constraints_leave_some_forces_open():
-    model = symgen.build("double_four_bar")
+    model = build("double_four_bar")
     assert model.redundant
     with pytest.raises(ModelError, match="redundant(.|\n)*independent coordinates"):
         model.linearise()
@@ -327,24 +328,24 @@ def test_redundant_constraints_leave_some_forces_open():
     ],
 )
 def test_wrong_requests_are_refused(arguments, text):
-    model = symgen.build(CART_POLE)
+    model = build(CART_POLE)
     with pytest.raises(ModelError, match=text):
         model.linearise(**arguments)
 
 
 def test_a_parameter_among_the_arguments_is_referred_to_with_parameters():
     with pytest.raises(ModelError, match=r"no argument 'F'\. F is a parameter: model\.with_parameters"):
-        symgen.build(CART_POLE).simulate(0.1, F=1.0)
+        build(CART_POLE).simulate(0.1, F=1.0)
 
 
 def test_equilibria_of_other_models_are_refused():
-    other = symgen.build("four_bar").equilibrium()
+    other = build("four_bar").equilibrium()
     with pytest.raises(ModelError, match=r"an equilibrium of this model, got one .* constraint crank_drive"):
-        symgen.build("crank_rocker").linearise(other)
+        build("crank_rocker").linearise(other)
 
 
 def test_a_state_off_the_constraints_has_no_independent_coordinates():
-    model = symgen.build(CART_POLE)
+    model = build(CART_POLE)
     state = model.state({"C": [0.0, 0.1], "P": [0.0, 0.5]})
     with pytest.raises(ModelError, match=r"violates the constraints(.|\n)*rhs\.project"):
         model.linearise(state, coordinates=["C.position.x", "pole.angle"])
@@ -357,7 +358,7 @@ def test_a_state_off_the_constraints_has_no_independent_coordinates():
 
 
 def test_at_rest_round_off_of_velocities_violates_no_constraint():
-    model = symgen.build(CART_POLE)
+    model = build(CART_POLE)
     coordinates = ["C.position.x", "pole.angle"]
     start = model.linearise(coordinates=coordinates)
     assert np.array_equal(model.linearise(0.0, coordinates=coordinates).A, start.A)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mpmath as mp
 import numpy as np
 import pytest
+from shared.in_numpy import build
 from shared.linkages import GRAVITY, G, at, ground
 from shared.slopes import slopes
 
@@ -140,7 +141,7 @@ def test_a_closed_linkage_has_the_derivatives_of_its_closed_form(many):
         },
         torques=[{"link": "crank", "torque": " + ".join(["T - c*crank.rate", *more])}],
     )
-    model = symgen.build(scene)
+    model = build(scene)
     p = model.initial_state().positions
     velocity = [-2.0 * p["A"][1], 2.0 * p["A"][0]]
     found = model.sensitivity(
@@ -160,7 +161,7 @@ def test_few_outputs_have_the_same_derivatives_by_many_parameters():
     """Derivatives by so many torques are taken back along the steps: the transposed equations."""
     many = {f"T{i}": (0.001 * (i + 1), "N*m") for i in range(28)} | {"c": (0.08, "N*m*s")}
     torques = ["-c*rod.rate", *(f"T{i}*{1 + i % 3}" for i in range(28))]
-    model = symgen.build(rod(0.4, torques, many))
+    model = build(rod(0.4, torques, many))
     whole = float(sum(0.001 * (i + 1) * (1 + i % 3) for i in range(28)))
     found = model.sensitivity(
         ["rod.angle", "P.position.y", "O.reaction.x"],
@@ -187,7 +188,7 @@ def test_a_pendulum_has_the_derivatives_of_its_elliptic_function():
         found = k * mp.ellipfun("cd", mp.sqrt(3 * mp.mpf(G) / (2 * l)) * mp.mpf("1.5"), k=k)
         return [2 * mp.asin(found) - mp.pi / 2]
 
-    model = symgen.build(rod(0.2, gravity=GRAVITY))
+    model = build(rod(0.2, gravity=GRAVITY))
     found = model.sensitivity(["rod.angle"], coordinates=["rod.angle"], t_end=1.5, rtol=1e-12)
     m, *rest, _ = found.derivatives[0, 0]
     agrees(rest, slopes(outputs, [0.6, 0.2])[0])
@@ -201,7 +202,7 @@ def test_angles_in_loads_go_on_over_revolutions():
         w, t = mp.sqrt(3 * k / m) / l, mp.mpf("1.3")
         return [start * mp.cos(w * t) + rate / w * mp.sin(w * t), -k * rate / w * mp.sin(w * t)]
 
-    model = symgen.build(rod(0.0, ["-k*rod.angle"], {"k": (0.2, "N*m")}))
+    model = build(rod(0.0, ["-k*rod.angle"], {"k": (0.2, "N*m")}))
     found = model.sensitivity(
         ["rod.angle"], at=started(model, 12.0), coordinates=["rod.angle"], t_end=1.3, rtol=1e-12
     )
@@ -211,7 +212,7 @@ def test_angles_in_loads_go_on_over_revolutions():
 
 
 def test_runs_that_have_no_derivatives_are_refused():
-    model = symgen.build(rod(0.4, ["T - c*rod.rate"], DAMPED))
+    model = build(rod(0.4, ["T - c*rod.rate"], DAMPED))
     for arguments, message in (
         ({"t_end": 1.0, "method": "rattle", "step": 1e-3}, "not available for rattle\n  Choose dop853"),
         ({"t_end": 1.0, "method": "radau5", "integrals": ["rod.angle"]}, "explicit methods, and radau5"),
@@ -222,7 +223,7 @@ def test_runs_that_have_no_derivatives_are_refused():
         ({"t_eval": [[[0.1]], [[0.1]]]}, "t_eval"),
         ({"t_end": 1.0, "max_steps": 0}, "max_steps of at least 1"),
         ({"t_end": 1.0, "outputs": []}, "expected outputs or integrals"),
-        ({"t_end": 1.0, "at": symgen.build("four_bar").initial_state()}, "a state of 2 coordinates for at"),
+        ({"t_end": 1.0, "at": build("four_bar").initial_state()}, "a state of 2 coordinates for at"),
         ({"t_end": 1e-2, "integrals": ["rod.angle"] * 2}, "integral of rod.angle is given twice"),
         ({"t_end": 1e-2, "integrals": ["P.position", "P.position.x"]}, "integral of P.position.x is given"),
     ):
@@ -230,15 +231,15 @@ def test_runs_that_have_no_derivatives_are_refused():
             model.sensitivity(**{"outputs": ["rod.angle"], "coordinates": ["rod.angle"], **arguments})
     with pytest.raises(SimulationError, match="max_steps"):
         model.sensitivity(["rod.angle"], coordinates=["rod.angle"], t_end=1.0, step=1e-3, max_steps=10)
-    jumps = symgen.build(rod(0.4, ["c*sign(t - b)"], {"c": (0.1, "N*m"), "b": (0.1, "s")}))
+    jumps = build(rod(0.4, ["c*sign(t - b)"], {"c": (0.1, "N*m"), "b": (0.1, "s")}))
     with pytest.raises(ModelError, match="integrals are not available for loads that jump: sign"):
         jumps.sensitivity([], coordinates=["rod.angle"], t_end=0.2, integrals=["rod.angle"])
     with pytest.raises(ModelError, match="t_end"):
-        symgen.build("elastic_four_bar").sensitivity(["frequencies"], t_end=1.0)
+        build("elastic_four_bar").sensitivity(["frequencies"], t_end=1.0)
 
 
 def test_integrals_that_are_not_finite_are_refused():
     """Of the angle between a rod and a length of zero."""
-    model = symgen.build(rod(0.0, points={"O": ground(0, 0), "P": at(0.6, 0), "G": ground(0.6, 0)}))
+    model = build(rod(0.0, points={"O": ground(0, 0), "P": at(0.6, 0), "G": ground(0.6, 0)}))
     with pytest.raises(SimulationError, match="not finite"):
         model.sensitivity([], ["l"], coordinates=["rod.angle"], t_end=0.1, integrals=["O.P.G.angle"])
