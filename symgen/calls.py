@@ -54,7 +54,8 @@ def _checked(function: FunctionType) -> Callable[..., Any]:
     def call(*values: Any, **named: Any) -> Any:
         if not interface:  # built at the first call, so that imports stay light
             interface.append(_interface(function))
-        values, named = interface[0].taken(values, named)
+        if named or len(values) != interface[0].alone:
+            values, named = interface[0].taken(values, named)
         try:
             return function(*values, **named)
         finally:
@@ -94,12 +95,14 @@ class _Interface(NamedTuple):
     kinds: Mapping[str, _Kind]
     further: tuple[str, _Kind] | None
     others: _Kind | None
+    #: Number of arguments of a call without any: ``self`` of a method; -1 if others are required.
+    alone: int
 
     def taken(
         self, values: tuple[Any, ...], named: Mapping[str, Any]
     ) -> tuple[tuple[Any, ...], dict[str, Any]]:
         """Return the converted arguments of a call; raise ModelError for one that is not permitted."""
-        for name in self.required:
+        for name in () if self.required == self.ordered[: len(values)] else self.required:
             if name not in named and name not in self.ordered[: len(values)]:
                 raise ModelError(f"{self.name} needs {self.kinds[name].words} for {name}, got no argument")
         by_place = [
@@ -150,7 +153,9 @@ def _interface(function: FunctionType) -> _Interface:
             ordered += [place] if p.kind is not Parameter.KEYWORD_ONLY else []
             required += [place] if p.default is Parameter.empty else []
     name = function.__qualname__.removesuffix(".__init__")
-    return _Interface(name, tuple(ordered), tuple(required), kinds, further, others)
+    own = [place for place in ordered[:1] if place.strip("/") == "self"]
+    alone = len(own) if required == own else -1
+    return _Interface(name, tuple(ordered), tuple(required), kinds, further, others, alone)
 
 
 def _of_annotation(annotation: str) -> _Kind:

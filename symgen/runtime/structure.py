@@ -36,13 +36,10 @@ def stiffness_sizes(equations: _beams.BeamEquations, stiffness: Array, basis: Ar
     if basis is None:
         found = np.sqrt(np.abs(stiffness.diagonal()))
     else:
-        from scipy.sparse import csr_array
-
         rows, columns, entries = equations.full_stiffness()
-        # Entries are by rising row: CSR as it stands, without the sorting of coordinates.
-        starts = np.searchsorted(rows, np.arange(len(basis) + 1))
-        terms = csr_array((np.abs(entries), columns, starts), shape=(len(basis), len(basis)))
-        found = np.sqrt(np.sum(np.abs(basis) * (terms @ np.abs(basis)), axis=0))
+        terms, parts = np.zeros((len(basis), len(basis))), np.abs(basis)
+        terms[rows, columns] = np.abs(entries)
+        found = np.sqrt(np.sum(parts * (terms @ parts), axis=0))
     found[~(found > 0.0)] = 1.0
     return found
 
@@ -62,10 +59,11 @@ def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tup
     """
     from scipy.linalg.lapack import dtrtrs  # for small matrices the checks of scipy.linalg cost more
 
-    for what, matrix in (("mass", mass), ("stiffness", stiffness / np.outer(sizes, sizes))):
-        if not np.all(np.isfinite(matrix)):
+    scaled = stiffness / np.outer(sizes, sizes)
+    for what, matrix in (("mass", mass), ("stiffness", scaled)):
+        if not np.isfinite(matrix).all():
             raise ModelError(f"{name}: the {what} matrix has a number that is not finite at these parameters")
-    factor = _factor(name, stiffness, sizes)
+    factor = _factor(name, (scaled + scaled.T) / 2) * sizes
     try:
         root = np.linalg.cholesky((mass + mass.T) / 2)
     except np.linalg.LinAlgError:
@@ -76,33 +74,31 @@ def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tup
     return np.concatenate([np.zeros(rigid), speeds[::-1]]), shapes, rigid
 
 
-def _factor(name: str, stiffness: Array, sizes: Array) -> Array:
-    """Return G of K = G^T G, with as many rows as K has rank.
-
-    Pivots are compared with the round-off of their own unknown: see :func:`stiffness_sizes`.
+def _factor(name: str, scaled: Array) -> Array:
+    """Return G of K = G^T G, with as many rows as K has rank, in unknowns whose round-off is of one size.
 
     Raises
     ------
     UnstableError
         When K has a negative eigenvalue.
     """
-    from scipy.linalg.lapack import dpstrf
+    from scipy.linalg.lapack import dpstrf, dtrtrs
 
-    symmetric = (stiffness + stiffness.T) / 2
-    n = len(symmetric)
-    scaled = symmetric / np.outer(sizes, sizes)
+    n = len(scaled)
     upper, order, rank, _ = dpstrf(scaled, tol=n * np.finfo(float).eps)
     order = order - 1
     upper = np.triu(upper)[:rank]
     if rank < n:
-        null = np.vstack([-np.linalg.solve(upper[:, :rank], upper[:, rank:]), np.eye(n - rank)])
-        ordered = scaled[np.ix_(order, order)]
+        null = np.eye(n)[:, rank:]
+        if rank:
+            null[:rank] = -dtrtrs(upper[:, :rank], upper[:, rank:])[0]
+        ordered = scaled[order][:, order]
         noise = np.sum(np.abs(null) * (np.abs(ordered) @ np.abs(null)), axis=0)
-        if np.any(np.diagonal(null.T @ ordered @ null) < -ROUND_OFF * n * noise):
+        if np.any(np.sum(null * (ordered @ null), axis=0) < -ROUND_OFF * n * noise):
             raise UnstableError(f"{name} is unstable at rest in this pose: a spring pushes it away")
     found: Array = np.empty((rank, n))
     found[:, order] = upper
-    return found * sizes
+    return found
 
 
 def forces_of_modes(

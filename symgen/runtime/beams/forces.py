@@ -252,15 +252,18 @@ def _bound(
         return {}
     names = motion.constraints
     still = np.zeros(motion.layout.unknowns)
-    made = np.zeros((len(names), *found.displacements.shape))
+    count, size = found.displacements.shape
+    residuals, rows = np.zeros((count, size)), np.zeros((count, len(names), size))
     for i in np.argsort(found.times, kind="stable"):
         t, s = float(found.times[i]), found.displacements[i]
         if found.rates is None:
-            _, residual, rows = equations.residual(t, s, still, still, _beams.QUASI_STATIC)
+            _, residuals[i], rows[i] = equations.residual(t, s, still, still, _beams.QUASI_STATIC)
         else:
-            _, residual, rows = equations.residual(t, s, found.rates[i], accelerations[i])
-        multipliers = np.linalg.lstsq(rows.T, -residual, rcond=None)[0]
-        made[:, i] = multipliers[:, None] * rows
+            _, residuals[i], rows[i] = equations.residual(t, s, found.rates[i], accelerations[i])
+    # Least squares: constraints may be redundant.
+    inverse = np.linalg.pinv(rows, size * np.finfo(float).eps)
+    multipliers = -(residuals[:, None, :] @ inverse)[:, 0]
+    made = multipliers.T[:, :, None] * np.moveaxis(rows, 1, 0)
     return dict(zip(names, made, strict=True))
 
 

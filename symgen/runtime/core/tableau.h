@@ -2,6 +2,8 @@
 #ifndef SYMGEN_TABLEAU_H
 #define SYMGEN_TABLEAU_H
 
+#include <string.h>
+
 #include "run.h"
 
 /* Stages of the solution, all stages, degree of the interpolant, rows of error weights, and whether these use the
@@ -38,13 +40,12 @@ static inline struct tableau tableau_of(const struct scheme *scheme) {
 
 /* Weights of the derivatives of all stages at the part theta of a step of length h. */
 static inline void dense_weights(const struct tableau *x, real h, real theta, real *weights) {
-    for (long j = 0; j < x->all; j++) {
-        real power = theta * h;
-        weights[j] = 0;
-        for (long d = 0; d < x->degree; d++) {
-            weights[j] += x->dense[j * x->degree + d] * power;
-            power *= theta;
-        }
+    real power = theta * h;
+    memset(weights, 0, (size_t)x->all * sizeof(real));
+    for (long d = 0; d < x->degree; d++, power *= theta) {
+        const real *dense = x->dense + d;
+        for (long j = 0; j < x->all; j++, dense += x->degree)
+            weights[j] += *dense * power;
     }
 }
 

@@ -1,4 +1,4 @@
-"""Jumps of the loads of elastic links along the rigid motion, and explicit methods, which stop at each."""
+"""Loads of elastic links along the rigid motion: jumps, explicit methods, which stop at each, repetition."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from symgen.errors import ModelError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.steps import Found, Progress, Start, Task, turn
+from symgen.runtime.elastic.outputs import Found
+from symgen.runtime.elastic.steps import Progress, Start, Task, turn
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of
 from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, check_wall
 from symgen.runtime.kernels.typed import library_of_runs
@@ -30,6 +31,9 @@ _BLUR = 64
 _GRADED = 40
 #: Part of a revolution that an adaptive run tries as its first step.
 _FIRST_TRIED = 4096
+#: Poses of a revolution that are compared with those of the next, the part of its largest value by which a
+#: number may differ, and the part of the largest number that is none.
+_POSES, _PERIODIC, _NOTHING = 7, 1e-6, 1e-12
 
 
 @dataclass(slots=True)
@@ -246,3 +250,22 @@ def explicit(
             raise OutOfTime(stepper.t, Found(found[:, :n], found[:, n:], steps, spent=spent), reached)
         state, begin, done = found[order[last - 1]], after, last
     return Found(found[:, :n], found[:, n:], steps, spent=spent)
+
+
+def check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:
+    """Check that loads at constant speed are the same one revolution later."""
+    # Not at the start itself, where loads may jump.
+    times = motion.period * (np.arange(_POSES) + 1 / np.e) / _POSES
+    both = []
+    for found in ([equations.motion.evaluate(t) for t in times + late] for late in (0.0, motion.period)):
+        for status, *_ in found:
+            motion.check(equations, status, equations.motion.t)
+        both.append([np.array(part) for part in zip(*(rest for _, _, *rest in found), strict=True)])
+    for now, later in zip(*both, strict=True):
+        size = np.abs(now)
+        least = _NOTHING * np.max(size, initial=0.0)
+        if np.any(np.abs(later - now) > _PERIODIC * np.max(size, initial=0.0, axis=0) + least):
+            raise ModelError(
+                f"{motion.rigid.name}: loads depend on the time t, or on the number of revolutions, so that "
+                "no revolution repeats\n  Run it from the start: method gauss."
+            )

@@ -79,8 +79,11 @@ def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: flo
 
 def _ratios(damping: Array, speeds: Array, shapes: Array) -> Array:
     """Return phi^T C phi / (2 w) of shapes phi of unit modal mass; zero where w is."""
+    found = np.zeros_like(speeds)
+    if not damping.any():
+        return found
     damped = np.sum(shapes * (damping @ shapes), axis=0)
-    return np.divide(damped, 2 * speeds, out=np.zeros_like(speeds), where=speeds > 0.0)
+    return np.divide(damped, 2 * speeds, out=found, where=speeds > 0.0)
 
 
 def lowest(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> float:

@@ -258,7 +258,7 @@ class ElasticMotion(ABC):
     def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
         """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""
         made = _beams.BeamEquations(self.moved(stepping), self.layout, thesis)
-        self.check(made, made.matrices(0.0)[0], 0.0)
+        self.check(made, made.sparse(0.0)[0], 0.0)
         return made
 
     def moved(self, stepping: bool = False) -> RigidMotion:
@@ -267,9 +267,9 @@ class ElasticMotion(ABC):
 
     def _moved(self, path: Path | None, stepping: bool = False) -> RigidMotion:
         d = self.rigid.description
-        joined = ("elastic_motion", "elastic_joints")
-        links, joints = (self.rigid.analysis(kind, stepping).library for kind in joined)
-        typed = self.rigid.typed if stepping else None
+        links, joints, typed = self._motion.library, self._joints.library, None
+        if stepping and (typed := self.rigid.typed):
+            links, joints = (self.rigid.analysis(f"elastic_{k}", True).library for k in ("motion", "joints"))
         driven = self.rigid.evaluator.equations(len(d.redundant), typed=typed)
         return RigidMotion(
             self.machine.equations() if path else driven,

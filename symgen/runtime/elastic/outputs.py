@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +19,7 @@ from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Coordinate, Variable, over_time
 
 Array = NDArray[np.float64]
+Counts = NDArray[np.intp]
 
 #: Part of the largest stress below which one is round-off.
 _NOISE = 1e-9
@@ -27,6 +29,8 @@ FINER, SAFETY = 1.2, 5.0
 #: the most; and the estimate over their difference. So the estimates of all methods were 3.3 to 19 times the
 #: error of runs of shipped scenes, those included whose steps do not resolve vibrations.
 FEWER, SAFETY_FEWER = (2.2, 5.2), 4.5
+#: The least number of times that runs with fewer and with more steps are compared at, if not at all.
+_SHARED = 60
 
 
 def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[Variable]:
@@ -67,7 +71,7 @@ def coordinate_of(motion: ElasticMotion, times: Array) -> Coordinate:
     return Coordinate("angle", "rad", "crank angle", motion.angle_at(times))
 
 
-def selected(variables: Sequence[Variable], motion: ElasticMotion) -> tuple[Variable, ...]:
+def selected(variables: Iterable[Variable], motion: ElasticMotion) -> tuple[Variable, ...]:
     """Return the outputs that the scene selects, in its order; all where it selects none.
 
     Raises
@@ -78,7 +82,11 @@ def selected(variables: Sequence[Variable], motion: ElasticMotion) -> tuple[Vari
     names = motion.info.outputs
     if names is None:
         return tuple(variables)
-    known = {v.name: v for v in variables}
+    known: dict[str, Variable] = {}
+    for v in variables:
+        known[v.name] = v
+        if known.keys() >= set(names):  # further ones need not be computed
+            break
     for name in names:
         if name not in known:
             raise SceneError(
@@ -199,27 +207,87 @@ def in_mode(
     return shaped(largest / max(float(np.max(np.abs(x))) for x in sizes))
 
 
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Displacements and their rates (times, unknowns) at the recorded times, and their cost.
+
+    ``rates`` is None where the elastic motion itself adds nothing: quasi-static. ``errors`` returns the error
+    over the peak stress and that of the largest multiplier, ``spent`` is the wall time [s] taken before the
+    run was resumed, ``counts`` the steps to each time from the one before.
+    """
+
+    displacements: Array
+    rates: Array | None
+    steps: int
+    errors: Callable[[], tuple[float | None, float | None]] = lambda: (None, None)
+    floquet: tuple[complex, ...] = ()
+    spent: float = 0.0
+    counts: Counts | None = None
+
+    def at(self, places: NDArray[np.intp]) -> Found:
+        """Return the results at some of the times."""
+        rates = None if self.rates is None else self.rates[places]
+        return replace(self, displacements=self.displacements[places], rates=rates)
+
+
+def known(error: float, of_multiplier: float | None = None) -> Callable[[], tuple[float, float | None]]:
+    """Return the ``errors`` of a result whose errors are known."""
+    return lambda: (error, of_multiplier)
+
+
+def finer_counts(counts: Counts) -> Counts:
+    """Return the steps of the run that a run is compared with: at least ``FINER`` times as many."""
+    return np.ceil(FINER * counts - 1e-9).astype(np.intp)
+
+
+def compared_run(times: Array, counts: Counts, order: int) -> tuple[NDArray[np.intp], Counts, float]:
+    """Return the times of a run that tells the error of a run, its steps to each, and its error over that.
+
+    The times are places of ``times`` in rising order: all, or every so many of equally spaced ones, back from
+    the last. The ratio of the errors is by the order; it is zero, and the steps are more, where no whole
+    numbers of fewer steps do.
+    """
+    least, most = FEWER
+    places = np.argsort(times, kind="stable")
+    gaps = np.diff(times[places])
+    even = len(gaps) and np.min(gaps) > (1 - 1e-9) * np.max(gaps)
+    for every in range(1, max(1, len(times) // _SHARED if even else 1) + 1):
+        shared = np.arange(len(times) - 1, -1, -every)[::-1]
+        taken = np.diff(np.cumsum(counts)[shared], prepend=0)
+        fewer = np.ceil(taken / most ** (1 / order) - 1e-9)
+        growth = (taken / np.maximum(fewer, 1.0))[taken > 0] ** order
+        least_growth = float(np.min(growth[int(every > 1) :]))
+        if least_growth >= least:
+            return places[shared], fewer.astype(np.intp), least_growth
+    return places, finer_counts(counts), 0.0
+
+
+def next_factor(error: float, rtol: float, order: int, falls: bool) -> float:
+    """Return by how much to multiply steps: twice at most, and twice until errors fall as the order says."""
+    return min((error / rtol) ** (1 / order), 2.0) if falls else 2.0
+
+
 class Errors:
     """Errors of runs in time, over the peak stress at a station, the largest of all stations."""
 
     def __init__(
         self, motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, order: int
     ) -> None:
-        self._motion, self._equations, self._times = motion, equations, times
-        self._safety = {False: SAFETY / (1 - FINER**-order), True: SAFETY_FEWER}
+        self.motion, self.equations, self.times = motion, equations, times
+        self._safety = SAFETY / (1 - FINER**-order)
         self._peaks: list[float] = []
         #: Errors that grew in a row, and the least so far, by ``of``.
         self.grown, self.least, self._last = 0, math.inf, math.inf
 
     def of(
-        self, run: Array, other: Array, places: NDArray[np.intp] | None = None, coarser: bool = False
+        self, run: Array, other: Array, places: NDArray[np.intp] | None = None, safety: float | None = None
     ) -> Array:
         """Return the error (times,) of a run (times, unknowns) by another.
 
-        The other has at least ``FINER`` times its steps, or if ``coarser`` fewer, by ``FEWER``.
-        Steps that do not resolve a vibration leave as much in both runs as they differ by.
+        The other has at least ``FINER`` times its steps, or fewer by ``FEWER`` with ``safety``, the estimate
+        over the difference. Steps that do not resolve a vibration leave as much in both as they differ by.
         """
-        errors = self._safety[coarser] * self._differences(run, other, places)
+        errors = (safety or self._safety) * self._differences(run, other, places)
         error = float(np.max(errors))
         self.grown = self.grown + 1 if error > self._last else 0
         self.least, self._last = min(self.least, error), error
@@ -228,7 +296,7 @@ class Errors:
     @cached_property
     def _links(self) -> Array:
         """Return the rigid motion of the links, which takes as long as many steps: once it is needed."""
-        links: Array = self._motion.rigid_motion(self._equations, self._times)[1]
+        links: Array = self.motion.rigid_motion(self.equations, self.times)[1]
         return links
 
     def _differences(self, coarse: Array, fine: Array, places: NDArray[np.intp] | None = None) -> Array:
@@ -237,7 +305,7 @@ class Errors:
         if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
             return found + math.inf
         links = self._links if places is None else self._links[places]
-        of, count = self._motion, len(self._motion.beams)
+        of, count = self.motion, len(self.motion.beams)
         own = ([of.own_unknowns(k, links, values) for k in range(count)] for values in (coarse, fine))
         both = (_strains(of, each) for each in own)
         pairs = [(a.values, b.values) for a, b in zip(*both, strict=True) if b.name.endswith(".stress")]

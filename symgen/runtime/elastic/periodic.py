@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -14,17 +15,10 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.beams.methods import GAUSS
+from symgen.runtime.elastic.jumps import check_repeats
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import FINER, SAFETY, Errors
-from symgen.runtime.elastic.steps import (
-    Counts,
-    Found,
-    Task,
-    first_steps,
-    next_factor,
-    step_counts,
-    stepped,
-)
+from symgen.runtime.elastic.outputs import FINER, SAFETY, Counts, Errors, Found, known, next_factor
+from symgen.runtime.elastic.steps import Task, first_steps, step_counts, stepped
 from symgen.runtime.integrate.pace import OutOfTime, Pace, is_spent, wall_left
 from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond_linear_theory
 from symgen.runtime.result.records import Coordinate, Drift, Variable
@@ -37,9 +31,6 @@ Progress = Callable[[float], None]
 _FIRST, _MOST = 64, 1 << 16
 #: The least number of recorded times that runs are compared at, if there are as many.
 _COMPARED = 60
-#: Poses of a revolution that are compared with those of the next, the part of its largest value by which a
-#: number may differ, and the part of the largest number that is none.
-_LOOKS, _PERIODIC, _NOTHING = 7, 1e-6, 1e-12
 #: The most unknowns for which all states of one revolution are stepped together.
 _SHOOTING = 400
 #: How near to one the multiplier of the phase of a crank with a motor is, but for the elastic deflections.
@@ -81,38 +72,41 @@ def periodic(
         )
     _check_size(motion)
     if not motion.has_motor:
-        _check_repeats(motion, equations)
+        check_repeats(motion, equations)
     free = motion.layout.unknowns - motion.layout.constraints
     per_turn = first_steps(motion, task, _FIRST)
     worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
-    # The second run is the first of the next comparison, as a rule: few steps seldom suffice.
-    ratio = FINER if task.steps else 2.0
-    more, before, closed = 1.0, 0.0, False
+    compare = partial(_compared, motion, times, slowest)
 
-    def followed(at: Array, *shots: _Shot) -> list[Found]:
-        # Recorded times may end shorter steps than these, as many in both runs: their error is far smaller.
-        per_turn = [shot.per_turn if at is times else shots[0].per_turn for shot in shots]
-        return _followed(motion, equations, at, shots, [step_counts(motion, at, n) for n in per_turn], pace)
+    def whole(shot: _Shot) -> list[Found]:
+        return _followed(motion, equations, times, [shot], [step_counts(motion, times, shot.per_turn)], pace)
 
     shot = _shot(motion, equations, per_turn, pace)
+    if task.steps is not None:
+        passes += whole(shot)
+
+        @cache
+        def errors() -> tuple[float, float | None]:
+            # Each pose is found from the one before: equations of its own give the same bits at any time.
+            own, clock = motion.equations(task.form == "thesis", stepping=True), Pace(0.0, motion.period)
+            return compare(own, shot, _shot(motion, own, math.ceil(FINER * per_turn), clock), clock)[1:]
+
+        if wall_left() is not None:
+            errors()
+        return replace(passes[0], errors=errors)
+    # The second run is the first of the next comparison, as a rule: few steps seldom suffice.
+    ratio, more, before, closed = 2.0, 1.0, 0.0, False
     while True:
         other = _shot(motion, equations, math.ceil(ratio * per_turn), pace)
         if wall_left() is not None:
-            passes += followed(times, shot)
-        every = 1 if len(motion.jumps) else len(times) // max(per_turn, _COMPARED)
-        at = times[::every] if every > 1 else times
-        found, compared = followed(at, shot, other)
-        errors = Errors(motion, equations, at, GAUSS.order)
-        error = float(np.max(errors.of(found.displacements, compared.displacements)))
-        largest = abs(shot.multipliers[0])
-        # Steps longer than half a vibration turn all multipliers to one, and agree on it.
-        shift = SAFETY * abs(abs(other.multipliers[0]) - largest) if per_turn >= slowest else None
-        apart = math.inf if shift is None else shift / largest
+            passes += whole(shot)
+        found, error, shift = compare(equations, shot, other, pace)
+        apart = math.inf if shift is None else shift / abs(shot.multipliers[0])
         sure = apart <= FLOQUET_SETTLED
         settled = apart <= _CLOSE or (sure and closed) or max(2 * per_turn, slowest) > worth
-        if task.steps is not None or (error <= task.rtol and settled):
-            passes[:] = [found] if at is times else followed(times, shot)
-            return replace(passes[0], error=error, floquet_error=shift)
+        if error <= task.rtol and settled:
+            passes[:] = [found] if found else whole(shot)
+            return replace(passes[0], errors=known(error, shift))
         if per_turn >= _MOST:
             problem = f"shooting does not come within {task.rtol:g} of the peak stress"
             raise SimulationError(f"{motion.rigid.name}: {problem}")
@@ -128,23 +122,30 @@ def periodic(
         per_turn, ratio = shot.per_turn, FINER
 
 
-def _check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:
-    """Check that loads at constant speed are the same one revolution later."""
-    # Not at the start itself, where loads may jump.
-    times = motion.period * (np.arange(_LOOKS) + 1 / np.e) / _LOOKS
-    both = []
-    for found in ([equations.motion.evaluate(t) for t in times + late] for late in (0.0, motion.period)):
-        for status, *_ in found:
-            motion.check(equations, status, equations.motion.t)
-        both.append([np.array(part) for part in zip(*(rest for _, _, *rest in found), strict=True)])
-    for now, later in zip(*both, strict=True):
-        size = np.abs(now)
-        least = _NOTHING * np.max(size, initial=0.0)
-        if np.any(np.abs(later - now) > _PERIODIC * np.max(size, initial=0.0, axis=0) + least):
-            raise ModelError(
-                f"{motion.rigid.name}: loads depend on the time t, or on the number of revolutions, so that "
-                "no revolution repeats\n  Run it from the start: method gauss."
-            )
+def _compared(
+    motion: ElasticMotion,
+    times: Array,
+    slowest: float,
+    equations: _beams.BeamEquations,
+    shot: _Shot,
+    other: _Shot,
+    pace: Pace,
+) -> tuple[Found | None, float, float | None]:
+    """Return the steady state of a shot, its error by another, and that of its largest multiplier.
+
+    The first is None where a few of the times are compared; ``slowest`` are the steps per revolution that
+    resolve a vibration.
+    """
+    every = 1 if len(motion.jumps) else len(times) // max(shot.per_turn, _COMPARED)
+    at = times[::every] if every > 1 else times
+    # Recorded times may end shorter steps than these, as many in both runs: their error is far smaller.
+    counts = [step_counts(motion, at, (x if at is times else shot).per_turn) for x in (shot, other)]
+    found, finer = _followed(motion, equations, at, [shot, other], counts, pace)
+    parts = Errors(motion, equations, at, GAUSS.order).of(found.displacements, finer.displacements)
+    # Steps longer than half a vibration turn all multipliers to one, and agree on it.
+    sizes = abs(shot.multipliers[0]), abs(other.multipliers[0])
+    shift = SAFETY * abs(sizes[1] - sizes[0]) if shot.per_turn >= slowest else None
+    return found if at is times else None, float(np.max(parts)), shift
 
 
 def again(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -23,23 +23,15 @@ from symgen.runtime.beams.checks import (
     warnings,
 )
 from symgen.runtime.beams.energies import Energies, energies
-from symgen.runtime.beams.forces import Motion, accelerations_of, forces
+from symgen.runtime.beams.forces import Forces, Motion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.elastic.jumps import explicit, jump_times
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import coordinate_of, outputs, recovered, selected
+from symgen.runtime.elastic.outputs import Found, coordinate_of, outputs, recovered, selected
 from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import held, initial
-from symgen.runtime.elastic.steps import (
-    Found,
-    Task,
-    adapted,
-    first_steps,
-    recorded_times,
-    step_counts,
-    stepped,
-)
+from symgen.runtime.elastic.steps import Task, adapted, first_steps, recorded_times, step_counts, stepped
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.pace import (
     OutOfTime,
@@ -53,7 +45,7 @@ from symgen.runtime.integrate.pace import (
 from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.result.elastic import SELECTED, ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
-from symgen.runtime.result.records import Drift, Variable, of_model
+from symgen.runtime.result.records import Drift, Later, Variable, of_model
 from symgen.runtime.structure import UnstableError
 
 Array = NDArray[np.float64]
@@ -99,7 +91,7 @@ def run(
         until = max(end, motion.period) if task.method == "periodic" and motion.speed else end
         motion = motion.ending_on(jump_times(motion, until, first_steps(motion, task, 1)))
         times = np.concatenate([times, motion.jumps[:, 0]])
-    equations = motion.equations(task.form == "thesis", stepping=True)
+    equations = _equations(motion, task)
     if task.form == "thesis":
         _check_thesis(motion)
     check_wall("preparing the elastic links")
@@ -117,62 +109,43 @@ def run(
             begun = initial(motion, equations, task)
             found = explicit(motion, equations, task, times, progress, keeping, begun)
     except OutOfTime as stop:
-        raise _out_of_time(motion, equations, task, times[:count], stop, passes, pace) from None
+        raise _out_of_time(motion, task, times[:count], stop, passes, pace) from None
     if not all(np.all(np.abs(x) < _BOUND) for x in (found.displacements, found.rates) if x is not None):
         raise SimulationError(
             f"{motion.rigid.name}: the motion grows without bound: the step is too long for "
             f"{task.method}, or the motion is unstable\n"
             "  Take more steps, or check the Floquet multipliers (symgen periodic, model.periodic())."
         )
-    made = _result(motion, equations, task, times[:count], found, found.spent + pace.wall)
-    made._estimate_later(partial(_mesh_error, motion, equations, task, times, found, passes, wall_left()))
+    made = _result(motion, task, times[:count], found, found.spent + pace.wall)
+    made._estimate_later(partial(_mesh_error, motion, task, times, found, wall_left()))
     return made
 
 
 def _mesh_error(
-    motion: ElasticMotion,
-    equations: _beams.BeamEquations,
-    task: Task,
-    times: Array,
-    found: Found,
-    passes: list[Found],
-    max_wall: float | None,
+    motion: ElasticMotion, task: Task, times: Array, found: Found, max_wall: float | None
 ) -> float | None:
     """Return the error of stresses by elements, over their peak; None if not known.
 
-    The run is repeated with all elements halved, and the steps of the last: errors in time are the same.
+    The run is repeated with all elements halved, and its steps: errors in time are the same.
     """
-    with limited(max_wall):
-        return _error_of_halves(motion, equations, task, times, found, passes)
-
-
-def _error_of_halves(
-    motion: ElasticMotion,
-    equations: _beams.BeamEquations,
-    task: Task,
-    times: Array,
-    found: Found,
-    passes: list[Found],
-) -> float | None:
-    pace = Pace(0.0, float(np.max(times)))
-    finer = motion.refined()
-    last = min(passes[-2:], key=lambda one: one.steps) if passes else None
-    method = BEAM_METHODS.get(task.method, GAUSS)
+    pace, method = Pace(0.0, float(np.max(times))), BEAM_METHODS.get(task.method, GAUSS)
+    equations = _equations(motion, task)
 
     def repeated(one: ElasticMotion, of: _beams.BeamEquations) -> Array:
         if task.method == "quasi-static":
             return held(one, of, times, pace).displacements
-        counts = step_counts(motion, times, _EXPLICIT) if last is None or last.counts is None else last.counts
+        counts = step_counts(motion, times, _EXPLICIT) if found.counts is None else found.counts
         if task.method == "periodic":
             # The times may lie in the first part of the revolution.
             to_last = int(np.sum(counts))
-            per_turn = to_last if last is None else max(to_last, last.steps - to_last)
-            return again(one, of, times, counts, per_turn, pace)
+            return again(one, of, times, counts, max(to_last, found.steps - to_last), pace)
         return stepped(one, of, method, times, counts, initial(one, of, task), pace=pace)[0]
 
     try:
-        coarse = repeated(motion, equations) if last is None else last.displacements
-        fine = repeated(finer, finer.equations(task.form == "thesis", stepping=True))
+        with limited(max_wall):
+            coarse = repeated(motion, equations) if found.counts is None else found.displacements
+            finer = motion.refined()
+            fine = repeated(finer, _equations(finer, task))
     except (OutOfTime, SimulationError, ModelError):
         return None
     if not np.all(np.isfinite(fine)):
@@ -183,7 +156,6 @@ def _error_of_halves(
 
 def _out_of_time(
     motion: ElasticMotion,
-    equations: _beams.BeamEquations,
     task: Task,
     times: Array,
     stop: OutOfTime,
@@ -201,8 +173,13 @@ def _out_of_time(
             "would follow, was not finished."
         )
     finite = len(reached) and bool(np.all(np.isfinite(found.displacements)))
-    partial = _result(motion, equations, task, times[reached], found, pace.wall) if finite else None
+    partial = _result(motion, task, times[reached], found, pace.wall) if finite else None
     return SimulationError(problem, time=stop.t, partial=partial)
+
+
+def _equations(motion: ElasticMotion, task: Task) -> _beams.BeamEquations:
+    """Return the equations of a run, at its start."""
+    return motion.equations(task.form == "thesis", stepping=True)
 
 
 def _with_motor(motion: ElasticMotion, task: Task) -> ElasticMotion:
@@ -228,7 +205,6 @@ def _check_thesis(motion: ElasticMotion) -> None:
 
 def _result(
     motion: ElasticMotion,
-    equations: _beams.BeamEquations,
     task: Task,
     times: Array,
     found: Found,
@@ -236,7 +212,7 @@ def _result(
 ) -> ElasticResult:
     d, rigid = motion.rigid.description, motion.rigid
     how = {"method": task.method, "form": task.form, "rtol": task.rtol, "t_end": float(np.max(times))}
-    source = _Recorded(motion, equations, task, found.at(np.arange(len(times))), times, wall, is_spent())
+    source = _Recorded(motion, task, found.at(np.arange(len(times))), times, wall, is_spent())
     made = ElasticResult._later(
         source,
         **of_model(d, rigid.parameters, **how, **made_with(rigid.evaluator.library, rigid.typed)),
@@ -248,7 +224,7 @@ def _result(
         times=times if motion.speed else None,
     )
     if motion.info.outputs is not None:
-        source.variables()  # a name that no output has is refused at once
+        _ = made.variables  # a name that no output has is refused at once
     return made
 
 
@@ -256,11 +232,11 @@ def _result(
 class _Recorded:
     """A run that has ended; its methods give fields of its result that take as long as many steps.
 
-    Each pose is found from the one before: all parts are computed in the same order, whichever is read first.
+    Each pose is found from the one before: with equations of their own all parts are computed in the same
+    order, whichever is read first.
     """
 
     motion: ElasticMotion
-    equations: _beams.BeamEquations
     task: Task
     found: Found
     times: Array
@@ -268,54 +244,77 @@ class _Recorded:
     spent: bool
 
     @cached_property
-    def _outputs(self) -> tuple[list[Variable], Motion, Energies | None]:
-        """Return all outputs, the motion, and the energies."""
-        motion, found = self.motion, self.found
-        rigid, links, loads = motion.rigid_motion(self.equations, self.times)
+    def equations(self) -> _beams.BeamEquations:
+        """The equations at the start of the motion."""
+        return _equations(self.motion, self.task)
+
+    @cached_property
+    def _moved(self) -> tuple[tuple[Array, Array, Array], Motion]:
+        """Return the rigid motion, and the whole."""
+        found = self.found
+        rigid, links, loads = self.motion.rigid_motion(self.equations, self.times)
         thesis = self.task.form == "thesis"
-        whole = Motion(self.times, rigid[0], links, loads, found.displacements, found.rates, thesis)
-        made = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
-        accelerations = accelerations_of(motion, self.equations, whole)
-        acting = forces(motion, self.equations, whole, accelerations)
-        made += acting.variables
-        balance = energies(motion, rigid, whole, accelerations, acting)
-        made += balance.variables() if balance else ()
-        return made, whole, balance
+        return rigid, Motion(self.times, rigid[0], links, loads, found.displacements, found.rates, thesis)
+
+    @cached_property
+    def _shapes(self) -> list[Variable]:
+        whole = self._moved[1]
+        shapes = outputs(self.motion, whole.links, whole.displacements)
+        return [*shapes, *recovered(self.motion, whole)]
+
+    @cached_property
+    def _acting(self) -> tuple[Array, Forces]:
+        """Return the accelerations and the forces."""
+        whole = self._moved[1]
+        accelerations = accelerations_of(self.motion, self.equations, whole)
+        return accelerations, forces(self.motion, self.equations, whole, accelerations)
+
+    @cached_property
+    def _balance(self) -> Energies | None:
+        return energies(self.motion, *self._moved, *self._acting)
 
     @cached_property
     def _shares(self) -> dict[str, float]:
-        return second_order(self.motion, self.equations, self._outputs[1])
+        _ = self._acting  # first
+        return second_order(self.motion, self.equations, self._moved[1])
 
-    @cached_property
-    def _mean_powers(self) -> tuple[float, float] | None:
-        task, balance = self.task, self._outputs[2]
+    def _mean_powers(self) -> list[float]:
+        task, balance = self.task, self._balance
         steady = task.method == "periodic" and task.at is None and self.motion.info.mode == "held"
-        return balance.mean_powers() if balance and steady else None
+        return list((balance.mean_powers() if balance and steady else None) or ())
+
+    def outputs(self) -> Iterator[Variable]:
+        """Yield all outputs; those of one kind are computed when it comes to them."""
+        yield from self._shapes
+        yield from self._acting[1].variables
+        yield from self._balance.variables() if self._balance else ()
 
     def variables(self) -> tuple[Variable, ...]:
         """Return the outputs that the scene selects."""
-        return selected(self._outputs[0], self.motion)
+        return selected(self.outputs(), self.motion)
 
-    def statistics(self) -> dict[str, Any]:
+    def statistics(self) -> Mapping[str, Any]:
         """Return counts, errors, shares of second order, powers, and multipliers."""
-        motion, found, (_, _, balance) = self.motion, self.found, self._outputs
-        return {
-            "unknowns": motion.layout.unknowns - motion.layout.constraints,
-            "steps": found.steps,
-            "error": found.error,
-            "damping_ratios": list(motion.damping_ratios),
-            "second_order": self._shares,
-            "mean_powers_w": list(self._mean_powers or ()),
-            "power_balance": balance.balance if balance else None,
-            "omitted_power": balance.omitted_share if balance else None,
-            "wall_s": self.wall,
-            "floquet": [[z.real, z.imag] for z in found.floquet],
-            "floquet_error": found.floquet_error,
-        }
+        motion, found = self.motion, self.found
+        return Later(
+            {
+                "unknowns": motion.layout.unknowns - motion.layout.constraints,
+                "steps": found.steps,
+                "error": lambda: found.errors()[0],
+                "damping_ratios": lambda: list(motion.damping_ratios),
+                "second_order": lambda: self._shares,
+                "mean_powers_w": self._mean_powers,
+                "power_balance": lambda: self._balance.balance if self._balance else None,
+                "omitted_power": lambda: self._balance.omitted_share if self._balance else None,
+                "wall_s": self.wall,
+                "floquet": [[z.real, z.imag] for z in found.floquet],
+                "floquet_error": lambda: found.errors()[1],
+            }
+        )
 
     def notes(self) -> tuple[str, ...]:
         """Return remarks on the run and on where linear theory does not hold."""
-        motion, task, (_, whole, _) = self.motion, self.task, self._outputs
+        motion, task, whole = self.motion, self.task, self._moved[1]
         d = motion.rigid.description
         notes = [
             *([] if self.spent else _of_speed(motion)),
@@ -379,7 +378,7 @@ def _of_steps(motion: ElasticMotion, task: Task, found: Found) -> list[str]:
 def _of_stability(found: Found) -> list[str]:
     if not found.floquet:
         return []
-    stable = is_stable(abs(found.floquet[0]), found.floquet_error)
+    stable = is_stable(abs(found.floquet[0]), found.errors()[1])
     if stable is None:
         return [
             "not known whether it is stable: the Floquet multipliers still change as steps are halved, by "

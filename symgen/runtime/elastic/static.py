@@ -13,7 +13,8 @@ from symgen.precision import FLOAT64
 from symgen.runtime import _beams
 from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.steps import Found, Start, Task, turn
+from symgen.runtime.elastic.outputs import Found
+from symgen.runtime.elastic.steps import Start, Task, turn
 from symgen.runtime.integrate.pace import OutOfTime, Pace
 from symgen.runtime.structure import stiffness_sizes
 

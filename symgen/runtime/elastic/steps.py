@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,29 +16,39 @@ from symgen.runtime import _beams, _core
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.kept import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import FEWER, FINER, Errors
+from symgen.runtime.elastic.outputs import (
+    FINER,
+    SAFETY,
+    SAFETY_FEWER,
+    Counts,
+    Errors,
+    Found,
+    compared_run,
+    finer_counts,
+    known,
+    next_factor,
+)  # fmt: skip
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
 from symgen.runtime.integrate.options import TIGHTEST, end_of_scene, recorded_at
-from symgen.runtime.integrate.pace import OutOfTime, Pace
+from symgen.runtime.integrate.pace import OutOfTime, Pace, wall_left
 from symgen.runtime.kernels.arguments import is_real, out_of_range
 from symgen.runtime.kernels.typed import library_of_runs
 
 Array = NDArray[np.float64]
-Counts = NDArray[np.intp]
 Progress = Callable[[float], None]
 #: S and S' at time zero, (unknowns, 1) each; None at rest and undeformed.
 Start = tuple[Array, Array] | None
 
 #: Steps per revolution that a run begins with, and the most that it is doubled to.
 _FIRST, _MOST = 256, 1 << 18
-#: The least number of times that runs with fewer and with more steps are compared at, if not at all.
-_SHARED = 60
 #: The most steps per revolution that may be requested.
 _MOST_A_TURN = 10_000_000
 #: An error of which so much is left in the last of so many parts of a run is reduced on the first, if so many
 #: times are recorded; the least part of the steps found there that the whole run takes; and by how much its
 #: error may grow faster than in proportion: steps that do not suffice cost another run.
 _LASTING, _PART, _FEW, _LEAST, _GROWN = 0.4, 8, 64, 0.6, 2.0
+#: The order of methods whose errors fall too slowly to tell that they fall as the order says.
+_SLOW = 2
 #: Runs in a row after which errors that grow are round-off, in types coarser than doubles.
 _ROUNDED = 2
 
@@ -60,30 +71,6 @@ class Task:
     t_end: float | None = None
     t_eval: tuple[float, ...] | None = None
     initial: str | tuple[float, ...] = "undeformed"
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """Displacements and their rates (times, unknowns) at the recorded times, and their cost.
-
-    ``rates`` is None where the elastic motion itself adds nothing: quasi-static. ``floquet_error`` is that of
-    the largest multiplier, ``spent`` the wall time [s] taken before the run was resumed, ``counts`` the steps
-    to each time from the one before.
-    """
-
-    displacements: Array
-    rates: Array | None
-    steps: int
-    error: float | None = None
-    floquet: tuple[complex, ...] = ()
-    floquet_error: float | None = None
-    spent: float = 0.0
-    counts: Counts | None = None
-
-    def at(self, places: NDArray[np.intp]) -> Found:
-        """Return the results at some of the times."""
-        rates = None if self.rates is None else self.rates[places]
-        return replace(self, displacements=self.displacements[places], rates=rates)
 
 
 def recorded_times(motion: ElasticMotion, task: Task) -> Array:
@@ -158,36 +145,6 @@ def step_counts(motion: ElasticMotion, times: Array, per_turn: int) -> Counts:
     gaps = np.diff(np.sort(times), prepend=0.0)
     counts = np.maximum(1, np.ceil(gaps / turn(motion) * per_turn - 1e-9)).astype(np.intp)
     return np.where(gaps > 0.0, counts, 0)
-
-
-def finer_counts(counts: Counts) -> Counts:
-    """Return the steps of the run that a run is compared with: at least ``FINER`` times as many."""
-    return np.ceil(FINER * counts - 1e-9).astype(np.intp)
-
-
-def compared_run(times: Array, counts: Counts, order: int) -> tuple[NDArray[np.intp], Counts, bool]:
-    """Return the times of a run that tells the error of a run, its steps to each, and whether they are fewer.
-
-    The times are places of ``times`` in rising order: all, or every so many of equally spaced ones, back from
-    the last. The steps are more where no whole numbers of fewer steps do.
-    """
-    least, most = FEWER
-    places = np.argsort(times, kind="stable")
-    gaps = np.diff(times[places])
-    even = len(gaps) and np.min(gaps) > (1 - 1e-9) * np.max(gaps)
-    for every in range(1, max(1, len(times) // _SHARED if even else 1) + 1):
-        shared = np.arange(len(times) - 1, -1, -every)[::-1]
-        taken = np.diff(np.cumsum(counts)[shared], prepend=0)
-        fewer = np.ceil(taken / most ** (1 / order) - 1e-9)
-        growth = (taken / np.maximum(fewer, 1.0))[taken > 0] ** order
-        if np.all(growth[int(every > 1) :] >= least):
-            return places[shared], fewer.astype(np.intp), True
-    return places, finer_counts(counts), False
-
-
-def next_factor(error: float, rtol: float, order: int, falls: bool) -> float:
-    """Return by how much to multiply steps: twice at most, and twice until errors fall as the order says."""
-    return min((error / rtol) ** (1 / order), 2.0) if falls else 2.0
 
 
 def stepped(
@@ -314,30 +271,23 @@ def adapted(
     errors = Errors(motion, equations, times, method.order)
     counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
 
-    def run(counts: Counts, shown: Progress | None = None) -> tuple[Array, Array]:
-        found, rates = stepped(
-            motion, equations, method, times, counts, start, progress=shown, stages=stages, pace=pace
-        )
-        passes.append(Found(found, rates, int(np.sum(counts)), spent=spent, counts=counts))
-        return found, rates
+    def run(counts: Counts) -> Found:
+        both = stepped(motion, equations, method, times, counts, start, progress, stages, pace)
+        passes.append(Found(*both, int(np.sum(counts)), spent=spent, counts=counts))
+        return passes[-1]
 
+    found = run(counts)
     if task.steps is not None:
-        found = run(counts, progress)
-        places, others, fewer = compared_run(times, counts, method.order)
-        other = stepped(motion, equations, method, times[places], others, start, None, stages, pace)[0]
-        parts = errors.of(found[0][places], other, places, fewer)
-        error = float(np.max(parts))
-        return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
+        return replace(found, errors=_estimated(motion, task, times, found, start, stages))
     order = np.argsort(times, kind="stable")
-    found = run(counts, progress)
     more, before = 1.0, 0.0
     while np.sum(counts) < _MOST * max(1.0, task.revolutions):
         finer = finer_counts(counts)
-        compared = run(finer, progress)
-        parts = errors.of(found[0], compared[0])[order]
+        compared = run(finer)
+        parts = errors.of(found.displacements, compared.displacements)[order]
         error = float(np.max(parts))
         if error <= task.rtol:
-            return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
+            return replace(found, errors=known(error))
         _check_round_off(motion, task, errors)
         # Vibrations that decay need their steps only up to the last time at which they show.
         last = int(np.flatnonzero(parts > task.rtol)[-1])
@@ -348,16 +298,61 @@ def adapted(
         early = np.arange(len(counts)) <= last
         needed = np.where(early, np.ceil(more * counts - 1e-9).astype(np.intp), counts)
         counts = finer if more <= FINER else needed
-        before = error
+        before, resolved = error, False
         if lasts:
-            counts, before = _counts_by_part(motion, equations, task, times, counts, errors, start), math.inf
-        found = compared if np.array_equal(counts, finer) else run(counts, progress)
+            counts, resolved = _counts_by_part(motion, equations, task, times, counts, errors, start)
+            before = math.inf
+        found = compared if np.array_equal(counts, finer) else run(counts)
+        if resolved:  # these steps suffice, as a rule; a run with fewer takes less time
+            error = _by_another(errors, method, counts, found.displacements, start, falls=True)
+            if error <= task.rtol:
+                return replace(found, errors=known(error))
+            more, before = next_factor(error, task.rtol, method.order, True), error
+            counts = np.ceil(more * counts - 1e-9).astype(np.intp)
+            found = run(counts)
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
         f"with {_MOST} steps per revolution\n"
         "  A revolution may have too many vibrations to follow from rest: take periodic or quasi-static, or "
         "fewer revolutions."
     )
+
+
+def _estimated(
+    motion: ElasticMotion, task: Task, times: Array, found: Found, start: Start, stages: Stages | None
+) -> Callable[[], tuple[float | None, float | None]]:
+    """Return a function that computes the error of a run; called at once if the run is limited or kept."""
+    counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
+
+    @cache
+    def errors() -> tuple[float | None, float | None]:
+        # Each pose is found from the one before: equations of its own give the same bits at any time.
+        equations, method = motion.equations(task.form == "thesis", stepping=True), BEAM_METHODS[task.method]
+        of = Errors(motion, equations, times, method.order)
+        return _by_another(of, method, counts, found.displacements, start, stages), None
+
+    if stages or wall_left() is not None:
+        errors()
+    return errors
+
+
+def _by_another(
+    errors: Errors,
+    method: BeamMethod,
+    counts: Counts,
+    found: Array,
+    start: Start,
+    stages: Stages | None = None,
+    falls: bool = False,
+) -> float:
+    """Return the error of a run by another, with fewer steps if whole numbers of steps allow.
+
+    ``falls``: errors are known to fall as the order of the method says.
+    """
+    places, others, growth = compared_run(errors.times, counts, method.order)
+    of = errors.motion, errors.equations, method, errors.times[places], others, start, None, stages
+    safety = (SAFETY / (growth - 1.0) if falls else SAFETY_FEWER) if growth else None
+    return float(np.max(errors.of(found[places], stepped(*of)[0], places, safety)))
 
 
 def _counts_by_part(
@@ -368,11 +363,15 @@ def _counts_by_part(
     counts: Counts,
     errors: Errors,
     start: Start,
-) -> Counts:
-    """Return the counts that the first part of a run needs, and the whole if its error grows evenly."""
+) -> tuple[Counts, bool]:
+    """Return the counts that the first part of a run needs, and the whole if its error grows evenly.
+
+    Also whether the error of the part was seen to fall as the order of the method says.
+    """
     method = BEAM_METHODS[task.method]
     part = np.argsort(times, kind="stable")[: len(times) // _PART]
     pace = Pace(0.0, float(times[part[-1]]))
+    before = 0.0
     while np.sum(counts) < _MOST:
         own = counts[: len(part)]
         finer = finer_counts(own)
@@ -380,12 +379,14 @@ def _counts_by_part(
             stepped(motion, equations, method, times[part], c, start, pace=pace)[0] for c in (own, finer)
         )
         error = float(np.max(errors.of(found, compared, part)))
-        if error <= task.rtol:
+        falls = method.order > _SLOW and error < before * 2.0 ** (1 - method.order)
+        if error <= task.rtol or falls:
             needed = (_GROWN * _PART * error / task.rtol) ** (1 / method.order)
-            return np.ceil(min(max(needed, _LEAST), 1.0) * counts - 1e-9).astype(np.intp)
+            factor = max(needed, _LEAST) if falls else min(max(needed, _LEAST), 1.0)
+            return np.ceil(factor * counts - 1e-9).astype(np.intp), falls
         _check_round_off(motion, task, errors)
-        counts = 2 * counts
-    return counts
+        counts, before = 2 * counts, error
+    return counts, False
 
 
 def _check_round_off(motion: ElasticMotion, task: Task, errors: Errors) -> None:

@@ -6,7 +6,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
@@ -41,8 +41,7 @@ class _Limit:
 _LIMIT: ContextVar[_Limit | None] = ContextVar("wall time", default=None)
 
 
-@contextmanager
-def limited(max_wall: object) -> Iterator[None]:
+def limited(max_wall: object) -> AbstractContextManager[None]:
     """Limit the wall time [s] of a run and its assembly, but for :func:`uncounted`; None: no limit.
 
     Raises
@@ -50,9 +49,14 @@ def limited(max_wall: object) -> Iterator[None]:
     ModelError
         When it is not a finite number above zero.
     """
-    if max_wall is None:
-        yield
-        return
+    return _UNLIMITED if max_wall is None else _limited(max_wall)
+
+
+_UNLIMITED = nullcontext()
+
+
+@contextmanager
+def _limited(max_wall: object) -> Iterator[None]:
     if not is_real(max_wall) or not max_wall > 0:  # type: ignore[operator]
         raise out_of_range("max_wall", max_wall)
     token = _LIMIT.set(_Limit(float(max_wall), time.perf_counter()))  # type: ignore[arg-type]

@@ -156,7 +156,7 @@ def drive(
                 break
             judged = stepper.steps, stepper.t
         status = stepper.advance(min(pace.chunk(), chosen.max_steps - stepper.steps))
-        over = pace.spent(stepper.t, partial(_short, stepper)) and status == _core.MORE
+        over = status == _core.MORE and pace.spent(stepper.t, partial(_short, stepper))
         if checkpoints and status == _core.MORE:
             checkpoints.look(stepper, pace.wall, last=over)
         if progress:

@@ -67,16 +67,20 @@ class Evaluator:
 
     def many(self, kernel: str, times: Array, q: Array, u: Array, work: Array | None = None) -> Array:
         """Return the ``out`` arrays of a kernel at many states, (states, entries), given ``work`` of each."""
-        info, address, count = self.info(kernel), self.library.addresses[kernel], len(times)
-        n = self.description.coordinates
-        rows = np.empty((count, 2 * n + 1))
+        n, width = self.description.coordinates, self.info(kernel).work_size
+        rows, memory = np.empty((len(times), 2 * n + 1)), np.zeros((len(times), width + 1))
         rows[:, :n], rows[:, n:-1], rows[:, -1] = q, u, 0.0
-        memory = np.zeros((count, info.work_size + 1))
         if work is not None:
-            width = min(work.shape[1], info.work_size)
+            width = min(work.shape[1], width)
             memory[:, :width] = work[:, :width]
-        out, sizes = np.zeros((count, info.out_size + 1)), (*self._sizes, info.work_size, info.out_size)
-        _core.call_many(address, sizes, np.ascontiguousarray(times), rows, n, self.parameters, memory, out)
+        return self.along(kernel, np.ascontiguousarray(times), rows, memory)
+
+    def along(self, kernel: str, times: Array, rows: Array, work: Array) -> Array:
+        """Return the same for rows (q, u, ...) and of work memory, which the kernel may change."""
+        info, n = self.info(kernel), self.description.coordinates
+        sizes = (*self._sizes, info.work_size, info.out_size)
+        out = np.zeros((len(times), info.out_size + 1))
+        _core.call_many(self.library.addresses[kernel], sizes, times, rows, n, self.parameters, work, out)
         return out[:, :-1]
 
     def many_blocks(

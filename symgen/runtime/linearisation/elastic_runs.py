@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.outputs import Counts
 from symgen.runtime.elastic.outputs import outputs as outputs_of
-from symgen.runtime.elastic.steps import Counts
 from symgen.runtime.linearisation.elastic import UNIT, scalars_of
 from symgen.runtime.linearisation.elastic_course import Course, Reduced, bases, reduced
 from symgen.runtime.linearisation.record import Sensitivity

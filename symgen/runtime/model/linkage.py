@@ -160,8 +160,8 @@ class LinkageModel(Model):
         return Bonds(self._evaluator, self.analysis("kinematics"))
 
     def _refused(self, name: str) -> str | None:
-        missing = self.description.freedom
-        if name in ("kinematics", "inverse_dynamics", "assemblies") and missing > 0:
+        driven = name in ("kinematics", "inverse_dynamics", "assemblies")
+        if driven and (missing := self.description.freedom) > 0:
             return (
                 f"it has more degrees of freedom than drives and needs {missing} more "
                 f"drive{'s' if missing > 1 else ''}\n"

@@ -58,9 +58,10 @@ def _carry_out(
     model: Any, declared: Callable[..., Any], values: tuple[Any, ...], named: dict[str, Any]
 ) -> Any:
     name, defaults = declared.__name__, _defaults(declared)
-    given = {n: v for n, v in zip(defaults, values, strict=False) if v is not defaults[n]}
-    given |= {n: v for n, v in named.items() if v is not defaults[n]}
-    carrier = model._carrier(name)
+    carrier, given = model._carrier(name), dict[str, Any]()
+    if values or named:
+        given |= {n: v for n, v in zip(defaults, values, strict=False) if v is not defaults[n]}
+        given |= {n: v for n, v in named.items() if v is not defaults[n]}
     if given:
         known = accepted(model, name)
         refused = [n for n in given if n not in known]
@@ -102,7 +103,15 @@ def _at_times(simulate: Callable[..., Any], given: dict[str, Any], times: Any) -
 
 def _call(carried_out: Callable[..., Any], given: dict[str, Any]) -> Any:
     record = getattr(carried_out, "record", None)
-    return carried_out(record(**given)) if record else carried_out(**given)
+    if record is None:
+        return carried_out(**given)
+    return carried_out(record(**given) if given else _by_default(record))
+
+
+@cache
+def _by_default(record: type) -> Any:
+    """Return the record of a call without arguments, which cannot be changed."""
+    return record()
 
 
 def accepted(model: Any, name: str) -> frozenset[str]:

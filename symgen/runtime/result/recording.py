@@ -72,17 +72,16 @@ class Recording:
         if info is None or not run.recorded:
             return ()
         in_doubles = self.equations.core_type is _core.DOUBLE
-        references = run.references
-        plain = not references.any()
+        plain = not (evaluator.description.windings and run.references.any())
         if in_doubles and not info.work_size and plain:
-            sizes = evaluator.description.sizes_of("outputs")
+            sizes = (*evaluator.description.sizes, info.work_size, info.out_size)
             out = run.called(evaluator.library.addresses["outputs"], sizes, evaluator.parameters)
             return self._continued(shaped(info, out))
         # States are recorded as doubles, and outputs follow from them.
         solver = self.equations if in_doubles else evaluator.equations(lost)
         if plain:
             return self._continued(outputs(evaluator, solver, run.sampled, run.result, lost))
-        groups = wound(evaluator, references)
+        groups = wound(evaluator, run.references)
         return self._continued(outputs_by_group(evaluator, solver, groups, run.sampled, run.result, lost))
 
     def _continued(self, variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
@@ -218,7 +217,9 @@ def outputs(
                 for t, y, solution in zip(times, states, work, strict=True)
             ]
         )
-    return shaped(info, evaluator.many("outputs", times, states[:, :n], states[:, n : 2 * n], work))
+    if work is None or not n:
+        return shaped(info, evaluator.many("outputs", times, states[:, :n], states[:, n : 2 * n], work))
+    return shaped(info, evaluator.along("outputs", times, states, work))
 
 
 def outputs_by_group(

@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
@@ -87,9 +87,8 @@ class Result(Findings, Pictures):
         return made
 
     def __getstate__(self) -> dict[str, Any]:
-        if "_source" in self.__dict__:
-            return {"_cache": {}, **{name: getattr(self, name) for name in _FIELDS}}
-        return {**self.__dict__, "_cache": {}}
+        known = {name: getattr(self, name) for name in _FIELDS}
+        return {**known, "statistics": dict(self.statistics), "_cache": {}}
 
     def all_statistics(self) -> dict[str, Any]:
         """Return the statistics, including those that are computed at the first request."""
@@ -117,12 +116,10 @@ class Result(Findings, Pictures):
 
     def __getitem__(self, name: str) -> xarray.DataArray:
         """Return an output, a component such as ``C.position.x``, or the coordinate, with its unit."""
-        self.variable(name)
-        if name in self.dataset:
-            return self.dataset[name]
-        owner, _, component = name.rpartition(".")
-        axis = self.variable(owner).components.index(component)
-        return self.dataset[owner].isel(axis=axis).rename(name)
+        found, component = self._find(name)
+        of = [] if name == self.coordinate.name else [found]
+        made = (self.dataset if "variables" in self.__dict__ else self._labelled(of))[found.name]
+        return made.isel(axis=found.components.index(component)).rename(name) if component else made
 
     def __contains__(self, name: object) -> bool:
         """Return True if an output, a component of one, or the coordinate has this name."""
@@ -135,15 +132,25 @@ class Result(Findings, Pictures):
 
     def variable(self, name: str) -> Variable:
         """Return an output, a component of one, or the coordinate, else raise ResultError."""
-        for variable in (*self.variables, *columns(self.variables)):
-            if variable.name == name:
-                return variable
+        found, component = self._find(name)
+        return columns([found])[found.components.index(component)] if component else found
+
+    def _find(self, name: str) -> tuple[Variable, str]:
+        """Return an output, or the coordinate, and the component of it that has the name; else raise."""
+        owner, _, component = name.rpartition(".")
+        computed = (
+            None if "variables" in self.__dict__ else getattr(self.__dict__["_source"], "outputs", None)
+        )
+        for v in computed() if computed else self.variables:  # of one kind only when they are reached
+            if v.name == name:
+                return v, ""
+            if v.name == owner and component in v.components:
+                return v, component
         along = self.coordinate
         if along.name == name:
-            return Variable(name, along.unit, along.about, (), along.values)
-        known = [v.name for v in self.variables]
+            return Variable(name, along.unit, along.about, (), along.values), ""
         raise ResultError(
-            f"the result holds no {name!r}. {nearest(name, known)}\n"
+            f"the result holds no {name!r}. {nearest(name, [v.name for v in self.variables])}\n"
             "  The outputs of a run are listed under [analysis] outputs in the scene."
         )
 
@@ -151,20 +158,23 @@ class Result(Findings, Pictures):
     def dataset(self) -> xarray.Dataset:
         """All outputs, labelled by coordinate and component; the times are a second coordinate."""
         if "dataset" not in self._cache:
-            import xarray
-
-            along, data = self.coordinate, {}
-            for v in self.variables:
-                dims = (along.name,) if v.values.ndim == 1 else (along.name, "axis")
-                data[v.name] = (dims, v.values, {"units": v.unit, "long_name": v.about})
-            labels = {"units": along.unit, "long_name": along.about}
-            coordinates: dict[str, Any] = {along.name: (along.name, along.values, labels)}
-            if self.times is not None:
-                coordinates["time"] = (along.name, self.times, {"units": "s", "long_name": "time"})
-            if any(v.values.ndim == 2 for v in self.variables):
-                coordinates["axis"] = list(self.axes)
-            self._cache["dataset"] = xarray.Dataset(data, coords=coordinates, attrs={"title": self.title})
+            self._cache["dataset"] = self._labelled(self.variables)
         return cast("xarray.Dataset", self._cache["dataset"])
+
+    def _labelled(self, variables: Iterable[Variable]) -> xarray.Dataset:
+        import xarray
+
+        along, data = self.coordinate, {}
+        for v in variables:
+            dims = (along.name,) if v.values.ndim == 1 else (along.name, "axis")
+            data[v.name] = (dims, v.values, {"units": v.unit, "long_name": v.about})
+        labels = {"units": along.unit, "long_name": along.about}
+        coordinates: dict[str, Any] = {along.name: (along.name, along.values, labels)}
+        if self.times is not None:
+            coordinates["time"] = (along.name, self.times, {"units": "s", "long_name": "time"})
+        if any(values.ndim == 2 for _, values, _ in data.values()):
+            coordinates["axis"] = list(self.axes)
+        return xarray.Dataset(data, coords=coordinates, attrs={"title": self.title})
 
     @property
     def over(self) -> tuple[Array, str]:
