@@ -95,7 +95,7 @@ def measured(slack: float) -> Measurement:
         known = {
             "kernel": "symgen",
             "tree": f"tree of a scene, branches of {BRANCH}",
-            "batch": f"{batches[where].lanes} side by side",
+            "batch": f"{batches[where].lanes} in lanes",
             "peer": "Pinocchio",
         }
         flops = kernels[where, 10].module.FLOPS if what != "peer" else None
@@ -103,18 +103,18 @@ def measured(slack: float) -> Measurement:
         rows.append(_row(f"{where}, {known[what]}", n, timing, call, errors.get(case), flops))
     rows.sort(key=lambda row: (row["case"].partition(",")[0], row["N"]))
     notes = [
-        f"Time of one evaluation, over {ROUNDS} rounds; side by side, of one of the chains.",
+        f"Time of one evaluation, over {ROUNDS} rounds; in lanes, of one of the chains.",
         f"A call of Pinocchio from Python costs at most {overhead * 1e6:.2f} us, all its time for one joint; "
         "'less call' is the time without it, used in the comparison."
         if peer
-        else f"Pinocchio is left out: {why}",
+        else f"Pinocchio is omitted: {why}",
     ]
     if not _has_wide_vectors():
-        notes.append("Throughput side by side is not judged: this processor has no vectors of eight doubles.")
+        notes.append("Throughput in lanes is not checked: this processor has no vectors of eight doubles.")
     if peer:
-        left_out = ", ".join(str(n) for n in SIZES if n not in PEER_SIZES)
+        omitted = ", ".join(str(n) for n in SIZES if n not in PEER_SIZES)
         notes += [
-            f"Pinocchio is left out at N = {left_out}: {PEER_REASON}.",
+            f"Pinocchio is omitted at N = {omitted}: {PEER_REASON}.",
             "In space Pinocchio's rods need inertia about their axes, which makes another chain: no error is "
             "given.",
         ]
@@ -135,7 +135,7 @@ def _row(
         "best [s]": timing.best,
         "median [s]": timing.median,
         "less call [s]": None if call is None else timing.best - call,
-        "ns a rod": timing.best / n * 1e9,
+        "ns per rod": timing.best / n * 1e9,
         "error": error,
         "operations": flops,
     }
@@ -144,9 +144,11 @@ def _row(
 def _required(timings: Any, errors: Any, kernels: Any, overhead: float, slack: float) -> list[Required]:
     lines = []
     for where in MODULES:
-        a_rod = [timings["kernel", where, n].best / n for n in SIZES]
-        spread = max(a_rod) / min(a_rod)
-        lines.append(Required(f"{where}: time a rod, longest over shortest", spread, 1.5, False, timed=True))
+        per_rod = [timings["kernel", where, n].best / n for n in SIZES]
+        spread = max(per_rod) / min(per_rod)
+        lines.append(
+            Required(f"{where}: time per rod, longest over shortest", spread, 1.5, False, timed=True)
+        )
         if ("peer", where, 100) in timings:
             ratio = (timings["peer", where, 100].best - overhead) / timings["kernel", where, 100].best
             lines.append(
@@ -170,14 +172,12 @@ def _required(timings: Any, errors: Any, kernels: Any, overhead: float, slack: f
                     )
                 )
         flops = kernels[where, 10].module.FLOPS
-        lines.append(Required(f"{where}: operations a rod", flops, FLOPS[where], False))
+        lines.append(Required(f"{where}: operations per rod", flops, FLOPS[where], False))
         worst = max(errors[case] for case in errors if case[0] != "peer" and case[1] == where)
         lines.append(Required(f"{where}: largest relative error", worst, 1e-12, False))
         gain = timings["kernel", where, 10].best / timings["batch", where, 10].best
         if _has_wide_vectors():
-            lines.append(
-                Required(f"{where}: throughput side by side, N = 10", gain, 5 / slack, True, timed=True)
-            )
+            lines.append(Required(f"{where}: throughput in lanes, N = 10", gain, 5 / slack, True, timed=True))
     return lines
 
 

@@ -91,7 +91,7 @@ def measured(slack: float) -> Measurement:
     costs = {n: cost_of_a_step(n) for n in ELEMENTS}
     rows += [
         {
-            "route": f"symgen, {n} elements a link",
+            "route": f"symgen, {n} elements per link",
             "setting": "a step",
             "steps": None,
             "best [ms]": costs[n] * 1e3,

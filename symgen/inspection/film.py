@@ -182,7 +182,7 @@ def sheet_of(
     Raises
     ------
     ModelError
-        For a name that is no point that moves, and a unit that is none of length.
+        For a name that is no moving point, and a unit that is not one of length.
     SceneError, BuildError, CacheError, SimulationError
         As for building and running the scene.
     """

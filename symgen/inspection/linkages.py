@@ -243,7 +243,7 @@ class ElasticView(RodsView):
         return found
 
     def repeated(self, model: ElasticModel, verb: str, given: Mapping[str, Any], result: Result) -> Result:
-        """Return the run of the elastic links, or the motion of rigid ones without deflections to draw."""
+        """Return the run of the elastic links, or the rigid motion if no deflections are drawn."""
         if verb not in ("large_rotation", "inverse_dynamics"):
             return View.repeated(self, model, verb, given, result)
         return model.kinematics(at=result.time, over="time", of=model.description.points)
@@ -290,7 +290,7 @@ class SpatialView(RodsView):
 
 
 def _of_vibrations(model: ElasticModel, shape: Result) -> Iterator[str]:
-    """Say by how much stresses of the steady state exceed the quasi-static ones, where there is one."""
+    """Return the ratio of steady-state to quasi-static stresses as text, if there is one."""
     names = [v.name for v in shape.variables if v.name.endswith(".stress")]
     try:
         steady = model.periodic(rtol=_STEADY)
@@ -306,7 +306,7 @@ def _of_vibrations(model: ElasticModel, shape: Result) -> Iterator[str]:
 
 
 def _of_deflections(times: float, about: str = "the rigid motion") -> str:
-    """Return the caption of a picture with deflections magnified so many times."""
+    """Return the caption of a picture with magnified deflections."""
     size = "drawn in their own size" if times == 1.0 else f"magnified {times:g} times"
     return (
         f"Deflections are {size}: blue links bend about {about}, in grey. Thin lines are the paths of points "

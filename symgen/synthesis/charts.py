@@ -43,7 +43,7 @@ class DesignChart:
     units: Shown
 
     def summary(self) -> dict[str, Any]:
-        """Return it in plain numbers, in SI units: what ``symgen synthesise --vary --json`` prints."""
+        """Return the chart in plain SI numbers: the output of ``symgen synthesise --vary --json``."""
         rows = zip(self.values, self.designs, self.reasons, strict=True)
         return {
             "title": self.title,

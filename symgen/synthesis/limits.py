@@ -194,7 +194,7 @@ def greatest_transmission(kind: Kind, given: dict[str, float], starts: int, seed
 
 
 def _off_right(kind: Kind, linkage: Any) -> float:
-    """Return by how much the transmission angle differs from a right angle, at worst [rad]."""
+    """Return the largest deviation of the transmission angle from a right angle [rad]."""
     return max(abs(angle - np.pi / 2) for angle in kind.transmission(linkage))
 
 

@@ -174,7 +174,7 @@ def _cosine() -> Callable[[float, float, float], float]:
 
 
 def angle(far: float, one: float, other: float) -> float:
-    """Return the angle [rad] between two sides, opposite to the far one; nan where they do not close."""
+    """Return the angle [rad] between two sides of a triangle; nan if the sides do not close."""
     cosine = _cosine()(far, one, other)
     return math.acos(cosine) if abs(cosine) <= 1 else math.nan
 
@@ -187,7 +187,7 @@ def longer_than_zero(lengths: dict[str, float], unit: str = "m") -> None:
 
 
 def shown(value: float, size: float = 1.0) -> str:
-    """Return a value as text; zero where it is the rounding of values of a size."""
+    """Return a value as text; zero if it is below the rounding of values of a size."""
     return repr(0.0 if abs(value) <= _ROUNDING * size else float(value))
 
 

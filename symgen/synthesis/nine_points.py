@@ -143,7 +143,7 @@ def classes(x: Complex) -> NDArray[np.intp]:
 
 
 def _solved(slopes: Complex, right: Complex) -> Complex:
-    """Return the solutions of linear systems, their rows scaled; not a number where one is singular."""
+    """Return the solutions of linear systems with scaled rows; nan for a singular system."""
     scale = np.abs(slopes).max(axis=2)
     try:
         return np.linalg.solve(slopes / scale[:, :, None], (right / scale)[:, :, None])[:, :, 0]

@@ -95,7 +95,7 @@ def _flatten(panel: Any, scale: float) -> None:
 
 
 def _curves(result: Result, compare: Mapping[str, Result]) -> list[tuple[str, Result, str]]:
-    """Return the results of a plot with what their labels end with and their line style."""
+    """Return the results of a plot with the endings of their labels and their line styles."""
     for of, other in compare.items():
         if not isinstance(other, Result):
             raise ResultError(f"expected results to compare with, got {other!r} for {of!r}")

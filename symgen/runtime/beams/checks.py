@@ -1,4 +1,4 @@
-"""Where the linear theory of elastic links does not hold: what every result of it says of itself."""
+"""Limits of the linear theory of elastic links: notes on every result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SLOPE = 0.1
 #: Largest compression over Euler's load P. Deflections are amplified by 1/(1 - N/P), so that an error in the
 #: axial force, which is that of the rigid motion, counts (N/P)/(1 - N/P) times: fully from one half on.
 COMPRESSION = 0.5
-#: The same, of tension too, for links without geometric stiffness: one part in twenty is left out.
+#: The same limit, for tension too, for links without geometric stiffness.
 WITHOUT_STIFFENING = 0.05
 _JUDGE = "compare with large rotation"
 #: The most places along a link that are looked at, and the elements on which Euler's load is found.
@@ -135,7 +135,7 @@ def _of_stress(beam: Beam, own: Array, moments: Sequence[str]) -> list[str]:
 
 
 def _peak(values: Array) -> tuple[int, int, float]:
-    """Return where the largest value is, and it; not finite ones do not come here."""
+    """Return index and value of the largest of finite values."""
     time, place = np.unravel_index(int(np.argmax(values)), values.shape)
     return int(time), int(place), float(values[time, place])
 
@@ -217,7 +217,7 @@ def of_crank(motion: ElasticMotion, found: Motion) -> list[str]:
 
 
 def of_lengths(motion: ElasticMotion) -> list[str]:
-    """Say whose stress lacks that of the axial force."""
+    """Return the note on links whose stress omits that of the axial force."""
     kept = [b.info.link for b in motion.beams if not b.info.axial]
     if not kept:
         return []
@@ -225,7 +225,7 @@ def of_lengths(motion: ElasticMotion) -> list[str]:
 
 
 def of_reductions(motion: ElasticMotion) -> list[str]:
-    """Say of which links the estimated error is not the whole one."""
+    """Return the note on links whose error estimate is incomplete."""
     return [
         f"{info.link}: reduced ({info.reduction}): what that leaves out is not in the estimated error"
         + ("; loads between its ends do not bend it" if info.reduction == "guyan" else "")

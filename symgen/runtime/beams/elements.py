@@ -152,7 +152,7 @@ class Segment:
 
 
 def names(info: BeamInfo) -> tuple[str, ...]:
-    """Return the unknowns of a link before any is left out: node, inner ones, node, ...
+    """Return all unknowns of a link, before any is omitted: node, inner unknowns, node, ...
 
     ``u@2`` is u of node 2, counted from 0 at the link's first point; ``mid@1.2`` is between nodes 1 and 2.
     Where the curvature jumps, ``kappa@2+`` is that behind node 2.

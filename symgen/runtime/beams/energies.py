@@ -1,4 +1,4 @@
-"""Energies and powers of an elastic motion, and how far they are from balance."""
+"""Energies and powers of an elastic motion, and the error of their balance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where everything goes in the equations of an elastic motion: unknowns, superelements, constraints."""
+"""Layout of the equations of an elastic motion: unknowns, superelements, constraints."""
 
 from __future__ import annotations
 
@@ -276,7 +276,7 @@ def entries_of(joints: Mapping[str, BlockInfo], name: str, place: Mapping[str, i
 def _by_least_band(n: int, pairs: NDArray[np.intp]) -> Indices:
     """Return the unknowns in an order that keeps the matrices' entries near the diagonal.
 
-    Pairs with a negative number are left out.
+    Pairs with a negative index are omitted.
     """
     if n == 0:
         return np.zeros(0, dtype=np.intp)

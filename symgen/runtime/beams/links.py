@@ -132,7 +132,7 @@ class Beam:
             for part in self.segments
             for x in np.linspace(part.start, part.start + part.length, count + 1).tolist()
         ]
-        # No fractions stand for every element from its own first node to its second.
+        # Without fractions, every element extends from its first node to its second.
         table = self._tables.get(())
         if table is None:
             table = self._tables[()] = self._rows_at(within)

@@ -148,7 +148,7 @@ def _carried(
 
 
 def _violated(motion: ElasticMotion, kept: Motion) -> Array:
-    """Return by how much the displacements violate the constraints that they keep, (times, constraints)."""
+    """Return the violation of their constraints by the displacements, (times, constraints)."""
     rigid, d = motion.rigid, motion.rigid.description
     columns = of_coordinates(motion)
     still = np.zeros_like(kept.q)

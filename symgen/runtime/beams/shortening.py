@@ -218,7 +218,7 @@ def _displaced(motion: ElasticMotion, q: Array, s: Array, longer: Array, turned:
     for at, sign in places:
         jacobian[:, drive, at : at + 2] = sign * np.column_stack([-vector[:, 1], vector[:, 0]])
     sides[:, drive] = turned * np.sum(vector**2, axis=1)
-    if jacobian.shape[1] == jacobian.shape[2]:  # none is redundant, and the crank holds every freedom
+    if jacobian.shape[1] == jacobian.shape[2]:  # no redundant row, and the crank determines the motion
         return np.asarray(np.linalg.solve(jacobian, sides[:, :, None]), dtype=float)[:, :, 0]
     return np.einsum("tij,tj->ti", np.linalg.pinv(jacobian), sides)
 
@@ -236,7 +236,7 @@ def _along(motion: ElasticMotion, rows: Array, link: str) -> tuple[Array, list[t
 
 
 def _lifted(motion: ElasticMotion, q: Array, s: Array) -> Array:
-    """Return by how much displacements change the potential energy [J], (times,)."""
+    """Return the change of the potential energy by displacements [J], (times,)."""
     moved, still = (_of_rigid(motion, "potential_energy", x, "energy")[:, 0] for x in (q + s, q))
     return moved - still
 

@@ -17,7 +17,7 @@ from symgen.runtime.loop.kernels import LoopKernels
 
 Array = NDArray[np.float64]
 
-#: Starts where some close, where none does, and closures of a loop that has a continuum of them.
+#: Numbers of starts if some close and if none does, and of closures of a loop with a continuum of them.
 _TRIES, _MORE_TRIES, _MOST = 120, 1000, 48
 _SEED, _SAME = 20, 1e-6
 #: Spread of starts around the guess [half turns, or sizes of the loop]; the others are spread evenly.
@@ -100,7 +100,7 @@ class _Near:
         self._random = np.random.default_rng(_SEED)
 
     def order(self, q: Array) -> tuple[float, float]:
-        """Return the distance from the guess by the variables that count, and that by all dependent ones."""
+        """Return the distances from the guess by the relevant variables, and by all dependent variables."""
         near = [distance(self.kernels, q, self.guess, of) for of in (self.by, self.solved)]
         return round(near[0], 6), round(near[1], 6)
 
@@ -187,7 +187,7 @@ class Closing:
 
 
 def distance(kernels: LoopKernels, q: Array, other: Array, of: Sequence[int] | None = None) -> float:
-    """Return by how much two poses differ in all variables, or some of them.
+    """Return the difference of two poses in all variables, or some of them.
 
     Lengths are measured by the size of the loop, angles in half turns, less whole revolutions; those of
     screws, which advance with every revolution, are measured whole.

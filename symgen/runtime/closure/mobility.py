@@ -1,4 +1,4 @@
-"""Freedoms of a closed loop: idle ones, inputs that cannot be followed, and why a loop does not close."""
+"""Mobility of a closed loop: idle freedoms, inputs that cannot be followed, reasons of open loops."""
 
 from __future__ import annotations
 

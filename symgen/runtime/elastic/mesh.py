@@ -127,13 +127,13 @@ class MeshedMotion(ElasticMotion):
         return ratios
 
     def unreduced(self) -> MeshedMotion | None:
-        """Return the same with no link reduced; None where none is."""
+        """Return the same structure without reduction; None if no link is reduced."""
         if not any(info.reduction for info in self.info.beams):
             return None
         return self._with(tuple(replace(beam.info, reduction="", modes=0) for beam in self.beams))
 
     def refined(self) -> MeshedMotion:
-        """Return the same with every element of every link divided in two, made once for all poses."""
+        """Return the same structure with halved elements, computed once for all poses."""
         return self._refined
 
     @cached_property
@@ -179,7 +179,7 @@ def halved(info: BeamInfo) -> BeamInfo:
 
 
 def chosen(motion: ElasticMotion, k: int, info: BeamInfo, properties: Properties) -> BeamInfo:
-    """Return a link with so many elements that halving them changes stresses and frequencies by ``ENOUGH``.
+    """Return a link with enough elements: halving them changes stresses and frequencies by ``ENOUGH``.
 
     The link is taken alone, its ends held as in Euler's load, under the loads of the rigid motion.
     """

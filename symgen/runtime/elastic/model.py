@@ -42,7 +42,7 @@ FORMS = ("exact", "thesis")
 INITIAL = ("undeformed", "quasi-static")
 
 
-#: Gives the linkage with its elastic links in so many rods; for None with rigid links and its motor.
+#: Returns the linkage with a number of rods per elastic link; for None with rigid links and its motor.
 Remade = Callable[[int | None], "RodModel"]
 
 
@@ -115,7 +115,7 @@ class ElasticModel(Model):
 
     @property
     def crank_speed(self) -> float:
-        """Angular velocity of the crank [rad/s]; that at the start where it is driven or free."""
+        """Angular velocity of the crank [rad/s], at the start if it has a motor or is free."""
         return self._motion(True).speed
 
     @property
@@ -125,7 +125,7 @@ class ElasticModel(Model):
 
     @property
     def mobility(self) -> tuple[str, ...]:
-        """Those of the rigid motion, and the unknowns of every elastic link, a line of text each."""
+        """Freedoms of the rigid motion, and unknowns of every elastic link, as one line of text each."""
         lines = [*self.rigid.mobility]
         for beam in self.beams:
             info = beam.info

@@ -114,13 +114,13 @@ class ElasticMotion(ABC):
 
     @property
     def without_revolutions(self) -> str:
-        """Why the crank has no revolutions, where it has no speed."""
+        """Reason why the crank has no revolutions, if it has no speed."""
         if self.info.prescribed:
             return "the angle of the crank is a function of the time"
         return f"the crank stands still at {math.degrees(self.angle):g} degrees: it has no speed"
 
     def time_at(self, angle: float, revolutions: int = 0) -> float:
-        """Return the first time [s], after so many revolutions, at which the crank has a direction [rad]."""
+        """Return the first time [s], after a number of revolutions, at which the crank has an angle [rad]."""
         if not self.speed:
             if math.isclose(math.cos(angle - self.angle), 1.0, abs_tol=1e-12):
                 return 0.0
@@ -169,7 +169,7 @@ class ElasticMotion(ABC):
 
     @abstractmethod
     def unreduced(self) -> ElasticMotion | None:
-        """Return the same with no link reduced; None where none is."""
+        """Return the same motion without reduction; None if no link is reduced."""
 
     @abstractmethod
     def refined(self) -> ElasticMotion:
@@ -207,7 +207,7 @@ class ElasticMotion(ABC):
 
     @cached_property
     def layout(self) -> Layout:
-        """Where everything goes."""
+        """Layout of the equations."""
         d = self.rigid.description
         blocks = {b.name: b for b in self._joints.info("joints").blocks}
         return layout(d, self.info, self.beams, blocks, self.modal_damping[0])
@@ -380,7 +380,7 @@ class ElasticMotion(ABC):
         raise SimulationError(f"{d.file or d.title}: {problem}", time=t)
 
     def _last_near(self, t: float) -> float:
-        """Return the last time [s] that the rigid motion comes to, near the one where it was lost."""
+        """Return the last time [s] that the rigid motion reaches, near the time at which it was lost."""
         if not t or self._path:
             return t
         low, high, motion = 0.0, t, self.equations().motion

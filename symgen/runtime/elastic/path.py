@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _SPACING, _RTOL = 0.01, 1e-11
 #: Revolutions at the speed of the scene within which a crank must come round.
 _LONGEST = 64.0
-#: Times the speed of the scene beyond which no steady speed is looked for.
+#: Largest steady speed that is searched, over the speed of the scene.
 _FASTEST = 100.0
 #: Rounds of the search for the steady speed, and the part of it within which it repeats itself.
 _ROUNDS, _REPEATS = 60, 1e-10

@@ -229,7 +229,7 @@ def _followed(
 
 
 def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int, pace: Pace) -> _Shot:
-    """Step all states over one revolution, and solve for the one that repeats."""
+    """Step all states over one revolution, and solve for the periodic state."""
     status, *_, basis = equations.matrices(0.0)
     motion.check(equations, status, 0.0)
     n = motion.layout.unknowns
@@ -386,7 +386,7 @@ def _swept(model: Any, speeds: Sequence[float], runs: Sequence[ElasticResult], w
 
 
 def _notes(runs: Sequence[ElasticResult]) -> tuple[str, ...]:
-    """Say at how many speeds linear theory does not hold."""
+    """Return the note on the number of speeds at which linear theory does not hold."""
     beyond = sum(beyond_linear_theory(r.notes) for r in runs)
     if not beyond:
         return ()

@@ -57,7 +57,7 @@ HALVED = 4 / 3
 _EXPLICIT = 512
 #: Displacements [m], rotations [rad] and their rates beyond it are none, and their powers overflow.
 _BOUND = 1e30
-#: How near one a multiplier may come: double ones, of a free crank, are split by the root of round-off.
+#: Distance of multipliers from one: round-off splits the double multiplier of a free crank by its root.
 _UNIT = 1e-4
 
 
@@ -339,7 +339,7 @@ class _Recorded:
 
 
 def _of_speed(motion: ElasticMotion) -> list[str]:
-    """Say where the crank turns faster than the lowest frequency of the structure, if wall time is left."""
+    """Return the note on a crank faster than the lowest frequency of the structure, if wall time is left."""
     if not motion.speed or is_spent():
         return []
     try:

@@ -93,7 +93,7 @@ class Checkpoints:
     mark
         The hash of the run by :func:`mark_of`.
     file
-        The file, overwritten every time; None: none is written.
+        The file, overwritten every time; None for no checkpoints.
     every
         Wall time between two of them [s].
     spent

@@ -79,7 +79,7 @@ class Batch:
     def __call__(
         self, what: str, t: ArrayLike, q: ArrayLike, u: ArrayLike | None, work: ArrayLike | None, threads: int
     ) -> tuple[dict[str, Rows], dict[str, Rows]]:
-        """Return the results of a kernel by name, and what these leave of wider numbers."""
+        """Return the results of a kernel by name, and the remainders of wider numbers."""
         info = self._kernel(what)
         if whole(threads, "threads") < 1:
             raise ModelError(f"expected one thread or more, got {threads}")
@@ -93,7 +93,7 @@ class Batch:
         return {b.name: part(high, b) for b in blocks}, rest
 
     def _kernel(self, what: str) -> KernelInfo:
-        """Return the kernel of this name, or the one that has such a result."""
+        """Return the kernel with this name, or the kernel with a result of this name."""
         kernels = [k for k in self.description.kernels if k.blocks and k.name not in _WITHIN]
         for k in kernels:
             if k.name == what:
@@ -192,7 +192,7 @@ def lanes_of(library: Library, name: str) -> tuple[int, int]:
 
 
 def _fitted(rows: Rows, size: int) -> Rows:
-    """Return rows with so many entries: cut, or filled with zeros."""
+    """Return rows with ``count`` entries, truncated or filled with zeros."""
     fitted = np.zeros((len(rows), size), rows.dtype)
     kept = min(size, rows.shape[1])
     fitted[:, :kept] = rows[:, :kept]

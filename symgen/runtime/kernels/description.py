@@ -110,7 +110,7 @@ class Described(ABC):
 
     @property
     def held(self) -> int:
-        """Number of parameters, the last ones, that runs hold during a step and users do not see."""
+        """Number of trailing parameters that runs hold during a step and users do not see."""
         return 0
 
     @property
@@ -130,7 +130,7 @@ class Described(ABC):
         return 1, self.coordinates, self.coordinates, len(self.parameters) + self.derived + 1
 
     def kernel(self, name: str) -> KernelInfo | None:
-        """Return name and sizes of a kernel; None if the model has none of that name."""
+        """Return name and sizes of a kernel; None if the model has no such kernel."""
         return next((k for k in self.kernels if k.name == name), None)
 
     def sizes_of(self, kernel: str) -> tuple[int, int, int, int, int, int]:
@@ -360,7 +360,7 @@ class SystemDescription(Described):
     arrays: dict[str, ArrayInfo]
 
     def size(self, array: str) -> int:
-        """Return the number of entries of an argument array; 0 when there is none of that name."""
+        """Return the number of entries of an argument array; 0 if there is no such array."""
         return len(self.arrays[array].names) if array in self.arrays else 0
 
     @property

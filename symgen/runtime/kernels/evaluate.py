@@ -41,11 +41,11 @@ class Evaluator:
         return kernel in self.library.addresses
 
     def find(self, kernel: str) -> KernelInfo | None:
-        """Return name and sizes of a kernel; None if the model has none of that name."""
+        """Return name and sizes of a kernel; None if the model has no such kernel."""
         return self._infos.get(kernel)
 
     def info(self, kernel: str) -> KernelInfo:
-        """Return name and sizes of a kernel; raise ModelError if the model has none of that name."""
+        """Return name and sizes of a kernel; raise ModelError if the model has no such kernel."""
         info = self.find(kernel)
         if info is None:
             raise ModelError(f"{self.description.name} has no kernel {kernel!r}")

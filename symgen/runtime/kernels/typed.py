@@ -33,7 +33,7 @@ class Typed:
 
     @property
     def is_plain(self) -> bool:
-        """Whether they are what all else uses too."""
+        """Whether all other calls use the same kernels."""
         return not self.digits and self.precision is FLOAT64
 
     @property
@@ -43,11 +43,11 @@ class Typed:
 
 
 def library_of_runs(library: Library, typed: Typed | None) -> Library:
-    """Return the kernels that runs go through: typed ones, where given."""
+    """Return the kernels of runs: the typed kernels if given."""
     return typed.kernels(False) if typed and not typed.is_plain else library
 
 
 def made_with(library: Library, typed: Typed | None) -> dict[str, str]:
-    """Return backend and build settings of the kernels of runs: of the typed ones, if given."""
+    """Return backend and build settings of the kernels of runs: of the typed kernels if given."""
     chosen = library_of_runs(library, typed)
     return {"backend": chosen.backend, **chosen.provenance}

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 #: The part of a constraint's slopes within which others agree, and of stiffness below which it is neutral.
 _EQUAL, _NEUTRAL = 1e-9, 1e-12
-#: The part of the largest displacement above which a coordinate stands for a motion.
+#: Fraction of the largest displacement above which a coordinate represents a motion.
 _MOST = 0.999
 #: Number of solutions of the equations of a moved pose, each for the residual of the previous one.
 _REFINED = 3

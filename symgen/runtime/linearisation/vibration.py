@@ -50,7 +50,7 @@ def spectrum(
     Raises
     ------
     ModelError
-        When two of them are equal: single ones have no derivatives; when no mode oscillates.
+        When two of them are equal, since they have no individual derivatives; when no mode oscillates.
     """
     matrices = _matrices(tangents, kernels)
     mass, stiffness, damping = (matrices[name] for name in _SYSTEM)
@@ -140,7 +140,7 @@ def _at(tangents: Tangents, kernels: Evaluator) -> tuple[float, Array, Array, Ar
 
 
 def _eigenvalues(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.complex128]:
-    """Return the eigenvalues [1/s], of each conjugate pair the one with positive imaginary part."""
+    """Return the eigenvalues [1/s], of each conjugate pair that with positive imaginary part."""
     if not len(mass):
         return np.zeros(0, dtype=complex)
     return damped(np.linalg.solve(mass, stiffness), np.linalg.solve(mass, damping))[0]

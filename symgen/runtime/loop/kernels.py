@@ -143,7 +143,7 @@ class LoopKernels:
         )
 
     def empty(self, count: int) -> tuple[Array, Array, Array]:
-        """Return arrays for states, outputs and diagnosis of so many samples of a followed loop."""
+        """Return arrays for states, outputs and diagnosis of a number of samples of a followed loop."""
         n, info = self.description.coordinates, self._infos.get("outputs")
         size = info.out_size if info else 0
         return np.zeros((count, 3 * n + 7)), np.zeros((count, size + 1)), np.zeros((count, 5))
@@ -181,7 +181,7 @@ class LoopKernels:
 
     @cached_property
     def periodic(self) -> NDArray[np.bool_]:
-        """Of every variable, whether a whole revolution of it leaves all links where they are."""
+        """Whether a full revolution of a variable leaves all links in place, for every variable."""
         turns = self._slopes[:, :, np.logical_not(_LENGTHS)]
         whole = np.all(np.abs(turns - np.round(turns)) < 1e-14, axis=(1, 2))
         periodic: NDArray[np.bool_] = ~self.lengths & whole & (self.pitches == 0.0)
@@ -201,7 +201,7 @@ class LoopKernels:
 
     @cached_property
     def scale(self) -> Array:
-        """Of every variable, the size of the loop where it is a length, and one where it is an angle."""
+        """Scale of every variable: the size of the loop for a length, one for an angle."""
         return np.where(self.lengths, self.description.size, 1.0)
 
     @property

@@ -33,7 +33,7 @@ _FINE = np.array([-1, 8, -28, 56, 56, -28, 8, -1]) / 70.0
 _COARSE = np.array([0, 1, -6, 15, 15, -6, 1, 0]) / 20.0
 #: Error of the finer interpolation over its difference from the coarser one, at most.
 _NEXT = 0.1
-#: By what factor they must be better conditioned than the pose between them.
+#: Factor by which they must be better conditioned than the pose between them.
 _BETTER = 3.0
 #: Part of the estimated error that a difference may exceed it by, and the error of interpolated poses.
 _MARGIN, _POSE = 1e3, 1e-8
@@ -195,7 +195,7 @@ def _refined(
 
 
 def of_blind(kernels: LoopKernels, times: Array) -> Iterator[str]:
-    """Say where the screws lose rank at a sample itself."""
+    """Return the note on samples at which the screws lose rank."""
     if len(times):
         values = ", ".join(kernels.value_at(float(t)).partition(" = ")[2] for t in times[:_SHOWN])
         more = ", ..." if len(times) > _SHOWN else ""

@@ -31,7 +31,7 @@ _SINGLE = ("checkpoint", "checkpoint_every", "resume", "through", "state")
 def variants(
     model: Any, parameters: Mapping[str, ArrayLike], states: Any
 ) -> tuple[dict[str, Array], Sequence[State] | None]:
-    """Return the values of each parameter for all runs, and their states; raise ModelError for wrong ones."""
+    """Return the values of each parameter for all runs, and their states; raise ModelError for others."""
     columns = {name: _values(model, name, given) for name, given in parameters.items()}
     counts = {name: len(values) for name, values in columns.items() if values.ndim}
     if states is not None:
@@ -102,7 +102,7 @@ class Runs:
         return self.model.with_parameters(**{name: values[i] for name, values in self.columns.items()})
 
     def driven(self) -> Driven | None:
-        """Return the runs in lanes, where they are of a driven linkage."""
+        """Return the runs in lanes, if they are of a driven linkage."""
         if self.analysis not in ("kinematics", "inverse_dynamics"):
             return None
         forces = self.analysis == "inverse_dynamics"

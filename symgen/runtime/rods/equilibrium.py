@@ -66,7 +66,7 @@ class Equilibrium:
         return f"<Equilibrium, {self.stability}: state, reactions, outputs; unbalanced {self.residual:.1e} N>"
 
     def summary(self) -> dict[str, Any]:
-        """Return it in plain numbers: what ``symgen equilibrium --json`` prints."""
+        """Return the equilibrium in plain numbers: the output of ``symgen equilibrium --json``."""
         return {
             "analysis": "equilibrium",
             "t": self.state.t,
@@ -132,7 +132,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     Raises
     ------
     SimulationError
-        When none is found; it names the points that are still pushed, and how hard.
+        When none is found; it names the points with unbalanced forces, and these forces.
     """
     bonds = statics.bonds
     length = bonds.length(q)

@@ -116,7 +116,7 @@ def analyse(
 
 
 def _order_of(found: Followed, times: Array, shown: Mapping[str, tuple[str, float]]) -> NDArray[np.intp]:
-    """Return the samples of given times, in their order; raise SimulationError where one is missing."""
+    """Return the samples at given times, in their order; raise SimulationError if one is missing."""
     places = {t: i for i, t in enumerate(found.samples.times.tolist())}
     for t in times.tolist():
         if t not in places:
@@ -194,7 +194,7 @@ def _duration(bonds: Bonds, q: Array, t: float, asked: Instants) -> float:
 
 
 def _path(curve: Curve[Bonds], q: Array, t: float, asked: Instants, through: bool) -> list[CurvePoint]:
-    """Return the curve through the start, from low to high times where it does not fold."""
+    """Return the curve through the start, from low to high times unless it has turning points."""
     x = curve.at(curve.join(q, t))
     if x is None:
         raise SimulationError(f"the pose to start from does not meet the constraints at t = {t:g} s", time=t)

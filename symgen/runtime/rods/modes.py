@@ -28,7 +28,7 @@ class Mode:
         ``oscillation``, ``decay`` (overdamped: no oscillation), ``neutral`` (no force drives it back) or
         ``unstable`` (it grows).
     s
-        Complex eigenvalue [1/s]; of a conjugate pair the one with a positive imaginary part.
+        Complex eigenvalue [1/s]; of a conjugate pair that with a positive imaginary part.
     shape
         Displacement of every point, for unit modal mass when they are in m/sqrt(kg); real where nothing is
         damped. The largest component is positive.
@@ -40,7 +40,7 @@ class Mode:
 
     @property
     def omega(self) -> float:
-        """Angular frequency of the motion, damped if it is [rad/s]; zero where it does not oscillate."""
+        """Damped angular frequency [rad/s]; zero if the mode does not oscillate."""
         return abs(self.s.imag)
 
     @property
@@ -95,7 +95,7 @@ class Modes:
         return all(m.kind != "unstable" for m in self.modes)
 
     def summary(self) -> dict[str, Any]:
-        """Return them in plain numbers: what ``symgen modes --json`` prints."""
+        """Return the modes in plain numbers: the output of ``symgen modes --json``."""
         return {
             "analysis": "modes",
             "stable": self.stable,

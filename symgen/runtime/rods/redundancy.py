@@ -1,4 +1,4 @@
-"""Constraints that follow from the others: told from a dead centre, their multipliers reproducible."""
+"""Redundant constraints: distinguished from a dead centre, with reproducible multipliers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _TAKES_PART = 1e-6
 
 
 def redundant_constraints(evaluator: Evaluator, q: Array) -> tuple[int, ...]:
-    """Return the numbers of the constraints that follow from those before them wherever the linkage goes.
+    """Return the indices of the constraints that follow from previous constraints in every pose.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def extent(evaluator: Evaluator, q: Array) -> float:
 
 
 def violation(evaluator: Evaluator, t: float, q: Array, u: Array) -> tuple[float, float]:
-    """Return by how much a state violates constraints [m] and their rates [m/s], the largest of each."""
+    """Return the largest violations of constraints [m] and of their rates [m/s] at a state."""
     found = evaluator.blocks("constraints", t, q, u)
     rates = evaluator.blocks("velocity_constraints", t, q, u)["velocity_constraints"]
     errors = [np.max(np.abs(x / found["constraint_scale"])) for x in (found["constraints"], rates)]
@@ -109,12 +109,12 @@ def violation(evaluator: Evaluator, t: float, q: Array, u: Array) -> tuple[float
 
 
 def assembly_tolerance(evaluator: Evaluator, q: Array) -> float:
-    """Return by how much [m] redundant constraints may contradict the others at the start."""
+    """Return the permitted error [m] of redundant constraints at the start."""
     return max(ASSEMBLED * extent(evaluator, q), evaluator.description.assembly_tolerance)
 
 
 def slack(evaluator: Evaluator, q: Array) -> float:
-    """Return by how much [m] a redundant constraint may contradict the others in a run."""
+    """Return the permitted error [m] of a redundant constraint in a run."""
     return _SLACK * assembly_tolerance(evaluator, q)
 
 

@@ -1,4 +1,4 @@
-"""The start of a run: assembled from the drawing, and velocities made consistent, or a clear refusal."""
+"""The start of a run: assembly from the drawing and consistent velocities, or an error."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def _check_places(evaluator: Evaluator, q: Array) -> None:
 
 
 def _check_scales(evaluator: Evaluator, scales: Array) -> None:
-    """Refuse lengths that tunable parameters made zero or less."""
+    """Refuse lengths that are not positive with the values of tunable parameters."""
     d = evaluator.description
     for i in np.flatnonzero(~(scales > 0))[:1]:
         raise InitialStateError(

@@ -38,7 +38,7 @@ _ENDED = 3
 def submitted(
     sweep: Any, layout: Layout, spans: Sequence[Span], executor: Any
 ) -> Generator[Found, None, None]:
-    """Yield the results of chunks as they are there, in any order.
+    """Yield the results of chunks as they are completed, in any order.
 
     Parameters
     ----------

@@ -109,12 +109,12 @@ class LargeLinkage(System):
         return [self._sections[other] for other in dict.fromkeys((name, *among))]
 
     def start(self) -> Moment:
-        """Return places and rates at t = 0: straight links that move as rigid ones."""
+        """Return positions and rates at t = 0, of straight links with the velocities of rigid links."""
         q, v = self._start
         return Moment(0.0, q, v, np.zeros(self.unknowns), np.zeros(self.multipliers))
 
     def _straight(self, size: int) -> Array:
-        """Return places and rates of straight links that move as rigid ones, (2, unknowns)."""
+        """Return positions and rates of straight links with the velocities of rigid links, (2, unknowns)."""
         y = np.asarray(self.motion._start)
         n = self._points
         q, u = y[:n], y[n:]
@@ -234,7 +234,7 @@ class LargeLinkage(System):
 
 
 def _check(motion: ElasticMotion) -> None:
-    """Refuse what elements in large rotation do not support."""
+    """Refuse components that elements in large rotation do not support."""
     name, info = motion.rigid.name, motion.info
     following = [p for beam in info.beams for p in motion.profiles(beam.link) if p.follows]
     refused = {

@@ -96,7 +96,7 @@ class Chain:
 
     @cached_property
     def length(self) -> float:
-        """Its length [m], the largest of all poses: what moments are divided by."""
+        """Its largest length in any pose [m], by which moments are divided."""
         return float(np.max(np.linalg.norm(self.places[:, 1] - self.places[:, 0], axis=1)))
 
     def mass_of(self, low: float, high: float) -> tuple[float, float, float, float]:
