@@ -253,7 +253,7 @@ def test_elastic_links_in_space_bend_by_magnified_deflections():
     text = override(read_scene("spatial_slider_crank"), station)
     film = film_of(text, 13)
     run = symgen.build(text).simulate(samples=13)
-    times = float(re.search(r"magnified (\d+) times", film.caption)[1])
+    times, largest = float(re.search(r"magnified (\d+) times", film.caption)[1]), 0.0
     for k, sketch in enumerate(film.sketches):
         curve = next(line.at for line in sketch.lines if line.kind == "elastic")
         angle = 2 * math.pi * k / 12
@@ -263,5 +263,7 @@ def test_elastic_links_in_space_bend_by_magnified_deflections():
         assert curve[0] == pytest.approx(pin, abs=1e-9)
         ends = [run[f"{p}.position"].values[k] for p in "AP"]
         off = run["mid.position"].values[k] - np.mean(ends, axis=0)
-        assert curve[4] == pytest.approx(np.mean(ends, axis=0) + times * off, abs=1e-9)
-        assert np.linalg.norm(off) * times < 0.08 * 0.4
+        # Both runs have steps of their own, for stresses within 1 %.
+        assert curve[4] == pytest.approx(np.mean(ends, axis=0) + times * off, abs=2e-4)
+        largest = max(largest, np.linalg.norm(off) * times)
+    assert 0.01 < largest < 0.08 * 0.45
