@@ -58,6 +58,7 @@ LOOPS = "tests/loop/test_loop_kernels.py"
 HAMILTON, WEIGHTS = "tests/mechanics/test_hamilton.py", "tests/elastic/test_weights.py"
 LARGE, ENERGIES = "tests/elastic/test_corotational.py", "tests/elastic/test_elastic_energies.py"
 ROTATING, SPACE = "tests/elastic/test_rotor.py", "tests/elastic/test_directors.py"
+JOINED = "tests/elastic/test_joints_in_space.py"
 SYNTHESIS, NINE = "tests/synthesis/test_four_bar_synthesis.py", "tests/synthesis/test_nine_points.py"
 SLIDERS, SPHERES = "tests/synthesis/test_slider_cranks.py", "tests/synthesis/test_spherical.py"
 FAULTS = (
@@ -111,6 +112,7 @@ FAULTS = (
     Fault("rotation of the chord reversed", "elastic/corotational.py", "sp.Integer(int(x == t)) - r for", "sp.Integer(int(x == t)) + r for", "large", LARGE),
     Fault("strain by the stretched chord", "elastic/corotational.py", "axial = chord / length - 1", "axial = 1 - length / chord", "large", LARGE),
     Fault("mean slopes in the axial strain", "elastic/corotational.py", "2 * b1**2 - b1 * b2 + 2 * b2**2", "2 * b1**2 + b1 * b2 + 2 * b2**2", "large", LARGE),
+    Fault("power of damping halved", "elastic/corotational.py", "stiffness * rate**2", "stiffness * rate**2 / 2", "large", LARGE),
     Fault("antisymmetric bending", "elastic/corotational.py", "3 * bending / (length", "2 * bending / (length", "large", LARGE),
     Fault("damping reversed", "elastic/corotational.py", "strain + DAMPING.symbol * rate", "strain - DAMPING.symbol * rate", "large", LARGE),
     Fault("slope of the kinetic energy left out", "elastic/corotational.py", "        - slope\n", "", "large", LARGE),
@@ -134,6 +136,8 @@ FAULTS = (
     Fault("damping reversed", "directors/beam.py", "strain + DAMPING.symbol * rate", "strain - DAMPING.symbol * rate", "space", SPACE),
     Fault("gravity on tangents reversed", "directors/beam.py", "*(-x for x in leant)", "*leant", "space", SPACE),
     Fault("inertias of fibres exchanged", "directors/beam.py", "(2, JZ.symbol), (3, JY.symbol)", "(2, JY.symbol), (3, JZ.symbol)", "space", SPACE),
+    Fault("power of damping in space halved", "directors/beam.py", "stiffness * rate**2", "stiffness * rate**2 / 2", "space", SPACE),
+    Fault("fibres of one side exchanged", "directors/beam.py", "b * y - a * z", "b * y + a * z", "space", JOINED),
     Fault("slopes of a direction by itself", "directors/directions.py", "(factors[3:], a))", "(factors[3:], b))", "space", SPACE),
     Fault("rate of gravity in rotating axes", "elastic/energies.py", "GY.symbol: -OMEGA.symbol * GX.symbol", "GY.symbol: OMEGA.symbol * GX.symbol", "weight", ENERGIES),
     Fault("lift left out of the potential", "elastic/energies.py", '-steps["gravity_work"][0] - MU.symbol * LIFT.symbol', '-steps["gravity_work"][0]', "weight", ENERGIES),
