@@ -39,10 +39,12 @@ cdef int at_least(str what, Py_ssize_t found, Py_ssize_t needed) except -1:
 
 cdef int _fits(sizes, Py_ssize_t t, Py_ssize_t q, Py_ssize_t u, Py_ssize_t p, Py_ssize_t work, Py_ssize_t out) except -1:
     """Raise ValueError where an argument array is shorter than a kernel of these sizes reads or writes."""
+    cdef Py_ssize_t of_t, of_q, of_u, of_p, of_work, of_out
     if len(sizes) != 6:
         raise ValueError(f"expected the sizes of t, q, u, p, work and out, got {sizes!r}")
-    for what, found, needed in zip(("t", "q", "u", "p", "work", "out"), (t, q, u, p, work, out), sizes):
-        if found < needed:
+    of_t, of_q, of_u, of_p, of_work, of_out = sizes
+    if t < of_t or q < of_q or u < of_u or p < of_p or work < of_work or out < of_out:
+        for what, found, needed in zip(("t", "q", "u", "p", "work", "out"), (t, q, u, p, work, out), sizes):
             at_least(f"numbers in {what}", found, needed)
     return 0
 
