@@ -120,7 +120,7 @@ def _drawn(film: Film, shown: NDArray[np.int_], told: Callable[[str], None] | No
     FigureCanvasAgg(figure)
     to_figure = Affine2D().scale(1 / paper.width, -1 / paper.height).translate(0, 1) + figure.transFigure
 
-    # Of the figure itself: axes would find their limits anew for every line.
+    # Artists of the figure itself: axes would update their limits for every line.
     def add(artist: Artist) -> None:
         artist.set_transform(to_figure)
         figure.add_artist(artist)
