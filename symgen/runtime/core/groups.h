@@ -4,12 +4,12 @@
 /* Solve dPhi/dq x = rows over their scales, for what a kernel wrote for all constraints. */
 static void solve(LINKAGE *k, const NUMBER *rows, NUMBER *x) {
     const struct kinematic_groups *g = &k->groups;
-    const NUMBER *group = k->values, *coupling = k->values + g->squares;
+    const NUMBER *group = k->values, *coupling = k->values + g->squares, *weight = k->weight;
     NUMBER *solved = k->solved;
     for (ptrdiff_t c = 0; c < g->count; c++) {
         const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
         for (ptrdiff_t i = start; i < end; i++) {
-            NUMBER value = rows[g->rows[i]] * k->weight[g->rows[i]];
+            NUMBER value = rows[g->rows[i]] * weight[g->rows[i]];
             for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
                 value -= coupling[e] * solved[g->coupling_columns[e]];
             solved[i] = value;
@@ -36,7 +36,10 @@ static void solve_transposed(LINKAGE *k, const NUMBER *forces, NUMBER *lambda) {
     for (ptrdiff_t c = g->count - 1; c >= 0; c--) {
         const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
         group -= width * width;
-        solve_dense_transposed(width, group, k->swaps + start, solved + start);
+        if (width == 2)
+            solve_pair_transposed(group, k->swaps + start, k->inverse + start, solved + start);
+        else
+            solve_dense_transposed(width, group, k->swaps + start, solved + start);
         for (ptrdiff_t i = start; i < end; i++) {
             for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
                 solved[g->coupling_columns[e]] -= coupling[e] * solved[i];

@@ -68,15 +68,16 @@ static void bind(struct kinematic_lanes *k, const struct kinematic_lane_sizes *s
 
 static wide missed(struct kinematic_lanes *k, wide t, const wide *q) {
     const ptrdiff_t m = k->sizes.m;
-    call(k->kernels.closure, &t, q, k->still, k->p, k->work, k->closure);
+    wide *values = k->closure, *scale = k->scale, *weight = k->weight, *phi = k->phi;
+    call(k->kernels.closure, &t, q, k->still, k->p, k->work, values);
     for (ptrdiff_t i = 0; i < m; i++) {
-        if (any(k->closure[m + i] != k->scale[i])) { /* most scales are lengths of links */
-            k->scale[i] = k->closure[m + i];
-            k->weight[i] = 1 / k->scale[i];
+        if (any(values[m + i] != scale[i])) { /* most scales are lengths of links */
+            scale[i] = values[m + i];
+            weight[i] = 1 / scale[i];
         }
-        k->phi[i] = k->closure[i] * k->weight[i];
+        phi[i] = values[i] * weight[i];
     }
-    return largest_in(k->phi, m);
+    return largest_in(phi, m);
 }
 
 static inline mask factor_pair(wide *a, mask *swaps, wide *inverse) {
@@ -96,14 +97,14 @@ static inline void solve_pair(const wide *a, const mask *swaps, const wide *inve
     b[0] = (b[0] - a[1] * b[1]) * inverse[0];
 }
 
+static inline void solve_pair_transposed(const wide *a, const mask *swaps, const wide *inverse, wide *b) {
+    b[0] *= inverse[0];
+    b[1] = (b[1] - a[1] * b[0]) * inverse[1];
+    b[0] -= a[2] * b[1];
+    exchange(swaps[0] != 0, b, b + 1, 1);
+}
+
 static void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
-    if (n == 2) {
-        b[0] /= a[0];
-        b[1] = (b[1] - a[1] * b[0]) / a[3];
-        b[0] -= a[2] * b[1];
-        exchange(swaps[0] != 0, b, b + 1, 1);
-        return;
-    }
     substitute_transposed(n, a, b);
     for (ptrdiff_t k = n - 1; k >= 0; k--)
         for (ptrdiff_t i = k + 1; i < n; i++)
@@ -114,10 +115,11 @@ static void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask *swaps
 static mask factorise_groups(struct kinematic_lanes *k) {
     const struct kinematic_groups *g = &k->groups;
     const ptrdiff_t *entry = g->entries;
-    memset(k->values, 0, (size_t)g->squares * sizeof(wide));
-    for (ptrdiff_t e = 0; e < g->filled; e++, entry += 4)
-        k->values[entry[0]] = k->closure[entry[1]] * k->weight[entry[2]];
+    const wide *closure = k->closure, *weight = k->weight;
     wide *group = k->values;
+    memset(group, 0, (size_t)g->squares * sizeof(wide));
+    for (ptrdiff_t e = 0; e < g->filled; e++, entry += 4)
+        group[entry[0]] = closure[entry[1]] * weight[entry[2]];
     mask regular = ~(mask){0};
     for (ptrdiff_t c = 0; c < g->count; c++) {
         const ptrdiff_t start = g->starts[c], width = g->starts[c + 1] - start;
@@ -157,7 +159,7 @@ static mask judge(const struct kinematic_lanes *k, wide *soundness) {
  * in q last. */
 static mask closed(struct kinematic_lanes *k, mask open, wide t, wide *q) {
     const ptrdiff_t n = k->sizes.n;
-    wide before = all(REAL_INFINITY);
+    wide before = all(REAL_INFINITY), *change = k->out;
     mask found = {0};
     for (int tries = 0; tries < NEWTON; tries++) {
         const wide worst = missed(k, t, q), size = larger(k->length, largest_in(q, n));
@@ -168,9 +170,9 @@ static mask closed(struct kinematic_lanes *k, mask open, wide t, wide *q) {
             break;
         open &= factorise_groups(k);
         before = worst;
-        solve(k, k->closure, k->out);
+        solve(k, k->closure, change);
         for (ptrdiff_t j = 0; j < n; j++)
-            q[j] = chosen(open, q[j] - k->out[j], q[j]);
+            q[j] = chosen(open, q[j] - change[j], q[j]);
     }
     return found;
 }
@@ -198,17 +200,18 @@ static mask attempt(struct kinematic_lanes *k, mask which, wide next, mask *aliv
     const ptrdiff_t n = k->sizes.n;
     const wide h = next - k->t, g = k->stride, s = h / g, *q = k->q, *u = q + n, *a = u + n;
     const wide *q0 = k->past, *u0 = q0 + n, *a0 = u0 + n;
+    wide *change = k->change, *predicted = k->next;
     const mask near = (g * h > 0) & (magnitude(h) <= STRIDES * magnitude(g));
     for (ptrdiff_t j = 0; j < n; j++) {
-        const wide change = wide_parabola(h, u[j], a[j]);
-        k->change[j] = chosen(near, change + wide_quintic(s, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]), change);
-        k->next[j] = k->q[j] + k->change[j];
+        const wide along = wide_parabola(h, u[j], a[j]);
+        change[j] = chosen(near, along + wide_quintic(s, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]), along);
+        predicted[j] = q[j] + change[j];
     }
-    const wide way = largest_in(k->change, n);
-    which = closed(k, which & (way <= LONGEST * k->length), next, k->next);
+    const wide way = largest_in(change, n);
+    which = closed(k, which & (way <= LONGEST * k->length), next, predicted);
     for (ptrdiff_t j = 0; j < n; j++)
-        k->change[j] -= k->next[j] - k->q[j];
-    which &= largest_in(k->change, n) <= ASTRAY * way + R(1e-9) * k->length;
+        change[j] -= predicted[j] - q[j];
+    which &= largest_in(change, n) <= ASTRAY * way + R(1e-9) * k->length;
     if (!any(which))
         return which;
     mask sign;

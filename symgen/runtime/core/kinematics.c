@@ -78,6 +78,12 @@ static void solve_pair(const real *a, const ptrdiff_t *swaps, const real *invers
     b[0] = (first - a[1] * b[1]) * inverse[0];
 }
 
+static void solve_pair_transposed(const real *a, const ptrdiff_t *swaps, const real *inverse, real *b) {
+    const real first = b[0] * inverse[0], second = (b[1] - a[1] * first) * inverse[1];
+    b[swaps[0]] = first - a[2] * second;
+    b[1 - swaps[0]] = second;
+}
+
 /* Factorise dPhi/dq, of the independent rows over their scales, where the constraints were evaluated last; returns 0 where
  * it is singular. */
 static int factorise_groups(struct kinematics *k) {

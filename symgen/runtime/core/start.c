@@ -65,7 +65,8 @@ static real extent(struct start *s, const real *q) {
     return widest;
 }
 
-/* Bring q onto the rows of the assembly at a part of the way, by Newton's method with corrections of least norm. */
+/* Bring q onto the rows of the assembly at a part of the way, by Newton's method with corrections of least norm: within the
+ * tolerance, and at the end of the way to round-off. */
 static int newton(struct start *s, real at, real *q) {
     const ptrdiff_t n = s->sizes.n, rows = s->sizes.rows;
     const real wide = extent(s, q), size = real_fmax(wide, largest_or_nan(q, n));
@@ -78,7 +79,7 @@ static int newton(struct start *s, real at, real *q) {
         memset(s->change + 1, 0, (size_t)n * sizeof(real));
         call(s, s->kernels.assembly, q, s->change);
         const real worst = largest_or_nan(s->out, rows);
-        if (worst <= ROUNDING * size && worst > R(0.5) * previous)
+        if (at < 1 ? worst <= tolerance : worst <= ROUNDING * size && worst > R(0.5) * previous)
             return STARTED;
         if (!(worst < 2 * previous))
             return UNASSEMBLED;

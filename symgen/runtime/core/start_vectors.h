@@ -138,7 +138,7 @@ static mask newton(struct start_lanes *s, mask open, real at, wide *q) {
         s->change[0] = all(at);
         evaluate(s, s->kernels.assembly, q, s->change);
         const wide worst = largest_in(s->out, rows);
-        const mask settled = open & (worst <= ROUNDING * size) & (worst > R(0.5) * previous);
+        const mask settled = open & (at < 1 ? worst <= tolerance : (worst <= ROUNDING * size) & (worst > R(0.5) * previous));
         done |= settled;
         open &= ~settled & (worst < 2 * previous);
         previous = worst;

@@ -180,6 +180,15 @@ def dataset_of(
     """Return all runs in one dataset, with nan where a run has no value; ``columns`` are their parameters."""
     import xarray
 
+    data, coordinates = arrays_of(description, columns, kept)
+    title = f"{description.title}: {len(kept)} runs of {analysis}"
+    return xarray.Dataset(data, coords=coordinates, attrs={"title": title})
+
+
+def arrays_of(
+    description: Described, columns: Mapping[str, Array], kept: Sequence[Kept]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the data and the coordinates of a dataset of all runs, as dimensions, values and attributes."""
     count, errors = len(kept), np.full(len(kept), "", dtype=object)
     blocks: list[_Block] = []
     for runs, one in _shared(kept):
@@ -223,8 +232,7 @@ def dataset_of(
         unit, about = units[name]
         label = name if name not in data and name not in coordinates else f"{name} (parameter)"
         coordinates[label] = ("run", np.array(values), {"units": unit, "long_name": about})
-    title = f"{description.title}: {count} runs of {analysis}"
-    return xarray.Dataset(data, coords=coordinates, attrs={"title": title})
+    return data, coordinates
 
 
 class _Block(NamedTuple):

@@ -57,22 +57,21 @@ class Layout:
         found["error"] = np.array(errors, dtype=object)
         return found
 
-    def taken(self, dataset: xarray.Dataset) -> dict[str, Array]:
-        """Return the arrays of some runs from their dataset.
+    def taken(self, arrays: Mapping[str, Any], count: int) -> dict[str, Array]:
+        """Return the arrays of some runs from dimensions and values by name.
 
         Raises
         ------
         ModelError
             When a run has more samples than the first one.
         """
-        count, found = dataset.sizes["run"], {}
+        found = {}
         for entry in self.entries:
-            if entry.name not in dataset.variables:
+            if entry.name not in arrays:
                 found[entry.name] = entry.empty(count)
                 continue
-            variable = dataset.variables[entry.name]
-            values = variable.values
-            if "run" not in variable.dims:
+            dims, values = arrays[entry.name][:2]
+            if "run" not in dims:
                 values = np.broadcast_to(values, (count, *values.shape))
             if values.shape[1:] != entry.sizes:
                 values = self._padded(entry, values)

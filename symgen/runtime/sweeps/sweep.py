@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from symgen.atomic import writable
 from symgen.errors import CapabilityError, ModelError, ResultError, check_known, nearest
-from symgen.runtime.many.dataset import Keep, chosen, dataset_of
+from symgen.runtime.many.dataset import Keep, arrays_of, chosen, dataset_of
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import reductions
 from symgen.runtime.many.runs import FAILURES, Runs, carried_out, variants
@@ -141,7 +141,8 @@ class Sweep:
         kept = carried_out(runs, self.keep, self.threads, progress, some=False, accepted=True)
         if all(k.error for k in kept):
             return layout.filled(columns, [k.error for k in kept])
-        return layout.taken(dataset_of(self.model.description, self.analysis, columns, kept))
+        data, coordinates = arrays_of(self.model.description, columns, kept)
+        return layout.taken({**data, **coordinates}, len(kept))
 
     def dataset(self) -> xarray.Dataset:
         """Return the results of all runs, of which one succeeds at least, with equal lengths of histories."""
