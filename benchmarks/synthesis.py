@@ -5,6 +5,10 @@ law of cosines, or precision points that it passes. It is solved where that link
 running it on its branch finds no fault. Choices of quantities that depend on each other are left out.
 Searches have their default number of starts.
 
+Five poses that are rounded to doubles may determine the lengths to fewer digits than are asked: rounding
+changes those of one random task by 1.6e-9. The expected lengths are therefore those that the rounded poses
+have, by Newton's method at 40 digits.
+
 Tasks without a solution prescribe swing, folded angle of the rocker and least transmission angle (Case I of
 the thesis on kineto-elastodynamics) whose sum is 180 deg or more: the triangle of the extended position does
 not exist then. Or they prescribe three angles and the fixed link that the rocker's triangles contradict. All
@@ -19,6 +23,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
+import mpmath as mp
 import numpy as np
 from harness import Measurement, Required, arguments, report_repeats
 
@@ -140,31 +145,52 @@ def motion(generator: np.random.Generator, count: int) -> Iterator[tuple[dict[st
     """Yield tasks with five poses of a coupler, and the lengths that they come from."""
     for _, (a, b, c, d) in zip(range(count), crank_rockers(generator), strict=False):
         cranks = np.sort(generator.uniform(0, 2 * math.pi, 5)) * 0.5
-        places, turns = _coupler((a, b, c, d), cranks, generator)
-        yield {"kind": "motion", "points": places, "angles": turns.tolist()}, (a, b, c, d)
+        places, turns, joint = _coupler((a, b, c, d), cranks, generator)
+        task = {"kind": "motion", "points": places, "angles": turns.tolist()}
+        with mp.workdps(40):
+            o, at_a, crank = _dyad(places, turns, 0j, joint, a)
+            q, at_b, rocker = _dyad(places, turns, d + 0j, joint + b, c)
+            expected = tuple(map(float, (crank, abs(at_b - at_a), rocker, abs(q - o))))
+        yield task, expected
+
+
+def _dyad(places: list[list[str]], turns: Any, ground: complex, joint: complex, length: float) -> list[Any]:
+    """Return ground point, joint on the coupler [m] and length [m] of the dyad of five poses next to one."""
+    x = mp.matrix([ground.real, ground.imag, joint.real, joint.imag, length])
+    points = [mp.mpc(*(float(value.split()[0]) for value in place)) for place in places]
+    for _ in range(4):
+        rows, missed = [], []
+        for point, turn in zip(points, turns.tolist(), strict=True):
+            rotation = mp.expj(turn)
+            to = point + rotation * mp.mpc(x[2], x[3]) - mp.mpc(x[0], x[1])
+            seen = to * mp.conj(rotation)
+            rows.append([-to.real, -to.imag, seen.real, seen.imag, -x[4]])
+            missed.append((abs(to) ** 2 - x[4] ** 2) / 2)
+        x -= mp.lu_solve(mp.matrix(rows), mp.matrix(missed))
+    return [mp.mpc(x[0], x[1]), mp.mpc(x[2], x[3]), x[4]]
 
 
 def path(generator: np.random.Generator, count: int) -> Iterator[tuple[dict[str, Any], tuple[float, ...]]]:
     """Yield tasks with five points of a path and both ground points, and the lengths that they come from."""
     for _, (a, b, c, d) in zip(range(count), crank_rockers(generator), strict=False):
         cranks = np.sort(generator.uniform(0, 2 * math.pi, 5))
-        places, _ = _coupler((a, b, c, d), cranks, generator)
+        places, *_ = _coupler((a, b, c, d), cranks, generator)
         ground = {"ground_x": ["0 m", f"{d!r} m"], "ground_y": ["0 m", "0 m"]}
         yield {"kind": "path", "points": places, **ground}, (a, b, c, d)
 
 
 def _coupler(
     lengths: tuple[float, ...], cranks: Any, generator: np.random.Generator
-) -> tuple[list[list[str]], Any]:
-    """Return places of a random point of the coupler, in metres, and its rotations [rad]."""
+) -> tuple[list[list[str]], Any, complex]:
+    """Return places of a random point of the coupler [m], its rotations [rad], and A from that point [m]."""
     a, b, c, d = lengths
     joint = a * np.exp(1j * cranks)
     to = d - joint
     turn = np.unwrap(np.angle(to) + [_angle(c, abs(z), b) for z in to.tolist()])
-    place = joint + b * complex(*generator.uniform(-1.0, 1.0, 2)) * np.exp(1j * turn)
-    return [
-        [f"{x!r} m", f"{y!r} m"] for x, y in zip(place.real.tolist(), place.imag.tolist(), strict=True)
-    ], turn
+    own = b * complex(*generator.uniform(-1.0, 1.0, 2))
+    place = joint + own * np.exp(1j * turn)
+    places = [[f"{x!r} m", f"{y!r} m"] for x, y in zip(place.real.tolist(), place.imag.tolist(), strict=True)]
+    return places, turn, -own
 
 
 def slider(generator: np.random.Generator, count: int) -> Iterator[tuple[dict[str, Any], tuple[float, ...]]]:
