@@ -98,7 +98,8 @@ def synthesise(
         return
     print_synthesis(result, console())
     if out:
-        console().print(f"{len(result.designs)} scenes in {out}", soft_wrap=True)
+        count = len(result.designs)
+        console().print(f"{count} scene{'s' * (count != 1)} in {out}", soft_wrap=True)
     if page:
         console().print(f"wrote {page}", soft_wrap=True)
 

@@ -24,8 +24,10 @@ from symgen.report.page.sweep_plots import (
 from symgen.report.tables import table
 from symgen.runtime.many.dataset import RECORDED
 from symgen.runtime.many.poses import NOTES
+from symgen.runtime.many.reductions import REDUCTIONS
 from symgen.runtime.result.elastic import beyond_linear_theory
 from symgen.runtime.result.records import converters, display_units
+from symgen.runtime.sweeps.stores import DONE
 
 if TYPE_CHECKING:
     import xarray
@@ -40,11 +42,12 @@ _READ = 2**20
 
 def summary(runs: xarray.Dataset) -> dict[str, Any]:
     """Return the numbers of runs and failures, and the extremes of all outputs with their parameters."""
-    count, failed, first, beyond = runs.sizes["run"], 0, "", 0
+    count, failed, first, beyond, missing = runs.sizes["run"], 0, "", 0, 0
     recorded: list[Any] = []
     for part in _parts(runs):
         if RECORDED in runs:
             recorded.append(np.unique(part[RECORDED].values, return_counts=True))
+        missing += int(np.sum(part[DONE].values == 0)) if DONE in runs else 0
         errors = [e for e in part["error"].values if e]
         failed += len(errors)
         first = first or (str(errors[0]) if errors else "")
@@ -54,7 +57,7 @@ def summary(runs: xarray.Dataset) -> dict[str, Any]:
     longest = max((np.nanmax(sizes) for sizes, _ in recorded if not np.all(np.isnan(sizes))), default=0.0)
     found["samples"] = int(longest)
     found["ended_early"] = int(sum(np.sum(counts[sizes < longest]) for sizes, counts in recorded))
-    found["beyond_linear_theory"] = beyond
+    found["beyond_linear_theory"], found["missing"] = beyond, missing
     for name in outputs_of(runs):
         variable = runs[name]
         labels = [str(a) for a in runs["axis"].values] if "axis" in variable.dims else [""]
@@ -109,9 +112,12 @@ def _with_unit(value: float, unit: str) -> str:
 
 
 def _notes(about: dict[str, Any]) -> Iterator[str]:
-    """Yield the numbers of runs that failed, ended early or are beyond linear theory, and of samples."""
-    if about["samples"] > 1:
+    """Yield notes on samples, and on runs that are missing, failed, ended early or beyond linear theory."""
+    reduced = any(not {*name.split(".")[-2:]}.isdisjoint(REDUCTIONS) for name in about["outputs"])
+    if about["samples"] > 1 and reduced:
         yield f"reductions of {about['samples']} samples per run: extremes between samples may be larger"
+    if about["missing"]:
+        yield f"{about['missing']} of {about['runs']} runs are missing: they belong to other parts"
     if about["failed"]:
         yield f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}"
     if about["ended_early"]:

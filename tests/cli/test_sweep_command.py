@@ -241,7 +241,7 @@ def test_a_dry_run_counts_the_runs_and_writes_nothing(scene, tmp_path):
         command(scene, "--dry-run", "--part", "3/2")
 
 
-def test_the_page_has_extremes_and_a_plot(scene, tmp_path):
+def test_the_page_has_extremes_and_a_plot_and_notes_are_of_what_is_there(scene, tmp_path):
     """The moment at the start is mass*g*length/2, greatest for the heaviest and longest."""
     page = tmp_path / "sweep.html"
     command(scene, "--page", page)
@@ -249,6 +249,10 @@ def test_the_page_has_extremes_and_a_plot(scene, tmp_path):
     assert f"{3 * 9.81 * 400 / 2:.6g}" in text and "data:image/svg+xml" in text
     assert "length = 400 mm, links_rod_mass = 3 kg" in text and ">6</dd>" in text
     assert "reductions of 5 samples per run" in text
+    assert "reductions of" not in command(scene, "--reduce", "history")
+    part = ["--chunk", 4, "--part", "2/2", "--out", tmp_path / "part.zarr"]
+    assert "4 of 6 runs are missing" in command(scene, *part)
+    assert "missing" not in command(scene, *part[:2], "--out", part[-1])
     with pytest.raises(ResultError, match=".html"):
         command(scene, "--page", tmp_path / "sweep.pdf")
     assert not (tmp_path / "sweep.pdf").exists()

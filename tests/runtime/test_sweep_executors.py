@@ -12,11 +12,12 @@ import sys
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
-from itertools import islice
+from itertools import count, islice
 from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
+from shared.full import full
 from shared.variants import crank_rocker_with_lengths
 from typer.testing import CliRunner
 
@@ -68,8 +69,8 @@ def test_a_task_has_the_parameters_of_its_own_runs(model, monkeypatch):
             return done
 
     sizes: list[int] = []
-    for count in (100, 100_000):
-        of = {"a": [0.1] * count, "b": [0.35] * count}
+    for runs in (100, 100_000):
+        of = {"a": [0.1] * runs, "b": [0.35] * runs}
         with pytest.raises(SimulationError, match="no worker is left"):
             model.sweep(of, executor=Measuring(), chunk=64, **WANTED)
     assert max(sizes) - min(sizes) < 64 * 2 * 8
@@ -224,17 +225,32 @@ def _is_there(pid):
 
 
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="Dask is not installed")
-def test_a_dask_cluster_writes_the_same_bytes_and_outlives_a_killed_worker(model, whole, tmp_path):
+@pytest.mark.parametrize("kills", [1, full(10)])
+def test_a_dask_cluster_writes_the_same_bytes_and_outlives_killed_workers(kills, model, whole, tmp_path):
+    """A worker is killed in each of some sweeps: before its first chunk, or after a random number of chunks."""
     import dask
     from distributed import Client, LocalCluster
 
+    chances = random.Random(1)
     with LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
-        os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
-        model.sweep(OF, file=tmp_path / "dask.zarr", chunk=1, executor=client, **WANTED)
+        for number in range(kills):
+            client.wait_for_workers(2)
+            workers = client.run(os.getpid, on_error="ignore")  # but one just killed
+            victim = chances.choice(sorted(workers.values()))
+            after, reports = chances.randrange(5) if number else 0, count(1)
+
+            def killing(_, victim=victim, after=after, reports=reports):
+                if next(reports) == after:
+                    os.kill(victim, signal.SIGKILL)
+
+            if not after:
+                os.kill(victim, signal.SIGKILL)
+            file = tmp_path / f"dask_{number}.zarr"
+            model.sweep(OF, file=file, chunk=1, executor=client, progress=killing, **WANTED)
+            assert files(whole) == files(file)
         done = CliRunner().invoke(app, ["sweep", "slider_crank", "--vary", "S1=0 in:9 in:4", "--of",
             "theta1.drive", "--dask", cluster.scheduler_address, "--out", str(tmp_path / "cli.zarr")])  # fmt: skip
         assert done.exit_code == 0, done.exception
-    assert files(whole) == files(tmp_path / "dask.zarr")
     assert (tmp_path / "cli.zarr").is_dir()
     quick = dask.config.set({"distributed.comm.timeouts.connect": "0.2s"})
     with quick, pytest.raises(ModelError, match="there is no Dask scheduler at"):
