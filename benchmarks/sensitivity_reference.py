@@ -3,9 +3,10 @@
 The equations of motion [M J^T; J 0] [a; lambda] = [f; gamma] are the matrices that SymPy derives, evaluated
 in decimal arithmetic of ``DIGITS`` digits without the lowering, and integrated by extrapolation of Gragg's
 modified midpoint rule (Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, II.9). Named
-coordinates are held at the start, Newton's method gives the others. The pump ``cssp`` has Lagrange's
-equations. A derivative is the difference of two runs with the same steps, of which one starts at ``CHANGE``
-times the size of a coordinate or parameter away.
+coordinates are held at the start, of ``length_ratios`` angles of its rods; Newton's method gives the others.
+The pump ``cssp`` has Lagrange's equations, linkages with elastic links in space those of
+``tests/shared/directors_exact.py``. A derivative is the difference of two runs with the same steps, of which
+one starts at ``CHANGE`` times the size of a coordinate or parameter away.
 
 As a program, it writes ``tests/reference/run_slopes.json``; names of scenes select the recomputed entries.
 """
@@ -23,8 +24,9 @@ import mpmath
 import sympy as sp
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
+from shared import directors_exact
 from shared import floating_crank as pump
-from shared.exact_slopes import RUNS, SCENES, Setting, setting
+from shared.exact_slopes import IN_SPACE, RUNS, SCENES, Setting, setting
 from sympy.printing.pycode import PythonCodePrinter
 
 import symgen
@@ -45,7 +47,10 @@ def main() -> None:
     getcontext().prec = mpmath.mp.dps = DIGITS
     stored = json.loads(RUNS.read_text()) if RUNS.exists() else {}
     for name in sys.argv[1:] or SCENES:
-        stored[name] = of_pump() if name == "cssp" else derivatives(setting(name))
+        if name in IN_SPACE:
+            stored[name] = in_space(name)
+        else:
+            stored[name] = of_pump() if name == "cssp" else derivatives(setting(name))
         RUNS.write_text(json.dumps(dict(sorted(stored.items())), indent=1) + "\n")
 
 
@@ -107,6 +112,34 @@ def of_pump() -> dict[str, Any]:
     return {"times": times, "values": [[mpmath.nstr(x, STORED) for x in row] for row in base], "by": by}
 
 
+def in_space(name: str) -> dict[str, Any]:
+    """Return values and derivatives of steps of a linkage with elastic links in space, and of frequencies."""
+    made = {}
+    for what, digits, change, text in (
+        ("run", directors_exact.DIGITS, directors_exact.CHANGE, lambda x: f"{x:.{STORED}e}"),
+        ("frequencies", 80, "1e-25", lambda x: mpmath.nstr(x, STORED)),
+    ):
+        getcontext().prec = mpmath.mp.dps = digits
+        build, values, *_ = directors_exact.cases()[name]
+
+        def found(
+            changed: dict[str, Any], of: Any = build, values: Any = values, what: str = what
+        ) -> list[Any]:
+            linkage = of(values | changed)
+            if what == "frequencies":
+                return directors_exact.frequencies(linkage)
+            return directors_exact.recorded(directors_exact.run(linkage))
+
+        base, by = found({}), {}
+        for parameter, value in values.items():
+            step = value * mpmath.mpf(change)
+            number = directors_exact.decimal if what == "run" else mpmath.mpf
+            moved = found({parameter: value + step})
+            by[parameter] = [text((a - b) / number(step)) for a, b in zip(moved, base, strict=True)]
+        made[what] = {"values": [text(x) for x in base], "by": by}
+    return made
+
+
 class Equations:
     """The equations of a linkage as functions of decimal numbers."""
 
@@ -134,19 +167,44 @@ class Equations:
         case, zero = self.case, Decimal(0)
         q, u = ([Decimal(x) for x in part] for part in (case.near.q, case.near.u))
         rows = [i for i in range(len(case.model.description.constraints)) if i not in self.redundant]
-        half = len(case.columns)
         for _ in range(12):
             places, jacobian, rates = self.closed(self.known(zero, q, u, values))
             matrix = [{j: x for (a, j), x in jacobian.items() if a == i} for i in rows]
-            matrix += [{c: Decimal(1)} for c in case.columns]
-            wanted = zip(case.columns, start[:half], start[half:], strict=True)
-            held = [(a - q[c], b - u[c]) for c, a, b in wanted]
+            slopes, held = self.held(q, u, start)
+            matrix += slopes
             change = solved(matrix, [-places.get((i, 0), zero) for i in rows] + [x for x, _ in held])
             rate = solved(matrix, [-rates.get((i, 0), zero) for i in rows] + [x for _, x in held])
             q = [a + b for a, b in zip(q, change, strict=True)]
             u = [a + b for a, b in zip(u, rate, strict=True)]
         assert max(map(abs, change), default=zero) < Decimal(10) ** (20 - DIGITS), case.name
         return q, u
+
+    def held(self, q: Vector, u: Vector, start: Vector) -> tuple[list[dict[int, Decimal]], list[Vector]]:
+        """Return slopes of the coordinates that are held, and changes of them and their rates to the start.
+
+        Those of angles are of the distance of the end of the link from the line through its first point.
+        """
+        case, half = self.case, len(start) // 2
+        if case.columns:
+            wanted = zip(case.columns, start[:half], start[half:], strict=True)
+            return [{c: Decimal(1)} for c in case.columns], [[a - q[c], b - u[c]] for c, a, b in wanted]
+        slopes, changes, free = [], [], case.model.description.free
+        for name, angle, rate in zip(case.coordinates, start[:half], start[half:], strict=True):
+            c, s = of_mp("cos", angle), of_mp("sin", angle)
+            ends = case.scene.links[name.removesuffix(".angle")].points
+            slope, length, off, turning = dict[int, Decimal](), Decimal(0), Decimal(0), Decimal(0)
+            for point, sign in zip(ends, (-1, 1), strict=True):
+                at = 2 * free.index(point) if point in free else None
+                x, y = (
+                    (Decimal(float(v)) for v in case.near.positions[point]) if at is None else q[at : at + 2]
+                )
+                off, length = off + sign * (c * y - s * x), length + sign * (c * x + s * y)
+                if at is not None:
+                    slope |= {at: -sign * s, at + 1: sign * c}
+                    turning += sign * (c * u[at + 1] - s * u[at])
+            slopes.append(slope)
+            changes.append([-off, rate * length - turning])
+        return slopes, changes
 
     def slope(self, t: Decimal, y: Vector, values: dict[str, Decimal]) -> Vector:
         """Return the rates of coordinates and velocities."""
@@ -259,7 +317,8 @@ class _Printer(PythonCodePrinter):
         return "of_mp('pi')"
 
 
-def _of_mp(name: str, *arguments: Decimal) -> Decimal:
+def of_mp(name: str, *arguments: Decimal) -> Decimal:
+    """Return what a function of mpmath gives, or one of its constants, as a decimal number."""
     of = getattr(mpmath, name)
     value = of(*(mpmath.mpf(str(x)) for x in arguments)) if arguments else +of
     return Decimal(mpmath.nstr(value, DIGITS + 5, min_fixed=0, max_fixed=0))
@@ -314,7 +373,7 @@ def compiled(
         k += len(found)
     unpack = ", ".join(str(shown[s]) for s in symbols)
     code = f"def of(x):\n ({unpack},) = x\n" + "\n".join(body) + f"\n return [{', '.join(values)}]"
-    space: dict[str, Any] = {"D": Decimal, "of_mp": _of_mp}
+    space: dict[str, Any] = {"D": Decimal, "of_mp": of_mp}
     exec(code, space)
     return space["of"]  # type: ignore[no-any-return]
 

@@ -59,7 +59,11 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "corotational_node": partial(_made, "models.elastic.corotational:corotational_node_system"),
     "spatial_beam": partial(_made, "models.elastic.spatial:spatial_beam_system"),
     "director_beam": partial(_made, "models.directors:director_beam_system"),
+    "director_beam_tangents": partial(
+        tangents, "director_beam", ("residual", "tangent", "energies", "section"), ("q", "u", "p")
+    ),
     "direction": partial(_made, "models.directions:direction_system"),
+    "direction_tangents": partial(tangents, "direction", ("row", "curvature"), ("q", "u")),
     **{name: partial(_made, f"models.loop.blocks:{name}_system") for name in _OF_LOOPS},
     **{name: partial(_made, f"models.synthesis:{name}_system") for name in SYNTHESIS},
 }
@@ -69,7 +73,8 @@ BLOCKS: dict[str, Callable[[], System]] = {
 SHIPPED_BLOCKS = (
     *(f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")),
     "rigid_element", "elastic_place", "elastic_place_tangents", "corotational_beam", "corotational_node",
-    "spatial_beam", "director_beam", "direction", "loop_row", *SYNTHESIS,
+    "spatial_beam", "director_beam", "director_beam_tangents", "direction", "direction_tangents", "loop_row",
+    *SYNTHESIS,
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.

@@ -32,17 +32,19 @@ def _later(entry: str, **options: Any) -> Callable[[Any], System]:
     return system
 
 
-def _tangents(kind: str, *kernels: str) -> Callable[[Any], System]:
-    """Return the derivation of the tangents of some kernels of an analysis, for derivatives by parameters."""
+def _tangents(entry: str, *kernels: str) -> Callable[[Any], System]:
+    """Return the derivation of the tangents of some kernels of a System, for derivatives by parameters."""
 
     def system(resolved: Any) -> System:
         from symgen.models.forward_mode import tangents_of
 
-        return tangents_of(ANALYSES[kind](resolved), kernels, ("q", "u", "p", "work"))
+        return tangents_of(_later(entry)(resolved), kernels, ("q", "u", "p", "work"))
 
     return system
 
 
+_ELASTIC_MOTION = "symgen.models.elastic.links:motion_system"
+_ELASTIC_JOINTS = "symgen.models.elastic.joints:joints_system"
 #: The System of each kind of analysis besides the motion in time.
 ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "kinematics": kinematics_system,
@@ -52,11 +54,14 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "sensitivity": sensitivity_system,
     "variation": variation_system,
     "vibration": vibration_system,
+    "motion_tangents": _tangents(
+        "symgen.models.rods.system:linkage_system", "points", "constraints", "velocity_constraints"
+    ),
     "forces": _later("symgen.models.elastic.rigid_forces:rigid_forces_system"),
-    "elastic_motion": _later("symgen.models.elastic.links:motion_system"),
-    "elastic_joints": _later("symgen.models.elastic.joints:joints_system"),
-    "elastic_motion_tangents": _tangents("elastic_motion", "constants", "links", "loads", "shaft"),
-    "elastic_joints_tangents": _tangents("elastic_joints", "joints"),
+    "elastic_motion": _later(_ELASTIC_MOTION),
+    "elastic_joints": _later(_ELASTIC_JOINTS),
+    "elastic_motion_tangents": _tangents(_ELASTIC_MOTION, "constants", "links", "loads", "shaft"),
+    "elastic_joints_tangents": _tangents(_ELASTIC_JOINTS, "joints", "constants", "energy"),
 }
 #: The same of loops.
 OF_LOOPS: dict[str, Callable[[Loop], System]] = {

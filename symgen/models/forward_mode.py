@@ -69,6 +69,7 @@ def tangents_of(system: System, kernels: Sequence[str], groups: Sequence[str]) -
         groups=(*others, Group("work", "other arguments, then tangents", (*work, *tangents.seeds))),
         matrices=tuple(matrices.values()),
         exports=tuple(exports),
+        saddle_point=None,
         definitions=(*system.definitions, *tangents.definitions),
     )
 

@@ -97,7 +97,7 @@ class Constrained:
 class Steps:
     steps: int
     corrections: int
-    def __init__(self, of: Constrained, method: BeamMethod, h: float, scale: Array) -> None: ...
+    def __init__(self, of: Constrained, method: BeamMethod, h: float, scale: Array, close: float) -> None: ...
     def step(
         self,
         t: float,

@@ -32,8 +32,8 @@ cdef enum:
     _VECTORS = 21
     _FACTORS = 8
 
-#: Error that corrections leave in the places, over their sizes.
-cdef double _CLOSE = 1e-10
+#: Corrections over the sizes of the places from which on those that do not fall are rounding.
+cdef double _ROUNDING = 1e-10
 #: Corrections in a step at most; a correction over the one before from which on they do not converge.
 cdef int _MOST = 20
 cdef double _DIVERGING = 2.0
@@ -527,10 +527,12 @@ cdef class Steps:
         Length of the steps [s].
     scale
         Sizes of the unknowns, (unknowns,).
+    close
+        Error that corrections leave in the places, over their sizes.
     """
 
     cdef Constrained of
-    cdef double h
+    cdef double h, close
     cdef Py_ssize_t stages, pairs
     cdef double[:, ::1] a, aa
     cdef double[::1] b, ba, c, scale
@@ -542,7 +544,8 @@ cdef class Steps:
     #: Counts of steps and of corrections.
     cdef readonly Py_ssize_t steps, corrections
 
-    def __init__(self, Constrained of, method, double h, scale):
+    def __init__(self, Constrained of, method, double h, scale, double close):
+        self.close = close
         values, vectors = np.linalg.eig(method.a)
         # The other one of each pair is its complex conjugate.
         pairs = np.flatnonzero(values.imag > 0.0)
@@ -628,9 +631,11 @@ cdef class Steps:
             self.corrections += 1
             if count:
                 rate = size / before if before else 0.0
+                if before < _ROUNDING and rate > 0.5:
+                    return True
                 if rate > _DIVERGING and count > 3:
                     return False
-            if size == 0.0 or size <= _CLOSE * max(1.0, 1.0 / rate - 1.0):
+            if size == 0.0 or size <= self.close * max(1.0, 1.0 / rate - 1.0):
                 return True
             before = size
         return False
@@ -693,7 +698,7 @@ cdef class Steps:
             last = slice(1 + stages, 2 + stages)
             for _ in range(_MOST):
                 errors, _ = self.of.rows(times[last], end[None], rate[None], known[last], known_rates[last])
-                if not self.project(np.ascontiguousarray(errors), end) > _CLOSE:
+                if not self.project(np.ascontiguousarray(errors), end) > self.close:
                     break
             _, rates = self.of.rows(times[last], end[None], rate[None], known[last], known_rates[last])
             self.project(np.ascontiguousarray(rates), rate)

@@ -124,6 +124,20 @@ def test_implicit_steps_have_the_derivatives_of_the_closed_form(options, rel):
         assert away(**options | {"step": 2e-3}) == pytest.approx(4 * found, rel=0.2)
 
 
+def test_an_end_that_depends_on_a_parameter_is_held():
+    """With t_end = pi/w at the rate w the rod ends opposite its start: t drate + rate dt_end = 0."""
+    more = {"w": (2.0, "rad/s")}
+    scene = rod(0.4, (), more, start={"rates": {"rod": "w"}}, analysis={"t_end": "pi/w"})
+    run = symgen.build(scene).simulate(rtol=1e-12)
+    names = ["P.position.x", "P.position.y"]
+    held = run.gradient(names, ["rod.angle'"], coordinates=["rod.angle"])
+    end = 0.4 + np.pi
+    assert held.t == pytest.approx(np.pi / 2)
+    agrees(held.derivatives[0, :, 0], np.pi / 2 * 0.6 * np.array([-np.sin(end), np.cos(end)]))
+    velocity = np.array(run.final["P"]["velocity"])
+    assert held.derivatives[0, :, 0] + velocity * (-np.pi / 2.0**2) == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
 @pytest.mark.parametrize("many", [0, 30])
 def test_a_closed_linkage_has_the_derivatives_of_its_closed_form(many):
     """Three lengths hold four coordinates; ``many`` further torques are taken back along the steps."""

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.beams.data import BeamInfo, Lump, Profile, Properties
+from symgen.runtime.kernels.evaluate import at_rows
 from symgen.runtime.kernels.library import shipped_module
 
 Array = NDArray[np.float64]
@@ -68,6 +69,22 @@ def _evaluated(block: str, name: str, q: Array, u: Array | None = None) -> Array
         )
     )
     whole: Array = value + 1j * tangent
+    return whole
+
+
+def rows_at(block: str, kernel: str, rows: Array, n: int, given: Array, width: int) -> Array:
+    """Return what a kernel of a building block gives for every row, (rows, width).
+
+    Rows hold q, n numbers, and u; ``given`` are parameters of all rows. Results have tangents where rows do.
+    """
+    plain, parameters = np.ascontiguousarray(rows.real), np.ascontiguousarray(given.real)
+    found = at_rows(kernels(block).ADDRESSES[kernel], plain, n, parameters, width)
+    if not np.iscomplexobj(rows):
+        return found
+    given_tangents = np.broadcast_to(given.imag, (len(rows), len(given)))
+    seeds = np.ascontiguousarray(np.hstack([rows.imag, given_tangents]))
+    of_tangents = kernels(f"{block}_tangents").ADDRESSES[f"{kernel}_tangent"]
+    whole: Array = found + 1j * at_rows(of_tangents, plain, n, parameters, width, seeds)
     return whole
 
 

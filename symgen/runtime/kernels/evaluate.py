@@ -17,6 +17,9 @@ from symgen.runtime.kernels.typed import Typed
 
 Array = NDArray[np.float64]
 
+#: Unit of tangents as imaginary parts: their products are below every number of a mechanism.
+UNIT = 1e-80
+
 
 class Evaluator:
     """Calls the kernels of one model at one set of parameters."""
@@ -130,6 +133,40 @@ class Evaluator:
             tangent=entries,
             tangent_library=tangent.library if tangent else None,
         )
+
+
+class Duals:
+    """Kernels of a model whose results have tangents, as imaginary parts, where the coordinates have them.
+
+    Parameters
+    ----------
+    values
+        The kernels.
+    tangents
+        Those of the analysis that has their tangents, ``NAME_tangent``; without it coordinates are plain.
+    direction
+        Tangents of the parameters.
+    """
+
+    def __init__(
+        self, values: Evaluator, tangents: Evaluator | None = None, direction: Array | None = None
+    ) -> None:
+        self.values, self._tangents = values, tangents
+        self._direction = np.zeros(0) if direction is None else direction
+
+    def __call__(
+        self, kernel: str, times: Array, q: Array, u: Array, work: Array | None = None
+    ) -> dict[str, Array]:
+        """Return the results at many states by name, (states, *shape)."""
+        if not np.iscomplexobj(q) or self._tangents is None:
+            return self.values.many_blocks(kernel, times, q, u, work)
+        d = self.values.description
+        given = np.zeros((len(times), d.coordinates + len(d.constraints))) if work is None else work
+        found = self.values.many_blocks(kernel, times, q.real, u.real, given.real)
+        direction = np.broadcast_to(UNIT * self._direction, (len(times), len(self._direction)))
+        seeds = np.hstack([given.real, q.imag, u.imag, direction, given.imag])
+        slopes = self._tangents.many_blocks(f"{kernel}_tangent", times, q.real, u.real, seeds)
+        return {name: value + 1j * slopes[f"{name}_tangent"] for name, value in found.items()}
 
 
 def as_taken(library: Library, values: Sequence[float] | Array, rank_tolerance: float = 0.0) -> Array:

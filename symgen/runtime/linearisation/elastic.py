@@ -27,6 +27,7 @@ from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.elastic.static import quasi_static
+from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.elastic_matrices import Assembled, assembled, damped
 from symgen.runtime.linearisation.record import Sensitivity
 from symgen.runtime.linearisation.sensitivity import finite, moved_pose
@@ -36,8 +37,6 @@ Array = NDArray[np.float64]
 #: Numbers with tangents.
 Dual = NDArray[Any]
 
-#: Unit of tangents as imaginary parts: their products are below every number of a linkage.
-UNIT = 1e-80
 #: The part of their size by which frequencies must differ, and by which places along a link may move over it.
 _APART, _MOVED = 1e-6, 1e-12
 #: Analyses of the kernels of motion and joints; that with tangents has the ending.
@@ -188,24 +187,9 @@ class Pose:
         """Return the frequencies at rest of modes with strain [Hz], and their derivatives."""
         modes = elastic_modes(self.motion, self.equations, self.t)
         found, shapes = modes.frequencies[modes.rigid :], modes.shapes[:, modes.rigid :]
-        close = np.diff(found) < _APART * found[1:]
-        if np.any(close):
-            first = int(np.argmax(close)) + 1
-            raise ModelError(
-                f"frequencies {first} and {first + 1} of {self.motion.rigid.name} are equal, so that they "
-                "have no derivatives one by one"
-            )
-        slopes = np.zeros((len(found), len(self.parameters)))
-        for j in range(len(self.parameters)):
-            _, _, at = self.assembled(j, AT_REST)
-            stiffness = (at.stiffness + at.stiffness.T) / 2
-            for i, square in enumerate((2 * np.pi * found) ** 2):
-                phi = shapes[:, i]
-                held = stiffness - square * at.mass
-                mu = np.linalg.lstsq(at.bound.real.T, -held.real @ phi, rcond=None)[0]
-                change = phi @ held.imag @ phi + 2 * mu @ at.bound.imag @ phi
-                slopes[i, j] = change / UNIT / (phi @ at.mass.real @ phi)
-        return found, slopes / (8 * np.pi**2 * found[:, None])
+        each = (self.assembled(j, AT_REST)[2] for j in range(len(self.parameters)))
+        matrices = [(at.mass, at.stiffness, at.bound) for at in each]
+        return found, frequency_slopes(self.motion.rigid.name, found, shapes, matrices)
 
     def static(self, asked: Sequence[str]) -> tuple[dict[str, str], Array, Array]:
         """Return units of scalar quasi-static outputs by name, their values and their derivatives."""
@@ -227,6 +211,35 @@ class Pose:
             values = duals.real
             columns.append(duals.imag / UNIT)
         return units, values, np.array(columns).T
+
+
+def frequency_slopes(
+    name: str, frequencies: Array, shapes: Array, matrices: Sequence[tuple[Dual, Dual, Dual]]
+) -> Array:
+    """Return derivatives of frequencies [Hz], (modes, parameters), by M, K, J with tangents along each.
+
+    Raises
+    ------
+    ModelError
+        For equal frequencies.
+    """
+    close = np.diff(frequencies) < _APART * frequencies[1:]
+    if np.any(close):
+        first = int(np.argmax(close)) + 1
+        raise ModelError(
+            f"frequencies {first} and {first + 1} of {name} are equal, so that they have no derivatives one "
+            "by one"
+        )
+    slopes = np.zeros((len(frequencies), len(matrices)))
+    for j, (mass, stiffness, bound) in enumerate(matrices):
+        for i, square in enumerate((2 * np.pi * frequencies) ** 2):
+            phi = shapes[:, i]
+            held = (stiffness + stiffness.T) / 2 - square * mass
+            mu = np.linalg.lstsq(bound.real.T, -held.real @ phi, rcond=None)[0]
+            change = phi @ held.imag @ phi + 2 * mu @ bound.imag @ phi
+            slopes[i, j] = change / UNIT / (phi @ mass.real @ phi)
+    found: Array = slopes / (8 * np.pi**2 * frequencies[:, None])
+    return found
 
 
 def scalars_of(

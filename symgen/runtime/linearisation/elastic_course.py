@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime._beams import IN_MOTION, MOTION
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.linearisation.elastic import UNIT, Pose
+from symgen.runtime.kernels.evaluate import UNIT
+from symgen.runtime.linearisation.elastic import Pose
 
 Array = NDArray[np.float64]
 #: Numbers with tangents.

@@ -20,7 +20,8 @@ from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Counts
 from symgen.runtime.elastic.outputs import outputs as outputs_of
-from symgen.runtime.linearisation.elastic import UNIT, scalars_of
+from symgen.runtime.kernels.evaluate import UNIT
+from symgen.runtime.linearisation.elastic import scalars_of
 from symgen.runtime.linearisation.elastic_course import Course, Reduced, bases, reduced
 from symgen.runtime.linearisation.record import Sensitivity
 from symgen.runtime.linearisation.sensitivity import finite

@@ -25,7 +25,8 @@ from symgen.errors import ModelError
 from symgen.runtime._beams import IN_MOTION
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs as outputs_of
-from symgen.runtime.linearisation.elastic import UNIT, Pose, scalars_of
+from symgen.runtime.kernels.evaluate import UNIT
+from symgen.runtime.linearisation.elastic import Pose, scalars_of
 from symgen.runtime.linearisation.elastic_matrices import Assembled, Dual, assembled
 from symgen.runtime.linearisation.record import Sensitivity
 from symgen.runtime.linearisation.sensitivity import finite

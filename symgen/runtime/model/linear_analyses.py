@@ -118,7 +118,8 @@ class LinearAnalyses:
             [Hz] of all modes that oscillate, by rising modulus of their eigenvalues, and ``poles``, all
             eigenvalues, growing ones first; these are the last outputs. For elastic links: ``frequencies`` at
             rest in the pose, which are the first outputs, and displacements of joints, strains, stresses at
-            stations and changes of length of :meth:`quasi_static`.
+            stations and changes of length of :meth:`quasi_static`; in space
+            ``frequencies`` alone, or all outputs of a run.
         parameters
             Tunable parameters and inputs, by default all. For a run also the initial values of
             ``coordinates`` and of their rates, such as ``crank.angle`` and ``crank.angle'``; for a loop those

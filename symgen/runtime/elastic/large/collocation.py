@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -30,8 +31,10 @@ from symgen.runtime.integrate.pace import OutOfTime, Pace
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+#: Error that corrections leave in the places, over their sizes.
+CLOSE = 1e-10
 #: Part of a step over which the rates of the constraints are differentiated in time.
-_PART = 1e-3
+PART = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,17 +122,21 @@ class Pattern:
         found: Indices = np.where(i > j, below, np.where(i < j, below + count, i + 2 * count))
         return found
 
+    @cached_property
+    def places(self) -> tuple[Indices, Indices]:
+        """Row and column of every slot."""
+        count = len(self.position)
+        own = np.repeat(np.arange(count), np.diff(self.starts))
+        other = np.arange(self.starts[-1]) - self.starts[own] + self.first[own]
+        of, diagonal = np.argsort(self.position), np.arange(count)
+        return of[np.concatenate([own, other, diagonal])], of[np.concatenate([other, own, diagonal])]
+
     def matrix(self, entries: Array) -> Any:
         """Return the matrix, compressed by columns, by its numbers at the slots."""
         from scipy.sparse import csc_array
 
-        count = len(self.position)
-        own = np.repeat(np.arange(count), np.diff(self.starts))
-        other = np.arange(self.starts[-1]) - self.starts[own] + self.first[own]
-        diagonal = np.arange(count)
-        row, column = np.concatenate([own, other, diagonal]), np.concatenate([other, own, diagonal])
-        of, kept = np.argsort(self.position), np.flatnonzero(entries)
-        return csc_array((entries[kept], (of[row[kept]], of[column[kept]])), shape=(count, count))
+        (row, column), count, kept = self.places, len(self.position), np.flatnonzero(entries)
+        return csc_array((entries[kept], (row[kept], column[kept])), shape=(count, count))
 
     def factorised(self, entries: Array) -> Callable[[Array], Array]:
         """Return the solution by its right-hand side; nan where the matrix is singular."""
@@ -201,9 +208,9 @@ def settled(system: System, at: Moment, span: float) -> Moment:
     t, q, v, n = np.array([at.t]), at.q, at.v, system.unknowns
     still, none = np.zeros((1, n)), np.zeros((1, system.multipliers))
     state = (t, q[None], v[None], still, none, *system.prescribed(t))
-    offsets = _PART * span * np.array([-2.0, -1.0, 1.0, 2.0])
+    offsets = PART * span * np.array([-2.0, -1.0, 1.0, 2.0])
     near = system.rates(at.t + offsets, q + np.outer(offsets, v), np.broadcast_to(v, (4, n)))
-    changes = np.array([1.0, -8.0, 8.0, -1.0]) @ near / (12 * _PART * span)
+    changes = np.array([1.0, -8.0, 8.0, -1.0]) @ near / (12 * PART * span)
     found = system.core.accelerated(*state, -np.append(system.core.forces(*state)[0], changes))
     return Moment(at.t, q, v, found[:n], found[n:], at.work)
 
@@ -215,8 +222,13 @@ def moved(
     steps: int,
     pace: Pace,
     progress: Callable[[float], None] | None = None,
+    at_step: Callable[[Moment, Array, Array, Moment], None] | None = None,
+    close: float = CLOSE,
 ) -> tuple[list[Moment], Steps]:
     """Return the motion at times, by so many equal steps between two of them, and what counted them.
+
+    ``at_step`` receives the motion before each step, second rates and multipliers of its stages, and the end.
+    ``close`` is the error that corrections leave in the places, over their sizes.
 
     Raises
     ------
@@ -226,7 +238,7 @@ def moved(
         When the wall time is spent.
     """
     h = float(times[-1] - times[0]) / (len(times) - 1) / steps
-    stepper, now = Steps(system.core, method, h, system.scale), system.start()
+    stepper, now = Steps(system.core, method, h, system.scale, close), system.start()
     found: list[Moment] = [now]
     shape = len(method.c)
     guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
@@ -242,7 +254,10 @@ def moved(
                     f"{system.name}: Newton's method does not converge in a step of {h:.3g} s", time=now.t
                 )
             q, v, a, multipliers, work = stepped
-            guess, now = (a, multipliers), Moment(now.t + h, q, v, a[-1], multipliers[-1], now.work + work)
+            before, guess = now, (a, multipliers)
+            now = Moment(now.t + h, q, v, a[-1], multipliers[-1], now.work + work)
+            if at_step is not None:
+                at_step(before, a, multipliers, now)
         found.append(settled(system, now, h))
         if progress is not None:
             progress(end / float(times[-1]))

@@ -24,7 +24,10 @@ _PAIRS = ((0, 0, 0.5), (1, 1, 0.5), (2, 2, 0.5), (0, 1, 1.0), (0, 2, 1.0), (1, 2
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One constraint: places of its seven vectors, (7, 3), their factors (7,), its value, and its joint."""
+    """One constraint: places of its seven vectors, (7, 3), their factors (7,), its value, and its joint.
+
+    Factors may have tangents.
+    """
 
     places: Indices
     factors: Array
@@ -49,7 +52,7 @@ def directions(rows: Sequence[Row], unknowns: int, first: int) -> Directions:
     first row among the constraints.
     """
     places = np.array([row.places.ravel() for row in rows])
-    factors = np.array([[*row.factors, row.value] for row in rows])
+    factors = np.array([[*row.factors.real, row.value] for row in rows])
     states = np.concatenate([np.zeros((len(rows), 42)), factors], axis=1)
     of = kernels(_BLOCK).ADDRESSES
     curved = at_rows(of["curvature"], states, 21, np.zeros(1), 21 * 21).reshape(-1, 21, 21)

@@ -22,7 +22,8 @@ _NONE = 1e-8
 class Frame:
     """Vectors fixed in a part: their places (vectors, 3), and values at the start (vectors, 3).
 
-    ``between``: the vectors are places of points, and directions are differences of them.
+    ``between``: the vectors are places of points, and directions are differences of them. Values may have
+    tangents, and then those of directions and factors follow.
     """
 
     places: Indices
@@ -31,18 +32,20 @@ class Frame:
 
     @property
     def span(self) -> Array:
-        """Orthonormal directions that the vectors give, (directions, 3)."""
+        """Directions that the vectors give, (directions, 3), orthonormal up to tangents."""
         of = self.vectors - self.vectors[:1] if self.between else self.vectors
-        _, sizes, found = np.linalg.svd(of)
-        kept: Array = found[: int(np.sum(sizes > _NONE * sizes[0]))]
-        return kept
+        left, sizes, _ = np.linalg.svd(of.real)
+        rank = int(np.sum(sizes > _NONE * sizes[0]))
+        return (left[:, :rank] / sizes[:rank]).T @ of
 
     def factors(self, direction: Array) -> Array | None:
         """Return the factors with which the vectors sum to a direction; None if there are none."""
         # Those of points have the sum zero.
         of = np.vstack([self.vectors.T, np.full(len(self.vectors), float(self.between))])
         right = np.append(direction, 0.0)
-        found: Array = np.linalg.lstsq(of, right, rcond=None)[0]
+        inverse = np.linalg.pinv(of.real)
+        found: Array = inverse @ right
+        found = found + inverse @ (right - of @ found)  # with the tangents of the vectors
         return found if np.linalg.norm(of @ found - right) < _NONE else None
 
 
@@ -69,17 +72,19 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
         if len(second.span) < 2:
             raise ModelError(f"{about}: a rod has no rotation about its line\n  {_REMEDY}")
         one, two = second.span[:2]
+        two = two - (one @ two) * one
         three = np.cross(one, two)
         products = [(three, one), (three, two), (one, two)]
     else:
-        axis = axis / np.linalg.norm(axis)
+        axis = axis / length_of(axis)
         if kind == "universal":
             across = np.cross(axis, own[0])
             if np.linalg.norm(across) < _NONE:
                 raise ModelError(f"{about}: expected an axis across the link, got one along it")
-            products = [(across / np.linalg.norm(across), axis)]
+            products = [(across / length_of(across), axis)]
         else:
-            normals = np.linalg.svd(axis[None])[2][1:]
+            normals = np.linalg.svd(axis.real[None])[2][1:]
+            normals = normals - np.outer(normals @ axis, axis)
             products = [(n, axis) for n in normals]
             if second.factors(axis) is None:
                 products = [(axis, n) for n in normals]
@@ -90,6 +95,12 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
         missing = 4 - len(factors)
         places = np.concatenate([first.places, second.places, second.places[:1].repeat(missing, axis=0)])
         yield Row(places, np.concatenate([own @ a, factors, np.zeros(missing)]))
+
+
+def length_of(vectors: Array) -> Array:
+    """Return the lengths of vectors (..., 3), with their tangents."""
+    found: Array = np.sqrt(np.sum(vectors**2, axis=-1))
+    return found
 
 
 def check_independent(name: str, jacobian: Array, labels: Sequence[str]) -> None:

@@ -3,12 +3,16 @@
 The unknowns are the coordinates of the linkage's free points, the positions of the inner nodes of elastic
 links, and three directors of every node. Lengths of rigid links, guides, ends on the ground, products of
 directors and joints that restrict rotations are constraints with multipliers.
+
+Along a direction of the parameters, the start and prescribed motions have tangents, as imaginary parts, and
+so have outputs of a motion whose places have them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +20,14 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime._constrained import Elements, Rigid, Ties
 from symgen.runtime.beams.data import BeamInfo
-from symgen.runtime.beams.elements import kernels
+from symgen.runtime.beams.elements import kernels, rows_at
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.collocation import Moment, System
 from symgen.runtime.elastic.space.directions import Row, directions, orthonormal
-from symgen.runtime.elastic.space.joints import Frame, check_independent, rows_of
+from symgen.runtime.elastic.space.joints import Frame, check_independent, length_of, rows_of
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.elastic_description import JointInfo
+from symgen.runtime.kernels.evaluate import UNIT, Duals
 from symgen.runtime.model.rods import RodModel
 
 Array = NDArray[np.float64]
@@ -37,6 +42,15 @@ _SLOPES = ("mass_matrix", "damping", "stiffness")
 _DAMPING = 8
 #: First column of the direction of the width among them.
 _WIDTH = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """A direction: tangents of the parameters, and of coordinates and rates at the start."""
+
+    parameters: Array
+    q: Array
+    u: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,22 +71,25 @@ class LinkInSpace:
         return np.hstack([self.places[:-1], self.places[1:]])
 
     @property
-    def length(self) -> float:
+    def length(self) -> Any:
         """Undeformed length [m]."""
-        return float(self.section[0])
+        return self.section[0]
 
     def values(
-        self, kernel: str, q: Array, v: Array, a: Array, of: slice = slice(None), fraction: float = 0.0
+        self, kernel: str, q: Array, v: Array, a: Array, of: slice = slice(None), fraction: Any = 0.0
     ) -> Array:
         """Return the output of a kernel at states (times, unknowns), (times, elements, numbers)."""
-        properties = np.append(self.arguments, fraction)[None]
-        elements = Elements(kernels(_BLOCK).ADDRESSES, self.elements[of], properties, damped=False)
-        return elements.values(kernel, _WRITTEN[kernel], q, v, a)
+        properties, at, width = np.append(self.arguments, fraction), self.elements[of], _WRITTEN[kernel]
+        if np.iscomplexobj(q):
+            rows = np.concatenate([x[:, at] for x in (q, v, a)], axis=2).reshape(-1, 72)
+            return rows_at(_BLOCK, kernel, rows, 24, properties, width).reshape(len(q), len(at), width)
+        elements = Elements(kernels(_BLOCK).ADDRESSES, at, properties.real[None], damped=False)
+        return elements.values(kernel, width, q, v, a)
 
-    def resultants(self, q: Array, v: Array, a: Array, fraction: float) -> Array:
+    def resultants(self, q: Array, v: Array, a: Array, fraction: Any) -> Array:
         """Return the results of the kernel ``section`` at a fraction of the length, (times, 14)."""
         count = len(self.places) - 1
-        k = min(int(fraction * count), count - 1)
+        k = min(int(np.real(fraction) * count), count - 1)
         return self.values("section", q, v, a, slice(k, k + 1), fraction * count - k)[:, 0]
 
     def end_forces(self, q: Array, v: Array, a: Array) -> Array:
@@ -120,35 +137,47 @@ class LinkageInSpace(System):
         Times the number of elements of the scene.
     elements
         Number of elements of every link in its place, if given.
+    along
+        The direction of tangents, if any.
     """
 
-    def __init__(self, rigid: RodModel, divided: int = 1, elements: int | None = None) -> None:
+    def __init__(
+        self, rigid: RodModel, divided: int = 1, elements: int | None = None, along: Along | None = None
+    ) -> None:
         d = rigid.description
         if d.elastic is None:
             raise ModelError(f"{rigid.name} has no elastic link")
         self.rigid, self._points = rigid, d.coordinates
-        self._rigid, self._joints = rigid.evaluator, rigid.analysis("elastic_joints")
+        evaluators = rigid.evaluator, rigid.analysis("elastic_joints")
         start = rigid.initial_state()
         self._q, self._u = np.asarray(start.q, dtype=float), np.asarray(start.u, dtype=float)
-        constants = self._joints.blocks("constants", 0.0, self._q, self._u)
+        self.of_rigid, self.of_joints = map(Duals, evaluators)
+        if along is not None:
+            self._q, self._u = self._q + 1j * UNIT * along.q, self._u + 1j * UNIT * along.u
+            self.of_rigid, self.of_joints = (
+                Duals(of, rigid.analysis(kind), along.parameters)
+                for of, kind in zip(evaluators, ("motion_tangents", "elastic_joints_tangents"), strict=True)
+            )
+        constants = self._at_start(self.of_joints, "constants")
         #: Names of stations, names of their links, and fractions of these.
         self.stations = [
-            (*of, float(at)) for of, at in zip(d.elastic.stations, constants["stations"].ravel(), strict=True)
+            (*of, at) for of, at in zip(d.elastic.stations, constants["stations"].ravel(), strict=True)
         ]
         self.links, pins, size = _divided(d, constants["sections"], divided, elements)
-        of_joints = {b.name: b for b in self._joints.info("joints").blocks}
+        of_joints = {b.name: b for b in evaluators[1].info("joints").blocks}
         place = {f"{p}_{axis}": 3 * k + i for k, p in enumerate(d.free) for i, axis in enumerate("xyz")}
         entries = [entries_of(of_joints, name, place) for name in _SLOPES]
         names = of_joints["jacobian"].rows if "jacobian" in of_joints else ()
         rows = [d.constraints.index(name) for name in names]
-        found = self._rigid.blocks("constraints", 0.0, self._q, self._u) if rows else {}
-        sizes = found["constraint_scale"][rows] if rows else np.zeros(0)
+        found = self._at_start(self.of_rigid, "constraints") if rows else {}
+        # Any constant scale will do, so that it has no tangents.
+        sizes = found["constraint_scale"][rows].real if rows else np.zeros(0)
         #: Directors of all nodes, (nodes, 3, 3).
         directors = np.concatenate([k.places[:, 3:] for k in self.links]).reshape(-1, 3, 3)
-        scale = np.full(size, max(link.length for link in self.links))
+        scale = np.full(size, max(link.length.real for link in self.links))
         scale[directors.ravel()] = 1.0
         # Numbers behind the unknowns: places of all points, and fixed axes.
-        self._straight = self._undeformed(size)
+        self.straight = self._undeformed(size)
         on_directions = [*orthonormal(directors), *self._joined()]
         pinned, first = 3 * len(pins), len(rows) + 3 * len(pins)
         at = np.array([places for places, _ in pins], dtype=np.intp).ravel()
@@ -159,12 +188,18 @@ class LinkageInSpace(System):
             np.repeat([1.0, -1.0], pinned),
         )
         beams = [
-            Elements(kernels(_BLOCK).ADDRESSES, k.elements, k.arguments[None], bool(k.arguments[_DAMPING]))
-            for k in self.links
+            Elements(kernels(_BLOCK).ADDRESSES, k.elements, own[None], bool(own[_DAMPING]))
+            for k, own in ((k, k.arguments.real) for k in self.links)
         ]
-        rigid_parts = Rigid(self._rigid, self._joints, rows, range(len(rows)), sizes, entries)
+        rigid_parts = Rigid(*evaluators, rows, range(len(rows)), sizes, entries)
         parts = [*beams, rigid_parts, ties, directions(on_directions, size, first)]
         super().__init__(rigid.name, parts, scale, first + len(on_directions), 3 * len(d.points) + 9)
+        self.rows, self.sizes, self.pins = rows, sizes, pins
+        #: Unknowns of the entries of mass and stiffness of rigid components, (entries, 2) each.
+        self.entries = {name: np.reshape(of, (-1, 2)) for name, of in zip(_SLOPES, entries, strict=True)}
+        #: Of constraints on directions, places of vectors (rows, 21), factors and value (rows, 8).
+        self.vectors = np.array([row.places.ravel() for row in on_directions])
+        self._factors = np.array([[*row.factors, row.value] for row in on_directions])
         #: Descriptions of the constraints.
         self.labels = [d.labels[row] for row in rows]
         self.labels += [f"the end of a link at {d.points[point]}" for _, point in pins for _ in d.axes]
@@ -200,7 +235,7 @@ class LinkageInSpace(System):
         ModelError
             Where joints repeat or contradict other constraints.
         """
-        (q, v), n = self._straight, self.unknowns
+        (q, v), n = self.straight.real, self.unknowns
         none = np.zeros(n), np.zeros(self.multipliers)
         slopes = self.slopes(0.0, q, v, *none)
         # Constraints of inner nodes are those of their directors alone.
@@ -214,14 +249,14 @@ class LinkageInSpace(System):
     def _undeformed(self, size: int) -> Array:
         """Return places and rates at t = 0 of straight links that do not spin, (2, unknowns)."""
         d, n, name = self.rigid.description, self._points, self.rigid.name
-        found = np.zeros((2, size))
+        found = np.zeros((2, size), self._q.dtype)
         found[0, :n], found[1, :n] = self._q, self._u
-        points = self._rigid.blocks("points", 0.0, self._q, self._u)
+        points = self._at_start(self.of_rigid, "points")
         moved = np.array([points["positions"], points["velocities"]])
         for link in self.links:
             first, last = (moved[:, d.points.index(p)] for p in (link.info.start, link.info.end))
             apart = last - first
-            length = float(np.linalg.norm(apart[0]))
+            length = length_of(apart[0])
             along = apart[0] / length
             turning = np.cross(along, apart[1]) / length
             width = link.section[_WIDTH : _WIDTH + 3] - (link.section[_WIDTH : _WIDTH + 3] @ along) * along
@@ -229,7 +264,7 @@ class LinkageInSpace(System):
                 raise ModelError(
                     f"{name}: the width of {link.info.link} lies along the link: expected it across"
                 )
-            width = width / np.linalg.norm(width)
+            width = width / length_of(width)
             directors = np.array([along, width, np.cross(along, width)])
             for node, share in zip(link.places, np.linspace(0.0, 1.0, len(link.places)), strict=True):
                 found[:, node[:3]] = (1 - share) * first + share * last
@@ -242,7 +277,7 @@ class LinkageInSpace(System):
         info = self.rigid.description.elastic
         if info is None or not info.joints_in_space:
             return
-        axes = self._joints.blocks("constants", 0.0, self._q, self._u)["axes"].reshape(-1, 3)
+        axes = self._at_start(self.of_joints, "constants")["axes"].reshape(-1, 3)
         for joint, axis in zip(info.joints_in_space, axes, strict=True):
             first, second = (self._frame(link, joint) for link in (*joint.links, "")[:2])
             about = f"{self.rigid.name}: the {joint.kind} at {joint.point}"
@@ -251,8 +286,8 @@ class LinkageInSpace(System):
 
     def _frame(self, name: str, joint: JointInfo) -> Frame:
         """Return the vectors fixed in a link of a joint; in the ground without a name."""
-        d, given = self.rigid.description, self._straight.shape[1]
-        start = np.concatenate([self._straight[0], self.prescribed(np.zeros(1))[0][0]])
+        d, given = self.rigid.description, self.straight.shape[1]
+        start = np.concatenate([self.straight[0], self.given(np.zeros(1))[0][0]])
         for link in self.links:
             if link.info.link == name:
                 places = link.places[0 if joint.point == link.info.start else -1, 3:].reshape(3, 3)
@@ -266,6 +301,11 @@ class LinkageInSpace(System):
 
     def prescribed(self, t: Array) -> tuple[Array, Array]:
         """Return places and rates of points, valid of those of the ground, and the axes, (times, numbers)."""
+        places, rates = self.given(t)
+        return np.ascontiguousarray(places.real), np.ascontiguousarray(rates.real)
+
+    def given(self, t: Array) -> tuple[Array, Array]:
+        """Return the same with their tangents."""
         places, rates = (x.reshape(len(t), -1) for x in self._ground(t))
         axes = np.broadcast_to(np.eye(3).ravel(), (len(t), 9))
         return np.hstack([places, axes]), np.hstack([rates, np.zeros_like(axes)])
@@ -273,7 +313,7 @@ class LinkageInSpace(System):
     def _ground(self, t: Array) -> tuple[Array, Array]:
         """Return places and rates of all points, valid of those of the ground, (times, points, 3)."""
         y = np.broadcast_to(self._q, (len(t), self._points))
-        points = self._rigid.many_blocks("points", t, y, np.zeros_like(y))
+        points = self.of_rigid("points", t, y, np.zeros_like(y))
         return points["positions"], points["velocities"]
 
     def positions(self, t: Array, q: Array) -> dict[str, Array]:
@@ -288,5 +328,37 @@ class LinkageInSpace(System):
         """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""
         n = self._points
         found: Array = sum(np.sum(link.values("energies", q, v, a), axis=1) for link in self.links).T
-        found[[0, 2]] += self._joints.many("energy", t, q[:, :n], v[:, :n])[:, :2].T
+        rigid = self.of_joints("energy", t, q[:, :n], v[:, :n])
+        for k, name in ((0, "kinetic_energy"), (2, "potential_energy")):
+            found[k] += rigid[name].reshape(len(t))
         return found
+
+    def directed(self, q: Array, v: Array, kernel: str = "row", width: int = 23) -> Array:
+        """Return error, rate and slopes of constraints on directions, (times, rows, 23), or another kernel's.
+
+        ``q`` and ``v`` are those of the unknowns, followed by prescribed numbers.
+        """
+        factors = self._factors if np.iscomplexobj(q) else self._factors.real
+        factors = np.broadcast_to(factors, (len(q), *factors.shape))
+        states = np.concatenate([q[:, self.vectors], v[:, self.vectors], factors], axis=2).reshape(-1, 50)
+        return rows_at("direction", kernel, states, 21, np.zeros(1), width).reshape(len(q), -1, width)
+
+    def jacobian_rate(self, moment: Moment) -> Array:
+        """Return the rate of the constraint Jacobian, (multipliers, unknowns)."""
+        n, rigid, points, t = self.unknowns, len(self.rows), self._points, np.array([moment.t])
+        rates = self.prescribed(t)[1]
+        found = np.zeros((self.multipliers, n + rates.shape[1]))
+        if rigid:
+            joints = self.of_joints("joints", t, moment.q[None, :points], moment.v[None, :points])
+            found[:rigid, :points] = joints["jacobian_rate"][0]
+        # Slopes of products are linear in the vectors.
+        v = np.hstack([moment.v[None], rates])
+        first = rigid + 3 * len(self.pins)
+        row = first + np.arange(len(self.vectors))[:, None]
+        np.add.at(found, (row, self.vectors), self.directed(v, np.zeros_like(v))[0, :, 2:])
+        return found[:, :n]
+
+    def _at_start(self, kernels: Duals, kernel: str) -> dict[str, Array]:
+        """Return the results of a kernel at the start with rigid links, by name."""
+        found = kernels(kernel, np.zeros(1), self._q[None], self._u[None])
+        return {name: values[0] for name, values in found.items()}

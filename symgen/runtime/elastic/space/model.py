@@ -6,20 +6,19 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import Moment, moved, stacked
 from symgen.runtime.elastic.large.passes import Pass, refine
 from symgen.runtime.elastic.mesh import mesh_error
-from symgen.runtime.elastic.outputs import length_change
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.elastic.space.outputs import outputs
 from symgen.runtime.integrate.options import end_of_scene
 from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
@@ -32,24 +31,17 @@ from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Drift, Variable, of_model, over_time
 from symgen.runtime.result.state import State
 
+if TYPE_CHECKING:
+    from symgen.runtime.linearisation.record import Sensitivity
+
 Array = NDArray[np.float64]
 
+#: What runs report as their form.
+_FORM = "elements in space"
 #: Steps of a run to start with; error by time steps over the peak stress of a link.
 _STEPS, RTOL = 64, 1e-2
 #: Axial strain from which on stress in proportion to strain is no model of a link.
 _STRAIN = 0.1
-#: What the kernel ``section`` gives, in order, with units; moments are its columns 3 to 5.
-_AT_STATIONS = {
-    "axial_strain": ("1", "axial strain"),
-    "bending_strain_y": ("1", "strain by bending about y"),
-    "bending_strain_z": ("1", "strain by bending about z"),
-    "torque": ("N*m", "torque"),
-    "moment_y": ("N*m", "bending moment about y"),
-    "moment_z": ("N*m", "bending moment about z"),
-    "stress": ("Pa", "greatest normal stress"),
-    **{f"stress_{k}": ("Pa", f"normal stress of outer fibre {k}") for k in range(1, 5)},
-}
-_MOMENTS = slice(3, 6)
 
 
 @checked
@@ -60,7 +52,8 @@ class SpatialModel(Model):
     """
 
     MISSING: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("", "batch"), "its elastic links are in space, whose motion and modes alone are computed"
+        ("", "batch"),
+        "its elastic links are in space, whose motion, modes and derivatives alone are computed",
     )
 
     def __init__(self, rigid: RodModel) -> None:
@@ -100,6 +93,31 @@ class SpatialModel(Model):
 
         self._refuse_types("modes of elastic links in space are")
         return modes_in_space(self.rigid, 0.0 if at is None else real(at, "the time of the pose"))
+
+    def _sensitivity(
+        self,
+        outputs: Sequence[str],
+        parameters: Sequence[str] | None = None,
+        at: ElasticResult | float | None = None,
+        coordinates: Sequence[str] = (),
+    ) -> Sensitivity:
+        from symgen.runtime.linearisation.elastic_in_space import of_frequencies, of_run
+
+        by = self._differentiated(parameters)
+        if at is not None and not isinstance(at, float | int):
+            made = getattr(at, "provenance", {})
+            if made.get("form") != _FORM or made["parameters"] != dict(self.parameters):
+                raise ModelError(f"{self.name}: expected a run of this model for at: model.simulate()")
+            if not outputs:
+                raise ModelError("expected outputs to differentiate, got none")
+            steps = at.statistics["steps"] // (len(at.time) - 1)
+            return of_run(self.rigid, outputs, by, coordinates, at.time, steps)
+        if [*outputs] != ["frequencies"]:
+            raise ModelError(
+                f"{self.name}: expected frequencies in a pose, got {', '.join(outputs) or 'no outputs'}\n"
+                "  Other outputs are those of a run: give at = model.simulate()."
+            )
+        return of_frequencies(self.rigid, by, coordinates, 0.0 if at is None else real(at, "the time"))
 
     def _simulate(
         self,
@@ -212,7 +230,7 @@ class SpatialModel(Model):
                 d,
                 self.rigid.parameters,
                 method="large-rotation",
-                form="elements in space",
+                form=_FORM,
                 rtol=rtol,
                 t_end=float(times[-1]),
                 **made_with(self.rigid.evaluator.library, self.rigid.typed),
@@ -234,38 +252,6 @@ class SpatialModel(Model):
             notes=tuple(notes),
             times=None,
         )
-
-
-def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
-    """Return strains and stresses at stations, joint forces and moments of links, places, energies."""
-    t, q, v, a, _ = stacked(found)
-    links, made, axes = {k.info.link: k for k in linkage.links}, list[Variable](), ("x", "y", "z")
-    for name, owner, at in linkage.stations:
-        where, link = f"{name}, at {at:g} of {owner}", links[owner]
-        section, first, last = (
-            link.resultants(q, v, a, at),
-            q[:, link.places[0, :3]],
-            q[:, link.places[-1, :3]],
-        )
-        for k, (what, (unit, about)) in enumerate(_AT_STATIONS.items()):
-            made.append(Variable(f"{name}.{what}", unit, f"{about} at {where}", (), section[:, k]))
-        place, about = section[:, -3:], f"deflection at {where} from the line between the ends"
-        made.append(Variable(f"{name}.deflection", "m", about, axes, place - (1 - at) * first - at * last))
-        made.append(Variable(f"{name}.position", "m", f"position of {where}", axes, place))
-    for name, link in links.items():
-        info, forces = link.info, link.end_forces(q, v, a)
-        for k, (point, sign) in enumerate(((info.start, -1.0), (info.end, 1.0))):
-            about = f"force on {name} at {point}"
-            made.append(Variable(f"{name}.{point}.force", "N", about, axes, forces[:, k]))
-            about = f"moment on {name} at {point} about its line, width and thickness"
-            moments = sign * link.resultants(q, v, a, float(k))[:, _MOMENTS]
-            made.append(Variable(f"{name}.{point}.moment", "N*m", about, axes, moments))
-        chord = q[:, link.places[-1, :3]] - q[:, link.places[0, :3]]
-        made.append(length_change(name, np.linalg.norm(chord, axis=1) - link.length))
-    for point, place in linkage.positions(t, q).items():
-        made.append(Variable(f"{point}.position", "m", f"position of {point}", axes, place))
-    kinetic, strain, potential, dissipated = linkage.energies(t, q, v, a)
-    return [*made, *Energies(kinetic, strain, potential, dissipated, None, None, None).variables()]
 
 
 def _drift(linkage: LinkageInSpace, found: Sequence[Moment]) -> Drift:

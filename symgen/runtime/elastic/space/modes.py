@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -45,9 +46,7 @@ def _at_rest(linkage: LinkageInSpace, found: Moment) -> Moment:
     t, q, multipliers, n = np.array([found.t]), found.q, found.multipliers, linkage.unknowns
     still = np.zeros(n)
     for _ in range(_MOST):
-        slopes = linkage.slopes(found.t, q, still, still, multipliers)
-        shift = _SHIFT * np.max(np.abs(slopes.stiffness)) / np.max(np.abs(slopes.mass))
-        solve = linkage.pattern.factorised(slopes.stiffness + shift * slopes.mass + slopes.jacobian)
+        solve = held(linkage, replace(found, q=q, multipliers=multipliers))
         residual = linkage.residual(t, q[None], still[None], still[None], multipliers[None])[0]
         change = solve(np.concatenate([residual, linkage.errors(found.t, q)]))
         q, multipliers = q - change[:n], multipliers - change[n:]
@@ -60,6 +59,13 @@ def _at_rest(linkage: LinkageInSpace, found: Moment) -> Moment:
         f"{linkage.name}: no equilibrium with the input held at t = {found.t:g} s\n"
         "  Modes are those about an equilibrium: loads must not move the linkage."
     )
+
+
+def held(linkage: LinkageInSpace, at: Moment) -> Callable[[Array], Array]:
+    """Return the change of places and multipliers at rest by a change of forces and errors of constraints."""
+    slopes = linkage.slopes(at.t, at.q, at.v, at.a, at.multipliers)
+    shift = _SHIFT * np.max(np.abs(slopes.stiffness)) / np.max(np.abs(slopes.mass))
+    return linkage.pattern.factorised(slopes.stiffness + shift * slopes.mass + slopes.jacobian)
 
 
 def modes_in_space(rigid: RodModel, t: float) -> ElasticModes:

@@ -1,0 +1,258 @@
+"""Tangents of the motion of a linkage with elastic links in space along directions of its parameters.
+
+Every stage of a step obeys M a + F + J^T lambda = 0 and J v + Phi_t = 0. The differentials of all stages are
+one linear system: its matrix has the slopes of these equations at the stages, its right-hand side the
+tangents of forces and constraints by the parameters alone. At the end of the step, the projection of places
+and rates on the constraints is differentiated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.beams.methods import BeamMethod
+from symgen.runtime.elastic.large.collocation import PART, Moment, Slopes
+from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.kernels.evaluate import UNIT
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ByParameters:
+    """Tangents at a held motion: of forces (unknowns,), errors and rates of constraints (multipliers,)."""
+
+    forces: Array
+    errors: Array
+    rates: Array
+
+
+def by_parameters(of: LinkageInSpace, moment: Moment) -> ByParameters:
+    """Return the tangents along the direction of a linkage while its motion is held."""
+    n, rigid = of.unknowns, len(of.rows)
+    t, (q, v, a) = np.array([moment.t]), (x[None].astype(complex) for x in (moment.q, moment.v, moment.a))
+    multipliers = moment.multipliers[None]
+    (places, rates), first = of.given(t), rigid + 3 * len(of.pins)
+    forces = np.zeros((1, n + places.shape[1]), complex)
+    errors, speeds = np.zeros((2, 1, of.multipliers), complex)
+    for link in of.links:
+        np.add.at(forces[0], link.elements, link.values("residual", q, v, a)[0])
+    d = of.rigid.description
+    points = d.coordinates
+    work = np.zeros((1, points + len(d.constraints)))
+    work[:, :points] = moment.a[:points]
+    work[:, [points + row for row in of.rows]] = multipliers[:, :rigid] / of.sizes
+    state = t, q[:, :points], v[:, :points]
+    joints = of.of_joints("joints", *state, work)
+    forces[:, :points] -= joints["load"]
+    if rigid:
+        forces[:, :points] += multipliers[0, :rigid] @ joints["jacobian"][0]
+        errors[:, :rigid] = of.of_rigid("constraints", *state)["constraints"][:, of.rows] / of.sizes
+        found = of.of_rigid("velocity_constraints", *state)["velocity_constraints"]
+        speeds[:, :rigid] = found[:, of.rows] / of.sizes
+    for k, (_, point) in enumerate(of.pins):
+        pinned = slice(rigid + 3 * k, rigid + 3 * k + 3)
+        errors[:, pinned], speeds[:, pinned] = (-x[:, 3 * point : 3 * point + 3] for x in (places, rates))
+    found = of.directed(np.hstack([q, places]), np.hstack([v, rates]))[0]
+    errors[:, first:], speeds[:, first:] = found[:, 0], found[:, 1]
+    np.add.at(forces[0], of.vectors, found[:, 2:] * multipliers[0, first:, None])
+    return ByParameters(*(x[0].imag / UNIT for x in (forces[:, :n], errors, speeds)))
+
+
+def matrices(of: LinkageInSpace, at: Moment) -> tuple[Array, Array, Array]:
+    """Return mass, stiffness (unknowns, unknowns) and constraint Jacobian at rest, dense, with tangents."""
+    n, rigid, t = of.unknowns, len(of.rows), np.array([at.t])
+    places, still = of.given(t)[0], np.zeros((1, n))
+    size, first = n + places.shape[1], rigid + 3 * len(of.pins)
+    mass, stiffness = np.zeros((2, size, size), complex)
+    bound = np.zeros((of.multipliers, size), complex)
+    for link in of.links:
+        own = link.elements
+        found = link.values("tangent", at.q[None], still, still).reshape(-1, 3, 24, 24)
+        for to, slopes in ((mass, found[:, 0]), (stiffness, found[:, 2])):
+            np.add.at(to, (own[:, :, None], own[:, None]), slopes)
+    d = of.rigid.description
+    points = d.coordinates
+    work = np.zeros((1, points + len(d.constraints)), complex)
+    work[:, [points + row for row in of.rows]] = at.multipliers[:rigid] / of.sizes
+    joints = of.of_joints("joints", t, at.q[None, :points], still[:, :points], work)
+    for name, to in (("mass_matrix", mass), ("stiffness", stiffness)):
+        if len(of.entries[name]):
+            np.add.at(to, tuple(of.entries[name].T), joints[name][0])
+    if rigid:
+        bound[:rigid, :points] = joints["jacobian"][0]
+    for k, (own, _) in enumerate(of.pins):
+        bound[rigid + 3 * k + np.arange(3), own] = 1.0
+    q = np.hstack([at.q[None], places])
+    slopes = of.directed(q, np.zeros_like(q))[0, :, 2:]
+    np.add.at(bound, (first + np.arange(len(slopes))[:, None], of.vectors), slopes)
+    curved = of.directed(q, np.zeros_like(q), "curvature", 21 * 21).reshape(-1, 21, 21)
+    pushed = curved * at.multipliers[first:, None, None]
+    np.add.at(stiffness, (of.vectors[:, :, None], of.vectors[:, None]), pushed)
+    return mass[:n, :n], stiffness[:n, :n], bound[:, :n]
+
+
+class Tangents:
+    """Tangents of places and rates (unknowns, directions) along a run from its start.
+
+    Parameters
+    ----------
+    linkage
+        The linkage.
+    along
+        The same along every direction.
+    method, h
+        Method and length of the steps [s].
+    """
+
+    def __init__(
+        self, linkage: LinkageInSpace, along: Sequence[LinkageInSpace], method: BeamMethod, h: float
+    ) -> None:
+        self._of, self._along, self._method, self._h = linkage, along, method, h
+        count, block = linkage.unknowns + linkage.multipliers, np.arange(len(method.c))
+        self._row, self._column = linkage.pattern.places
+        #: Slots of the rows of constraints.
+        self._bound = self._row >= linkage.unknowns
+        self._one = Compressed(self._row, self._column, count)
+        rows = count * block[:, None, None] + np.broadcast_to(
+            self._row, (len(block), len(block), len(self._row))
+        )
+        columns = count * block[:, None] + np.broadcast_to(self._column, rows.shape)
+        self._all = Compressed(rows.ravel(), columns.ravel(), count * len(block))
+        self.q, self.v = self._start()
+        #: After every step.
+        self.kept = [(self.q, self.v)]
+
+    def _held(self, moment: Moment) -> tuple[Array, Array, Array]:
+        found = [by_parameters(of, moment) for of in self._along]
+        forces, errors, rates = (
+            np.array([getattr(x, name) for x in found]).T for name in ("forces", "errors", "rates")
+        )
+        return forces, errors, rates
+
+    def _slopes(self, moment: Moment) -> Slopes:
+        return self._of.slopes(moment.t, moment.q, moment.v, moment.a, moment.multipliers)
+
+    def _start(self) -> tuple[Array, Array]:
+        """Return the tangents of the start, which satisfies M (v - v0) + J^T w = 0 and J v + Phi_t = 0."""
+        of, n = self._of, self._of.unknowns
+        (q, v), still, none = of.straight, np.zeros(of.unknowns), np.zeros(of.multipliers)
+        dq, dv = (np.array([x.straight[k].imag for x in self._along]).T / UNIT for k in range(2))
+        before = self._slopes(Moment(0.0, q, v, still, none))
+        solve = of.pattern.factorised(before.mass + before.jacobian)
+        over = of.rates(np.zeros(1), q[None], v[None])[0]
+        spin, w = np.split(-solve(np.append(still, over)), [n])
+        start = Moment(0.0, q, v, still, none)
+        rows = self._rows(replace(start, v=v + spin), dq, dv)
+        return dq, dv - solve(np.vstack([self._pushed(start, spin, w, dq), rows]))[:n]
+
+    def _pushed(self, at: Moment, change: Array, multipliers: Array, dq: Array) -> Array:
+        """Return the differential of M c + J^T lambda for a held change c of places or rates."""
+        still, none = np.zeros_like(change), np.zeros_like(multipliers)
+        pushed, rest = replace(at, a=change, multipliers=multipliers), replace(at, a=still, multipliers=none)
+        curved = self._one.matrix(self._slopes(pushed).stiffness - self._slopes(rest).stiffness)
+        found: Array = self._held(pushed)[0] - self._held(rest)[0] + curved[: len(dq), : len(dq)] @ dq
+        return found
+
+    def _rows(self, at: Moment, dq: Array, dv: Array) -> Array:
+        """Return the differentials of the rates of the constraints."""
+        jacobian = self._one.matrix(self._slopes(at).jacobian)[self._of.unknowns :, : self._of.unknowns]
+        return jacobian @ dv + self._of.jacobian_rate(at) @ dq + self._held(at)[2]
+
+    def step(self, before: Moment, a: Array, multipliers: Array, after: Moment) -> None:
+        """Go one step on, which has these second rates and multipliers at its stages."""
+        of, method, h, n = self._of, self._method, self._h, self._of.unknowns
+        v = before.v + h * method.a @ a
+        q = before.q + h * np.outer(method.c, before.v) + h * h * (method.a @ (method.a @ a))
+        matrix, right = np.zeros((len(a), len(a), len(self._row))), []
+        for k, c in enumerate(method.c.tolist()):
+            moment = Moment(before.t + h * c, q[k], v[k], a[k], multipliers[k])
+            slopes, turning = self._slopes(moment), np.zeros(len(self._row))
+            places = self._row[self._bound] - n, np.minimum(self._column[self._bound], n)
+            turning[self._bound] = np.pad(of.jacobian_rate(moment), ((0, 0), (0, 1)))[places]
+            by_rates = slopes.damping + np.where(self._bound, slopes.jacobian, 0.0)
+            by_places = slopes.stiffness + turning
+            matrix[k] = (
+                h * method.a[k, :, None] * by_rates + h * h * (method.a[k] @ method.a)[:, None] * by_places
+            )
+            matrix[k, k] += slopes.mass + np.where(self._bound, 0.0, slopes.jacobian)
+            forces, _, rates = self._held(moment)
+            moved = self._one.matrix(by_places)[:, :n] @ (self.q + h * c * self.v)
+            right.append(np.vstack([forces, rates]) + self._one.matrix(by_rates)[:, :n] @ self.v + moved)
+        found = -_solved(self._all.matrix(matrix.ravel()), np.concatenate(right))
+        da = found.reshape(len(a), n + of.multipliers, -1)[:, :n]
+        dq = self.q + h * self.v + h * h * np.tensordot(method.b @ method.a, da, 1)
+        dv = self.v + h * np.tensordot(method.b, da, 1)
+        ended = before.q + h * before.v + h * h * (method.b @ method.a) @ a, before.v + h * method.b @ a
+        self._project(before, after, *ended, dq, dv)
+        self.kept.append((self.q, self.v))
+
+    def _project(self, before: Moment, after: Moment, q: Array, v: Array, dq: Array, dv: Array) -> None:
+        """Project tangents as places and rates, q and v, at the end of a step: with M and J in its middle."""
+        of, n, half = self._of, self._of.unknowns, self._h / 2
+        middle = replace(before, t=before.t + half, q=before.q + half * before.v)
+        of_middle, dq_middle = self._slopes(middle), self.q + half * self.v
+        jacobian = self._one.matrix(of_middle.jacobian)[n:, :n]
+        metric = of.pattern.factorised(of_middle.mass + of_middle.jacobian)
+        ended = replace(after, v=v)
+        bound = self._slopes(ended).jacobian
+
+        def pushed(change: Array) -> Array:
+            right = np.append(np.zeros(n), jacobian @ change)
+            return self._pushed(middle, change, metric(right)[n:], dq_middle)
+
+        opened = self._one.matrix(bound)[n:, :n] @ dq + self._held(ended)[1]
+        both = self._one.matrix(of_middle.mass + np.where(self._bound, bound, of_middle.jacobian))
+        self.q = dq - _solved(both, np.vstack([pushed(after.q - q), opened]))[:n]
+        # The rates are corrected once, with the Jacobian of the middle.
+        change, still = after.v - v, np.zeros(n)
+        turned = of.jacobian_rate(replace(middle, v=change)) - of.jacobian_rate(replace(middle, v=still))
+        rows = self._held(replace(middle, v=change))[2] - self._held(replace(middle, v=still))[2]
+        rows = rows + turned @ dq_middle + self._rows(ended, self.q, dv)
+        self.v = dv - metric(np.vstack([pushed(change), rows]))[:n]
+
+    def settled(self, at: Moment, dq: Array, dv: Array) -> tuple[Array, Array]:
+        """Return the tangents of second rates and multipliers that ``collocation.settled`` found."""
+        of, n = self._of, self._of.unknowns
+        slopes, changes = self._slopes(at), np.zeros((of.multipliers, dq.shape[1]))
+        for k, weight in ((-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)):
+            later = PART * self._h * k
+            v, q = at.v + later * at.a, at.q + later * at.v + later**2 / 2 * at.a
+            near = Moment(at.t + later, q, v, at.a, at.multipliers)
+            changes = changes + weight / (12 * PART * self._h) * self._rows(near, dq + later * dv, dv)
+        forces = self._held(at)[0] + self._one.matrix(slopes.damping)[:n, :n] @ dv
+        forces = forces + self._one.matrix(slopes.stiffness)[:n, :n] @ dq
+        found = -of.pattern.factorised(slopes.mass + slopes.jacobian)(np.vstack([forces, changes]))
+        return found[:n], found[n:]
+
+
+class Compressed:
+    """The structure of a sparse matrix whose entries have these rows and columns, of so many of each."""
+
+    def __init__(self, row: NDArray[np.intp], column: NDArray[np.intp], count: int) -> None:
+        self._order = np.lexsort((row, column))
+        self._rows = row[self._order]
+        self._starts = np.searchsorted(column[self._order], np.arange(count + 1))
+
+    def matrix(self, entries: Array) -> Any:
+        """Return the matrix, compressed by columns, with these entries."""
+        from scipy.sparse import csc_array
+
+        count, entries = len(self._starts) - 1, entries[self._order]
+        kept = np.flatnonzero(entries)
+        data = entries[kept], self._rows[kept], np.searchsorted(kept, self._starts)
+        return csc_array(data, shape=(count, count))
+
+
+def _solved(matrix: Any, right: Array) -> Array:
+    """Return the solution of sparse equations, refined once."""
+    from scipy.sparse.linalg import splu
+
+    factors = splu(matrix)
+    found: Array = factors.solve(right)
+    return found + factors.solve(right - matrix @ found)

@@ -1,0 +1,140 @@
+"""Exact derivatives of runs and frequencies of linkages with elastic links in space.
+
+Along one parameter at a time, the start has tangents as imaginary parts, and with it the steps of a run or
+the equilibrium. Tangents of the equations are those of generated kernels; their corrections have the matrices
+of the steps themselves. The differentials of the rigid start are those of :mod:`.sensitivity`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.beams.methods import GAUSS8
+from symgen.runtime.elastic.large.collocation import Moment, moved
+from symgen.runtime.elastic.space.linkage import Along, LinkageInSpace
+from symgen.runtime.elastic.space.modes import equilibrium, held, modes_in_space
+from symgen.runtime.elastic.space.outputs import outputs as outputs_of
+from symgen.runtime.elastic.space.tangents import Tangents, by_parameters, matrices
+from symgen.runtime.integrate.pace import Pace
+from symgen.runtime.kernels.evaluate import UNIT
+from symgen.runtime.linearisation.elastic import frequency_slopes, scalars_of
+from symgen.runtime.linearisation.record import Sensitivity
+from symgen.runtime.linearisation.sensitivity import finite, moved_pose
+from symgen.runtime.linearisation.state_space import derivatives
+from symgen.runtime.model.rods import RodModel
+
+Array = NDArray[np.float64]
+
+#: Error that corrections leave in the places: stiff links multiply it.
+_CLOSE = 1e-14
+#: Solutions of the change of an equilibrium, each of what the one before leaves: the matrix is shifted.
+_REFINED = 3
+
+
+def of_run(
+    rigid: RodModel,
+    outputs: Sequence[str],
+    parameters: Sequence[str],
+    coordinates: Sequence[str],
+    times: Array,
+    steps: int,
+) -> Sensitivity:
+    """Return derivatives of outputs at equally spaced times [s] of a run, with so many steps between two.
+
+    ``coordinates`` are held at the start of the linkage with rigid links, with their rates.
+
+    Raises
+    ------
+    ModelError
+        For an unknown output, loads that jump, and coordinates that do not determine the rigid start.
+    SimulationError
+        When a derivative is not finite.
+    """
+    if rigid.description.switches:
+        raise ModelError(
+            f"{rigid.name}: derivatives of its runs are not available: loads jump: "
+            f"{rigid.description.switches[0]}"
+        )
+    linkage, directions = LinkageInSpace(rigid), [*_directions(rigid, parameters, coordinates)]
+    tangents = Tangents(linkage, directions, GAUSS8, float(times[1] - times[0]) / steps)
+    pace = Pace(0.0, float(times[-1]))
+    found, _ = moved(linkage, GAUSS8, times, steps, pace, at_step=tangents.step, close=_CLOSE)
+    # A run reports no second rates at its start.
+    (dq, dv), *later = tangents.kept[::steps]
+    by = [(dq, dv, 0.0 * dq, np.zeros((linkage.multipliers, len(directions))))]
+    by += [(*x, *tangents.settled(m, *x)) for m, x in zip(found[1:], later, strict=True)]
+    shown: dict[str, str] = {}
+    values, columns = np.zeros(0), []
+    for j, along in enumerate(directions):
+        duals = []
+        for m, changes in zip(found, by, strict=True):
+            q, v, a, multipliers = (1j * UNIT * x[:, j] for x in changes)
+            duals.append(Moment(m.t, m.q + q, m.v + v, m.a + a, m.multipliers + multipliers))
+        known = {v.name: v for v in outputs_of(along, duals)}
+        shown, scalars = scalars_of(outputs, known, "of a run of elastic links in space")
+        values = scalars.real
+        columns.append(scalars.imag / UNIT)
+    return _found(rigid, np.stack(columns, axis=-1), shown, parameters, values, times)
+
+
+def of_frequencies(
+    rigid: RodModel, parameters: Sequence[str], coordinates: Sequence[str], t: float
+) -> Sensitivity:
+    """Return derivatives of the frequencies [Hz] about the equilibrium with the input held at a time [s].
+
+    Raises
+    ------
+    ModelError
+        Where there is no equilibrium, or it is unstable; for equal frequencies; as :func:`of_run`.
+    """
+    modes = modes_in_space(rigid, t)
+    frequencies, shapes = modes.frequencies[modes.rigid :], modes.shapes[:, modes.rigid :]
+    linkage, each = LinkageInSpace(rigid), []
+    at, n = equilibrium(linkage, t), linkage.unknowns
+    solve = held(linkage, at)
+    # An inverse iteration takes rounding in the stiffest directions out of the shapes.
+    slopes = linkage.slopes(t, at.q, at.v, at.a, at.multipliers)
+    mass = linkage.pattern.matrix(slopes.mass)[:n, :n]
+    matrix = linkage.pattern.matrix(slopes.stiffness + slopes.jacobian)
+    shapes = solve(np.vstack([mass @ shapes, np.zeros((linkage.multipliers, shapes.shape[1]))]))[:n]
+    for along in _directions(rigid, parameters, coordinates):
+        moved_by = by_parameters(along, at)
+        right, change = np.append(moved_by.forces, moved_by.errors), np.zeros(n + linkage.multipliers)
+        for _ in range(_REFINED):
+            change = change - solve(right + matrix @ change)
+        q, multipliers = at.q + 1j * UNIT * change[:n], at.multipliers + 1j * UNIT * change[n:]
+        each.append(matrices(along, replace(at, q=q, multipliers=multipliers)))
+    found = frequency_slopes(rigid.name, frequencies, shapes, each)
+    units = {f"frequency.{i}": "Hz" for i in range(1, len(frequencies) + 1)}
+    return _found(rigid, found, units, parameters, frequencies, t)
+
+
+def _directions(
+    rigid: RodModel, parameters: Sequence[str], coordinates: Sequence[str]
+) -> Iterator[LinkageInSpace]:
+    """Yield the linkage along each parameter."""
+    names = tuple(derivatives(rigid.description, coordinates))
+    tangents = rigid._tangents(rigid.initial_state(), names, "sensitivity")
+    tangents.check_closed()
+    dq, du = moved_pose(tangents, parameters, coordinates)
+    for j, name in enumerate(parameters):
+        change = np.zeros(len(rigid.evaluator.given))
+        change[[*rigid.parameters].index(name)] = 1.0
+        yield LinkageInSpace(rigid, along=Along(change, dq[:, j], du[:, j]))
+
+
+def _found(
+    rigid: RodModel,
+    derivatives: Array,
+    shown: dict[str, str],
+    parameters: Sequence[str],
+    values: Array,
+    t: float | Array,
+) -> Sensitivity:
+    units = {p.name: p.unit for p in rigid.description.tunable if p.name in parameters}
+    return finite(Sensitivity(derivatives, tuple(shown), tuple(parameters), values, shown | units, t))

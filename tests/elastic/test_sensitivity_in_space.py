@@ -1,0 +1,49 @@
+"""What derivatives of elastic links in space accept; test_exact_slopes compares them with 40 digits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import symgen
+from symgen.errors import ModelError
+
+
+@pytest.fixture(scope="module")
+def model():
+    return symgen.build("spatial_slider_crank")
+
+
+def test_outputs_of_a_run_have_derivatives(model):
+    """Of forces, strains and energies against differences of two runs with the same steps."""
+    asked = {"samples": 3, "max_step": 2e-5, "rtol": 0.5}
+    run = model.simulate(1e-3, **asked)
+    names = ["rod.A.force", "rod.stress", "rod.torque", "kinetic_energy", "strain_energy"]
+    found = run.gradient(names)
+    assert found.derivatives.shape == (3, 7, 1) and found.t.tolist() == run.time.tolist()
+    step = 1e-4
+    moved = [model.with_parameters(rate=60.0 + s * step).simulate(1e-3, **asked) for s in (1, -1)]
+    differences = [(a - b) / (2 * step) for a, b in zip(*(_columns(x, names) for x in moved), strict=True)]
+    for k, expected in enumerate(differences):
+        size = np.max(np.abs(expected)) + 1e-9
+        assert np.max(np.abs(found.derivatives[1:, k, 0] - expected[1:])) < 1e-3 * size, found.outputs[k]
+    assert found["rod.stress", "rate"].shape == (3,) and found.units["rod.stress"] == "Pa"
+
+
+def _columns(run, names):
+    return [column for name in names for column in np.reshape(run[name].values, (3, -1)).T]
+
+
+def test_what_has_no_derivatives_is_refused(model):
+    with pytest.raises(ModelError, match="expected frequencies in a pose, got P.position"):
+        model.sensitivity(["P.position"])
+    run = model.simulate(1e-4, samples=2)
+    with pytest.raises(ModelError, match=r"no derivatives of 'P\.speed' of a run of elastic links in space"):
+        run.gradient(["P.speed"])
+    other = model.with_parameters(rate=50.0)
+    with pytest.raises(ModelError, match="expected a run of this model for at"):
+        other.sensitivity(["P.position"], at=run)
+    with pytest.raises(ModelError, match="got none"):
+        model.sensitivity([], at=run)
+    with pytest.raises(ModelError, match="expected 1 independent coordinates of spatial_four_bar"):
+        symgen.build("spatial_four_bar").sensitivity(["frequencies"])
