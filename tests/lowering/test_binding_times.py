@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from shared.full import full_unless
-from shared.shipped import ELASTIC, LINKAGES, LOOPS, derived, lowered
+from shared.shipped import ELASTIC, IN_SPACE, LINKAGES, LOOPS, derived, lowered
 
 from symgen.codegen.emit import emit
 from symgen.codegen.printers import Printer
@@ -71,7 +71,8 @@ def programs(name):
 def analyses(name):
     if name in LINKAGES:
         linkage = resolve(load_scene(name))
-        for kind in ANALYSES:
+        of_rods = [kind for kind in ANALYSES if not kind.startswith("elastic")]
+        for kind in of_rods if name in IN_SPACE else ANALYSES:
             there = name in ELASTIC if kind.startswith("elastic") else linkage.dimension == 2
             if there or kind not in ("forces", "elastic_motion", "elastic_joints"):
                 yield analysis_system(linkage, kind)
