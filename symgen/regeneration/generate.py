@@ -182,7 +182,8 @@ def answer_all(folder: str, *names: str) -> None:
                 (Path(folder) / f"{name}{_SAID}").write_text(str(error), encoding="utf-8")
             status = 1 if error else done.result()
             if status:
-                pool.shutdown(wait=False, cancel_futures=True)
+                for other in running:  # to shut the pool down here would break its replacement of processes
+                    other.cancel()
             print(name, status, flush=True)
 
 

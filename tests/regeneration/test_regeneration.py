@@ -321,6 +321,18 @@ def test_errors_of_derivations_are_reported(monkeypatch, tmp_path):
         regeneration.derive_all(["loop_row"])
 
 
+def test_many_failing_derivations_end(tmp_path):
+    """More than the processes that derive at the same time; the first failure cancels those not begun."""
+    names = [f"unknown_{k}" for k in range(8)]
+    ended = subprocess.run(
+        [sys.executable, "-c", regeneration._PARENT, str(tmp_path), *names],
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert ended.returncode == 0 and ended.stdout.splitlines()[0].endswith(" 1")
+
+
 def test_a_process_of_its_own_answers_with_what_this_one_makes(made):
     here = json.loads(answer("rigid_element"))
     there = made["rigid_element"]
