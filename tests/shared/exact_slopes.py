@@ -15,7 +15,7 @@ import numpy as np
 from shared import directors_exact, elastic_exact, floating_crank, loop_slopes
 
 import symgen
-from symgen.runtime.linearisation.elastic_in_space import of_run
+from symgen.runtime.elastic.space.sensitivity import of_run
 from symgen.scene.loading import SHIPPED, read_scene
 
 #: Derivatives along runs, written by ``benchmarks/sensitivity_reference.py``.

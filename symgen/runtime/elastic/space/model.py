@@ -101,7 +101,7 @@ class SpatialModel(Model):
         at: ElasticResult | float | None = None,
         coordinates: Sequence[str] = (),
     ) -> Sensitivity:
-        from symgen.runtime.linearisation.elastic_in_space import of_frequencies, of_run
+        from symgen.runtime.elastic.space.sensitivity import of_frequencies, of_run
 
         by = self._differentiated(parameters)
         if at is not None and not isinstance(at, float | int):

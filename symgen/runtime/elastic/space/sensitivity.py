@@ -1,8 +1,8 @@
 """Exact derivatives of runs and frequencies of linkages with elastic links in space.
 
-Along one parameter at a time, the start has tangents as imaginary parts, and with it the steps of a run or
-the equilibrium. Tangents of the equations are those of generated kernels; their corrections have the matrices
-of the steps themselves. The differentials of the rigid start are those of :mod:`.sensitivity`.
+The linkage along each parameter has a start with tangents. Those of a run follow its steps
+(:mod:`.tangents`), those of an equilibrium its balance. The differentials of the rigid start are those of
+:mod:`symgen.runtime.linearisation.sensitivity`.
 """
 
 from __future__ import annotations
