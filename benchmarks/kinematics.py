@@ -52,7 +52,7 @@ def measured(slack: float) -> Measurement:
     """Measure once."""
     model = symgen.build("crank_rocker")
     times = np.linspace(0.0, 1.0, POSES)
-    steps, start = steps_of(model._bonds(), model.initial_state().q, 0.0), model.initial_state().q
+    steps, start = steps_of(model._constraints(), model.initial_state().q, 0.0), model.initial_state().q
 
     def by_arc_length() -> Any:
         with patch.object(kinematics, "along_branch", lambda *given: None):
@@ -119,26 +119,28 @@ def measured(slack: float) -> Measurement:
 def _steps(model: symgen.Model) -> tuple[Case, float]:
     """Return the compiled steps of a linkage over a second, and their largest residual [m]."""
     times, start = np.linspace(0.0, 1.0, POSES), model.initial_state().q
-    bonds = model._bonds()
-    steps = steps_of(bonds, start, 0.0)
+    constraints = model._constraints()
+    steps = steps_of(constraints, start, 0.0)
     states = steps.follow(0.0, start, times)
     if len(states) < POSES:
         raise RuntimeError(f"{model.name} is followed to t = {times[len(states)]:g} s only")
-    return Case(lambda: steps.follow(0.0, start, times), POSES), float(bonds.errors(Poses(times, states))[0])
+    return Case(lambda: steps.follow(0.0, start, times), POSES), float(
+        constraints.errors(Poses(times, states))[0]
+    )
 
 
 def _in_lanes(model: symgen.Model, with_forces: bool) -> tuple[Case, Array]:
     """Return the steps in lanes over a revolution, and where the last run has B in the end."""
-    bonds, start = model._bonds(), model.initial_state().q
+    constraints, start = model._constraints(), model.initial_state().q
     motion, forces = (model.in_lanes(kind) for kind in ("kinematics", "forces"))
-    groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
+    groups = groups_of(constraints.slopes, range(constraints.n), constraints.n)
     lanes = KinematicLanes(
         motion, lanes_of(motion[1], motion[0].name)[0], groups, forces if with_forces else None
     )
     given = (
         np.tile(model.evaluator.given, (RUNS, 1)),
         np.tile(start, (RUNS, 1)),
-        np.full(RUNS, bonds.length(start)),
+        np.full(RUNS, constraints.length(start)),
     )
     times = np.linspace(0.0, 1.0, OF_A_RUN)
     places = lanes.follow(0.0, *given, times)[0][-1, -1, 0, 2:]

@@ -134,7 +134,7 @@ def _momentum_rows(linkage: Linkage, system: System) -> Iterator[Step]:
     yield Step(
         "Momentum rows",
         "The source's own form, for comparison: the moment of momentum of all that is outboard of a joint "
-        "about it, the linear momentum, and the bonds twice differentiated; each row is zero along the "
+        "about it, the linear momentum, and the constraints twice differentiated; each row is zero along the "
         "motion.",
         "Attia, Eqs. (12)-(16)",
         rows,

@@ -58,7 +58,7 @@ def structure(linkage: Linkage) -> Iterator[str]:
     yield from (f"  {cut}" for cut in cuts)
     labels = dict.fromkeys(row.label for row in model.constraints if not row.link)
     if labels:
-        yield "further bonds:"
+        yield "further constraints:"
         yield from (f"  {label}" for label in labels)
     if model.idle:
         yield "left out: " + ", ".join(f"link {name} lies between fixed points" for name in model.idle)

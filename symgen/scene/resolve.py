@@ -20,8 +20,7 @@ from symgen.scene.loop.resolve import loop_of
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.names import check_names
 from symgen.scene.reading import Reader, shown_units
-from symgen.scene.rods import bodies, loads
-from symgen.scene.rods import constraints as bonds
+from symgen.scene.rods import bodies, constraints, loads
 from symgen.scene.rods.events import events
 from symgen.scene.rods.linkage import Linkage
 from symgen.scene.rods.planar import in_its_plane
@@ -108,9 +107,9 @@ def _linkage(scene: Scene) -> Linkage:
         gravity=gravity,
         masses=masses,
         loads=tuple(loads.loads(read)),
-        guides=tuple(bonds.guides(read)),
-        drivers=(*bonds.drivers(read), *((driver_of(turned),) if turned else ())),
-        start=bonds.start(read),
+        guides=tuple(constraints.guides(read)),
+        drivers=(*constraints.drivers(read), *((driver_of(turned),) if turned else ())),
+        start=constraints.start(read),
         t_end=_end(read, turned),
         assembly_tolerance=_assembly_tolerance(read),
         outputs=None if scene.analysis.outputs is None else tuple(scene.analysis.outputs),

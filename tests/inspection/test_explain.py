@@ -102,7 +102,7 @@ def test_a_chain_closes_no_loop():
     assert "3 degrees of freedom" in text
 
 
-def test_points_bonds_and_what_is_left_out_are_named():
+def test_points_constraints_and_what_is_left_out_are_named():
     tables = rich_scene()
     tables["links"]["rail"] = {"points": ["O", "E"]}
     tables["guides"] = [{"points": ["F"], "along": "rail"}]

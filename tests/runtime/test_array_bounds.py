@@ -161,11 +161,11 @@ def test_a_layout_may_not_point_outside_its_arrays(name, value):
     [{"starts": [0, 1, 9]}, {"starts": [1, 1, 2]}, {"starts": [0, 2, 1, 2]}, {"coupling_starts": [0, 0]}],
 )
 def test_groups_may_not_start_outside_their_arrays(wrong):
-    bonds = symgen.build("crank_rocker")._bonds()
-    groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
-    Kinematics(bonds.kinematics, groups, 1.0, None)
+    constraints = symgen.build("crank_rocker")._constraints()
+    groups = groups_of(constraints.slopes, range(constraints.n), constraints.n)
+    Kinematics(constraints.kinematics, groups, 1.0, None)
     with pytest.raises(ValueError, match="expected .* starts|starts that rise|expected the groups"):
-        Kinematics(bonds.kinematics, replace(groups, **wrong), 1.0, None)
+        Kinematics(constraints.kinematics, replace(groups, **wrong), 1.0, None)
 
 
 def test_elements_are_within_their_states():

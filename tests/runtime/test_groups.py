@@ -17,9 +17,9 @@ from symgen.runtime.rods.forces import analysis
 
 
 def groups(model):
-    bonds = model._bonds()
-    assert bonds.m == bonds.n
-    return bonds, groups_of(bonds.slopes, range(bonds.m), bonds.n)
+    constraints = model._constraints()
+    assert constraints.m == constraints.n
+    return constraints, groups_of(constraints.slopes, range(constraints.m), constraints.n)
 
 
 @pytest.mark.parametrize(
@@ -30,18 +30,18 @@ def groups(model):
 def test_groups_solve_what_the_whole_jacobian_solves(scene, widths):
     """The third point of the ternary link is no unknown: it is carried by the other two."""
     model = build(scene)
-    bonds, found = groups(model)
+    constraints, found = groups(model)
     assert found.widths == widths
     q = model.initial_state().q
-    steps = steps_of(bonds, q, 0.0)
+    steps = steps_of(constraints, q, 0.0)
     times = np.linspace(0.0, 6.0, 40)
     states = steps.follow(0.0, q, times)
     assert len(states) == len(times)
     for t, (q, u, a) in zip(times.tolist(), states, strict=True):
-        jacobian = bonds.jacobian(q, t)
-        assert np.max(np.abs(bonds.residual(q, t))) < 1e-14
-        assert u == pytest.approx(np.linalg.solve(jacobian, -bonds.drift(q, t)), abs=1e-12)
-        assert a == pytest.approx(np.linalg.solve(jacobian, bonds.gamma(q, u, t)), abs=1e-11)
+        jacobian = constraints.jacobian(q, t)
+        assert np.max(np.abs(constraints.residual(q, t))) < 1e-14
+        assert u == pytest.approx(np.linalg.solve(jacobian, -constraints.drift(q, t)), abs=1e-12)
+        assert a == pytest.approx(np.linalg.solve(jacobian, constraints.gamma(q, u, t)), abs=1e-11)
 
 
 def test_dependent_constraints_have_no_groups():
@@ -130,7 +130,7 @@ def test_loads_that_are_not_a_number_are_named(by, monkeypatch):
 
 def test_steps_keep_the_kernels_that_they_call():
     model = build("crank_rocker")
-    steps = steps_of(model._bonds(), model.initial_state().q, 0.0, model.analysis("forces"))
+    steps = steps_of(model._constraints(), model.initial_state().q, 0.0, model.analysis("forces"))
     start = model.initial_state().q
     model.__dict__.clear()
     del model
@@ -145,15 +145,17 @@ def test_steps_keep_the_kernels_that_they_call():
 def test_errors_of_multipliers_are_those_of_the_equations_at_each_pose():
     """J^T lambda = f - M a, with the Jacobian of the dense kernel in place of the groups."""
     model = build("crank_rocker")
-    bonds, loads, start = model._bonds(), model.analysis("forces"), model.initial_state().q
-    steps = steps_of(bonds, start, 0.0, loads)
+    constraints, loads, start = model._constraints(), model.analysis("forces"), model.initial_state().q
+    steps = steps_of(constraints, start, 0.0, loads)
     times = np.linspace(0.0, 1.0, 9)
     states = steps.follow(0.0, start, times)
     multipliers, quality = steps.multipliers(times, states)
     for i, (t, (q, u, a)) in enumerate(zip(times.tolist(), states, strict=True)):
-        jacobian = model.evaluator("constraint_jacobian", t, q, u)[: bonds.m * bonds.n].reshape(bonds.m, -1)
+        jacobian = model.evaluator("constraint_jacobian", t, q, u)[: constraints.m * constraints.n].reshape(
+            constraints.m, -1
+        )
         balance = loads("balance", t, q, u, np.append(a, np.zeros(loads.info("balance").work_size)))
-        missed = balance[: bonds.n] - jacobian.T @ multipliers[i]
+        missed = balance[: constraints.n] - jacobian.T @ multipliers[i]
         size = np.max(np.abs(multipliers[i] * np.max(np.abs(jacobian), axis=1)))
         assert quality[i, 1] == pytest.approx(np.max(np.abs(missed)), abs=1e-14 * size)
         assert quality[i, 1] < 1e-13 * size
@@ -162,12 +164,12 @@ def test_errors_of_multipliers_are_those_of_the_equations_at_each_pose():
 def test_forces_without_their_kernel_are_refused():
     model = build("crank_rocker")
     with pytest.raises(ModelError, match="no kernel 'balance'"):
-        steps_of(model._bonds(), model.initial_state().q, 0.0, model.evaluator)
+        steps_of(model._constraints(), model.initial_state().q, 0.0, model.evaluator)
 
 
 def test_states_of_another_shape_are_refused():
     model = build("crank_rocker")
     start = model.initial_state().q
-    steps = steps_of(model._bonds(), start, 0.0)
+    steps = steps_of(model._constraints(), start, 0.0)
     with pytest.raises(ValueError, match="expected states of shape"):
         steps.multipliers(np.zeros(1), np.zeros((1, 3, 4)))

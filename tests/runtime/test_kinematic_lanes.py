@@ -34,17 +34,17 @@ def tuned(tmp_path_factory):
 
 
 def lanes(model):
-    bonds = model._bonds()
+    constraints = model._constraints()
     motion = model.in_lanes("kinematics")
     width = lanes_of(motion[1], motion[0].name)[0]
-    groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
+    groups = groups_of(constraints.slopes, range(constraints.n), constraints.n)
     return width, KinematicLanes(motion, width, groups, model.in_lanes("forces"))
 
 
 def singly(model, times):
     """Return states and joint forces of one linkage, as far as it gets, without lanes."""
-    bonds, loads, q = model._bonds(), model.analysis("forces"), model.initial_state().q
-    steps = steps_of(bonds, q, 0.0, loads)
+    constraints, loads, q = model._constraints(), model.analysis("forces"), model.initial_state().q
+    steps = steps_of(constraints, q, 0.0, loads)
     states = steps.follow(0.0, q, times)
     times = times[: len(states)]
     motion = np.hstack([states[:, 2], steps.multipliers(times, states)[0]])
@@ -76,7 +76,7 @@ def test_lanes_of_any_width_have_the_bits_of_a_single_linkage(scene, flags, monk
         0.0,
         np.tile(model.evaluator.given, (runs, 1)),
         np.tile(q, (runs, 1)),
-        np.full(runs, model._bonds().length(q)),
+        np.full(runs, model._constraints().length(q)),
         TIMES,
     )
     alone, loads = singly(model, TIMES)
@@ -91,7 +91,7 @@ def test_a_lane_at_a_dead_centre_ends_where_a_single_linkage_does_and_changes_no
     models = [tuned.with_parameters(a=a, b=b, c=c) for a, b, c in lengths]
     start = [m.initial_state().q for m in models]
     given = np.array([m.evaluator.given for m in models])
-    sizes = np.array([m._bonds().length(q) for m, q in zip(models, start, strict=True)])
+    sizes = np.array([m._constraints().length(q) for m, q in zip(models, start, strict=True)])
     states, _, reached = lanes(tuned)[1].follow(0.0, given, np.array(start), sizes, TIMES)
     for i, model in enumerate(models):
         alone, _ = singly(model, TIMES)
@@ -228,8 +228,8 @@ def test_runs_from_states_before_and_behind_the_range_have_the_bits_of_single_on
 
 def test_shapes_and_widths_that_do_not_fit_are_refused(tuned):
     motion, q = tuned.in_lanes("kinematics"), np.zeros((1, 4))
-    bonds = tuned._bonds()
-    groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
+    constraints = tuned._constraints()
+    groups = groups_of(constraints.slopes, range(constraints.n), constraints.n)
     with pytest.raises(ValueError, match="expected vectors of 2, 4 or 8 numbers, got 3"):
         KinematicLanes(motion, 3, groups)
     with pytest.raises(ValueError, match="expected kernels of forces"):

@@ -68,7 +68,7 @@ def rigid_forces_system(linkage: Linkage) -> System:
 def _matrices(model: RodsModel) -> Iterator[NamedMatrix]:
     yield from _inertias(model)
     yield from _loads(model)
-    yield from _bonds(model)
+    yield from _constraints(model)
     about = "applied forces minus mass times acceleration, f - M a"
     yield named(model, "balance", model.balance, "N", about, rows=[x.name for x in model.coordinates])
     with suppress(SceneError):  # the elements tell which forces are not determined
@@ -161,7 +161,7 @@ def _check_along_links(model: RodsModel) -> None:
             )
 
 
-def _bonds(model: RodsModel) -> Iterator[NamedMatrix]:
+def _constraints(model: RodsModel) -> Iterator[NamedMatrix]:
     carried = [(k.name, c) for k in model.rods for c in k.carried]
     yield named(
         model, "carried", [x for _, c in carried for x in (c.along, c.across)], "1",

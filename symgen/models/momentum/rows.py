@@ -175,8 +175,8 @@ class MomentumForm(Outboard):
             if p not in ends
         }
 
-    def bonds(self) -> Iterator[Rows]:
-        """Eq. (14) for each length, Eq. (16b) for guides, and the other bonds, twice differentiated."""
+    def constraints(self) -> Iterator[Rows]:
+        """Eq. (14) for each length, Eq. (16b) for guides, and the other constraints, twice differentiated."""
         model = self.model
         guides = {row.constraint.name for row in model.guides}
         free = [(q.symbol, a.symbol) for p in model.free for q, a in zip(model.q[p], model.a[p], strict=True)]
@@ -194,7 +194,7 @@ class MomentumForm(Outboard):
         model = self.model
         parts = [self.moments(body) for body in self.tree.inner]
         parts += [r for p in (*self.tree.roots, *self.reactions) if (r := self.momentum(p)) is not None]
-        parts += self.bonds()
+        parts += self.constraints()
         rows = [row for part in parts for row in part.rows]
         appearing = {s for row in rows for s in row.coefficients}
         unknowns = [a for p in model.free for a in model.a[p]]

@@ -7,7 +7,7 @@ from symgen.models.rods.linearised import driven_motion
 from symgen.models.rods.linkage import REFERENCE, RodsModel
 from symgen.models.rods.start import assembly_exports
 from symgen.models.rods.system import (
-    bonds,
+    constraints,
     definitions,
     groups,
     kinematic_exports,
@@ -33,7 +33,7 @@ def driven_system(linkage: Linkage) -> System:
     asked = outputs.asked(model)
     start, start_kernels = assembly_exports(model)
     moved, following = driven_motion(model)
-    derived, end = [*bonds(model), *places(model)], run_end(model)
+    derived, end = [*constraints(model), *places(model)], run_end(model)
     # A requested driven angle is that of its drive, which counts revolutions.
     names = {m.name for m in (*derived, *moved)}
     exports = [

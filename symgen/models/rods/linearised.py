@@ -20,7 +20,7 @@ from symgen.models.rods.linkage import REFERENCE, Gradient, RodsModel
 from symgen.models.rods.matrix import named
 from symgen.models.rods.system import (
     POINTS,
-    bonds,
+    constraints,
     definitions,
     groups,
     places,
@@ -41,13 +41,13 @@ def kinematics_system(linkage: Linkage) -> System:
     """
     model = RodsModel(linkage)
     matrices, exports = driven_motion(model)
-    matrices += bonds(model) if model.constraints else ()
+    matrices += constraints(model) if model.constraints else ()
     matrices += [m for m in places(model) if m.name in POINTS.matrices]
     return analysis_of(model, "kinematics", matrices, [POINTS, *exports])
 
 
 def driven_motion(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
-    """Return the matrices that follow a driven linkage, besides those of ``bonds``, and the kernels."""
+    """Return the matrices that follow a driven linkage, besides those of ``constraints``, and the kernels."""
     matrices, exports = list(drives(model)), []
     if matrices:
         about = "prescribed angles, lengths and places"

@@ -147,12 +147,12 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
             symmetric=True,
         ),
         named(model, "force", model.applied, "N", "applied forces, f", rows=names),
-        *bonds(model),
+        *constraints(model),
         *energies,
     ]
 
 
-def bonds(model: RodsModel) -> list[NamedMatrix]:
+def constraints(model: RodsModel) -> list[NamedMatrix]:
     """Return the constraints with their derivatives."""
     rows = [c.name for c in model.constraints]
     unit, rate_unit, rhs_unit = (_unit_of_constraints(model, i) for i in range(3))

@@ -20,7 +20,7 @@ _MOST, _EXACT = 100_000, 1e-11
 _LOOK = 300
 
 
-class LoopBonds:
+class LoopConstraints:
     """Closure as constraints in metres: angles and rotations times the size of the loop.
 
     The unknowns are the dependent variables, angles times the size, so that a curve has one unit.
@@ -93,20 +93,23 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
     SimulationError
         When the curve cannot be followed from its beginning.
     """
-    bonds = LoopBonds(kernels, begin.q)
-    curve = Curve(bonds, bonds.size, abs(stop - begin.t))
-    if np.max(np.abs(bonds.residual(bonds.unknowns(begin.q), begin.t))) > _EXACT * bonds.size:
+    constraints = LoopConstraints(kernels, begin.q)
+    curve = Curve(constraints, constraints.size, abs(stop - begin.t))
+    if (
+        np.max(np.abs(constraints.residual(constraints.unknowns(begin.q), begin.t)))
+        > _EXACT * constraints.size
+    ):
         raise SimulationError(
             f"the loop closes within its assembly tolerance only at {kernels.value_at(begin.t)}, and turning "
             "points of the input are followed where a loop closes exactly\n  Evaluate it without through.",
             time=begin.t,
         )
-    onward = np.append(np.zeros(len(bonds.solved)), np.sign(stop - begin.t))
-    start = curve.point(curve.join(bonds.unknowns(begin.q), begin.t), onward)
+    onward = np.append(np.zeros(len(constraints.solved)), np.sign(stop - begin.t))
+    start = curve.point(curve.join(constraints.unknowns(begin.q), begin.t), onward)
     ends = min(begin.t, stop), max(begin.t, stop)
     path = curve.walk(start, ends, True, _LOOK)
     if len(path) >= _LOOK:
-        _check_pole(kernels, bonds, curve, path[-1])
+        _check_pole(kernels, constraints, curve, path[-1])
         path = curve.walk(start, ends, True, _MOST)
     low, high = (e / curve.duration for e in ends)
     outside = next((i for i, p in enumerate(path) if i and not low <= p.x[-1] <= high), len(path))
@@ -125,15 +128,17 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
     split = [curve.split(p.x) for p in points]
     return (
         np.array([t for _, t in split]),
-        np.array([bonds.pose(x, t) for x, t in split]),
+        np.array([constraints.pose(x, t) for x, t in split]),
         turning,
     )
 
 
-def _check_pole(kernels: LoopKernels, bonds: LoopBonds, curve: Curve[LoopBonds], last: CurvePoint) -> None:
+def _check_pole(
+    kernels: LoopKernels, constraints: LoopConstraints, curve: Curve[LoopConstraints], last: CurvePoint
+) -> None:
     """Refuse to go past a pole of angles that is missed by little: the way about it is too long."""
     x, t = curve.split(last.x)
-    if names := ball_pole(kernels, t, bonds.pose(x, t)):
+    if names := ball_pole(kernels, t, constraints.pose(x, t)):
         raise SimulationError(
             f"the loop cannot be followed by arc length at {kernels.value_at(t)}: it misses by little a "
             f"pole of the angles {', '.join(names)} of a ball joint, which is no singularity of the loop\n"
@@ -143,7 +148,9 @@ def _check_pole(kernels: LoopKernels, bonds: LoopBonds, curve: Curve[LoopBonds],
         )
 
 
-def _inside(curve: Curve[LoopBonds], path: list[CurvePoint], low: float, high: float) -> list[CurvePoint]:
+def _inside(
+    curve: Curve[LoopConstraints], path: list[CurvePoint], low: float, high: float
+) -> list[CurvePoint]:
     """Return the path with its last point, where that left the range, put back to the end itself."""
     last = path[-1]
     if low <= last.x[-1] <= high:
@@ -153,7 +160,7 @@ def _inside(curve: Curve[LoopBonds], path: list[CurvePoint], low: float, high: f
     return [*path[:-1], *([end] if end is not None else [])]
 
 
-def _resampled(curve: Curve[LoopBonds], path: list[CurvePoint], samples: int) -> list[CurvePoint]:
+def _resampled(curve: Curve[LoopConstraints], path: list[CurvePoint], samples: int) -> list[CurvePoint]:
     """Return points at equal distances along the path."""
     along = np.concatenate([[0.0], np.cumsum([np.linalg.norm(b.x - a.x) for a, b in pairwise(path)])])
     found = []

@@ -299,17 +299,17 @@ def driven_runs(
     if width < 2:
         return None
     rows = given_of(model.evaluator, columns, states)
-    t, bonds = starts.pop(), model._bonds()
+    t, constraints = starts.pop(), model._constraints()
     given = {name: value for name, value in arguments.items() if value is not None}
     if d.kernel("run_end") and "stop" not in given:
         return None
     asked = (LinkageForces if loads else LinkageMotion)(**given).instants(d.t_end)
-    times = asked.times(d.name, bonds.driving)
+    times = asked.times(d.name, constraints.driving)
     nodes = nodes_of(min(asked.start, t), max(asked.stop, t), np.unique(times))
     unknowns: list[tuple[Unknown, list[int]]] = []
     if loads:
         order = {label: i for i, label in enumerate(loads.info("joint_forces").blocks[0].rows)}
-        found = Assembly(bonds, loads, Poses(np.zeros(0), np.zeros((0, 3, bonds.n))), 1).unknowns
+        found = Assembly(constraints, loads, Poses(np.zeros(0), np.zeros((0, 3, constraints.n))), 1).unknowns
         unknowns = [(u, [order[label] for label in u.labels]) for u in found]
     drives = driving(loads, times[:1]) if loads else {}
     return Driven(
@@ -319,10 +319,10 @@ def driven_runs(
         motion,
         forces,
         unknowns,
-        chosen_names(bonds, arguments.get("of")),
+        chosen_names(constraints, arguments.get("of")),
         next(iter(drives), ""),
         _assembling(model, len(rows), states, width),
-        groups_of(bonds.slopes, range(bonds.n), bonds.n),
+        groups_of(constraints.slopes, range(constraints.n), constraints.n),
         t,
         nodes,
         np.searchsorted(nodes, times),

@@ -10,7 +10,7 @@ import numpy as np
 from symgen.calls import checked
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.linkage import LinkageModel
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.start import Start, pose
 
 
@@ -34,8 +34,8 @@ class KinematicModel(LinkageModel):
     def _begun(self) -> Start:
         return posed(self._evaluator)
 
-    def _bonds(self) -> Bonds:
-        return Bonds(self._evaluator, self._evaluator)
+    def _constraints(self) -> Constraints:
+        return Constraints(self._evaluator, self._evaluator)
 
 
 def posed(evaluator: Evaluator) -> Start:
@@ -46,6 +46,6 @@ def posed(evaluator: Evaluator) -> Start:
     InitialStateError
         When the linkage cannot be assembled.
     """
-    q, bonds = pose(evaluator), Bonds(evaluator, evaluator)
-    solved = np.linalg.lstsq(bonds.jacobian(q, 0.0), -bonds.drift(q, 0.0), rcond=None)[0]
+    q, constraints = pose(evaluator), Constraints(evaluator, evaluator)
+    solved = np.linalg.lstsq(constraints.jacobian(q, 0.0), -constraints.drift(q, 0.0), rcond=None)[0]
     return Start(q, np.asarray(solved, dtype=float), ())

@@ -24,7 +24,7 @@ from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
     from symgen.runtime.result.motion import Motion
-    from symgen.runtime.rods.constraints import Bonds
+    from symgen.runtime.rods.constraints import Constraints
 
 Array = NDArray[np.float64]
 
@@ -154,10 +154,10 @@ class LinkageModel(Model):
         with uncounted():
             return self._analyses(kind, stepping, outputs, lanes)
 
-    def _bonds(self) -> Bonds:
-        from symgen.runtime.rods.constraints import Bonds
+    def _constraints(self) -> Constraints:
+        from symgen.runtime.rods.constraints import Constraints
 
-        return Bonds(self._evaluator, self.analysis("kinematics"))
+        return Constraints(self._evaluator, self.analysis("kinematics"))
 
     def _refused(self, name: str) -> str | None:
         driven = name in ("kinematics", "inverse_dynamics", "assemblies")
@@ -174,11 +174,11 @@ class LinkageModel(Model):
         from symgen.runtime.rods.assemblies import assemblies
         from symgen.runtime.rods.instants import instants
 
-        t, q, bonds = 0.0, self.initial_state().q, self._bonds()
+        t, q, constraints = 0.0, self.initial_state().q, self._constraints()
         if at is not None:
             asked = instants(None, None, at, over or "input", 2, self.description.t_end)
-            t = float(asked.times(self.name, bonds.driving)[0])
-        found, incomplete = assemblies(bonds, q, t)
+            t = float(asked.times(self.name, constraints.driving)[0])
+        found, incomplete = assemblies(constraints, q, t)
         return AssemblyModes((self._state(t, pose, np.zeros_like(pose)) for pose in found), incomplete)
 
     @takes(LinkageMotion)
@@ -187,4 +187,4 @@ class LinkageModel(Model):
 
         begin = self.initial_state() if asked.state is None else asked.state
         poses = asked.instants(self.description.t_end)
-        return analyse(self._bonds(), begin.q, begin.t, poses, asked.through, asked.of)
+        return analyse(self._constraints(), begin.q, begin.t, poses, asked.through, asked.of)

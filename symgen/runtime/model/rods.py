@@ -309,7 +309,7 @@ class RodModel(LinkageModel):
 
         begin = self.initial_state() if asked.state is None else asked.state
         redundant = len(self._found().redundant)
-        return analyse(self._bonds(), self.analysis("forces"), begin, redundant, asked)
+        return analyse(self._constraints(), self.analysis("forces"), begin, redundant, asked)
 
     def _equilibrium(
         self, state: State | None = None, t: float | None = None, stable: bool = True
@@ -319,9 +319,9 @@ class RodModel(LinkageModel):
 
         begin = self.initial_state() if state is None else state
         when = begin.t if t is None else float(t)
-        bonds = self._bonds()
-        at_rest(bonds, begin.q, when)
-        statics = Statics(bonds, self.analysis("statics"), when)
+        constraints = self._constraints()
+        at_rest(constraints, begin.q, when)
+        statics = Statics(constraints, self.analysis("statics"), when)
         return describe(statics, *find(statics, begin.q, stable))
 
     def _modes(self, at: Equilibrium | float | None = None) -> Modes:

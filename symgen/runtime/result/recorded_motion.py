@@ -15,7 +15,7 @@ from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recording import nearest_turn, of_points, shaped
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.poses import Poses
 
 Array = NDArray[np.float64]
@@ -51,11 +51,13 @@ _OF_LINK = ("angle", "rate", "acceleration")
 _OF_CORNER = ("angle", "transmission_angle")
 
 
-def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> dict[str, tuple[str, ...]]:
+def chosen_names(constraints: Constraints, of: Sequence[str] | None) -> dict[str, tuple[str, ...]]:
     """Return the quantities to record of points, links and corners A.B.C; by default of all that move."""
-    d = bonds.description
+    d = constraints.description
     moving = [
-        p for p in d.points if p not in d.ground or any(n.startswith(f"{p}.") for n in bonds.drives(0.0))
+        p
+        for p in d.points
+        if p not in d.ground or any(n.startswith(f"{p}.") for n in constraints.drives(0.0))
     ]
     turning = [k for k, points in d.links.items() if not set(points[:2]) <= set(d.ground)]
     if of is None and d.kinematic and d.kernel("outputs"):
@@ -86,7 +88,7 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> dict[str, tuple[str,
 
 
 def recorded(
-    bonds: Bonds,
+    constraints: Constraints,
     samples: Poses,
     along: Along,
     poses: list[SingularPose],
@@ -101,17 +103,17 @@ def recorded(
 
     ``began`` is the reading of ``perf_counter`` [s] when the analysis began.
     """
-    d, evaluator = bonds.description, bonds.evaluator
-    r, v = bonds.moving(samples)
-    a = bonds.accelerating(samples)
-    units = bonds.units()
+    d, evaluator = constraints.description, constraints.evaluator
+    r, v = constraints.moving(samples)
+    a = constraints.accelerating(samples)
+    units = constraints.units()
     variables = [
         Variable(name, units[name], f"drive {name}", (), values)
-        for name, values in bonds.driving(samples.times).items()
+        for name, values in constraints.driving(samples.times).items()
     ]
     taken = {x.name for x in variables}
     if not chosen and d.kinematic:
-        variables += [x for x in _asked(bonds, samples, along) if x.name not in taken]
+        variables += [x for x in _asked(constraints, samples, along) if x.name not in taken]
     variables += [x for x in of_names(d, chosen, along.counted, r, v, a) if x.name not in taken]
     coordinate, variables = coordinate_of(
         samples.times, variables, next(iter(units), "") if over == "input" else ""
@@ -123,7 +125,7 @@ def recorded(
         axes=d.axes,
         coordinate=coordinate,
         variables=tuple(variables),
-        drift=Drift(*bonds.errors(samples)),
+        drift=Drift(*constraints.errors(samples)),
         final=of_points(d, r[-1], v[-1]),
         statistics={
             "t": float(samples.times[-1]),
@@ -147,11 +149,11 @@ def coordinate_of(
     return over_time(times), list(variables)
 
 
-def _asked(bonds: Bonds, samples: Poses, along: Along) -> list[Variable]:
+def _asked(constraints: Constraints, samples: Poses, along: Along) -> list[Variable]:
     """Return the outputs of the scene."""
     given = samples.times, samples.q, samples.u, samples.accelerations
-    made = shaped(bonds.evaluator.info("outputs"), bonds.evaluator.many("outputs", *given))
-    angles = {f"{link}.angle": link for link in bonds.description.links}
+    made = shaped(constraints.evaluator.info("outputs"), constraints.evaluator.many("outputs", *given))
+    angles = {f"{link}.angle": link for link in constraints.description.links}
     return [
         replace(x, values=along.counted(angles[x.name], x.values)) if x.name in angles else x for x in made
     ]

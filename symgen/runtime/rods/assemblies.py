@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.rods.assur import NotInGroups, modes_of_groups
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 
 Array = NDArray[np.float64]
 
 _SEED, _SAME, _CLOSED = 20, 1e-6, 1e-12
 
 
-def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> tuple[list[Array], str]:
+def assemblies(
+    constraints: Constraints, near: Array, t: float, *, tries: int = 40
+) -> tuple[list[Array], str]:
     """Return coordinates of the assembly modes at the time t, the nearest to ``near`` first.
 
     With them why modes may be missing, as :attr:`AssemblyModes.incomplete`: empty where the linkage consists
@@ -31,23 +33,23 @@ def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> tuple
     ModelError
         When the drives have no finite values at that time.
     """
-    if not np.all(np.isfinite(bonds.residual(near, t))):
+    if not np.all(np.isfinite(constraints.residual(near, t))):
         raise ModelError(f"the drives have no finite values at t = {t:g} s")
-    length, incomplete = bonds.length(near), ""
+    length, incomplete = constraints.length(near), ""
     poses: Iterable[Array]
     try:
-        poses = modes_of_groups(bonds, near, t)
+        poses = modes_of_groups(constraints, near, t)
     except NotInGroups as problem:
-        poses, incomplete = _search(bonds, near, t, tries), f"{problem}: searched from many poses"
+        poses, incomplete = _search(constraints, near, t, tries), f"{problem}: searched from many poses"
     found: list[Array] = []
     for pose in poses:
-        q = polished(bonds, pose, t)
+        q = polished(constraints, pose, t)
         if q is None:
             incomplete = incomplete or "a pose that was found could not be refined"
             continue
-        if bonds.turned_over(q, t):
+        if constraints.turned_over(q, t):
             continue
-        if not _isolated(bonds, q, t):
+        if not _isolated(constraints, q, t):
             incomplete = incomplete or "poses at dead centres are left out"
         elif all(np.max(np.abs(q - other)) > _SAME * length for other in found):
             found.append(q)
@@ -55,16 +57,16 @@ def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> tuple
     return found, incomplete
 
 
-def _search(bonds: Bonds, near: Array, t: float, tries: int) -> Iterator[Array]:
+def _search(constraints: Constraints, near: Array, t: float, tries: int) -> Iterator[Array]:
     """Yield poses that nearly meet the constraints, from many starting poses."""
     from scipy.optimize import least_squares
 
-    length = bonds.length(near)
-    for start in _poses(bonds, near, length, tries):
+    length = constraints.length(near)
+    for start in _poses(constraints, near, length, tries):
         solved = least_squares(
-            bonds.residual,
+            constraints.residual,
             start,
-            bonds.jacobian,
+            constraints.jacobian,
             method="lm",
             args=(t,),
             xtol=1e-12,
@@ -75,29 +77,29 @@ def _search(bonds: Bonds, near: Array, t: float, tries: int) -> Iterator[Array]:
             yield solved.x
 
 
-def _isolated(bonds: Bonds, q: Array, t: float) -> bool:
-    values = np.linalg.svd(bonds.jacobian(q, t), compute_uv=False)
+def _isolated(constraints: Constraints, q: Array, t: float) -> bool:
+    values = np.linalg.svd(constraints.jacobian(q, t), compute_uv=False)
     return bool(values[-1] > _SAME * values[0])
 
 
-def polished(bonds: Bonds, q: Array, t: float) -> Array | None:
+def polished(constraints: Constraints, q: Array, t: float) -> Array | None:
     """Return q brought to round-off by Newton's method; None where it does not get there."""
     for _ in range(8):
-        residual = bonds.residual(q, t)
+        residual = constraints.residual(q, t)
         if np.max(np.abs(residual), initial=0.0) <= 4e-16 * max(float(np.max(np.abs(q))), 1e-300):
             break
-        q = q - np.linalg.lstsq(bonds.jacobian(q, t), residual, rcond=1e-12)[0]
+        q = q - np.linalg.lstsq(constraints.jacobian(q, t), residual, rcond=1e-12)[0]
     size = max(float(np.max(np.abs(q))), 1e-300)
-    return q if np.max(np.abs(bonds.residual(q, t)), initial=0.0) <= _CLOSED * size else None
+    return q if np.max(np.abs(constraints.residual(q, t)), initial=0.0) <= _CLOSED * size else None
 
 
-def _poses(bonds: Bonds, near: Array, length: float, tries: int) -> list[Array]:
-    axes = len(bonds.description.axes)
-    centre = np.tile(bonds.places(near, 0.0).mean(axis=0), bonds.n // axes)
+def _poses(constraints: Constraints, near: Array, length: float, tries: int) -> list[Array]:
+    axes = len(constraints.description.axes)
+    centre = np.tile(constraints.places(near, 0.0).mean(axis=0), constraints.n // axes)
     mirrored = [2 * centre - near]
     for axis in range(axes):
         other = near.copy()
         other[axis::axes] = 2 * centre[axis::axes] - near[axis::axes]
         mirrored.append(other)
     random = np.random.default_rng(_SEED)
-    return [near, *mirrored, *(centre + length * random.uniform(-1, 1, bonds.n) for _ in range(tries))]
+    return [near, *mirrored, *(centre + length * random.uniform(-1, 1, constraints.n) for _ in range(tries))]

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.groups import groups_of
 
 Array = NDArray[np.float64]
@@ -201,7 +201,7 @@ def _roots(function: Callable[[Array], Array]) -> list[float]:
     return found
 
 
-def modes_of_groups(bonds: Bonds, near: Array, t: float) -> list[Array]:
+def modes_of_groups(constraints: Constraints, near: Array, t: float) -> list[Array]:
     """Return coordinates of all poses that meet the constraints at a time, nearly to round-off.
 
     Raises
@@ -210,14 +210,14 @@ def modes_of_groups(bonds: Bonds, near: Array, t: float) -> list[Array]:
         For linkages that are not of groups solved here: those with redundant constraints, with constraints
         that are not quadratic, with groups larger than triads in general, or with very many poses.
     """
-    if bonds.m != bonds.n:
+    if constraints.m != constraints.n:
         raise NotInGroups("constraints are redundant")
-    if bonds.n > _LARGEST:
-        raise NotInGroups(f"there are {bonds.n} coordinates, more than {_LARGEST}")
-    size = bonds.length(near)
-    of = _quadratics(bonds, near, size, t)
-    poses = [np.zeros(bonds.n)]
-    for group in _groups(of, range(bonds.m), range(bonds.n)):
+    if constraints.n > _LARGEST:
+        raise NotInGroups(f"there are {constraints.n} coordinates, more than {_LARGEST}")
+    size = constraints.length(near)
+    of = _quadratics(constraints, near, size, t)
+    poses = [np.zeros(constraints.n)]
+    for group in _groups(of, range(constraints.m), range(constraints.n)):
         solver = _solver(of, *group)
         if len(poses) > (_FEW if isinstance(solver, _Circle) else _MOST):
             raise NotInGroups(f"{len(poses)} poses of some groups are too many to continue from each")
@@ -240,21 +240,21 @@ def _chosen(of: Quadratics, points: Sequence[_Point], x: Array) -> Iterator[Arra
         yield from _chosen(of, points[1:], way)
 
 
-def _quadratics(bonds: Bonds, near: Array, size: float, t: float) -> Quadratics:
+def _quadratics(constraints: Constraints, near: Array, size: float, t: float) -> Quadratics:
     """Return the constraints over the size by coordinates over the size, from the given pose."""
-    n, slope = bonds.n, bonds.jacobian(near, t)
-    moved = [bonds.jacobian(near + size * unit, t) for unit in np.eye(n)]
+    n, slope = constraints.n, constraints.jacobian(near, t)
+    moved = [constraints.jacobian(near + size * unit, t) for unit in np.eye(n)]
     curvature = np.array(moved).transpose(1, 2, 0) - slope[:, :, None]
     if not (np.isfinite(slope).all() and np.isfinite(curvature).all()):
         raise NotInGroups(_CURVED)
     largest = np.maximum(np.abs(slope).max(axis=1), np.abs(curvature).max(axis=(1, 2)))
     slope[np.abs(slope) < _NONE * largest[:, None]] = 0
     curvature[np.abs(curvature) < _NONE * largest[:, None, None]] = 0
-    of = Quadratics(bonds.residual(near, t) / size, slope, curvature)
+    of = Quadratics(constraints.residual(near, t) / size, slope, curvature)
     x = np.random.default_rng(0).uniform(-1, 1, n)
-    every = list(range(bonds.m))
-    away = of.values(every, x) - bonds.residual(near + size * x, t) / size
-    bent = of.slopes(every, every, x) - bonds.jacobian(near + size * x, t)
+    every = list(range(constraints.m))
+    away = of.values(every, x) - constraints.residual(near + size * x, t) / size
+    bent = of.slopes(every, every, x) - constraints.jacobian(near + size * x, t)
     if not (np.abs(away).max() < _POLYNOMIAL and np.abs(bent).max() < _POLYNOMIAL):
         raise NotInGroups(_CURVED)
     return of

@@ -13,7 +13,7 @@ from symgen.runtime.rods.redundancy import extent
 Array = NDArray[np.float64]
 
 
-class Bonds:
+class Constraints:
     """Constraints Phi(q, t) = 0 of a model, every row divided by its scale, so that errors are in metres.
 
     Parameters

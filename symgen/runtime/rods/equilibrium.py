@@ -13,7 +13,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.state import State, reactions_at, state_at
 from symgen.runtime.rods.assemblies import polished
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.linear import Linearised, Statics
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ def never_rests(evaluator: Evaluator, left_out: str = "") -> str | None:
     return f"{_IN_MOTION}: {moving[0]} moves at all times\n  {_HOLD}" if moving else None
 
 
-def at_rest(bonds: Bonds, q: Array, t: float) -> None:
+def at_rest(constraints: Constraints, q: Array, t: float) -> None:
     """Check that no drive and no ground point is in motion at the time t.
 
     Raises
@@ -105,15 +105,17 @@ def at_rest(bonds: Bonds, q: Array, t: float) -> None:
     ModelError
         Naming what moves.
     """
-    d, rest = bonds.description, np.zeros(bonds.n)
+    d, rest = constraints.description, np.zeros(constraints.n)
     moving = [
         label
-        for label, rate, second in zip(d.labels, bonds.drift(q, t), bonds.gamma(q, rest, t), strict=True)
+        for label, rate, second in zip(
+            d.labels, constraints.drift(q, t), constraints.gamma(q, rest, t), strict=True
+        )
         if rate != 0.0 or second != 0.0
     ]
-    rates = bonds.evaluator.blocks("points", t, q, rest)["velocities"]
-    work = np.zeros(bonds.evaluator.work_size + bonds.n + bonds.m + 1)
-    second = bonds.evaluator.blocks("point_accelerations", t, q, rest, work)["point_accelerations"]
+    rates = constraints.evaluator.blocks("points", t, q, rest)["velocities"]
+    work = np.zeros(constraints.evaluator.work_size + constraints.n + constraints.m + 1)
+    second = constraints.evaluator.blocks("point_accelerations", t, q, rest, work)["point_accelerations"]
     for i, name in enumerate(d.points):
         if name in d.ground and (np.any(rates[i]) or np.any(second[i])):
             moving.insert(0, f"the ground point {name}")
@@ -134,9 +136,9 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     SimulationError
         When none is found; it names the points with unbalanced forces, and these forces.
     """
-    bonds = statics.bonds
-    length = bonds.length(q)
-    here = polished(bonds, q, statics.t)
+    constraints = statics.constraints
+    length = constraints.length(q)
+    here = polished(constraints, q, statics.t)
     if here is None:
         raise SimulationError(
             f"the pose to start from cannot be assembled at t = {statics.t:g} s\n  Start from another pose."
@@ -148,7 +150,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
         if left <= best.noise or (idle >= 3 and left <= _balanced(best)):
             return here, best
         step = _step(best.stiffness, slope, radius, stable)
-        there = polished(bonds, here + best.basis @ step, statics.t)
+        there = polished(constraints, here + best.basis @ step, statics.t)
         if there is None or np.linalg.norm(there - here) > 4 * radius:
             radius /= 4
             idle += radius < 1e-14 * length
@@ -174,7 +176,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     left = float(np.max(np.abs(best.basis.T @ statics.force(here)), initial=0.0))
     if left <= _balanced(best):
         return here, best
-    raise _none(bonds, q, here, best, statics.force(here), length)
+    raise _none(constraints, q, here, best, statics.force(here), length)
 
 
 def _balanced(found: Linearised) -> float:
@@ -224,12 +226,12 @@ def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
 
 
 def _none(
-    bonds: Bonds, start: Array, here: Array, best: Linearised, force: Array, length: float
+    constraints: Constraints, start: Array, here: Array, best: Linearised, force: Array, length: float
 ) -> SimulationError:
-    axes = len(bonds.description.axes)
+    axes = len(constraints.description.axes)
     pushed = np.linalg.norm((best.basis @ (best.basis.T @ force)).reshape(-1, axes), axis=1)
     order = [int(i) for i in np.argsort(-pushed, kind="stable")[:3] if pushed[i] > 0]
-    what = ", ".join(f"{bonds.description.free[i]} by {pushed[i]:.3g} N" for i in order)
+    what = ", ".join(f"{constraints.description.free[i]} by {pushed[i]:.3g} N" for i in order)
     if np.max(np.abs(here - start)) > _AWAY * length:
         return SimulationError(
             "there is no equilibrium within reach: nothing holds the linkage, which is still pushed at "
@@ -242,10 +244,10 @@ def _none(
 
 def describe(statics: Statics, q: Array, found: Linearised) -> Equilibrium:
     """Return the equilibrium with its reactions and the outputs that the scene selects."""
-    bonds, t = statics.bonds, statics.t
-    d, evaluator, rest = bonds.description, bonds.evaluator, np.zeros(bonds.n)
-    work = np.zeros(evaluator.work_size + bonds.n + bonds.m + 1)
-    work[bonds.n : bonds.n + bonds.m] = found.multipliers
+    constraints, t = statics.constraints, statics.t
+    d, evaluator, rest = constraints.description, constraints.evaluator, np.zeros(constraints.n)
+    work = np.zeros(evaluator.work_size + constraints.n + constraints.m + 1)
+    work[constraints.n : constraints.n + constraints.m] = found.multipliers
     info = d.kernel("outputs")
     outputs = evaluator.blocks("outputs", t, q, rest, work) if info else {}
     return Equilibrium(

@@ -16,7 +16,7 @@ from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
 from symgen.runtime.result.records import converters
 from symgen.runtime.rods.assemblies import assemblies
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import along_branch
 from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 _STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
 
 
-def driven(bonds: Bonds, q: Array, t: float) -> None:
+def driven(constraints: Constraints, q: Array, t: float) -> None:
     """Check that the drives determine the motion.
 
     Raises
@@ -36,18 +36,18 @@ def driven(bonds: Bonds, q: Array, t: float) -> None:
     ModelError
         If there are fewer drives than degrees of freedom; it gives the number of missing ones.
     """
-    values = np.linalg.svd(bonds.jacobian(q, t), compute_uv=False)
+    values = np.linalg.svd(constraints.jacobian(q, t), compute_uv=False)
     rank = int(np.count_nonzero(values > _RANK * values.max(initial=0.0)))
-    missing = bonds.n - rank
-    names = list(bonds.drives(t))
-    if (missing and bonds.n > bonds.m) or not names:
+    missing = constraints.n - rank
+    names = list(constraints.drives(t))
+    if (missing and constraints.n > constraints.m) or not names:
         if not missing:
-            raise ModelError(f"{bonds.description.name} has no drive and no freedom: nothing moves")
+            raise ModelError(f"{constraints.description.name} has no drive and no freedom: nothing moves")
         freedoms = missing + len(names)
         have = f"{_count(len(names), 'drive')} ({', '.join(names)})" if names else "no drive"
         raise ModelError(
-            f"{bonds.description.name} has {_count(freedoms, 'degree')} of freedom and {have}: a kinematic "
-            f"analysis needs {_count(missing, 'more drive')}\n"
+            f"{constraints.description.name} has {_count(freedoms, 'degree')} of freedom and {have}: a "
+            f"kinematic analysis needs {_count(missing, 'more drive')}\n"
             '  Add [[drivers]] with link = "..." and angle = "speed*t", give a massless link a length by t, '
             "or a ground point a motion."
         )
@@ -73,7 +73,7 @@ class Followed:
 
 
 def analyse(
-    bonds: Bonds, q: Array, t: float, asked: Instants, through: bool, of: Sequence[str] | None
+    constraints: Constraints, q: Array, t: float, asked: Instants, through: bool, of: Sequence[str] | None
 ) -> Motion:
     """Follow the linkage from the pose q at the time t over a range, and return its motion.
 
@@ -83,14 +83,18 @@ def analyse(
         As :func:`follow` does, for an unknown name, and when no time of the range is reached, or not a time
         that was given.
     """
-    began, chosen, shown = perf_counter(), chosen_names(bonds, of), converters(bonds.description.units)
+    began, chosen, shown = (
+        perf_counter(),
+        chosen_names(constraints, of),
+        converters(constraints.description.units),
+    )
     if not 2 <= asked.samples <= 1_000_000:
         raise ModelError(f"expected between 2 and 1 million points, got {asked.samples}")
     if through and asked.at is not None:
         raise ModelError("give at or through, not both: values are evaluated on one assembly branch")
-    driven(bonds, q, t)
-    times = asked.times(bonds.description.name, bonds.driving)
-    found = follow(bonds, q, t, asked, times, through)
+    driven(constraints, q, t)
+    times = asked.times(constraints.description.name, constraints.driving)
+    found = follow(constraints, q, t, asked, times, through)
     if not len(found.samples):
         where = "; ".join(p.describe(shown) for p in found.poses)
         raise SimulationError(
@@ -102,9 +106,9 @@ def analyse(
         order = _order_of(found, times, shown)
         samples, near = samples[order], near[order]
     return recorded(
-        bonds,
+        constraints,
         samples,
-        Along(bonds.description, bonds.moving(found.path)[0], near),
+        Along(constraints.description, constraints.moving(found.path)[0], near),
         found.poses,
         found.unassemblable,
         found.out_of_reach,
@@ -128,7 +132,7 @@ def _order_of(found: Followed, times: Array, shown: Mapping[str, tuple[str, floa
 
 
 def follow(
-    bonds: Bonds, q: Array, t: float, asked: Instants, times: Array, through: bool = False
+    constraints: Constraints, q: Array, t: float, asked: Instants, times: Array, through: bool = False
 ) -> Followed:
     """Follow the linkage from the pose q at the time t over a range, and sample it at times in it.
 
@@ -145,8 +149,8 @@ def follow(
         raise ModelError(
             f"expected a range of time with start before stop, got {asked.start:g} to {asked.stop:g} s"
         )
-    driven(bonds, q, t)
-    curve = Curve(bonds, bonds.length(q), _duration(bonds, q, t, asked))
+    driven(constraints, q, t)
+    curve = Curve(constraints, constraints.length(q), _duration(constraints, q, t, asked))
     reach = _STEPS * LONGEST * curve.duration
     if asked.stop - asked.start > reach:
         raise ModelError(
@@ -154,7 +158,7 @@ def follow(
             f"{asked.start:g} to {asked.stop:g} s"
         )
     ends = min(asked.start, t), max(asked.stop, t)
-    sound = along_branch(bonds, q, t, *ends, np.unique(times))
+    sound = along_branch(constraints, q, t, *ends, np.unique(times))
     if sound is not None:
         samples = sound.poses[sound.asked]
         return Followed(samples, sound.asked, sound.poses, [], [], [])
@@ -174,7 +178,7 @@ def follow(
     passed = [(t, q, np.zeros_like(q), np.zeros_like(q)) for q, t in (curve.split(p.x) for p in path)]
     nearest = np.array(near, dtype=np.intp)
     gaps = _gaps([*covered, *apart], asked)
-    return Followed(_poses(rows, bonds.n), nearest, _poses(passed, bonds.n), poses, gaps, apart)
+    return Followed(_poses(rows, constraints.n), nearest, _poses(passed, constraints.n), poses, gaps, apart)
 
 
 def _poses(rows: Sequence[tuple[float, Array, Array, Array]], n: int) -> Poses:
@@ -182,18 +186,18 @@ def _poses(rows: Sequence[tuple[float, Array, Array, Array]], n: int) -> Poses:
     return Poses(np.array([row[0] for row in rows]), states)
 
 
-def _duration(bonds: Bonds, q: Array, t: float, asked: Instants) -> float:
+def _duration(constraints: Constraints, q: Array, t: float, asked: Instants) -> float:
     """Return about the time in which the drives move by the linkage's size, at most about the range.
 
     Points of the linkage would do as well, but next to a dead centre they are as fast as one likes. A power
     of two divides times without rounding, so that the curve starts exactly at t.
     """
     whole = max(asked.stop, t) - min(asked.start, t)
-    fastest = float(np.max(np.abs(bonds.drift(q, t)), initial=0.0))
-    return 2.0 ** round(math.log2(min(whole, bonds.length(q) / fastest) if fastest > 0 else whole))
+    fastest = float(np.max(np.abs(constraints.drift(q, t)), initial=0.0))
+    return 2.0 ** round(math.log2(min(whole, constraints.length(q) / fastest) if fastest > 0 else whole))
 
 
-def _path(curve: Curve[Bonds], q: Array, t: float, asked: Instants, through: bool) -> list[CurvePoint]:
+def _path(curve: Curve[Constraints], q: Array, t: float, asked: Instants, through: bool) -> list[CurvePoint]:
     """Return the curve through the start, from low to high times unless it has turning points."""
     x = curve.at(curve.join(q, t))
     if x is None:
@@ -213,7 +217,7 @@ def _path(curve: Curve[Bonds], q: Array, t: float, asked: Instants, through: boo
     return turned + forward
 
 
-def _stuck(curve: Curve[Bonds], last: CurvePoint) -> SimulationError:
+def _stuck(curve: Curve[Constraints], last: CurvePoint) -> SimulationError:
     t = curve.split(last.x)[1]
     return SimulationError(
         f"the curve of poses cannot be followed beyond t = {t:.9g} s (least singular value "
@@ -222,10 +226,10 @@ def _stuck(curve: Curve[Bonds], last: CurvePoint) -> SimulationError:
     )
 
 
-def _rates(curve: Curve[Bonds], q: Array, t: float) -> tuple[Array, Array, float]:
+def _rates(curve: Curve[Constraints], q: Array, t: float) -> tuple[Array, Array, float]:
     """Return velocities, accelerations and the soundness of dPhi/dq at a pose."""
-    bonds = curve.bonds
-    left, values, right = np.linalg.svd(bonds.jacobian(q, t), full_matrices=False)
+    constraints = curve.constraints
+    left, values, right = np.linalg.svd(constraints.jacobian(q, t), full_matrices=False)
     sound = float(values[-1] / values[0])
     inverse = np.divide(1.0, values, out=np.zeros_like(values), where=values > 1e-14 * values[0])
 
@@ -233,12 +237,12 @@ def _rates(curve: Curve[Bonds], q: Array, t: float) -> tuple[Array, Array, float
         solved: Array = right.T @ (inverse * (left.T @ rhs))
         return solved
 
-    u = solve(-bonds.drift(q, t))
-    return u, solve(bonds.gamma(q, u, t)), sound
+    u = solve(-constraints.drift(q, t))
+    return u, solve(constraints.gamma(q, u, t)), sound
 
 
 def _sampled(
-    curve: Curve[Bonds], part: list[CurvePoint], grid: Array, poses: list[SingularPose]
+    curve: Curve[Constraints], part: list[CurvePoint], grid: Array, poses: list[SingularPose]
 ) -> list[tuple[tuple[float, Array, Array, Array], int]]:
     """Return the samples at the grid's times along one monotone piece, each with the point next to it."""
     times = np.array([p.x[-1] for p in part]) * curve.duration
@@ -256,7 +260,7 @@ def _sampled(
 
 
 def _sample(
-    curve: Curve[Bonds], a: CurvePoint, b: CurvePoint, t: float
+    curve: Curve[Constraints], a: CurvePoint, b: CurvePoint, t: float
 ) -> tuple[float, Array, Array, Array] | None:
     point = curve.at_time(a, b, t)
     if point is None:
@@ -267,7 +271,7 @@ def _sample(
 
 
 def _near_crossing(
-    curve: Curve[Bonds], part: list[CurvePoint], t: float, poses: list[SingularPose]
+    curve: Curve[Constraints], part: list[CurvePoint], t: float, poses: list[SingularPose]
 ) -> tuple[float, Array, Array, Array] | None:
     """Return the limit along the smooth branch where a bifurcation makes the rates undetermined.
 
@@ -303,16 +307,16 @@ def _near_crossing(
 
 
 def _elsewhere(
-    curve: Curve[Bonds], q: Array, asked: Instants, covered: list[Range]
+    curve: Curve[Constraints], q: Array, asked: Instants, covered: list[Range]
 ) -> tuple[list[SingularPose], list[Range]]:
     """Look for assemblies in the times not covered; return their dead centres and ranges."""
     poses: list[SingularPose] = []
     apart: list[Range] = []
     for low, high in _gaps(covered, asked):
         for t in low + (high - low) * (np.arange(_PROBES) + 0.5) / _PROBES:
-            if any(a <= t <= b for a, b in apart) or not np.isfinite(curve.bonds.residual(q, t)).all():
+            if any(a <= t <= b for a, b in apart) or not np.isfinite(curve.constraints.residual(q, t)).all():
                 continue
-            found, _ = assemblies(curve.bonds, q, float(t), tries=8)
+            found, _ = assemblies(curve.constraints, q, float(t), tries=8)
             if not found:
                 continue
             start = curve.at(curve.join(found[0], float(t)))
@@ -327,7 +331,7 @@ def _elsewhere(
     return poses, apart
 
 
-def _span(curve: Curve[Bonds], part: list[CurvePoint]) -> Range:
+def _span(curve: Curve[Constraints], part: list[CurvePoint]) -> Range:
     ends = sorted(float(p.x[-1] * curve.duration) for p in (part[0], part[-1]))
     return ends[0], ends[1]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 
 Array = NDArray[np.float64]
 
@@ -60,10 +60,10 @@ class Linearised:
 class Statics:
     """Forces, stiffness and damping of a model at rest at one time."""
 
-    def __init__(self, bonds: Bonds, statics: Evaluator, t: float) -> None:
-        self.bonds, self.t, self._statics = bonds, t, statics
-        self._rest = np.zeros(bonds.n)
-        self._names = bonds.description.of_coordinates()
+    def __init__(self, constraints: Constraints, statics: Evaluator, t: float) -> None:
+        self.constraints, self.t, self._statics = constraints, t, statics
+        self._rest = np.zeros(constraints.n)
+        self._names = constraints.description.of_coordinates()
 
     def force(self, q: Array) -> Array:
         """Return the applied forces on the coordinates at rest [N]."""
@@ -71,13 +71,13 @@ class Statics:
 
     def matrix(self, name: str, q: Array, multipliers: Array) -> Array:
         """Return ``mass_matrix``, ``stiffness`` or ``damping``, shape (n, n)."""
-        n = self.bonds.n
+        n = self.constraints.n
         whole = np.zeros((n, n))
         info = self._statics.description.kernel(name)
         if info is None:  # all zero
             return whole
-        work = np.zeros(self._statics.work_size + n + self.bonds.m + 1)
-        work[n : n + self.bonds.m] = multipliers
+        work = np.zeros(self._statics.work_size + n + self.constraints.m + 1)
+        work[n : n + self.constraints.m] = multipliers
         entries = self._statics(name, self.t, q, self._rest, work)
         for row, column, place in info.blocks[0].places(self._names, self._names):
             whole[row, column] = entries[place]
@@ -85,18 +85,18 @@ class Statics:
 
     def at(self, q: Array) -> Linearised:
         """Return the equations linearised at the pose q."""
-        bonds = self.bonds
+        constraints = self.constraints
         force = self.force(q)
         if not np.all(np.isfinite(force)):
             raise ModelError(
-                f"{bonds.description.name}: a force is not finite in a pose on the way to equilibrium"
+                f"{constraints.description.name}: a force is not finite in a pose on the way to equilibrium"
             )
         scale = (
-            bonds.evaluator("constraints", self.t, q, self._rest)[bonds.m : 2 * bonds.m]
-            if bonds.m
+            constraints.evaluator("constraints", self.t, q, self._rest)[constraints.m : 2 * constraints.m]
+            if constraints.m
             else self._rest[:0]
         )
-        jacobian = bonds.jacobian(q, self.t)
+        jacobian = constraints.jacobian(q, self.t)
         left, values, right = np.linalg.svd(jacobian)
         rank = int(np.count_nonzero(values > RANK * values.max(initial=0.0)))
         basis = right[rank:].T

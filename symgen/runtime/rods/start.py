@@ -211,9 +211,9 @@ def _label(evaluator: Evaluator, row: str) -> str:
 
 def _place(evaluator: Evaluator, row: str) -> str:
     """Return the key of the scene that asks for a row of the start."""
-    bond, _, link = row.rpartition(" link ")
-    if bond.startswith("the "):
-        return evaluator.description.driver(link) if "drive" in bond else f"links.{link}"
+    constraint, _, link = row.rpartition(" link ")
+    if constraint.startswith("the "):
+        return evaluator.description.driver(link) if "drive" in constraint else f"links.{link}"
     if row.startswith("the guide"):
         return "guides"
     name, _, what = row.partition(" ")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from symgen.runtime._kinematics import Kinematics
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.groups import groups_of
 from symgen.runtime.rods.poses import Poses
 
@@ -30,7 +30,9 @@ class Branch:
     asked: NDArray[np.intp]
 
 
-def along_branch(bonds: Bonds, q: Array, t: float, low: float, high: float, times: Array) -> Branch | None:
+def along_branch(
+    constraints: Constraints, q: Array, t: float, low: float, high: float, times: Array
+) -> Branch | None:
     """Follow a linkage from the pose q at the time t over a range, on one branch.
 
     Parameters
@@ -46,7 +48,7 @@ def along_branch(bonds: Bonds, q: Array, t: float, low: float, high: float, time
         None where the compiled steps come near a pose in which the constraint Jacobian is singular, or find
         none that fits their prediction: there the curve is to be followed by its arc length.
     """
-    kinematics = steps_of(bonds, q, t)
+    kinematics = steps_of(constraints, q, t)
     parts = _PARTS
     while parts <= _MOST:
         nodes = nodes_of(low, high, times, parts)
@@ -58,7 +60,7 @@ def along_branch(bonds: Bonds, q: Array, t: float, low: float, high: float, time
         if len(back) < len(before):
             return None
         poses = Poses(nodes, np.concatenate([back[::-1], forward]))
-        most = float(turned(bonds.description, nodes, *bonds.moving(poses)))
+        most = float(turned(constraints.description, nodes, *constraints.moving(poses)))
         if most <= TURN:
             return Branch(poses, np.searchsorted(nodes, times))
         parts *= int(np.ceil(min(most / TURN, _MOST)) + 1)
@@ -71,16 +73,16 @@ def nodes_of(low: float, high: float, times: Array, parts: int = _PARTS) -> Arra
     return found
 
 
-def steps_of(bonds: Bonds, q: Array, t: float, forces: Evaluator | None = None) -> Kinematics:
+def steps_of(constraints: Constraints, q: Array, t: float, forces: Evaluator | None = None) -> Kinematics:
     """Return the compiled steps of a linkage, by constraints that are independent in a pose q at a time t.
 
     With the kernels of the analysis ``forces``, they give the multipliers of the constraints too.
     """
     from scipy.linalg import qr
 
-    rows = qr(bonds.jacobian(q, t).T, mode="r", pivoting=True)[1][: bonds.n]
-    groups = groups_of(bonds.slopes, sorted(rows.tolist()), bonds.n)
-    return Kinematics(bonds.kinematics, groups, bonds.length(q), forces)
+    rows = qr(constraints.jacobian(q, t).T, mode="r", pivoting=True)[1][: constraints.n]
+    groups = groups_of(constraints.slopes, sorted(rows.tolist()), constraints.n)
+    return Kinematics(constraints.kinematics, groups, constraints.length(q), forces)
 
 
 def turned(d: Description, times: Array, places: Array, velocities: Array) -> Array:

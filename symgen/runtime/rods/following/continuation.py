@@ -57,8 +57,8 @@ class CurvePoint:
 class Curve(Generic[Held]):
     """Phi(q, t) = 0 over x = (q/length, t/duration), made dimensionless with these two."""
 
-    def __init__(self, bonds: Held, length: float, duration: float) -> None:
-        self.bonds, self.length, self.duration = bonds, length, duration
+    def __init__(self, constraints: Held, length: float, duration: float) -> None:
+        self.constraints, self.length, self.duration = constraints, length, duration
 
     def split(self, x: Array) -> tuple[Array, float]:
         """Return q [m] and t [s]."""
@@ -70,13 +70,13 @@ class Curve(Generic[Held]):
 
     def residual(self, x: Array) -> Array:
         """Return Phi over scale and length."""
-        return self.bonds.residual(*self.split(x)) / self.length
+        return self.constraints.residual(*self.split(x)) / self.length
 
     def slope(self, x: Array) -> Array:
         """Return its derivative by x, shape (m, n + 1)."""
         q, t = self.split(x)
-        by_time = self.bonds.drift(q, t) * (self.duration / self.length)
-        return np.column_stack([self.bonds.jacobian(q, t), by_time])
+        by_time = self.constraints.drift(q, t) * (self.duration / self.length)
+        return np.column_stack([self.constraints.jacobian(q, t), by_time])
 
     def point(self, x: Array, like: Array | None = None) -> CurvePoint:
         """Return the point at x with its tangent: on the side of ``like``, or towards growing t."""

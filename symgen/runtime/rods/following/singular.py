@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.result.findings import SingularPose
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.continuation import Curve, CurvePoint
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ def monotone(path: list[CurvePoint]) -> list[list[CurvePoint]]:
 
 
 def singular_poses(
-    curve: Curve[Bonds], path: list[CurvePoint], low: float, high: float
+    curve: Curve[Constraints], path: list[CurvePoint], low: float, high: float
 ) -> list[SingularPose]:
     """Return the dead centres and bifurcations on the way between two times [s], in the order of the way."""
     ends = [part[-1] for part in monotone(path)[:-1]]
@@ -53,26 +53,26 @@ def singular_poses(
     return [_pose(curve, p, kind, path) for p, kind in sorted(unique, key=along)]
 
 
-def _pose(curve: Curve[Bonds], p: CurvePoint, kind: str, path: list[CurvePoint]) -> SingularPose:
+def _pose(curve: Curve[Constraints], p: CurvePoint, kind: str, path: list[CurvePoint]) -> SingularPose:
     q, t = curve.split(p.x)
-    bonds = curve.bonds
-    places = dict(zip(bonds.description.points, bonds.places(q, t), strict=True))
+    constraints = curve.constraints
+    places = dict(zip(constraints.description.points, constraints.places(q, t), strict=True))
     others = [
-        dict(zip(bonds.description.points, bonds.places(*curve.split(o.x)), strict=True))
+        dict(zip(constraints.description.points, constraints.places(*curve.split(o.x)), strict=True))
         for o in path[:: max(1, len(path) // 8)]
     ]
     pairs = []
-    d = bonds.description
+    d = constraints.description
     for a, b in combinations([k for k, points in d.links.items() if not set(points) <= set(d.ground)], 2):
-        always = all(_in_line(bonds, a, b, other, 1e-3) for other in others)
-        if _in_line(bonds, a, b, places, 1e-6) and not always:
+        always = all(_in_line(constraints, a, b, other, 1e-3) for other in others)
+        if _in_line(constraints, a, b, places, 1e-6) and not always:
             pairs.append((a, b))
     positions = {name: r.tolist() for name, r in places.items()}
-    return SingularPose(kind, t, bonds.drives(t), positions, tuple(pairs), bonds.units())
+    return SingularPose(kind, t, constraints.drives(t), positions, tuple(pairs), constraints.units())
 
 
-def _in_line(bonds: Bonds, a: str, b: str, places: dict[str, Array], tolerance: float) -> bool:
-    links = bonds.description.links
+def _in_line(constraints: Constraints, a: str, b: str, places: dict[str, Array], tolerance: float) -> bool:
+    links = constraints.description.links
     for joint in set(links[a]) & set(links[b]):
         for p in set(links[a]) - {joint}:
             for s in set(links[b]) - {joint}:

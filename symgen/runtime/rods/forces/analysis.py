@@ -21,7 +21,7 @@ from symgen.runtime.result.recorded_motion import coordinate_of
 from symgen.runtime.result.recording import of_points
 from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.result.state import State
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, Unknown, solve
 from symgen.runtime.rods.forces.multipliers import by_multipliers
 from symgen.runtime.rods.instants import Instants
@@ -38,7 +38,7 @@ _OPEN = 1e-6
 class _Linkage:
     """The linkage and its kernels, and how many of its constraints follow from others."""
 
-    bonds: Bonds
+    constraints: Constraints
     loads: Evaluator
     redundant: int
 
@@ -66,7 +66,9 @@ def driving(loads: Evaluator, times: Array) -> dict[str, Array]:
     return {f"{row.split(' ')[0]}.angle": column for row, column in zip(rows, values.T, strict=True)}
 
 
-def analyse(bonds: Bonds, loads: Evaluator, begin: State, redundant: int, asked: LinkageForces) -> Forces:
+def analyse(
+    constraints: Constraints, loads: Evaluator, begin: State, redundant: int, asked: LinkageForces
+) -> Forces:
     """Return the forces over a motion that starts from a state.
 
     ``redundant`` is how many constraints follow from the others wherever the linkage goes.
@@ -79,14 +81,14 @@ def analyse(bonds: Bonds, loads: Evaluator, begin: State, redundant: int, asked:
         If a requested pose cannot be reached, or does not determine the forces: it names direction, rank and
         the undetermined forces.
     """
-    began, d = perf_counter(), bonds.description
-    linkage, asked, over = _Linkage(bonds, loads, redundant), _checked(asked), asked.instants(d.t_end)
-    driven(bonds, begin.q, begin.t)
+    began, d = perf_counter(), constraints.description
+    linkage, asked, over = _Linkage(constraints, loads, redundant), _checked(asked), asked.instants(d.t_end)
+    driven(constraints, begin.q, begin.t)
     times = over.times(d.name, linkage.driving)
-    found = follow(bonds, begin.q, begin.t, over, times)
+    found = follow(constraints, begin.q, begin.t, over, times)
     poses = _poses(linkage, found, times, over.at is not None)
-    assembly = Assembly(bonds, loads, poses, asked.elements)
-    solution = by_multipliers(bonds, loads, poses, assembly) or solve(assembly)
+    assembly = Assembly(constraints, loads, poses, asked.elements)
+    solution = by_multipliers(constraints, loads, poses, assembly) or solve(assembly)
     unknown = np.flatnonzero(~np.isfinite(solution.x).all(axis=1))
     if len(unknown):
         t = float(poses.times[unknown[0]])
@@ -99,7 +101,7 @@ def analyse(bonds: Bonds, loads: Evaluator, begin: State, redundant: int, asked:
             raise SimulationError(causes[0], time=float(poses.times[lost[0]]))
         notes += causes
         poses = poses[np.setdiff1d(np.arange(len(poses)), lost)]
-        assembly = Assembly(bonds, loads, poses, asked.elements)
+        assembly = Assembly(constraints, loads, poses, asked.elements)
         solution = solve(assembly)
     return _recorded(linkage, assembly, solution, poses, found, asked, over, notes, began)
 
@@ -141,9 +143,9 @@ def _poses(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Pos
             time=missing[0],
         )
     poses = found.samples[order[place[there]]]
-    if linkage.bonds.evaluator.has("line_lengths"):
+    if linkage.constraints.evaluator.has("line_lengths"):
         for t, q, u in zip(poses.times.tolist(), poses.q, poses.u, strict=True):
-            line = without_direction(linkage.bonds.evaluator, t, q, u)
+            line = without_direction(linkage.constraints.evaluator, t, q, u)
             if line:
                 raise SimulationError(f"no finite forces at {linkage.at(t)}: {line}", time=t)
     return poses
@@ -151,11 +153,11 @@ def _poses(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Pos
 
 def _at_pose(linkage: _Linkage, pose: SingularPose) -> str:
     """Return the message for a singular pose: its kind, and the forces that it leaves undetermined."""
-    d = linkage.bonds.description
+    d = linkage.constraints.description
     q = np.concatenate([np.array(pose.positions[p]) for p in d.free])
     state = np.stack([q, np.zeros_like(q), np.zeros_like(q)])
     one = Poses(np.array([pose.t]), state[None])
-    assembly = Assembly(linkage.bonds, linkage.loads, one, 1)
+    assembly = Assembly(linkage.constraints, linkage.loads, one, 1)
     return f"{pose.describe(converters(d.units))}; {_undetermined(linkage, assembly, solve(assembly), 0)}"
 
 
@@ -184,7 +186,7 @@ def _notes(linkage: _Linkage, assembly: Assembly, solution: Solution, found: Fol
             "balance alone does not determine these, and those of least norm are given: "
             f"{', '.join(u.describe() for u in loose)}{follow}"
         )
-    if linkage.bonds.description.switches:
+    if linkage.constraints.description.switches:
         yield "loads switch: forces may jump between two poses, and extremes are those of the poses"
     undivided = [k for k in assembly.names if assembly.distribution(k) is None]
     if undivided:
@@ -270,23 +272,23 @@ def _recorded(
     notes: Sequence[str],
     began: float,
 ) -> Forces:
-    d, bonds = linkage.bonds.description, linkage.bonds
+    d, constraints = linkage.constraints.description, linkage.constraints
     drive = next(iter(linkage.drives(0.0)), "") if over.over == "input" else ""
     times = poses.times
     coordinate, variables = coordinate_of(times, [*_variables(linkage, assembly, solution, asked)], drive)
     return Forces(
         **of_model(
             d,
-            bonds.evaluator.given.tolist(),
+            constraints.evaluator.given.tolist(),
             method="elements",
             t_end=over.stop,
-            backend=bonds.evaluator.library.backend,
+            backend=constraints.evaluator.library.backend,
         ),
         axes=d.axes,
         coordinate=coordinate,
         variables=tuple(variables),
-        drift=Drift(*bonds.errors(poses)),
-        final=of_points(d, *(x[-1] for x in bonds.moving(poses))),
+        drift=Drift(*constraints.errors(poses)),
+        final=of_points(d, *(x[-1] for x in constraints.moving(poses))),
         statistics={
             "t": float(poses.times[-1]),
             "steps": len(poses),

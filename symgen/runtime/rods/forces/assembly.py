@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.chain import Attachment, Chain, Distribution, ElementKernels, even
 from symgen.runtime.rods.poses import Poses
 
@@ -59,13 +59,13 @@ class Unknown:
 class Assembly:
     """The equations of the forces at some poses: times, coordinates, velocities, accelerations."""
 
-    def __init__(self, bonds: Bonds, loads: Evaluator, poses: Poses, elements: int) -> None:
-        d, self._loads, self._poses = bonds.description, loads, poses
+    def __init__(self, constraints: Constraints, loads: Evaluator, poses: Poses, elements: int) -> None:
+        d, self._loads, self._poses = constraints.description, loads, poses
         self.description, self.elements = d, elements
         self._kept: dict[str, Array] = {}
         self.names = [k for k in d.links if k in self._block("link_masses").columns]
-        self.places = bonds.moving(poses)[0]
-        self.accelerations = bonds.accelerating(poses)
+        self.places = constraints.moving(poses)[0]
+        self.accelerations = constraints.accelerating(poses)
         self.unknowns = self._unknowns()
         self.size = sum(u.width for u in self.unknowns)
         self.times = poses.times.tolist()

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import steps_of
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, solve
 from symgen.runtime.rods.poses import Poses
@@ -14,7 +14,9 @@ from symgen.runtime.rods.poses import Poses
 Array = NDArray[np.float64]
 
 
-def by_multipliers(bonds: Bonds, loads: Evaluator, poses: Poses, assembly: Assembly) -> Solution | None:
+def by_multipliers(
+    constraints: Constraints, loads: Evaluator, poses: Poses, assembly: Assembly
+) -> Solution | None:
     """Return the forces at all poses by J^T lambda = f - M a, whose J the kinematics factorises.
 
     The equations of the elements are set up at one pose, that nearest to a loss of rank: they tell the
@@ -26,9 +28,9 @@ def by_multipliers(bonds: Bonds, loads: Evaluator, poses: Poses, assembly: Assem
         None where the multipliers do not determine all forces: near a pose in which J is singular, with
         redundant constraints, and for links whose joint forces need more than multipliers.
     """
-    if bonds.m != bonds.n or not loads.has("joint_forces") or not len(poses):
+    if constraints.m != constraints.n or not loads.has("joint_forces") or not len(poses):
         return None
-    steps = steps_of(bonds, poses.q[0], float(poses.times[0]), loads)
+    steps = steps_of(constraints, poses.q[0], float(poses.times[0]), loads)
     multipliers, quality = steps.multipliers(poses.times, np.ascontiguousarray(poses.states))
     if len(multipliers) < len(poses):
         return None
@@ -37,7 +39,7 @@ def by_multipliers(bonds: Bonds, loads: Evaluator, poses: Poses, assembly: Assem
     order = {label: i for i, label in enumerate(loads.info("joint_forces").blocks[0].rows)}
     x = forces[:, [order[label] for u in assembly.unknowns for label in u.labels]]
     worst = int(np.argmin(quality[:, 0]))
-    there = Assembly(bonds, loads, poses[np.array([worst])], assembly.elements)
+    there = Assembly(constraints, loads, poses[np.array([worst])], assembly.elements)
     found = solve(there)
     size = float(np.max(np.abs(x / there.scales), initial=0.0)) or 1.0
     return Solution(
