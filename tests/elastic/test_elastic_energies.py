@@ -292,6 +292,7 @@ def test_parts_of_a_result_are_the_same_to_the_bit_whichever_is_read_first(scene
     runs = [model.simulate(method="newmark", steps=90, samples=31) for _ in range(3)]
     assert not {"variables", "notes", "statistics"} & {*vars(runs[0])}
     _ = runs[1].notes, runs[2].mesh_error, runs[2].statistics
+    assert pickle.loads(pickle.dumps(runs[0].statistics))["error"] > 0.0
     first, *others = [pickle.loads(pickle.dumps(run)) for run in runs]
     for other in others:
         assert other.notes == first.notes

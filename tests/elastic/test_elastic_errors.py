@@ -10,6 +10,8 @@ import pytest
 from shared.full import full
 
 import symgen
+from symgen.errors import SimulationError
+from symgen.runtime.elastic import steps
 from symgen.scene.loading import read_scene
 
 SAMPLES = 91
@@ -37,6 +39,7 @@ def error(found, exact):
         ("thesis_four_bar", "gauss", (1e-2, 1e-5, 1e-8)),
         ("thesis_four_bar", "gauss4", (1e-3,)),
         ("thesis_four_bar", "newmark", (1e-1,)),
+        full("thesis_four_bar", "newmark", (1e-4,)),
         full("elastic_four_bar_free", "gauss", (1e-4,)),
         ("elastic_four_bar_motor", "gauss", (1e-2, 1e-6)),
         ("elastic_slider_crank", "gauss", (1e-3, 1e-8)),
@@ -59,6 +62,20 @@ def test_estimate_of_given_steps_is_a_few_times_the_true_error(method):
     run = model.simulate(method=method, steps=1080, samples=SAMPLES)
     true = error(run, model.simulate(steps=3600, samples=SAMPLES))
     assert 3 * true < run.statistics["error"] < 30 * true
+
+
+def test_given_steps_to_the_start_alone_have_no_error():
+    assert symgen.build("thesis_four_bar").simulate(at=(0.0,), steps=400).statistics["error"] == 0.0
+
+
+def test_the_most_steps_are_those_that_the_tolerance_adds(monkeypatch):
+    """Steps that ``max_step`` or recorded times require are compared, however many they are."""
+    model = symgen.build("thesis_four_bar")
+    monkeypatch.setattr(steps, "_MOST", 512)
+    run = model.simulate(rtol=1e-3, max_step=60 / 373 / 1080, samples=3)
+    assert run.statistics["error"] <= 1e-3
+    with pytest.raises(SimulationError, match="newmark .* with 512 steps .*\n  Take gauss"):
+        model.simulate(method="newmark", samples=3)
 
 
 @pytest.mark.parametrize("rtol", [full(1e-2), 1e-4, 1e-6])

@@ -256,7 +256,7 @@ def compared_run(times: Array, counts: Counts, order: int) -> tuple[NDArray[np.i
         taken = np.diff(np.cumsum(counts)[shared], prepend=0)
         fewer = np.ceil(taken / most ** (1 / order) - 1e-9)
         growth = (taken / np.maximum(fewer, 1.0))[taken > 0] ** order
-        least_growth = float(np.min(growth[int(every > 1) :]))
+        least_growth = float(np.min(growth[int(every > 1) :], initial=np.inf))
         if least_growth >= least:
             return places[shared], fewer.astype(np.intp), least_growth
     return places, finer_counts(counts), 0.0

@@ -90,6 +90,9 @@ class Later(Mapping[str, Any]):
     def __repr__(self) -> str:
         return repr(dict(self))
 
+    def __reduce__(self) -> tuple[type, tuple[dict[str, Any]]]:
+        return dict, (dict(self),)  # functions are not pickled
+
 
 @dataclass(frozen=True, slots=True)
 class Drift:
