@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
 
 
 @pytest.fixture(scope="module")
@@ -45,5 +45,9 @@ def test_what_has_no_derivatives_is_refused(model):
         other.sensitivity(["P.position"], at=run)
     with pytest.raises(ModelError, match="got none"):
         model.sensitivity([], at=run)
+    with pytest.raises(SimulationError) as ended:
+        model.simulate(max_wall=1e-9)
+    with pytest.raises(ModelError, match="expected a whole run for at, got one that max_wall ended"):
+        model.sensitivity(["P.position"], at=ended.value.partial)
     with pytest.raises(ModelError, match="expected 1 independent coordinates of spatial_four_bar"):
         symgen.build("spatial_four_bar").sensitivity(["frequencies"])

@@ -110,6 +110,8 @@ class SpatialModel(Model):
                 raise ModelError(f"{self.name}: expected a run of this model for at: model.simulate()")
             if not outputs:
                 raise ModelError("expected outputs to differentiate, got none")
+            if not at.statistics["steps"]:
+                raise ModelError(f"{self.name}: expected a whole run for at, got one that max_wall ended")
             steps = at.statistics["steps"] // (len(at.time) - 1)
             return of_run(self.rigid, outputs, by, coordinates, at.time, steps)
         if [*outputs] != ["frequencies"]:
