@@ -91,8 +91,10 @@ def test_runs_without_derivatives_are_refused_by_name():
     short = {"t_end": 0.01, "steps": 64, "samples": 2}
     with pytest.raises(ModelError, match="implicit methods, and rk4 is none\n  Choose gauss"):
         strip.simulate(method="rk4", t_end=1e-4, samples=2).gradient(["tip.displacement"])
-    with pytest.raises(ModelError, match="those that start undeformed"):
-        strip.simulate(initial="quasi-static", **short).gradient(["tip.displacement"])
+    bent = strip.simulate(initial="quasi-static", **short)
+    for run in (bent, bent.at([0.005])):
+        with pytest.raises(ModelError, match="those that start undeformed"):
+            strip.sensitivity(["tip.displacement"], at=run)
     with pytest.raises(ModelError, match="no derivatives of 'frequencies' of a run of elastic links"):
         strip.simulate(**short).gradient(["frequencies"])
     with pytest.raises(

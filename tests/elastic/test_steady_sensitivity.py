@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from shared.elastic_exact import CASES
@@ -103,8 +105,9 @@ def test_what_has_no_derivatives_is_refused_by_name():
     with pytest.raises(ModelError, match="expected a steady state or a run of this model"):
         strip.sensitivity(["tip.displacement"], at=strip.quasi_static(at=[0.0]))
     plain = strip.periodic(at=[0.0], geometric_stiffness=False)
-    with pytest.raises(ModelError, match="leave form and geometric_stiffness out"):
-        strip.sensitivity(["tip.displacement"], at=plain)
+    for made in (plain, pickle.loads(pickle.dumps(plain))):
+        with pytest.raises(ModelError, match="leave form and geometric_stiffness out"):
+            strip.sensitivity(["tip.displacement"], at=made)
     with pytest.raises(ModelError, match="expected a state, an equilibrium or a time for at"):
         symgen.build("four_bar").sensitivity(["energy"], at=steady)
     with pytest.raises(ModelError, match="leave t_eval out"):

@@ -73,7 +73,7 @@ class MeshedMotion(ElasticMotion):
     def plain_beams(self) -> tuple[Beam, ...]:
         """The elastic links, without the damping of modes of the structure."""
         infos = self.info.beams
-        if not self._stiffened:
+        if not self.stiffened:
             infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
         rows = self._tables["properties"]
         made = []
@@ -147,7 +147,7 @@ class MeshedMotion(ElasticMotion):
         return made
 
     def _with(self, beams: tuple[BeamInfo, ...]) -> MeshedMotion:
-        made = MeshedMotion(self.rigid, self._stiffened, self._with_motor)
+        made = MeshedMotion(self.rigid, self.stiffened, self._with_motor)
         made.info = replace(self.info, beams=beams)
         made._path, made._driven, made.jumps = self._path, self._driven, self.jumps
         return made

@@ -201,14 +201,14 @@ class ElasticModel(Model):
         """Return the derivatives of a steady state at its crank angles, or of a run at its times."""
         from symgen.runtime.linearisation import elastic_runs, periodic
 
-        made, given = at.provenance, at.origin[2] if at.origin else {}
+        made = at.provenance
         method = made.get("method")
         if method not in ("periodic", *METHODS) or made["parameters"] != dict(self.parameters):
             raise ModelError(
                 f"{self.name}: expected a steady state or a run of this model for at: model.periodic(), "
                 "model.simulate()"
             )
-        if made["form"] != "exact" or not given.get("geometric_stiffness", True):
+        if made["form"] != "exact" or not made.get("geometric_stiffness", True):
             raise ModelError(
                 "derivatives of motions are those of the exact form with geometric stiffness: leave form and "
                 "geometric_stiffness out"
@@ -224,7 +224,7 @@ class ElasticModel(Model):
                 f"derivatives of runs of elastic links are for implicit methods, and {method} is none\n"
                 f"  Choose {', '.join(BEAM_METHODS)}."
             )
-        if given.get("initial", "undeformed") != "undeformed":
+        if made.get("initial", "undeformed") != "undeformed":
             raise ModelError("derivatives of runs of elastic links are for those that start undeformed")
         counts = at.counts
         if counts is None:

@@ -59,7 +59,7 @@ class ElasticMotion(ABC):
         if info is None:
             raise ModelError(f"{rigid.name} has no elastic link")
         self.rigid, self.info = rigid, info
-        self._stiffened, self._with_motor = geometric_stiffness, with_motor
+        self.stiffened, self._with_motor = geometric_stiffness, with_motor
         self._path: Path | None = None
         self._driven: ElasticMotion | None = None
         #: The last time before and the first after every jump of the loads [s], on which steps end.
@@ -253,7 +253,7 @@ class ElasticMotion(ABC):
         """Data that determine a run, in addition to the rigid linkage and its parameters."""
         made = self._motion.description.equations, self._joints.description.equations
         own = self.layout
-        return *made, repr(self.info), repr(self._stiffened), repr(own.names), own.constants.tobytes().hex()
+        return *made, repr(self.info), repr(self.stiffened), repr(own.names), own.constants.tobytes().hex()
 
     def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
         """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""

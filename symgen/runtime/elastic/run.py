@@ -211,7 +211,10 @@ def _result(
     wall: float,
 ) -> ElasticResult:
     d, rigid = motion.rigid.description, motion.rigid
-    how = {"method": task.method, "form": task.form, "rtol": task.rtol, "t_end": float(np.max(times))}
+    how: dict[str, Any] = {"method": task.method, "form": task.form, "rtol": task.rtol}
+    how |= {"t_end": float(np.max(times)), "geometric_stiffness": motion.stiffened}
+    if task.method not in ("quasi-static", "periodic"):
+        how["initial"] = task.initial
     source = _Recorded(motion, task, found.at(np.arange(len(times))), times, wall, is_spent())
     made = ElasticResult._later(
         source,
