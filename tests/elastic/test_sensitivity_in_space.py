@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError, ResultError, SimulationError
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +40,8 @@ def test_what_has_no_derivatives_is_refused(model):
     run = model.simulate(1e-4, samples=2)
     with pytest.raises(ModelError, match=r"no derivatives of 'P\.speed' of a run of elastic links in space"):
         run.gradient(["P.speed"])
+    with pytest.raises(ResultError, match="those of elastic links in space do not"):
+        run.at([5e-5])
     other = model.with_parameters(rate=50.0)
     with pytest.raises(ModelError, match="expected a run of this model for at"):
         other.sensitivity(["P.position"], at=run)

@@ -24,8 +24,8 @@ RUNS = Path(__file__).parents[1] / "reference" / "run_slopes.json"
 PART, DIRECTIONS = 0.05, 8
 #: Scenes with elastic links in space.
 IN_SPACE = ("spatial_slider_crank", "spatial_four_bar")
-#: Chains whose short rods have no direction in doubles by coordinates of points: angles are held. Rods of a
-#: micrometre swing a third of a period in this part.
+#: Chains whose short rods have no direction in doubles by coordinates of points: angles are held. In this part the
+#: faster rod of a micrometre swings a ninth of its period.
 OF_ANGLES = {"length_ratios": 0.01}
 #: Scenes with directions of ten digits in doubles: every step adds as much, so that fewer steps are better.
 ROUNDED = {"far_origin": 1e-11, "length_ratios": 1e-11}

@@ -192,7 +192,7 @@ def lanes_of(library: Library, name: str) -> tuple[int, int]:
 
 
 def _fitted(rows: Rows, size: int) -> Rows:
-    """Return rows with ``count`` entries, truncated or filled with zeros."""
+    """Return rows with ``size`` entries, truncated or filled with zeros."""
     fitted = np.zeros((len(rows), size), rows.dtype)
     kept = min(size, rows.shape[1])
     fitted[:, :kept] = rows[:, :kept]

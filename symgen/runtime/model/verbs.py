@@ -76,7 +76,7 @@ def _carry_out(
         # The caller may change arrays and states.
         given = {n: v if callable(v) else deepcopy(v) for n, v in given.items() if n not in _OUTSIDE}
         made._of_analysis(model, name, given)
-    if name == "simulate":
+    if name == "simulate" and "t_eval" in accepted(model, name):
         made._repeat_by(partial(_at_times, carried_out, given))
     return made
 

@@ -248,12 +248,15 @@ class Result(Findings, Pictures):
         ModelError
             For times that do not increase, or are outside of the run.
         ResultError
-            For results that were not returned by ``simulate`` in this process, and for times beyond an event
-            that ended the run.
+            For results that were not returned by ``simulate`` in this process, for runs of elastic links in
+            space, and for times beyond an event that ended the run.
         """
         again = self._cache.get("again")
         if again is None:
-            raise ResultError("only what simulate() of this process returned has values at other times")
+            raise ResultError(
+                "only runs that simulate() of this process returned have values at other times, and those of "
+                "elastic links in space do not"
+            )
         found: Result = again(np.atleast_1d(np.asarray(times, dtype=float)))
         if found.count < np.size(times):
             raise ResultError(
