@@ -211,6 +211,7 @@ METHODS = Registry[Method](
                 commands={
                     "simulate": Command("symgen.report.elastic:print_elastic_result"),
                     "modes": Command("symgen.report.elastic:print_elastic_modes", f"{_VALUES}:of_pose"),
+                    "sensitivity": _OF_RODS["sensitivity"],
                 },
             ),
             Method(

@@ -108,7 +108,7 @@ def test_only_runs_of_this_process_have_values_in_between(pendulum, tmp_path):
     run = pendulum.simulate(samples=3)
     again = symgen.load_result(run.save(tmp_path / "run.npz"))
     for result in (again, symgen.build("slider_crank").inverse_dynamics(samples=3)):
-        with pytest.raises(ResultError, match=r"only runs that simulate\(\)"):
+        with pytest.raises(ResultError, match=r"only runs by simulate\(\)"):
             result.at(0.1)
     with pytest.raises(ModelError, match="expected increasing times"):
         run.at(0.6)

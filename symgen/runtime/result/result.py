@@ -254,8 +254,7 @@ class Result(Findings, Pictures):
         again = self._cache.get("again")
         if again is None:
             raise ResultError(
-                "only runs that simulate() of this process returned have values at other times, and those of "
-                "elastic links in space do not"
+                "only runs by simulate() of this process, if it accepts t_eval, have values at other times"
             )
         found: Result = again(np.atleast_1d(np.asarray(times, dtype=float)))
         if found.count < np.size(times):
