@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import mpmath
 import numpy as np
@@ -299,3 +300,16 @@ def test_parts_of_a_result_are_the_same_to_the_bit_whichever_is_read_first(scene
         assert {**other.statistics, "wall_s": 0} == {**first.statistics, "wall_s": 0}
         for name in first:
             assert other.variable(name).values.tobytes() == first.variable(name).values.tobytes()
+
+
+def test_threads_that_read_a_result_find_the_same_bits():
+    """From Python 3.12 on cached properties have no lock of their own."""
+    model = symgen.build("elastic_slider_crank")
+    first, *others = [model.simulate(method="newmark", steps=360) for _ in range(4)]
+    parts = "variables", "statistics", "notes", "mesh_error"
+    for run in others:
+        with ThreadPoolExecutor(len(parts)) as pool:
+            list(pool.map(lambda part, run=run: pickle.dumps(getattr(run, part)), parts))
+        assert {**run.statistics, "wall_s": 0} == {**first.statistics, "wall_s": 0}
+        for name in first:
+            assert run.variable(name).values.tobytes() == first.variable(name).values.tobytes()

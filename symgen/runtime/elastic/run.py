@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -231,6 +232,14 @@ def _result(
     return made
 
 
+class _Once(cached_property[Any]):
+    """A cached property that one thread at a time computes; from Python 3.12 on others have no lock."""
+
+    def __get__(self, recorded: Any, owner: Any = None) -> Any:
+        with recorded.lock:
+            return super().__get__(recorded, owner)
+
+
 @dataclass
 class _Recorded:
     """A run that has ended; its methods give fields of its result that take as long as many steps.
@@ -245,13 +254,14 @@ class _Recorded:
     times: Array
     wall: float
     spent: bool
+    lock: Any = field(default_factory=RLock)
 
-    @cached_property
+    @_Once
     def equations(self) -> _beams.BeamEquations:
-        """The equations at the start of the motion."""
+        """Return the equations at the start of the motion."""
         return _equations(self.motion, self.task)
 
-    @cached_property
+    @_Once
     def _moved(self) -> tuple[tuple[Array, Array, Array], Motion]:
         """Return the rigid motion, and the whole."""
         found = self.found
@@ -259,24 +269,24 @@ class _Recorded:
         thesis = self.task.form == "thesis"
         return rigid, Motion(self.times, rigid[0], links, loads, found.displacements, found.rates, thesis)
 
-    @cached_property
+    @_Once
     def _shapes(self) -> list[Variable]:
         whole = self._moved[1]
         shapes = outputs(self.motion, whole.links, whole.displacements)
         return [*shapes, *recovered(self.motion, whole)]
 
-    @cached_property
+    @_Once
     def _acting(self) -> tuple[Array, Forces]:
         """Return the accelerations and the forces."""
         whole = self._moved[1]
         accelerations = accelerations_of(self.motion, self.equations, whole)
         return accelerations, forces(self.motion, self.equations, whole, accelerations)
 
-    @cached_property
+    @_Once
     def _balance(self) -> Energies | None:
         return energies(self.motion, *self._moved, *self._acting)
 
-    @cached_property
+    @_Once
     def _shares(self) -> dict[str, float]:
         _ = self._acting  # first
         return second_order(self.motion, self.equations, self._moved[1])
