@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from shared.in_numpy import build
 
 import symgen
 from symgen.errors import ModelError
@@ -98,6 +99,24 @@ def test_time_moves_the_drives_of_a_state():
     assert state.velocities["P"] == pytest.approx(2 * n + 0.5 * 4.0 * g, abs=1e-13)
 
 
+def test_the_rate_of_an_angle_is_given_on_a_moving_pivot():
+    # A rod on a pivot at d sin(w t): its tip moves with the pivot, and across the rod by the given rate.
+    model = build(
+        symgen.Scene(
+            points={
+                "O": {"at": [0, 0], "ground": True, "motion": ["d*sin(w*t)", 0]},
+                "P": {"at": ["0.6 m", "-0.8 m"]},
+            },
+            links={"rod": {"points": ["O", "P"], "mass": "1 kg"}},
+            parameters={"d": "0.1 m", "w": "3 rad/s"},
+        )
+    )
+    state = model.state({"rod.angle": 0.3}, {"rod.angle": 2.0}, t=0.2)
+    along, across = np.array([math.cos(0.3), math.sin(0.3)]), np.array([-math.sin(0.3), math.cos(0.3)])
+    assert state.positions["P"] == pytest.approx([0.1 * math.sin(0.6), 0] + along, abs=1e-14)
+    assert state.velocities["P"] == pytest.approx([0.3 * math.cos(0.6), 0] + 2.0 * across, abs=1e-14)
+
+
 @pytest.mark.parametrize(
     ("positions", "rates", "text"),
     [
@@ -107,6 +126,7 @@ def test_time_moves_the_drives_of_a_state():
         ({"crank.angle": math.nan}, {}, "expected a finite number"),
         ({"crank.angle": 1.0}, {"rocker.angle": 1.0}, "no position is given"),
         ({"A.position": 1.0}, {}, "A.position.x"),
+        ({"O.position.x": 0.0}, {}, "O.position.x do not determine the motion"),
     ],
 )
 def test_places_that_are_not_reached_or_not_given_are_refused(linkage, positions, rates, text):

@@ -175,7 +175,8 @@ class Tangents:
         rows = self.slopes.rows(coordinates)[:, self.by_q]
         on_free: Array = rows @ self.free
         sizes = np.linalg.norm(rows, axis=1)
-        if freedoms and np.linalg.svd(on_free / sizes[:, None])[1][-1] < _DEPENDENT:
+        constant = not np.all(sizes)
+        if freedoms and (constant or np.linalg.svd(on_free / sizes[:, None])[1][-1] < _DEPENDENT):
             raise ModelError(
                 f"the coordinates {', '.join(coordinates)} do not determine the motion of "
                 f"{self.description.name} at this state: some combination of them is constant there\n"

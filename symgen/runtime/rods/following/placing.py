@@ -78,7 +78,9 @@ def placed(
     unit = tangents.free @ np.linalg.inv(tangents.directions(names))
     drift = tangents.model.blocks("velocity_constraints", t, q, rest)["velocity_constraints"]
     u = -tangents.bound @ (drift / tangents.scale)
-    return q, u + unit @ (np.array([rates.get(name, 0.0) for name in names]) - rows @ u)
+    # Rates of coordinates at rest: those by a moving ground.
+    moving = np.array([tangents.slopes.values[f"{name}'"] for name in names])
+    return q, u + unit @ (np.array([rates.get(name, 0.0) for name in names]) - moving - rows @ u)
 
 
 def _moved(
