@@ -71,10 +71,14 @@ def programs(name):
 def analyses(name):
     if name in LINKAGES:
         linkage = resolve(load_scene(name))
-        of_rods = [kind for kind in ANALYSES if not kind.startswith("elastic")]
-        for kind in of_rods if name in IN_SPACE else ANALYSES:
-            there = name in ELASTIC if kind.startswith("elastic") else linkage.dimension == 2
-            if there or kind not in ("forces", "elastic_motion", "elastic_joints"):
+        for kind in ANALYSES:
+            if kind.startswith("elastic_motion"):  # of links in the plane; joints are those of both
+                there = name in ELASTIC and name not in IN_SPACE
+            elif kind.startswith("elastic"):
+                there = name in ELASTIC
+            else:
+                there = linkage.dimension == 2 or kind != "forces"
+            if there:
                 yield analysis_system(linkage, kind)
 
 
