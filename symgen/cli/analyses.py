@@ -106,7 +106,8 @@ def equilibrium(ctx: typer.Context) -> None:
         list[str],
         "--at",
         "ANGLE,...",
-        'Crank angles: "0,60" (bare: degrees), "0:90:4" (from, to, count), "0.5 rad"; default: start.',
+        'Crank angles: "0,60" (bare: degrees), "0:90:4" (from, to, count), "0.5 rad"; '
+        'in space times, "0.1 s"; default: start.',
         "Elastic links",
     ),
     moving=Annotated[

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from symgen.calls import checked
-from symgen.errors import GenerationError
+from symgen.errors import CapabilityError, GenerationError
 from symgen.methods import further_of, method_of
 
 if TYPE_CHECKING:
@@ -135,16 +135,27 @@ def exported(
     if is_own(scene):
         own = build(scene, set=set)
         kernels = _emitted(load(Path(str(scene))).system, own.description.equations)
-        return cast("Exported", method_of(own).load("export")(own, *kernels))
+        return cast("Exported", _export_of(own)(own, *kernels))
     text = override(text_of(scene), set or {})
     model = build_scene(text)
+    export = _export_of(model)
     program, sources = _emitted(derive(text), model.description.equations)
     further = further_of(resolve(check_scene(text)))
     parts = {kind: _emitted(system) for kind, system in further.items()}
     sources = (*sources, *(f for _, files in parts.values() for f in files))
     names = ({kind: p.name for kind, (p, _) in parts.items()},) if parts else ()
-    made: Exported = method_of(model).load("export")(model, program, sources, *names)
-    return made
+    return cast("Exported", export(model, program, sources, *names))
+
+
+def _export_of(model: Any) -> Callable[..., Any]:
+    """Return the export of a model's method; raise CapabilityError if it has none."""
+    method = method_of(model)
+    if not method.export:
+        raise CapabilityError(
+            f"{model.name} has no export to C and no live page: its links are elastic in space\n"
+            "  symgen animate and symgen report write pages of it."
+        )
+    return cast("Callable[..., Any]", method.load("export"))
 
 
 def _emitted(system: System, expected: str = "") -> tuple[Program, tuple[SourceFile, ...]]:

@@ -67,8 +67,8 @@ def of_crank(_: Any, texts: Sequence[str], option: str) -> Values:
 
 
 def of_pose(_: Any, texts: Sequence[str], option: str) -> Values:
-    """Return the times of poses [s]; raise ModelError for other text."""
-    return of_times(texts, option), "time"
+    """Return the times of poses [s]; raise ModelError for other text and bare numbers, elsewhere degrees."""
+    return _read(texts, (math.nan, ""), {TIME: "time"}, f'times after {option}, such as "0.3 s"')
 
 
 def of_times(texts: Sequence[str], option: str, expected: str = "times") -> list[float]:

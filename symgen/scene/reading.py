@@ -244,7 +244,11 @@ class Reader(Values):
         """Check that a link is there, and has one angle."""
         self.known_link(name, where)
         if self.dimension != 2:
-            raise SceneError("a link has one angle only in the plane", where=where)
+            raise SceneError(
+                "a link has one angle only in the plane",
+                where=where,
+                hint="In space, ground points have a motion (points.NAME.motion), and the start is as drawn.",
+            )
         self.moving_link(name, where)
 
     def moving_link(self, name: str, where: str) -> None:

@@ -154,7 +154,8 @@ def best(
     searches: list[Search] = []
 
     def at(value: float) -> tuple[float, Any]:
-        found, search = linkages(kind, {**given, name: float(value)}, max(starts // 5, 1), seed)
+        value = 0.0 if name in kind.lengths and value < SIZES[0] else float(value)  # an offset of zero
+        found, search = linkages(kind, {**given, name: value}, max(starts // 5, 1), seed)
         searches.append(search)
         rated = [(_off_right(kind, linkage), linkage) for linkage in found]
         return min(rated, key=lambda pair: pair[0], default=(np.pi, None))

@@ -28,6 +28,8 @@ Faults = tuple[dict[str, float], list[str]]
 
 #: Difference between the conditions and the linkage's run: rounding, near dead centres its root [rad, size].
 _AGREES = 1e-7
+#: Least length of a linkage of best transmission without a fault [size]: the optimum may be at zero.
+_VANISHES = 2e-3
 #: Larger error of a fit that is a fault [rad, size].
 _FITS = 0.05
 #: Angle by which a crank may move back before its order is wrong [rad].
@@ -42,7 +44,7 @@ class Design:
     Attributes
     ----------
     linkage
-        A ``FourBar``, ``SliderCrank`` or ``SphericalFourBar``, with their lengths and angles.
+        A ``FourBar``, ``SliderCrank`` or ``SphericalFourBar``, with their lengths or arcs, class and error.
     quantities
         Lengths [m], angles [rad] and ratios measured in a run, if the crank turns: least and greatest
         transmission angle, swing or stroke and time ratio, and those of limit positions if the task
@@ -57,7 +59,7 @@ class Design:
 
 
 @checked
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Synthesis:
     """All linkages found; ``designs`` without faults come first, those of least error before others.
 
@@ -70,6 +72,11 @@ class Synthesis:
     designs: tuple[Design, ...]
     search: Search
     units: Shown
+
+    def __repr__(self) -> str:
+        good = sum(not d.faults for d in self.designs)
+        count = len(self.designs)
+        return f"<Synthesis of {self.linkage}s, {self.kind}: {count} designs, {good} without a fault>"
 
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers, in SI units: what ``symgen synthesise --json`` prints."""
@@ -114,7 +121,8 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
             linkages, search = limits.best(kind, given, ranges, asked.starts, asked.seed)
         else:
             linkages, search = limits.linkages(kind, given, asked.starts, asked.seed)
-        designs = [_checked(linkage, partial(_limits, kind, linkage, given)) for linkage in linkages]
+        measured = partial(_limits, kind, given, optimised=bool(ranges))
+        designs = [_checked(linkage, partial(measured, linkage)) for linkage in linkages]
         if not designs:
             reason = kind.why_not(given, ranges)
             if reason:
@@ -202,12 +210,17 @@ def _stopped(linkage: Linkage, time: float) -> str:
     return f"the crank stops at {stop:.6g} deg, before it has passed all poses"
 
 
-def _limits(kind: limits.Kind, linkage: Linkage, given: dict[str, float]) -> Faults:
+def _limits(kind: limits.Kind, given: dict[str, float], linkage: Linkage, *, optimised: bool) -> Faults:
     quantities = _over_revolution(linkage) | dict(kind.measured(linkage))
     size = max(linkage.lengths.values())
     sizes = {n: size if n in kind.lengths else 1.0 for n in given if n in quantities}
     missed = {n: abs(quantities[n] - given[n]) / unit for n, unit in sizes.items()}
-    return quantities, [f"{name} is missed by {x:.2g}" for name, x in missed.items() if not x <= _AGREES]
+    faults = [f"{name} is missed by {x:.2g}" for name, x in missed.items() if not x <= _AGREES]
+    for name, length in linkage.lengths.items() if optimised else ():
+        if name not in given and name != "offset" and length < _VANISHES * size:
+            share = f"{length / size:.1e} of the longest length"
+            faults.append(f"the {name} has {share}: prescribe a length instead of the range")
+    return quantities, faults
 
 
 def _over_revolution(linkage: Linkage) -> dict[str, float]:
@@ -315,12 +328,13 @@ def _passed(linkage: Linkage, missed: Array, directions: Array, error: float, un
     fitted = error > _AGREES
     least = _FITS if fitted else _AGREES
     wrong = [str(i + 1) for i in np.flatnonzero(~(np.abs(missed) <= least))]
+    points = f"precision point{'s' * (len(wrong) > 1)} {', '.join(wrong)} {'are' if len(wrong) > 1 else 'is'}"
     faults = [*_order(linkage, directions)]
     if wrong and fitted:
         most = f"{np.abs(missed).max():.2g} {unit}"
-        faults.insert(0, f"precision points {', '.join(wrong)} are missed by up to {most}")
+        faults.insert(0, f"{points} missed by up to {most}")
     elif wrong:
-        faults.insert(0, f"precision points {', '.join(wrong)} are on another assembly branch")
+        faults.insert(0, f"{points} on another assembly branch")
     return _over_revolution(linkage), faults
 
 

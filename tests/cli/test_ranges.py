@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from symgen.errors import ModelError
-from symgen.inspection.values import crank_speeds, of_crank, of_drive, of_input, of_times
+from symgen.inspection.values import crank_speeds, of_crank, of_drive, of_input, of_pose, of_times
 
 RPM = math.pi / 30
 SLIDER = SimpleNamespace(
@@ -55,6 +55,13 @@ def test_faulty_ranges(text):
 def test_faulty_speeds(text):
     with pytest.raises(ModelError, match="expected crank speeds after --speeds, such as"):
         crank_speeds(text)
+
+
+def test_times_of_poses_in_space_need_a_unit():
+    """Bare numbers are degrees after ``--at`` of other modes: 60 would be 60 s."""
+    assert of_pose(None, ["0 s,20 ms"], "--at") == (pytest.approx([0.0, 0.02]), "time")
+    with pytest.raises(ModelError, match="expected times after --at, such as \"0.3 s\".*got '60'"):
+        of_pose(None, ["60"], "--at")
 
 
 def test_ranges_of_times():

@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 from shared.in_numpy import build
 
 import symgen
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SceneError
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import moved
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
@@ -220,6 +220,14 @@ def test_directions_that_a_joint_does_not_have_are_refused(joint, words):
     model = build(symgen.Scene(points=points, links=links, joints=joints))
     with pytest.raises(ModelError, match=words):
         model.modes()
+
+
+def test_a_driven_link_in_space_is_refused_with_the_input_that_there_is():
+    points = {"A": at(0, 0, 0, ground=True), "B": at(0.2, 0, 0), "C": at(0.4, 0.3, 0.1)}
+    links = {"crank": {"points": ["A", "B"], "mass": "1 kg"}, "beam": elastic(["B", "C"])}
+    with pytest.raises(SceneError, match="only in the plane") as refused:
+        build(symgen.Scene(points=points, links=links, drivers=[{"link": "crank", "angle": "3"}]))
+    assert "points.NAME.motion" in refused.value.hint
 
 
 @pytest.mark.parametrize("of", ["modes", "simulate"])

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import BuildError, ModelError
+from symgen.errors import BuildError, CapabilityError, ModelError
 from symgen.export.live import sources_of
 from symgen.inspection import live as inspected
 from symgen.inspection.film import film_of
@@ -225,6 +225,8 @@ def test_places_of_joints_are_products_of_matrices():
 def test_refusals(monkeypatch):
     with pytest.raises(ModelError, match="elastic has no live page: it has no outputs"):
         sources_of(SimpleNamespace(name="elastic", outputs=(), own={}), FRAMES)
+    with pytest.raises(CapabilityError, match="spatial_slider_crank has no export to C and no live page"):
+        inspected.live_of(read_scene("spatial_slider_crank"), {}, FRAMES)
     with pytest.raises(ModelError, match="expected the range of the slider of links_coupler_length"):
         inspected.live_of(read_scene("crank_rocker"), {"links.coupler.length": "1 m"}, FRAMES)
     with pytest.raises(ModelError, match="links_crank_length moves the start of four_bar"):

@@ -186,7 +186,11 @@ def test_a_latin_hypercube_and_a_sobol_sequence_have_one_sample_in_each_interval
         ({"a": [0.1]}, {"part": (1, 2)}, "parts of a sweep are written to one store"),
         ({"a": [0.1]}, {"chunk": 0}, "expected a chunk of one run or more"),
         ({"a": [0.1]}, {"analysis": "assemblies"}, "there are no sweeps of 'assemblies'"),
-        ({"a": [0.1]}, {"outputs": ["D.position"]}, "no output 'D.position'"),
+        (
+            {"a": [0.1]},
+            {"outputs": ["D.position"]},
+            r"no output 'D.position'.*\n.*kinematics positions and angles",
+        ),
         ({"a": [0.1]}, {"no_such": 1}, "no argument 'no_such'"),
         ({"a": [0.1]}, {"chunk": "x"}, "Model.sweep: expected a whole number for chunk"),
     ],

@@ -451,3 +451,16 @@ def test_a_function_that_is_missed_by_far_is_a_fault():
     for design in found.designs:
         assert design.faults and design.linkage.error > 1e-3
     assert any("are missed by up to" in fault for d in found.designs for fault in d.faults)
+
+
+def test_a_crank_that_vanishes_in_the_best_transmission_is_a_fault():
+    """Centric crank-rockers transmit with less than 90 deg - swing/2, which they tend to as the crank vanishes."""
+    task = {"kind": "limits", "fixed_link": "220 mm", "swing": "95 deg", "time_ratio": 1, "starts": 20}
+    found = symgen.synthesise({**task, "transmission_least": ["30 deg", "80 deg"]})
+    (design,) = found.designs
+    assert design.quantities["transmission_minimum"] == pytest.approx(math.radians(90.0 - 95.0 / 2), abs=1e-3)
+    assert "the crank has" in design.faults[0] and "prescribe a length" in design.faults[0]
+    assert repr(found) == "<Synthesis of four-bars, limits: 1 designs, 0 without a fault>"
+    (design,) = symgen.synthesise({**task, "rocker": "70 mm"}).designs
+    assert not design.faults
+    assert design.linkage.lengths["crank"] == pytest.approx(0.07 * math.sin(math.radians(95.0 / 2)))

@@ -166,6 +166,14 @@ def test_the_scene_of_a_design_runs_and_has_its_lengths_as_parameters(tmp_path):
     assert other["B.position"].values[0] == pytest.approx([x, 0.05], abs=1e-9)
 
 
+def test_the_best_offset_of_a_range_from_zero_is_zero():
+    """The least transmission angle acos((e + r)/l) decreases with the offset e."""
+    (design,) = found(kind="limits", crank="50 mm", coupler="200 mm", offset=["0 mm", "30 mm"], starts=20)
+    assert design.linkage.lengths["offset"] == pytest.approx(0.0, abs=1e-9)
+    assert design.quantities["transmission_minimum"] == pytest.approx(math.acos(0.25), rel=1e-9)
+    assert not design.faults
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_crank_stops_where_the_coupler_no_longer_reaches_the_guide(seed):
     from symgen.synthesis.slider_crank import SliderCrank

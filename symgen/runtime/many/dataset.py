@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, check_known
+from symgen.errors import ModelError, nearest
 from symgen.runtime.many.reductions import HISTORY, mean_weights, reduced, reductions
 from symgen.runtime.result.records import Coordinate, Variable
 
@@ -159,7 +159,12 @@ def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tu
         return variables
     named = {v.name: v for v in variables}
     for name in outputs:
-        check_known(name, named, "the runs have no output")
+        if name not in named:
+            raise ModelError(
+                f"the runs have no output {name!r}. {nearest(name, named)}\n"
+                "  Each analysis has its own: kinematics positions and angles, inverse_dynamics forces, "
+                "simulate those under [analysis] outputs."
+            )
     return tuple(named[name] for name in outputs)
 
 
