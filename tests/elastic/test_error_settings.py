@@ -19,6 +19,7 @@ ROUND_OFF = 1e-11
 SEEDS = range(100, 150)
 #: Those that take a second or two each.
 QUICK = (104, 117)
+LARGE, QUICK_LARGE = range(400, 420), (401, 402)
 
 
 def drawn(seed):
@@ -70,3 +71,14 @@ def test_estimates_are_near_the_true_errors(seed):
     if by_steps > ROUND_OFF:
         assert 0.3 < run.statistics["error"] / by_steps < 30
     assert 0.3 < run.mesh_error / by_elements < 30
+
+
+@pytest.mark.parametrize("seed", [k if k in QUICK_LARGE else full(k) for k in LARGE])
+def test_estimates_in_large_rotation_are_near_the_true_errors(seed):
+    data, elements, _, tolerance, options = drawn(seed)
+    model = built(data, elements)
+    part = {"elements": elements, "revolutions": options["revolutions"], "samples": 46}
+    run = model.large_rotation(**part, **tolerance)
+    shorter = run.times[-1] / (SHORTER * run.statistics["steps"])
+    by_steps = difference(run, model.large_rotation(**part, rtol=0.9, max_step=shorter))
+    assert 0.3 < run.statistics["error"] / by_steps < 3

@@ -18,8 +18,9 @@ from symgen.scene.loading import read_scene
 
 #: Elements of the reference over those of a setting, and its steps.
 FINER, SHORTER = 8, 4
-SEEDS = range(200, 220)
-QUICK = (207,)
+SEEDS = range(400, 420)
+#: Those that take half a second each.
+QUICK = (400, 401)
 
 
 def drawn(seed):
@@ -53,5 +54,5 @@ def test_estimates_in_space_are_near_the_true_errors(seed):
     own = stresses(LinkageInSpace(model.rigid), times, steps)
     by_steps = largest(own, stresses(LinkageInSpace(model.rigid), times, SHORTER * steps))
     by_elements = largest(own, stresses(LinkageInSpace(model.rigid, divided=FINER), times, steps))
-    assert 0.3 < run.statistics["error"] / by_steps < 30
+    assert 0.3 < run.statistics["error"] / by_steps < 3
     assert 0.3 < run.mesh_error / by_elements < 30

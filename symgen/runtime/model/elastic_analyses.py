@@ -90,7 +90,7 @@ class ElasticAnalyses:
             springs, welds to rigid links and forces that rotate with sections are refused.
         rtol
             For rods, relative tolerance of the local error (1e-7); for elements, error by time steps over the
-            peak stress of each station (2e-2).
+            peak stress of each station (2e-3).
         """
         raise NotImplementedError
 

@@ -17,7 +17,7 @@ from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.exact import rigid_places, stiffness_damped
 from symgen.runtime.elastic.large.collocation import Moment, moved, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
-from symgen.runtime.elastic.large.passes import Pass, refine
+from symgen.runtime.elastic.large.passes import RTOL, Pass, refine
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import (
@@ -45,8 +45,6 @@ _STEPS = 128
 _STRIDES = 5.0
 #: The most elements of a link.
 _MOST_ELEMENTS = 1000
-#: Error by time steps over the peak stress of a station, where ``rtol`` is not given.
-RTOL = 2e-2
 
 
 def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> ElasticResult:
@@ -92,7 +90,7 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
     except OutOfTime as stop:
         raise _out_of_time(motion, linkage, task, times, stop, passes, pace) from None
     made = _result(motion, linkage, task, times, passes[-1], pace.wall)
-    made._estimate_later(partial(_by_elements, motion, elements, times, passes[-2:][0], wall_left()))
+    made._estimate_later(partial(_by_elements, motion, elements, times, passes[-1], wall_left()))
     return made
 
 

@@ -15,7 +15,7 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import Moment, moved, stacked
-from symgen.runtime.elastic.large.passes import Pass, refine
+from symgen.runtime.elastic.large.passes import RTOL, Pass, refine
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.outputs import outputs
@@ -38,8 +38,8 @@ Array = NDArray[np.float64]
 
 #: What runs report as their form.
 _FORM = "elements in space"
-#: Steps of a run to start with; error by time steps over the peak stress of a link.
-_STEPS, RTOL = 64, 1e-2
+#: Steps of a run to start with.
+_STEPS = 64
 #: Axial strain from which on stress in proportion to strain is no model of a link.
 _STRAIN = 0.1
 
@@ -166,7 +166,7 @@ class SpatialModel(Model):
                 problem = f"{self.name}: {out_of_time(stop.t, end)}"
                 raise SimulationError(problem, time=stop.t, partial=partial_result) from None
             made = self._result(linkage, times, passes[-1], rtol, pace.wall)
-            made._estimate_later(partial(self._by_elements, times, passes[-2:][0], wall_left()))
+            made._estimate_later(partial(self._by_elements, times, passes[-1], wall_left()))
         return made
 
     def _checked(self, linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
