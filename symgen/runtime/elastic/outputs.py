@@ -6,11 +6,14 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from threading import RLock
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import SceneError, nearest
+from symgen.errors import SceneError, SimulationError, nearest
+from symgen.precision import FLOAT64
 from symgen.runtime import _beams
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.links import Beam
@@ -29,6 +32,8 @@ FINER, SAFETY = 1.2, 5.0
 #: the most; and the estimate over their difference. So the estimates of all methods were 3.3 to 19 times the
 #: error of runs of shipped scenes, those included whose steps do not resolve vibrations.
 FEWER, SAFETY_FEWER = (2.2, 5.2), 4.5
+#: Runs in a row after which errors that grow are round-off, in types coarser than doubles.
+_ROUNDED = 2
 #: The least number of times that runs with fewer and with more steps are compared at, if not at all.
 _SHARED = 60
 
@@ -267,6 +272,14 @@ def next_factor(error: float, rtol: float, order: int, falls: bool) -> float:
     return min((error / rtol) ** (1 / order), 2.0) if falls else 2.0
 
 
+class Once(cached_property[Any]):
+    """A cached property that one thread at a time computes; from Python 3.12 on others have no lock."""
+
+    def __get__(self, of: Any, owner: Any = None) -> Any:
+        with vars(of).setdefault("lock", RLock()):
+            return super().__get__(of, owner)
+
+
 class Errors:
     """Errors of runs in time, over the peak stress at a station, the largest of all stations."""
 
@@ -292,6 +305,17 @@ class Errors:
         self.grown = self.grown + 1 if error > self._last else 0
         self.least, self._last = min(self.least, error), error
         return errors
+
+    def check_round_off(self, method: str, rtol: float) -> None:
+        """Raise SimulationError where more steps only add round-off."""
+        typed = self.motion.rigid.typed
+        if typed and typed.precision.epsilon > FLOAT64.epsilon and self.grown >= _ROUNDED:
+            raise SimulationError(
+                f"{self.motion.rigid.name}: {method} does not come within {rtol:g} of the peak stress in "
+                f"{typed.precision.name}: shorter steps only add round-off, and {self.least:.1e} is the "
+                "best\n"
+                "  Give a larger --rtol, or take float64."
+            )
 
     @cached_property
     def _links(self) -> Array:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property, partial
-from threading import RLock
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.elastic.jumps import explicit, jump_times
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import Found, coordinate_of, outputs, recovered, selected
+from symgen.runtime.elastic.outputs import Found, Once, coordinate_of, outputs, recovered, selected
 from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import held, initial
 from symgen.runtime.elastic.steps import Task, adapted, first_steps, recorded_times, step_counts, stepped
@@ -214,8 +213,7 @@ def _result(
     d, rigid = motion.rigid.description, motion.rigid
     how: dict[str, Any] = {"method": task.method, "form": task.form, "rtol": task.rtol}
     how |= {"t_end": float(np.max(times)), "geometric_stiffness": motion.stiffened}
-    if task.method not in ("quasi-static", "periodic"):
-        how["initial"] = task.initial
+    how |= {} if task.method in ("quasi-static", "periodic") else {"initial": task.initial}
     source = _Recorded(motion, task, found.at(np.arange(len(times))), times, wall, is_spent())
     made = ElasticResult._later(
         source,
@@ -232,14 +230,6 @@ def _result(
     return made
 
 
-class _Once(cached_property[Any]):
-    """A cached property that one thread at a time computes; from Python 3.12 on others have no lock."""
-
-    def __get__(self, recorded: Any, owner: Any = None) -> Any:
-        with recorded.lock:
-            return super().__get__(recorded, owner)
-
-
 @dataclass
 class _Recorded:
     """A run that has ended; its methods give fields of its result that take as long as many steps.
@@ -254,14 +244,13 @@ class _Recorded:
     times: Array
     wall: float
     spent: bool
-    lock: Any = field(default_factory=RLock)
 
-    @_Once
+    @Once
     def equations(self) -> _beams.BeamEquations:
         """Return the equations at the start of the motion."""
         return _equations(self.motion, self.task)
 
-    @_Once
+    @Once
     def _moved(self) -> tuple[tuple[Array, Array, Array], Motion]:
         """Return the rigid motion, and the whole."""
         found = self.found
@@ -269,24 +258,24 @@ class _Recorded:
         thesis = self.task.form == "thesis"
         return rigid, Motion(self.times, rigid[0], links, loads, found.displacements, found.rates, thesis)
 
-    @_Once
+    @Once
     def _shapes(self) -> list[Variable]:
         whole = self._moved[1]
         shapes = outputs(self.motion, whole.links, whole.displacements)
         return [*shapes, *recovered(self.motion, whole)]
 
-    @_Once
+    @Once
     def _acting(self) -> tuple[Array, Forces]:
         """Return the accelerations and the forces."""
         whole = self._moved[1]
         accelerations = accelerations_of(self.motion, self.equations, whole)
         return accelerations, forces(self.motion, self.equations, whole, accelerations)
 
-    @_Once
+    @Once
     def _balance(self) -> Energies | None:
         return energies(self.motion, *self._moved, *self._acting)
 
-    @_Once
+    @Once
     def _shares(self) -> dict[str, float]:
         _ = self._acting  # first
         return second_order(self.motion, self.equations, self._moved[1])

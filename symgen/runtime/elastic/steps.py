@@ -50,8 +50,6 @@ _MOST_A_TURN = 10_000_000
 _LASTING, _PART, _FEW, _LEAST, _GROWN = 0.4, 8, 64, 0.6, 2.0
 #: The order of methods whose errors fall too slowly to tell that they fall as the order says.
 _SLOW = 2
-#: Runs in a row after which errors that grow are round-off, in types coarser than doubles.
-_ROUNDED = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,7 +288,7 @@ def adapted(
         error = float(np.max(parts))
         if error <= task.rtol:
             return replace(found, errors=known(error))
-        _check_round_off(motion, task, errors)
+        errors.check_round_off(task.method, task.rtol)
         # Vibrations that decay need their steps only up to the last time at which they show.
         last = int(np.flatnonzero(parts > task.rtol)[-1])
         falls = error < before * more ** (-method.order / 2)
@@ -395,17 +393,6 @@ def _counts_by_part(
             needed = (_GROWN * _PART * error / task.rtol) ** (1 / method.order)
             factor = max(needed, _LEAST) if falls else min(max(needed, _LEAST), 1.0)
             return np.ceil(factor * counts - 1e-9).astype(np.intp), falls
-        _check_round_off(motion, task, errors)
+        errors.check_round_off(task.method, task.rtol)
         counts, before = 2 * counts, error
     return counts, False
-
-
-def _check_round_off(motion: ElasticMotion, task: Task, errors: Errors) -> None:
-    """Raise SimulationError where more steps only add round-off."""
-    typed = motion.rigid.typed
-    if typed and typed.precision.epsilon > FLOAT64.epsilon and errors.grown >= _ROUNDED:
-        raise SimulationError(
-            f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress in "
-            f"{typed.precision.name}: shorter steps only add round-off, and {errors.least:.1e} is the best\n"
-            "  Give a larger --rtol, or take float64."
-        )
