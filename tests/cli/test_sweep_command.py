@@ -198,6 +198,11 @@ def test_plots_of_one_parameter_of_samples_and_of_failures():
     line = plot(runs([2.0, 1.0, 3.0], [0.0, 0.0, 0.0], [4.0, math.nan, 6.0])).axes[0]
     assert line.lines[0].get_xdata().tolist() == [1.0, 2.0, 3.0]
     assert line.get_xlabel() == "x [m]" and line.get_ylabel() == "F.peak [N]"
+    early = runs([2.0, 1.0, 3.0], [0.0, 0.0, 0.0], [4.0, 5.0, 6.0]).assign(
+        recorded=("run", [9.0, 7.0, math.nan])
+    )
+    ring = plot(early).axes[0].lines[1]  # a failed run has no samples
+    assert ring.get_xdata().tolist() == [1.0] and ring.get_ydata().tolist() == [5.0]
     cells = plot(runs([1.0, 1.0, 2.0, 2.0], [3.0, 4.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0])).axes[0]
     assert cells.collections[0].get_array().tolist() == [[5.0, 7.0], [6.0, 8.0]]
     points = plot(runs([1.0, 1.5, 2.0], [3.0, 3.5, 4.0], [5.0, 6.0, 7.0])).axes[0]

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symgen.errors import ResultError, nearest
 from symgen.report.page.plots import save
@@ -89,6 +90,10 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
         if len(varied) == 1:
             order = np.argsort(runs[x].values, kind="stable")
             panel.plot(values_of(runs, x)[order], values[order], marker=".")
+            early = order[_ended_early(runs)[order]]
+            if len(early):
+                rings = panel.plot(values_of(runs, x)[early], values[early], "o", mfc="white", c="black")
+                panel.legend(rings[:1], ["ended early"])
             panel.set_ylabel(label)
             panel.grid(alpha=0.3)
             continue
@@ -103,6 +108,12 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
     if file is not None:
         save(figure, file)
     return figure
+
+
+def _ended_early(runs: xarray.Dataset) -> NDArray[np.bool_]:
+    """Return which runs recorded fewer samples than others; their reductions are of the part before."""
+    sizes = np.nan_to_num(runs[RECORDED].values) if RECORDED in runs else np.zeros(runs.sizes["run"])
+    return (sizes > 0) & (sizes < sizes.max())
 
 
 def plot_front(front: xarray.Dataset, file: str | os.PathLike[str] | None = None) -> Figure:
