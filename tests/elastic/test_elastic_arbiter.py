@@ -187,7 +187,7 @@ def test_command_line(tmp_path):
     assert said["method"] == "large-rotation"
     outputs = {name for name in said["outputs"] if name.startswith("rod.")}
     assert outputs == {"rod.bending_strain", "rod.axial_strain", "rod.stress", "rod.length_change"}
-    assert any("keep their length" in note for note in said["notes"])
+    assert any("are inextensible" in note for note in said["notes"])
     assert any("rods per link is not estimated" in note for note in said["notes"])
     assert any("damp" in note and "rod" in note for note in said["notes"])
     assert file.is_file()

@@ -116,7 +116,7 @@ def test_counts_are_those_of_the_printed_text(every_program):
             assert len(re.findall(r" [-+] ", right)) == own.add, (program.name, kernel.name)
             assert right.count("*") == own.mul
             assert right.count("/") == own.div
-            functions = "|".join([*nodes.FUNCTIONS.values(), "sqrt", "pow", "guarded_inverse"])
+            functions = "|".join([*nodes.FUNCTIONS.values(), "sqrt", "pow", "fmax", "guarded_inverse"])
             assert len(re.findall(rf"\b(?:{functions})\(", right)) == own.call
             assert counts.flops == own.flops + sum(k.counts.flops for k in kernel.first + kernel.then)
 
