@@ -279,6 +279,13 @@ def test_round_rods_need_no_direction_and_parameters_are_tunable(tmp_path):
     assert 2 < stress[1] / stress[0] < 6
 
 
+def test_max_wall_ends_a_run_between_samples():
+    model = symgen.build("spatial_slider_crank")
+    with pytest.raises(SimulationError, match="max_wall = 0.2 s") as ended:
+        model.simulate(5.0, samples=2, max_step=1e-5, max_wall=0.2)
+    assert 0.0 < ended.value.time < 5.0 and ended.value.partial.count == 1
+
+
 def test_a_rod_shorter_than_its_crank_comes_to_a_dead_centre(tmp_path):
     """The pin leaves the reach r of the slider where r sin(rate t) is the length of the rod."""
     file = tmp_path / "space.toml"

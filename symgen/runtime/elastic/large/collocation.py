@@ -33,6 +33,8 @@ Indices = NDArray[np.intp]
 
 #: Error that corrections leave in the places, over their sizes.
 CLOSE = 1e-10
+#: Steps whose prescribed numbers are found together.
+_TOGETHER = 1024
 #: Part of a step over which the rates of the constraints are differentiated in time.
 PART = 1e-3
 
@@ -244,20 +246,24 @@ def moved(
     guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
     within = h * np.concatenate([[0.5], method.c, [1.0]])
     for start, end in pairwise(times.tolist()):
-        if pace.spent(start):
-            raise OutOfTime(start, found, np.arange(len(found)))
-        known = system.prescribed((start + h * np.arange(steps)[:, None] + within).ravel())
-        for places, rates in zip(*(x.reshape(steps, len(within), -1) for x in known), strict=True):
-            stepped = stepper.step(now.t, now.q, now.v, now.a, now.multipliers, guess, places, rates)
-            if stepped is None:
-                raise SimulationError(
-                    f"{system.name}: Newton's method does not converge in a step of {h:.3g} s", time=now.t
-                )
-            q, v, a, multipliers, work = stepped
-            before, guess = now, (a, multipliers)
-            now = Moment(now.t + h, q, v, a[-1], multipliers[-1], now.work + work)
-            if at_step is not None:
-                at_step(before, a, multipliers, now)
+        for first in range(0, steps, _TOGETHER):
+            begun = start + h * np.arange(first, min(first + _TOGETHER, steps))[:, None]
+            known = (
+                x.reshape(len(begun), len(within), -1) for x in system.prescribed((begun + within).ravel())
+            )
+            for places, rates in zip(*known, strict=True):
+                if pace.spent(now.t):
+                    raise OutOfTime(now.t, found, np.arange(len(found)))
+                stepped = stepper.step(now.t, now.q, now.v, now.a, now.multipliers, guess, places, rates)
+                if stepped is None:
+                    raise SimulationError(
+                        f"{system.name}: Newton's method does not converge in a step of {h:.3g} s", time=now.t
+                    )
+                q, v, a, multipliers, work = stepped
+                before, guess = now, (a, multipliers)
+                now = Moment(now.t + h, q, v, a[-1], multipliers[-1], now.work + work)
+                if at_step is not None:
+                    at_step(before, a, multipliers, now)
         found.append(settled(system, now, h))
         if progress is not None:
             progress(end / float(times[-1]))
