@@ -99,6 +99,35 @@ def test_time_moves_the_drives_of_a_state():
     assert state.velocities["P"] == pytest.approx(2 * n + 0.5 * 4.0 * g, abs=1e-13)
 
 
+def test_drives_are_followed_over_revolutions():
+    # The second freedom of a five-bar stays, and the driven crank turns: the coupler point keeps its side.
+    start = math.atan2(0.1, 0.2)
+    model = build(
+        symgen.Scene(
+            points={
+                "O": {"at": [0, 0], "ground": True},
+                "A": {"at": ["0.2 m", "0.1 m"]},
+                "B": {"at": ["0.5 m", "0.6 m"]},
+                "D": {"at": ["0.9 m", "0.2 m"]},
+                "C": {"at": ["0.8 m", 0], "ground": True},
+            },
+            links={
+                name: {"points": list(ends), "mass": "1 kg"}
+                for name, ends in {"crank": "OA", "left": "AB", "right": "DB", "lever": "CD"}.items()
+            },
+            parameters={"w": "2 rad/s"},
+            drivers=[{"link": "crank", "angle": "atan2(0.1, 0.2) + w*t"}],
+        )
+    )
+    angle, length = math.atan2(0.2, 0.1), math.hypot(0.2, 0.1)
+    for t in (0.9, 1.6, 2.9, 7.0):
+        p = model.state({"lever.angle": angle}, t=t).positions
+        turned = start + 2 * t
+        assert p["A"] == pytest.approx([length * math.cos(turned), length * math.sin(turned)], abs=1e-13)
+        (x, y), (u, v) = p["D"] - p["A"], p["B"] - p["A"]
+        assert x * v - y * u > 0
+
+
 def test_the_rate_of_an_angle_is_given_on_a_moving_pivot():
     # A rod on a pivot at d sin(w t): its tip moves with the pivot, and across the rod by the given rate.
     model = build(

@@ -184,7 +184,11 @@ class RodModel(LinkageModel):
             state = self._state(when, q, u)
             return Tangents(self._evaluator, kernels, d.inputs, state, unsolved, len(self.redundant))
 
-        return placed(at, begin, places, speeds, t)
+        if t == begin.t:
+            return placed(at, begin, places, speeds, t, lambda _: {}, ())
+        driven = self._constraints()
+        angular = [name for name, unit in driven.units().items() if unit == "rad"]
+        return placed(at, begin, places, speeds, t, driven.drives, angular)
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         from symgen.runtime.linearisation.state_space import derivatives

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,10 @@ from symgen.runtime.rods.redundancy import extent
 
 Array = NDArray[np.float64]
 
-#: Largest change of a coordinate in a step, in radians and relative to the linkage's size; smallest step
-#: relative to the whole; Newton iterations of a step, and their last change relative to the size.
-_STEP, _LEAST, _NEWTON, _CLOSED = 0.2, 1e-4, 12, 1e-13
+#: Largest change of a coordinate or drive in a step, in radians and relative to the linkage's size; smallest
+#: step relative to the whole; Newton iterations of a step, and their last change relative to the size; the
+#: shortest step by drives, and the part of a step at which they are compared too: revolutions do not show.
+_STEP, _LEAST, _NEWTON, _CLOSED, _SHORTEST, _WITHIN = 0.2, 1e-4, 12, 1e-13, 1e-7, 0.382
 
 
 def placed(
@@ -25,11 +27,13 @@ def placed(
     values: Mapping[str, float],
     rates: Mapping[str, float],
     t: float,
+    drives: Callable[[float], Mapping[str, float]],
+    angular: Collection[str],
 ) -> tuple[Array, Array]:
     """Return coordinates [m] and velocities [m/s] of the state of given independent coordinates.
 
-    The linkage is led from a closed state in steps of the coordinates and of time, so that it stays on its
-    assembly branch. Angles are reached by less than half a revolution.
+    The linkage is led from a closed state in steps of the coordinates and of the drives, so that it stays on
+    its assembly branch. Angles are reached by less than half a revolution.
 
     Parameters
     ----------
@@ -41,6 +45,8 @@ def placed(
         Coordinates [rad, m] and their rates [rad/s, m/s], zero where absent.
     t
         The time of the state [s].
+    drives, angular
+        Values of drives at a time [rad, m], and the names of those that are angles.
 
     Raises
     ------
@@ -57,13 +63,22 @@ def placed(
     scale = np.array([1.0 if name.endswith(".angle") else size for name in names])
     way = _difference(names, target, first)
     part, step, q = 0.0, _STEP / max(_STEP, float(np.max(np.abs(way / scale), initial=0.0))), begin.q
+    before, least = drives(begin.t), _LEAST
     while part < 1.0:
         to = min(1.0, part + step)
         when = begin.t + to * (t - begin.t)
+        after = drives(when)
+        # Beyond a quarter of a revolution of a drive, Newton's method may find the opposite direction.
+        within = begin.t + (part + _WITHIN * (to - part)) * (t - begin.t)
+        driven = max((_turned(before, x, angular, size) for x in (drives(within), after)), default=0.0)
+        if driven > _STEP and step > _SHORTEST:
+            step *= max(0.1, 0.9 * _STEP / driven)
+            least = min(least, _LEAST * step)
+            continue
         moved = _moved(at, when, q, names, first + to * way)
         if moved is None:
             step /= 4
-            if step >= _LEAST:
+            if step >= least:
                 continue
             stopped = ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, first + part * way, strict=True))
             wanted = ", ".join(f"{n} = {x:.6g}" for n, x in values.items())
@@ -72,7 +87,7 @@ def placed(
                 f"stops near {stopped}, at a dead centre or at the limit of assembly\n"
                 "  Choose coordinates within its range, or others."
             )
-        part, q = to, moved
+        part, q, before = to, moved, after
     tangents = at(t, q, rest)
     rows = tangents.slopes.rows(names)[:, tangents.by_q]
     unit = tangents.free @ np.linalg.inv(tangents.directions(names))
@@ -81,6 +96,17 @@ def placed(
     # Rates of coordinates at rest: those by a moving ground.
     moving = np.array([tangents.slopes.values[f"{name}'"] for name in names])
     return q, u + unit @ (np.array([rates.get(name, 0.0) for name in names]) - moving - rows @ u)
+
+
+def _turned(
+    before: Mapping[str, float], after: Mapping[str, float], angular: Collection[str], size: float
+) -> float:
+    """Return the largest change of drives: of angles within half a revolution [rad], of lengths over size."""
+    changes = [
+        abs(math.remainder(x - before[d], math.tau)) if d in angular else abs(x - before[d]) / size
+        for d, x in after.items()
+    ]
+    return max(changes, default=0.0)
 
 
 def _moved(
