@@ -103,8 +103,8 @@ def of_frequencies(
     matrix = linkage.pattern.matrix(slopes.stiffness + slopes.jacobian)
     shapes = solve(np.vstack([mass @ shapes, np.zeros((linkage.multipliers, shapes.shape[1]))]))[:n]
     for along in _directions(rigid, parameters, coordinates):
-        moved_by = by_parameters(along, at)
-        right, change = np.append(moved_by.forces, moved_by.errors), np.zeros(n + linkage.multipliers)
+        moved_by = by_parameters(along, [at])
+        right, change = np.append(moved_by.forces[0], moved_by.errors[0]), np.zeros(n + linkage.multipliers)
         for _ in range(_REFINED):
             change = change - solve(right + matrix @ change)
         q, multipliers = at.q + 1j * UNIT * change[:n], at.multipliers + 1j * UNIT * change[n:]

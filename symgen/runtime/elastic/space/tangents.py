@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.beams.methods import BeamMethod
-from symgen.runtime.elastic.large.collocation import PART, Moment, Slopes
+from symgen.runtime.elastic.large.collocation import PART, Moment, Slopes, stacked
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.kernels.evaluate import UNIT
 
@@ -25,43 +25,44 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ByParameters:
-    """Tangents at a held motion: of forces (unknowns,), errors and rates of constraints (multipliers,)."""
+    """Tangents at held motions: of forces (moments, unknowns), errors and rates of constraints."""
 
     forces: Array
     errors: Array
     rates: Array
 
 
-def by_parameters(of: LinkageInSpace, moment: Moment) -> ByParameters:
-    """Return the tangents along the direction of a linkage while its motion is held."""
+def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters:
+    """Return the tangents along the direction of a linkage with its motion held at each of the moments."""
     n, rigid = of.unknowns, len(of.rows)
-    t, (q, v, a) = np.array([moment.t]), (x[None].astype(complex) for x in (moment.q, moment.v, moment.a))
-    multipliers = moment.multipliers[None]
+    t, *moved, multipliers = stacked(moments)
+    q, v, a = (x.astype(complex) for x in moved)
     (places, rates), first = of.given(t), rigid + 3 * len(of.pins)
-    forces = np.zeros((1, n + places.shape[1]), complex)
-    errors, speeds = np.zeros((2, 1, of.multipliers), complex)
+    forces = np.zeros((len(t), n + places.shape[1]), complex)
+    errors, speeds = np.zeros((2, len(t), of.multipliers), complex)
     for link in of.links:
-        np.add.at(forces[0], link.elements, link.values("residual", q, v, a)[0])
+        np.add.at(forces.T, link.elements, np.moveaxis(link.values("residual", q, v, a), 0, -1))
     d = of.rigid.description
     points = d.coordinates
-    work = np.zeros((1, points + len(d.constraints)))
-    work[:, :points] = moment.a[:points]
+    work = np.zeros((len(t), points + len(d.constraints)))
+    work[:, :points] = moved[2][:, :points]
     work[:, [points + row for row in of.rows]] = multipliers[:, :rigid] / of.sizes
     state = t, q[:, :points], v[:, :points]
     joints = of.of_joints("joints", *state, work)
     forces[:, :points] -= joints["load"]
     if rigid:
-        forces[:, :points] += multipliers[0, :rigid] @ joints["jacobian"][0]
+        forces[:, :points] += np.einsum("tr,trn->tn", multipliers[:, :rigid], joints["jacobian"])
         errors[:, :rigid] = of.of_rigid("constraints", *state)["constraints"][:, of.rows] / of.sizes
         found = of.of_rigid("velocity_constraints", *state)["velocity_constraints"]
         speeds[:, :rigid] = found[:, of.rows] / of.sizes
     for k, (_, point) in enumerate(of.pins):
         pinned = slice(rigid + 3 * k, rigid + 3 * k + 3)
         errors[:, pinned], speeds[:, pinned] = (-x[:, 3 * point : 3 * point + 3] for x in (places, rates))
-    found = of.directed(np.hstack([q, places]), np.hstack([v, rates]))[0]
-    errors[:, first:], speeds[:, first:] = found[:, 0], found[:, 1]
-    np.add.at(forces[0], of.vectors, found[:, 2:] * multipliers[0, first:, None])
-    return ByParameters(*(x[0].imag / UNIT for x in (forces[:, :n], errors, speeds)))
+    found = of.directed(np.hstack([q, places]), np.hstack([v, rates]))
+    errors[:, first:], speeds[:, first:] = found[..., 0], found[..., 1]
+    pushed = found[..., 2:] * multipliers[:, first:, None]
+    np.add.at(forces.T, of.vectors, np.moveaxis(pushed, 0, -1))
+    return ByParameters(*(x.imag / UNIT for x in (forces[:, :n], errors, speeds)))
 
 
 def matrices(of: LinkageInSpace, at: Moment) -> tuple[Array, Array, Array]:
@@ -128,12 +129,11 @@ class Tangents:
         #: After every step.
         self.kept = [(self.q, self.v)]
 
-    def _held(self, moment: Moment) -> tuple[Array, Array, Array]:
-        found = [by_parameters(of, moment) for of in self._along]
-        forces, errors, rates = (
-            np.array([getattr(x, name) for x in found]).T for name in ("forces", "errors", "rates")
-        )
-        return forces, errors, rates
+    def _held(self, *moments: Moment) -> ByParameters:
+        """Return the tangents at held motions along all directions, which are the last axis."""
+        found = [by_parameters(of, moments) for of in self._along]
+        names = "forces", "errors", "rates"
+        return ByParameters(*(np.stack([getattr(x, name) for x in found], axis=-1) for name in names))
 
     def _slopes(self, moment: Moment) -> Slopes:
         return self._of.slopes(moment.t, moment.q, moment.v, moment.a, moment.multipliers)
@@ -156,13 +156,14 @@ class Tangents:
         still, none = np.zeros_like(change), np.zeros_like(multipliers)
         pushed, rest = replace(at, a=change, multipliers=multipliers), replace(at, a=still, multipliers=none)
         curved = self._one.matrix(self._slopes(pushed).stiffness - self._slopes(rest).stiffness)
-        found: Array = self._held(pushed)[0] - self._held(rest)[0] + curved[: len(dq), : len(dq)] @ dq
+        by, without = self._held(pushed, rest).forces
+        found: Array = by - without + curved[: len(dq), : len(dq)] @ dq
         return found
 
     def _rows(self, at: Moment, dq: Array, dv: Array) -> Array:
         """Return the differentials of the rates of the constraints."""
         jacobian = self._one.matrix(self._slopes(at).jacobian)[self._of.unknowns :, : self._of.unknowns]
-        return jacobian @ dv + self._of.jacobian_rate(at) @ dq + self._held(at)[2]
+        return jacobian @ dv + self._of.jacobian_rate(at) @ dq + self._held(at).rates[0]
 
     def step(self, before: Moment, a: Array, multipliers: Array, after: Moment) -> None:
         """Go one step on, which has these second rates and multipliers at its stages."""
@@ -170,8 +171,9 @@ class Tangents:
         v = before.v + h * method.a @ a
         q = before.q + h * np.outer(method.c, before.v) + h * h * (method.a @ (method.a @ a))
         matrix, right = np.zeros((len(a), len(a), len(self._row))), []
-        for k, c in enumerate(method.c.tolist()):
-            moment = Moment(before.t + h * c, q[k], v[k], a[k], multipliers[k])
+        stages = [Moment(*x) for x in zip(before.t + h * method.c, q, v, a, multipliers, strict=True)]
+        held = self._held(*stages)
+        for k, (c, moment) in enumerate(zip(method.c.tolist(), stages, strict=True)):
             slopes, turning = self._slopes(moment), np.zeros(len(self._row))
             places = self._row[self._bound] - n, np.minimum(self._column[self._bound], n)
             turning[self._bound] = np.pad(of.jacobian_rate(moment), ((0, 0), (0, 1)))[places]
@@ -181,9 +183,12 @@ class Tangents:
                 h * method.a[k, :, None] * by_rates + h * h * (method.a[k] @ method.a)[:, None] * by_places
             )
             matrix[k, k] += slopes.mass + np.where(self._bound, 0.0, slopes.jacobian)
-            forces, _, rates = self._held(moment)
             moved = self._one.matrix(by_places)[:, :n] @ (self.q + h * c * self.v)
-            right.append(np.vstack([forces, rates]) + self._one.matrix(by_rates)[:, :n] @ self.v + moved)
+            right.append(
+                np.vstack([held.forces[k], held.rates[k]])
+                + self._one.matrix(by_rates)[:, :n] @ self.v
+                + moved
+            )
         found = -_solved(self._all.matrix(matrix.ravel()), np.concatenate(right))
         da = found.reshape(len(a), n + of.multipliers, -1)[:, :n]
         dq = self.q + h * self.v + h * h * np.tensordot(method.b @ method.a, da, 1)
@@ -206,14 +211,14 @@ class Tangents:
             right = np.append(np.zeros(n), jacobian @ change)
             return self._pushed(middle, change, metric(right)[n:], dq_middle)
 
-        opened = self._one.matrix(bound)[n:, :n] @ dq + self._held(ended)[1]
+        opened = self._one.matrix(bound)[n:, :n] @ dq + self._held(ended).errors[0]
         both = self._one.matrix(of_middle.mass + np.where(self._bound, bound, of_middle.jacobian))
         self.q = dq - _solved(both, np.vstack([pushed(after.q - q), opened]))[:n]
         # The rates are corrected once, with the Jacobian of the middle.
         change, still = after.v - v, np.zeros(n)
         turned = of.jacobian_rate(replace(middle, v=change)) - of.jacobian_rate(replace(middle, v=still))
-        rows = self._held(replace(middle, v=change))[2] - self._held(replace(middle, v=still))[2]
-        rows = rows + turned @ dq_middle + self._rows(ended, self.q, dv)
+        by, without = self._held(replace(middle, v=change), replace(middle, v=still)).rates
+        rows = by - without + turned @ dq_middle + self._rows(ended, self.q, dv)
         self.v = dv - metric(np.vstack([pushed(change), rows]))[:n]
 
     def settled(self, at: Moment, dq: Array, dv: Array) -> tuple[Array, Array]:
@@ -225,7 +230,7 @@ class Tangents:
             v, q = at.v + later * at.a, at.q + later * at.v + later**2 / 2 * at.a
             near = Moment(at.t + later, q, v, at.a, at.multipliers)
             changes = changes + weight / (12 * PART * self._h) * self._rows(near, dq + later * dv, dv)
-        forces = self._held(at)[0] + self._one.matrix(slopes.damping)[:n, :n] @ dv
+        forces = self._held(at).forces[0] + self._one.matrix(slopes.damping)[:n, :n] @ dv
         forces = forces + self._one.matrix(slopes.stiffness)[:n, :n] @ dq
         found = -of.pattern.factorised(slopes.mass + slopes.jacobian)(np.vstack([forces, changes]))
         return found[:n], found[n:]
