@@ -15,10 +15,14 @@ from symgen.runtime.rods.redundancy import extent
 
 Array = NDArray[np.float64]
 
-#: Largest change of a coordinate or drive in a step, in radians and relative to the linkage's size; smallest
-#: step relative to the whole; Newton iterations of a step, and their last change relative to the size; the
-#: shortest step by drives, and the part of a step at which they are compared too: revolutions do not show.
-_STEP, _LEAST, _NEWTON, _CLOSED, _SHORTEST, _WITHIN = 0.2, 1e-4, 12, 1e-13, 1e-7, 0.382
+#: Largest change of a coordinate or drive in a step [rad], of lengths relative to the linkage's size.
+_STEP = 0.2
+#: Shortest steps relative to the whole: those that Newton's method needs, and those that the drives need.
+_LEAST, _SHORTEST = 1e-4, 1e-7
+#: Newton iterations of a step, and their last change relative to the linkage's size.
+_NEWTON, _CLOSED = 12, 1e-13
+#: Part of a step after which drives are compared too: at its end a whole revolution would not show.
+_WITHIN = 0.382
 
 
 def placed(
@@ -93,7 +97,7 @@ def placed(
     unit = tangents.free @ np.linalg.inv(tangents.directions(names))
     drift = tangents.model.blocks("velocity_constraints", t, q, rest)["velocity_constraints"]
     u = -tangents.bound @ (drift / tangents.scale)
-    # Rates of coordinates at rest: those by a moving ground.
+    # A moving ground changes coordinates, such as the angle of a link on it, while the points rest.
     moving = np.array([tangents.slopes.values[f"{name}'"] for name in names])
     return q, u + unit @ (np.array([rates.get(name, 0.0) for name in names]) - moving - rows @ u)
 
