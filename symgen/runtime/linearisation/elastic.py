@@ -12,7 +12,7 @@ displacements, K S + J^T mu = Q, have K dS + J^T dmu = dQ - dK S - dJ^T mu and J
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -29,9 +29,10 @@ from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.elastic.static import quasi_static
 from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.elastic_matrices import Assembled, assembled, damped
-from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.sensitivity import finite, moved_pose
+from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, with_outputs
+from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.state_space import Tangents
+from symgen.runtime.result.records import Variable
 
 Array = NDArray[np.float64]
 #: Numbers with tangents.
@@ -57,34 +58,18 @@ def sensitivity(
         Where the linkage cannot be assembled; when a derivative is not finite.
     """
     motion.check_determined()
-    pose = Pose(motion, parameters, t)
-    units = {p.name: p.unit for p in motion.rigid.description.tunable}
-    found = Sensitivity(
-        np.zeros((0, len(parameters))),
-        (),
-        tuple(parameters),
-        np.zeros(0),
-        {p: units[p] for p in parameters},
-        t,
-    )
+    pose, d = Pose(motion, parameters, t), motion.rigid.description
+    found = sensitivity_of(d, {}, parameters, np.zeros(0), np.zeros((0, len(parameters))), t)
     if "frequencies" in outputs:
         values, slopes = pose.frequencies()
-        names = [f"frequency.{i}" for i in range(1, len(values) + 1)]
-        found = _with(found, dict.fromkeys(names, "Hz"), values, slopes)
+        found = with_outputs(found, frequency_units(len(values)), values, slopes)
     asked = [name for name in outputs if name != "frequencies"]
-    if asked:
-        found = _with(found, *pose.static(asked))
-    return finite(found)
+    return with_outputs(found, *pose.static(asked)) if asked else found
 
 
-def _with(found: Sensitivity, units: Mapping[str, str], values: Array, slopes: Array) -> Sensitivity:
-    return replace(
-        found,
-        derivatives=np.vstack([found.derivatives, slopes]),
-        outputs=(*found.outputs, *units),
-        values=np.append(found.values, values),
-        units=found.units | dict(units),
-    )
+def frequency_units(count: int) -> dict[str, str]:
+    """Return the names of so many frequencies as outputs, with their unit."""
+    return {f"frequency.{i}": "Hz" for i in range(1, count + 1)}
 
 
 class Pose:
@@ -199,18 +184,29 @@ class Pose:
                 "derivatives of quasi-static outputs with them"
             )
         shape = quasi_static(self.motion, self.equations, np.array([self.t]))[0]
-        columns: list[Array] = []
-        units: dict[str, str] = {}
-        values = np.zeros(0)
-        for j in range(len(self.parameters)):
+
+        def along(j: int) -> list[Variable]:
             made, rows, at = self.assembled(j, QUASI_STATIC)
-            moved = shape + 1j * UNIT * _differential(at, shape)
-            known = {v.name: v for v in outputs_of(made, rows[None], moved[None])}
-            units, duals = scalars_of(asked, known, "with elastic links", ("frequencies",))
-            duals = duals[0]
-            values = duals.real
-            columns.append(duals.imag / UNIT)
-        return units, values, np.array(columns).T
+            return outputs_of(made, rows[None], (shape + 1j * UNIT * _differential(at, shape))[None])
+
+        each = map(along, range(len(self.parameters)))
+        units, values, slopes = derived(asked, each, "with elastic links", ("frequencies",))
+        return units, values[0], slopes[0]
+
+
+def check_smooth(motion: ElasticMotion, what: str, cause: str) -> None:
+    """Raise ModelError where ``what`` of a motion has no derivatives: for a cause, if any, or another one."""
+    switches = motion.rigid.description.switches
+    causes = [cause] if cause else []
+    if switches:
+        causes.append(f"loads jump: {switches[0]}")
+    if len(motion.layout.damped):
+        causes.append("modes of the structure, or of a link of many elements, have damping ratios")
+    if motion.rigid.redundant:
+        causes.append("redundant constraints leave axial forces undetermined")
+    if causes:
+        raise ModelError(f"{motion.rigid.name}: derivatives of its {what} are not available: {causes[0]}")
+    motion.check_determined()
 
 
 def frequency_slopes(
@@ -242,16 +238,27 @@ def frequency_slopes(
     return found
 
 
-def scalars_of(
-    asked: Sequence[str], known: Mapping[str, Any], where: str, others: Sequence[str] = ()
-) -> tuple[dict[str, str], Dual]:
-    """Return the units of scalar outputs by name, each once, and their values (times, scalars).
+def derived(
+    asked: Sequence[str], along: Iterable[Sequence[Variable]], where: str, others: Sequence[str] = ()
+) -> tuple[dict[str, str], Array, Array]:
+    """Return the units of scalar outputs by name, their values (times, scalars), and their derivatives.
+
+    Derivatives are (times, scalars, parameters); ``along`` has all outputs, with tangents by each parameter.
 
     Raises
     ------
     ModelError
         For a name that is not known, ``where``; ``others`` are further names for the hint.
     """
+    each = [_scalars(asked, {v.name: v for v in variables}, where, others) for variables in along]
+    units, duals = each[-1]
+    return units, duals.real, np.stack([x.imag for _, x in each], axis=-1) / UNIT
+
+
+def _scalars(
+    asked: Sequence[str], known: Mapping[str, Variable], where: str, others: Sequence[str]
+) -> tuple[dict[str, str], Dual]:
+    """Return the units of scalar outputs by name, each once, and their values (times, scalars)."""
     units: dict[str, str] = {}
     columns: list[Dual] = []
     for name in asked:

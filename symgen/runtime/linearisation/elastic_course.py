@@ -6,6 +6,7 @@ of S = R p, where J R = 0.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,7 +28,7 @@ Dual = NDArray[Any]
 _FIRST, _MOST = 16, 4096
 #: Parts of the largest polynomial below which the highest vanish: of the rigid motion, and of all tangents.
 _RIGID, _TANGENTS = 1e-13, 1e-11
-#: Part of the polynomials that are the highest, and of the largest quantity that each counts as at least.
+#: Part of the terms that are the highest, and of the largest quantity that each counts as at least.
 _HIGHEST, _LEAST = 0.1, 1e-3
 
 
@@ -45,7 +46,7 @@ class Course:
         self.shapes = [(n, n), (n, n), (n, n), (n,), *[(m, n)] * (3 if m else 0)]
         self._size = sum(int(np.prod(shape)) for shape in self.shapes)
         count = _FIRST
-        while self._highest(motion.rigid_motion(self.equations, self._times(count))[1]) > _RIGID:
+        while self._last_terms(motion.rigid_motion(self.equations, self._times(count))[1]) > _RIGID:
             count = self._more(count)
         known: dict[float, Dual] = {}
         while True:
@@ -57,7 +58,7 @@ class Course:
             natural = [max(abs(motion.rigid.parameters[name]), 1e-300) for name in parameters]
             slopes = rows.imag / UNIT * np.array(natural)[:, None]
             size = np.max(np.abs(rows.real), axis=(0, 1))
-            if max(self._highest(rows.real[:, 0]), self._highest(slopes, _LEAST * size)) <= _TANGENTS:
+            if max(self._last_terms(rows.real[:, 0]), self._last_terms(slopes, _LEAST * size)) <= _TANGENTS:
                 break
             count = self._more(count)
         self.times = times
@@ -98,14 +99,10 @@ class Course:
         return np.array(found)
 
     @staticmethod
-    def _highest(values: Array, least: Any = 0.0) -> float:
-        """Return the largest of the highest polynomials of values (points, ...) over the largest of each."""
-        both = np.concatenate([values, values[-2:0:-1]])
-        count = len(values)
-        terms = np.abs(np.fft.rfft(both, axis=0))[:count].reshape(count, *values.shape[1:]) / count
-        highest = np.max(terms[-max(2, int(_HIGHEST * count)) :], axis=0)
-        size = np.maximum(np.max(terms, axis=0), _LEAST * np.max(terms))
-        return float(np.max(highest / np.maximum(np.maximum(size, least), 1e-300)))
+    def _last_terms(values: Array, least: Any = 0.0) -> float:
+        """Return :func:`highest` of the Chebyshev polynomials of values (points, ...)."""
+        both, count = np.concatenate([values, values[-2:0:-1]]), len(values)
+        return highest(np.abs(np.fft.rfft(both, axis=0))[:count] / count, least)
 
     def between(self, times: Array) -> Array:
         """Return the matrix of values at times by those at the points, (times, points)."""
@@ -129,6 +126,16 @@ class Course:
             found.append(rows[..., begin : begin + size].reshape(*rows.shape[:-1], *shape))
             begin += size
         return found
+
+
+def highest(terms: Array, least: Any = 0.0) -> float:
+    """Return the largest of the highest of terms (terms, ...) over the largest term of each quantity.
+
+    Quantities count as no smaller than ``least``.
+    """
+    last = np.max(terms[-math.ceil(_HIGHEST * len(terms)) :], axis=0)
+    size = np.maximum(np.max(terms, axis=0), _LEAST * np.max(terms))
+    return float(np.max(last / np.maximum(np.maximum(size, least), 1e-300)))
 
 
 @dataclass(slots=True)

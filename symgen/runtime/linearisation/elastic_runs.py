@@ -15,16 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Counts
 from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.kernels.evaluate import UNIT
-from symgen.runtime.linearisation.elastic import scalars_of
+from symgen.runtime.linearisation.elastic import check_smooth, derived
 from symgen.runtime.linearisation.elastic_course import Course, Reduced, bases, reduced
-from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.sensitivity import finite
+from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 
 Array = NDArray[np.float64]
 #: Numbers with tangents.
@@ -59,47 +57,16 @@ def sensitivity(
     SimulationError
         Where the linkage cannot be assembled; when a derivative is not finite.
     """
-    _check(motion)
-    motion.check_determined()
+    check_smooth(motion, "runs", "a motor moves its crank" if motion.has_motor else "")
     order = np.argsort(times, kind="stable")
     course = Course(motion, tuple(parameters), float(times[order[-1]]))
     taken = _stepped(_scheme(BEAM_METHODS[method]), course, times[order], counts)
     found = np.zeros((len(times), len(parameters), motion.layout.unknowns), complex)
     for k, displacements in zip(order.tolist(), taken, strict=True):
         found[k] = displacements
-    units = {p.name: p.unit for p in motion.rigid.description.tunable}
-    shown: dict[str, str] = {}
-    values, columns = np.zeros(0), []
-    for j in range(len(parameters)):
-        known = {v.name: v for v in outputs_of(course.links[j], course.rows(j, times), found[:, j])}
-        shown, duals = scalars_of(outputs, known, "of a run of elastic links")
-        values = duals.real
-        columns.append(duals.imag / UNIT)
-    return finite(
-        Sensitivity(
-            derivatives=np.stack(columns, axis=-1),
-            outputs=tuple(shown),
-            parameters=tuple(parameters),
-            values=values,
-            units=shown | {p: units[p] for p in parameters},
-            t=times,
-        )
-    )
-
-
-def _check(motion: ElasticMotion) -> None:
-    """Raise ModelError for motions whose runs have no derivatives."""
-    if motion.has_motor:
-        cause = "a motor moves its crank"
-    elif motion.rigid.description.switches:
-        cause = f"loads jump: {motion.rigid.description.switches[0]}"
-    elif len(motion.layout.damped):
-        cause = "modes of the structure, or of a link of many elements, have damping ratios"
-    elif motion.rigid.redundant:
-        cause = "redundant constraints leave axial forces undetermined"
-    else:
-        return
-    raise ModelError(f"{motion.rigid.name}: derivatives of its runs are not available: {cause}")
+    along = (outputs_of(links, course.rows(j, times), found[:, j]) for j, links in enumerate(course.links))
+    units, values, slopes = derived(outputs, along, "of a run of elastic links")
+    return sensitivity_of(motion.rigid.description, units, parameters, values, slopes, times)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,8 @@ from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.linearisation.free_loops import FreePose
-from symgen.runtime.linearisation.record import Sensitivity
+from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 from symgen.runtime.linearisation.runs import Path, carried_back, carried_forward, fewer, followed, state_of
-from symgen.runtime.linearisation.sensitivity import finite
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State
 
@@ -111,18 +110,11 @@ def at_run(
             moved, _ = carried_forward(path, steps, first)
             found = [end.by_state(x, parameters, seeds) for end, (x, _) in zip(ends, moved, strict=True)]
     values = [end.values for end in ends]
-    names = {p.name: p.unit for p in d.tunable}
-    names |= {name: d.variables[i].unit + ("/s" if k else "") for name, (k, i) in initial.items()}
-    return finite(
-        Sensitivity(
-            derivatives=np.array(found) if along else found[0],
-            outputs=tuple(begin.outputs),
-            parameters=tuple(by),
-            values=np.array(values) if along else values[0],
-            units=begin.outputs | {name: names[name] for name in by},
-            t=path.t[[*path.ends]] if along else float(path.t[0]),
-        )
-    )
+    units = {name: d.variables[i].unit + ("/s" if k else "") for name, (k, i) in initial.items()}
+    if along is None:
+        return sensitivity_of(d, begin.outputs, by, values[0], found[0], float(path.t[0]), units)
+    times = path.t[[*path.ends]]
+    return sensitivity_of(d, begin.outputs, by, np.array(values), np.array(found), times, units)
 
 
 def steps_of(

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.closure.start import Closed
-from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.sensitivity import finite
+from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.driven import moving_at
 from symgen.runtime.loop.kernels import LoopKernels
@@ -198,17 +197,8 @@ class _Driven(LoopPose):
         if self.tangents.has("efforts"):
             self.check_determined(null_space(self.by_wrench) @ self.wrenches)
         slopes = self.along("slopes", np.array([self._direction(name) for name in parameters])).T
-        units = {p.name: p.unit for p in self.loop.description.tunable}
-        return finite(
-            Sensitivity(
-                derivatives=slopes,
-                outputs=tuple(self.outputs),
-                parameters=tuple(parameters),
-                values=self.values,
-                units=self.outputs | {name: units[name] for name in parameters},
-                t=self.t,
-            )
-        )
+        d = self.loop.description
+        return sensitivity_of(d, self.outputs, parameters, self.values, slopes, self.t)
 
     def _direction(self, parameter: str) -> Array:
         """Return the direction of variables, rates, accelerations and wrench by a parameter."""

@@ -13,7 +13,6 @@ time, and by its rates multiplied by the change of the time at which the crank c
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -26,10 +25,10 @@ from symgen.runtime._beams import IN_MOTION
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.kernels.evaluate import UNIT
-from symgen.runtime.linearisation.elastic import Pose, scalars_of
+from symgen.runtime.linearisation.elastic import Pose, check_smooth, derived
+from symgen.runtime.linearisation.elastic_course import highest
 from symgen.runtime.linearisation.elastic_matrices import Assembled, Dual, assembled
-from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.sensitivity import finite
+from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 
 Array = NDArray[np.float64]
 #: Numbers in long double.
@@ -41,8 +40,6 @@ _FIRST, _MOST = 33, 6000
 _MORE, _TWICE = 1.25, 1.5
 #: Parts of its largest term below which the highest terms of a motion vanish: of the rigid one, of S and dS.
 _RIGID, _ELASTIC = 1e-12, 1e-10
-#: Part of all terms that are the highest, and part of the largest quantity that each counts as at least.
-_HIGHEST, _LEAST = 0.1, 1e-3
 #: Part of the largest rate of a quantity above which it changes with the time itself, not by the pose alone.
 _EXPLICIT = 1e-9
 #: Solutions with one factorisation, and the number pi in long double.
@@ -62,44 +59,21 @@ def sensitivity(
     SimulationError
         Where the linkage cannot be assembled; when a derivative is not finite.
     """
-    _check(motion)
-    motion.check_determined()
+    steady = motion.info.mode == "held" and motion.speed
+    check_smooth(motion, "steady state", "" if steady else "its crank is not held at a constant speed")
     orbit, solved = _resolved(motion, tuple(parameters))
-    units = {p.name: p.unit for p in motion.rigid.description.tunable}
     between = orbit.between(times)
-    columns: list[Array] = []
-    shown: dict[str, str] = {}
-    values = np.zeros(0)
-    for j, (displacements, rows) in enumerate(solved):
-        known = {v.name: v for v in outputs_of(orbit.links[j], _at(between, rows), between @ displacements)}
-        shown, duals = scalars_of(outputs, known, "of a steady state")
-        values = duals.real
-        columns.append(duals.imag / UNIT)
-    return finite(
-        Sensitivity(
-            derivatives=np.stack(columns, axis=-1),
-            outputs=tuple(shown),
-            parameters=tuple(parameters),
-            values=values,
-            units=shown | {p: units[p] for p in parameters},
-            t=times,
-        )
+    along = (
+        outputs_of(links, np.tensordot(between, rows, axes=1), between @ displacements)
+        for links, (displacements, rows) in zip(orbit.links, solved, strict=True)
     )
+    units, values, slopes = derived(outputs, along, "of a steady state")
+    return sensitivity_of(motion.rigid.description, units, parameters, values, slopes, times)
 
 
-def _check(motion: ElasticMotion) -> None:
-    name, info = motion.rigid.name, motion.info
-    if info.mode != "held" or not motion.speed:
-        cause = "its crank is not held at a constant speed"
-    elif motion.rigid.description.switches:
-        cause = f"loads jump: {motion.rigid.description.switches[0]}"
-    elif len(motion.layout.damped):
-        cause = "modes of the structure, or of a link of many elements, have damping ratios"
-    elif motion.rigid.redundant:
-        cause = "redundant constraints leave axial forces undetermined"
-    else:
-        return
-    raise ModelError(f"{name}: derivatives of its steady state are not available: {cause}")
+def _last_terms(values: Array, least: float = 0.0) -> float:
+    """Return :func:`highest` of the terms of periodic values (poses, ...)."""
+    return highest(np.abs(np.fft.rfft(values, axis=0)) / len(values), least)
 
 
 def _resolved(motion: ElasticMotion, parameters: tuple[str, ...]) -> tuple[_Orbit, list[tuple[Dual, Dual]]]:
@@ -124,34 +98,18 @@ def _resolved(motion: ElasticMotion, parameters: tuple[str, ...]) -> tuple[_Orbi
 
     while True:
         times = motion.period * np.arange(count) / count
-        if _highest(motion.rigid_motion(equations, times)[1]) > _RIGID:
+        if _last_terms(motion.rigid_motion(equations, times)[1]) > _RIGID:
             count = grown(_MORE)
             continue
         orbit = _Orbit(motion, parameters, times)
         solved = orbit.solved()
-        left = _highest(solved[0][0].real * orbit.sizes)
+        left = _last_terms(solved[0][0].real * orbit.sizes)
         for name, (s, _) in zip(parameters, solved, strict=True):
             natural = np.max(np.abs(s.real * orbit.sizes)) / max(abs(motion.rigid.parameters[name]), 1e-300)
-            left = max(left, _highest(s.imag / UNIT * orbit.sizes, natural))
+            left = max(left, _last_terms(s.imag / UNIT * orbit.sizes, natural))
         if left <= _ELASTIC:
             return orbit, solved
         count = grown(_TWICE)
-
-
-def _highest(values: Array, least: float = 0.0) -> float:
-    """Return the largest of the highest terms of periodic values (poses, ...) over the largest term.
-
-    Values count as no smaller than ``least``.
-    """
-    terms = np.abs(np.fft.rfft(values, axis=0)).reshape(len(values) // 2 + 1, -1) / len(values)
-    highest = terms[-math.ceil(_HIGHEST * len(terms)) :]
-    size = max(_LEAST * float(np.max(terms)), least, 1e-300)
-    return float(np.max(highest / np.maximum(np.max(terms, axis=0), size)))
-
-
-def _at(between: Array, values: Dual) -> Dual:
-    found: Dual = np.tensordot(between, values, axes=1)
-    return found
 
 
 @dataclass(frozen=True, slots=True)

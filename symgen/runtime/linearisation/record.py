@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError, check_known
+from symgen.errors import ModelError, SimulationError, check_known
 from symgen.runtime.kernels.arguments import reals
 
 if TYPE_CHECKING:
     from scipy.signal import StateSpace
+
+    from symgen.runtime.kernels.description import Described
 
 Array = NDArray[np.float64]
 
@@ -168,6 +170,60 @@ class Sensitivity:
             check_known(name, known, "there is no derivative of or by")
         found = self.derivatives[..., self.outputs.index(output), self.parameters.index(parameter)]
         return found if found.ndim else float(found)
+
+
+def sensitivity_of(
+    d: Described,
+    outputs: Mapping[str, str],
+    parameters: Sequence[str],
+    values: Array,
+    derivatives: Array,
+    t: float | Array,
+    further: Mapping[str, str] | None = None,
+) -> Sensitivity:
+    """Return derivatives of outputs by parameters of a model, or by ``further`` quantities: units by name.
+
+    Raises
+    ------
+    SimulationError
+        When a derivative is not finite.
+    """
+    known = {p.name: p.unit for p in d.tunable} | dict(further or {})
+    units = dict(outputs) | {name: known[name] for name in parameters}
+    return _finite(Sensitivity(derivatives, tuple(outputs), tuple(parameters), values, units, t))
+
+
+def with_outputs(
+    found: Sensitivity, units: Mapping[str, str], values: Array, derivatives: Array
+) -> Sensitivity:
+    """Return derivatives at one time with those of further outputs, by name their units.
+
+    Raises
+    ------
+    SimulationError
+        When a derivative is not finite.
+    """
+    return _finite(
+        replace(
+            found,
+            derivatives=np.vstack([found.derivatives, derivatives]),
+            outputs=(*found.outputs, *units),
+            values=np.append(found.values, values),
+            units=found.units | dict(units),
+        )
+    )
+
+
+def _finite(found: Sensitivity) -> Sensitivity:
+    """Return derivatives; raise SimulationError with output and parameter of one that is not finite."""
+    for *i, row, column in np.argwhere(~np.isfinite(found.derivatives)).tolist():
+        t = float(np.asarray(found.t)[tuple(i)])
+        raise SimulationError(
+            f"the derivative of {found.outputs[row]} by {found.parameters[column]} is not finite at "
+            f"t = {t:.9g} s",
+            time=t,
+        )
+    return found
 
 
 def at_times(

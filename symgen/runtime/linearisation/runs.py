@@ -21,8 +21,8 @@ from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.sensitivity import Jump, finite, jumps_between, moved_pose, total_slopes
+from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
+from symgen.runtime.linearisation.sensitivity import Jump, jumps_between, moved_pose, total_slopes
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import slack
@@ -266,22 +266,16 @@ def at_run(
     if path.event is not None:
         shown.append("time")
         of_outputs = [[*values, end.state.t] for values, end in zip(of_outputs, ends, strict=True)]
-    integral_names = tuple(f"integral of {name}" for name in integrands)
-    infos = {p.name: p.unit for p in start.description.tunable}
-    derived = Sensitivity(
-        derivatives=np.array(found)[..., order],
-        outputs=(*shown, *integral_names),
-        parameters=tuple(by),
-        values=np.hstack([np.reshape(of_outputs, (len(ends), len(shown))), integrals]),
-        units={
-            **{name: ends[0].slopes.units.get(name, "s") for name in shown},
-            **{name: f"{units[of]}*s" for name, of in zip(integral_names, integrands, strict=True)},
-            **{name: infos[name] for name in parameters},
-            **{name: start.slopes.units[name] for name in chosen_initial},
-        },
-        t=path.t[[*path.ends]],
+    of_integrals = {f"integral of {name}": f"{units[name]}*s" for name in integrands}
+    return sensitivity_of(
+        start.description,
+        {name: ends[0].slopes.units.get(name, "s") for name in shown} | of_integrals,
+        by,
+        np.hstack([np.reshape(of_outputs, (len(ends), len(shown))), integrals]),
+        np.array(found)[..., order],
+        path.t[[*path.ends]],
+        {name: start.slopes.units[name] for name in chosen_initial},
     )
-    return finite(derived)
 
 
 def state_of(path: Path, i: int) -> State:

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.linearisation.record import Sensitivity
+from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, with_outputs
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
 from symgen.runtime.linearisation.vibration import spectrum
 
@@ -122,27 +122,9 @@ def at_equilibrium(
     found = replace(found, at_equilibrium=True)
     for what in spectra:
         moved = np.vstack([dq, multipliers])
-        names, values, derivatives = spectrum(tangents, vibration(), moved, parameters, what)
-        units = {"frequency": "Hz", "real": "1/s", "imag": "rad/s"}
-        found = replace(
-            found,
-            derivatives=np.vstack([found.derivatives, derivatives]),
-            outputs=(*found.outputs, *names),
-            values=np.append(found.values, values),
-            units=found.units | {x: units["frequency" if what == "frequencies" else x[-4:]] for x in names},
-        )
-    return finite(found)
-
-
-def finite(found: Sensitivity) -> Sensitivity:
-    """Return finite derivatives; raise SimulationError with output and parameter of another."""
-    for *i, row, column in np.argwhere(~np.isfinite(found.derivatives)).tolist():
-        t = float(np.asarray(found.t)[tuple(i)])
-        raise SimulationError(
-            f"the derivative of {found.outputs[row]} by {found.parameters[column]} is not finite at "
-            f"t = {t:.9g} s",
-            time=t,
-        )
+        names, values, slopes = spectrum(tangents, vibration(), moved, parameters, what)
+        units = {"real": "1/s", "imag": "rad/s"}
+        found = with_outputs(found, {x: units.get(x[-4:], "Hz") for x in names}, values, slopes)
     return found
 
 
@@ -179,17 +161,9 @@ def _of_outputs(
         + rows[:, tangents.by_solution] @ dw
         + rows[:, tangents.columns(parameters)]
     )
-    infos = {p.name: p.unit for p in tangents.description.tunable}
-    return finite(
-        Sensitivity(
-            derivatives=derivatives,
-            outputs=tuple(shown),
-            parameters=tuple(parameters),
-            values=np.array([slopes.values[name] for name in shown]),
-            units={name: slopes.units[name] for name in shown} | {name: infos[name] for name in parameters},
-            t=tangents.state.t,
-        )
-    )
+    units = {name: slopes.units[name] for name in shown}
+    values = np.array([slopes.values[name] for name in shown])
+    return sensitivity_of(tangents.description, units, parameters, values, derivatives, tangents.state.t)
 
 
 @dataclass(frozen=True, slots=True)

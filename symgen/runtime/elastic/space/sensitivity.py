@@ -22,11 +22,12 @@ from symgen.runtime.elastic.space.outputs import outputs as outputs_of
 from symgen.runtime.elastic.space.tangents import Tangents, by_parameters, matrices
 from symgen.runtime.integrate.pace import Pace
 from symgen.runtime.kernels.evaluate import UNIT
-from symgen.runtime.linearisation.elastic import frequency_slopes, scalars_of
-from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.sensitivity import finite, moved_pose
+from symgen.runtime.linearisation.elastic import derived, frequency_slopes, frequency_units
+from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
+from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.state_space import derivatives
 from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.records import Variable
 
 Array = NDArray[np.float64]
 
@@ -68,18 +69,17 @@ def of_run(
     (dq, dv), *later = tangents.kept[::steps]
     by = [(dq, dv, 0.0 * dq, np.zeros((linkage.multipliers, len(directions))))]
     by += [(*x, *tangents.settled(m, *x)) for m, x in zip(found[1:], later, strict=True)]
-    shown: dict[str, str] = {}
-    values, columns = np.zeros(0), []
-    for j, along in enumerate(directions):
+
+    def along(j: int) -> list[Variable]:
         duals = []
         for m, changes in zip(found, by, strict=True):
             q, v, a, multipliers = (1j * UNIT * x[:, j] for x in changes)
             duals.append(Moment(m.t, m.q + q, m.v + v, m.a + a, m.multipliers + multipliers))
-        known = {v.name: v for v in outputs_of(along, duals)}
-        shown, scalars = scalars_of(outputs, known, "of a run of elastic links in space")
-        values = scalars.real
-        columns.append(scalars.imag / UNIT)
-    return _found(rigid, np.stack(columns, axis=-1), shown, parameters, values, times)
+        return outputs_of(directions[j], duals)
+
+    each = map(along, range(len(directions)))
+    units, values, slopes = derived(outputs, each, "of a run of elastic links in space")
+    return sensitivity_of(rigid.description, units, parameters, values, slopes, times)
 
 
 def of_frequencies(
@@ -110,8 +110,8 @@ def of_frequencies(
         q, multipliers = at.q + 1j * UNIT * change[:n], at.multipliers + 1j * UNIT * change[n:]
         each.append(matrices(along, replace(at, q=q, multipliers=multipliers)))
     found = frequency_slopes(rigid.name, frequencies, shapes, each)
-    units = {f"frequency.{i}": "Hz" for i in range(1, len(frequencies) + 1)}
-    return _found(rigid, found, units, parameters, frequencies, t)
+    units = frequency_units(len(frequencies))
+    return sensitivity_of(rigid.description, units, parameters, frequencies, found, t)
 
 
 def _directions(
@@ -126,15 +126,3 @@ def _directions(
         change = np.zeros(len(rigid.evaluator.given))
         change[[*rigid.parameters].index(name)] = 1.0
         yield LinkageInSpace(rigid, along=Along(change, dq[:, j], du[:, j]))
-
-
-def _found(
-    rigid: RodModel,
-    derivatives: Array,
-    shown: dict[str, str],
-    parameters: Sequence[str],
-    values: Array,
-    t: float | Array,
-) -> Sensitivity:
-    units = {p.name: p.unit for p in rigid.description.tunable if p.name in parameters}
-    return finite(Sensitivity(derivatives, tuple(shown), tuple(parameters), values, shown | units, t))
