@@ -176,7 +176,7 @@ def _result(
         ),
         axes=d.axes,
         coordinate=coordinate_of(motion, times),
-        variables=selected(variables, motion),
+        variables=selected(variables, motion.info.outputs),
         drift=result.drift,
         final=result.final,
         statistics={

@@ -76,15 +76,14 @@ def coordinate_of(motion: ElasticMotion, times: Array) -> Coordinate:
     return Coordinate("angle", "rad", "crank angle", motion.angle_at(times))
 
 
-def selected(variables: Iterable[Variable], motion: ElasticMotion) -> tuple[Variable, ...]:
-    """Return the outputs that the scene selects, in its order; all where it selects none.
+def selected(variables: Iterable[Variable], names: Sequence[str] | None) -> tuple[Variable, ...]:
+    """Return the outputs that the scene selects by ``names``, in its order; all where it selects none.
 
     Raises
     ------
     SceneError
         When a run of elastic links has no such output.
     """
-    names = motion.info.outputs
     if names is None:
         return tuple(variables)
     known: dict[str, Variable] = {}

@@ -235,12 +235,27 @@ class ElasticRun(Kept, _InSteps):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LargeRotation(Kept):
+class Refined:
+    """Elements in large rotation, with steps by their error."""
+
+    rtol: float | None = None
+    samples: int = 361
+    max_step: float | None = None
+    max_wall: float | None = None
+    progress: Progress | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LargeRotation(Kept, Refined):
     """Elastic links in large rotation, in rods with springs or in elements."""
 
     segments: int | None = None
     elements: int | None = None
     revolutions: float = 1.0
-    rtol: float | None = None
-    samples: int = 361
-    max_step: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunInSpace(Refined):
+    """Elastic links in space."""
+
+    t_end: float | None = None

@@ -181,6 +181,15 @@ class System:
         """Return the prescribed numbers and their rates, (times, numbers) each."""
         raise NotImplementedError
 
+    def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""
+        raise NotImplementedError
+
+    @property
+    def conservative(self) -> bool:
+        """Whether drives and damping alone do work that is no change of these energies."""
+        raise NotImplementedError
+
     def residual(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
         """Return M a + internal forces - f + J^T lambda, (times, unknowns), of states (times, unknowns)."""
         return self.core.forces(t, q, v, a, multipliers, *self.prescribed(t))

@@ -139,6 +139,11 @@ class LargeLinkage(System):
         """Whether forces, couples or a motor act on elastic links, whose work is not accounted for."""
         return bool(self._along or self._couples or self._motor)
 
+    @property
+    def conservative(self) -> bool:
+        """Whether the drive and the damping of links alone do work that is no potential energy."""
+        return self.motion.info.shaft_alone and not self.loaded
+
     def prescribed(self, t: Array) -> tuple[Array, Array]:
         """Return the values of supports [m, rad] and their rates, (times, rows) each."""
         return self._supports.values(t)

@@ -5,16 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import SimulationError
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import Moment, System, moved
+from symgen.runtime.elastic.large.collocation import Moment, System, moved, stacked
 from symgen.runtime.elastic.mesh import mesh_error
-from symgen.runtime.integrate.pace import Pace
-from symgen.runtime.result.records import Drift, Variable
+from symgen.runtime.elastic.outputs import selected
+from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
+from symgen.runtime.kernels.arguments import count as whole
+from symgen.runtime.kernels.arguments import real
+from symgen.runtime.kernels.typed import made_with
+from symgen.runtime.model.arguments import Refined
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model
 
 Array = NDArray[np.float64]
 
@@ -22,6 +31,31 @@ Array = NDArray[np.float64]
 RTOL = 2e-3
 #: The most steps of a reported run that ``rtol`` adds.
 _MOST = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class LargeMotion:
+    """A linkage with elastic links in large rotation: its equations, and the content of its results.
+
+    Attributes
+    ----------
+    finer
+        Function that returns the equations with twice the elements.
+    outputs
+        Function that returns the outputs of a motion by the equations.
+    coordinate
+        Function that returns the coordinate of results by times [s].
+    form, notes
+        See :class:`~symgen.runtime.result.elastic.ElasticResult`.
+    """
+
+    rigid: RodModel
+    system: System
+    finer: Callable[[], System]
+    outputs: Callable[[Any, Sequence[Moment]], list[Variable]]
+    coordinate: Callable[[Array], Coordinate]
+    form: str
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +72,44 @@ class Pass:
     drift: Drift
 
 
-def refine(
+def refined_run(of: LargeMotion, asked: Refined, end: float, least: float) -> ElasticResult:
+    """Return the result of a run to a time [s], with at least so many steps.
+
+    Raises
+    ------
+    ModelError
+        For options out of range.
+    SimulationError
+        Where Newton's method does not converge, however short the steps; with the last motion when the wall
+        time is spent.
+    """
+    rtol = real(RTOL if asked.rtol is None else asked.rtol, "rtol")
+    if not 0.0 < rtol < 1.0:
+        raise ModelError(f"expected rtol above zero and below 1, got {rtol!r}")
+    samples = whole(asked.samples, "samples")
+    if samples < 2:
+        raise ModelError(f"expected 2 samples or more, got {samples}")
+    if asked.max_step is not None:
+        if not real(asked.max_step, "max_step") > 0.0:
+            raise ModelError(f"expected max_step above zero, got {asked.max_step!r}")
+        least = max(least, end / asked.max_step)
+    times, pace, passes = np.linspace(0.0, end, samples), Pace(0.0, end), list[Pass]()
+    try:
+        _refine(passes, of, times, least, rtol, pace, asked.progress)
+    except OutOfTime as stop:
+        if not passes:
+            variables, drift = of.outputs(of.system, stop.found), drift_of(of.system, stop.found)
+            passes, times = [Pass(variables, 0, 0, math.inf, drift)], times[stop.reached]
+        problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall)
+        raise SimulationError(f"{of.rigid.name}: {problem}", time=stop.t, partial=result) from None
+    made = _result(of, times, passes[-1], rtol, pace.wall)
+    made._estimate_later(partial(_by_elements, of, times, passes[-1], wall_left()))
+    return made
+
+
+def _refine(
     passes: list[Pass],
-    system: System,
-    outputs: Callable[[Sequence[Moment]], list[Variable]],
-    drift: Callable[[Sequence[Moment]], Drift],
+    of: LargeMotion,
     times: Array,
     least: float,
     rtol: float,
@@ -64,16 +131,69 @@ def refine(
     steps = math.ceil(least / (len(times) - 1))
     while True:
         try:
-            found, stepper = moved(system, GAUSS8, times, steps, pace, progress)
+            found, stepper = moved(of.system, GAUSS8, times, steps, pace, progress)
         except SimulationError:
             if passes or steps * (len(times) - 1) > _MOST:
                 raise
         else:
-            variables = outputs(found)
+            variables = of.outputs(of.system, found)
             if passes:
                 passes[-1] = replace(passes[-1], error=mesh_error(passes[-1].variables, variables))
                 if passes[-1].error <= rtol or steps * (len(times) - 1) > _MOST:
                     return
-            passes.append(Pass(variables, steps, stepper.corrections, math.inf, drift(found)))
+            passes.append(Pass(variables, steps, stepper.corrections, math.inf, drift_of(of.system, found)))
         steps *= 2
         pace.restart(0.0)
+
+
+def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | None) -> float | None:
+    """Return the change of stresses in twice as many elements, over their peak; None if not known."""
+    with limited(max_wall):
+        finer = of.finer()
+        try:
+            found, _ = moved(finer, GAUSS8, times, coarse.steps, Pace(0.0, float(times[-1])))
+            return mesh_error(coarse.variables, of.outputs(finer, found))
+        except (OutOfTime, SimulationError):
+            return None
+
+
+def drift_of(system: System, found: Sequence[Moment]) -> Drift:
+    """Return the largest errors of the constraints, and of the energy where all work is accounted for."""
+    t, q, v, a, _ = stacked(found)
+    rows = system.core.rows(t, q, v, *system.prescribed(t))
+    constraint, velocity = (float(np.max(np.abs(x), initial=0.0)) for x in rows)
+    if not system.conservative:
+        return Drift(constraint, velocity)
+    kinetic, strain, potential, _ = system.energies(t, q, v, a)
+    balance = kinetic + strain + potential - [m.work for m in found]
+    energy, exchanged = np.max(np.abs(balance - balance[0])), max(np.ptp(kinetic), np.ptp(strain + potential))
+    return Drift(constraint, velocity, float(energy), float(exchanged))
+
+
+def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) -> ElasticResult:
+    d, rigid, coordinate, notes = of.rigid.description, of.rigid, of.coordinate(times), list(of.notes)
+    if one.error > rtol:
+        notes.append(
+            f"the error by time steps does not reach rtol = {rtol:g}: links vibrate, as from an abrupt "
+            "start, too fast for the steps; give a shorter run, damping, or shorter steps by max_step"
+        )
+    how = {"method": "large-rotation", "form": of.form, "rtol": rtol, "t_end": float(times[-1])}
+    return ElasticResult(
+        **of_model(d, rigid.parameters, **how, **made_with(rigid.evaluator.library, rigid.typed)),
+        axes=d.axes,
+        coordinate=coordinate,
+        variables=selected(one.variables, d.elastic.outputs if d.elastic else None),
+        drift=one.drift,
+        final={},
+        statistics={
+            "unknowns": of.system.unknowns - of.system.multipliers,
+            "steps": one.steps * (len(times) - 1),
+            "corrections": one.corrections,
+            "error": one.error if math.isfinite(one.error) else None,
+            "wall_s": wall,
+            "floquet": [],
+            "floquet_error": None,
+        },
+        notes=(*d.remarks, *notes),
+        times=None if coordinate.name == "time" else times,
+    )

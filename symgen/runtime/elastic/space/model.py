@@ -2,39 +2,32 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import Moment, moved, stacked
-from symgen.runtime.elastic.large.passes import RTOL, Pass, refine
-from symgen.runtime.elastic.mesh import mesh_error
+from symgen.runtime.elastic.large.collocation import Moment
+from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.outputs import outputs
 from symgen.runtime.integrate.options import end_of_scene
-from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
-from symgen.runtime.kernels.arguments import count as whole
+from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real
-from symgen.runtime.kernels.typed import made_with
+from symgen.runtime.model.arguments import RunInSpace, takes
 from symgen.runtime.model.model import Model
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
-from symgen.runtime.result.records import Drift, Variable, of_model, over_time
+from symgen.runtime.result.records import Variable, over_time
 from symgen.runtime.result.state import State
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
-
-Array = NDArray[np.float64]
 
 #: What runs report as their form.
 _FORM = "elements in space"
@@ -121,57 +114,41 @@ class SpatialModel(Model):
             )
         return of_frequencies(self.rigid, by, coordinates, 0.0 if at is None else real(at, "the time"))
 
-    def _simulate(
-        self,
-        t_end: float | None = None,
-        *,
-        rtol: float | None = None,
-        samples: int | None = None,
-        max_step: float | None = None,
-        max_wall: float | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> ElasticResult:
+    @takes(RunInSpace)
+    def _simulate(self, asked: RunInSpace) -> ElasticResult:
         self._refuse_types("runs of elastic links in space are")
-        rtol = real(RTOL if rtol is None else rtol, "rtol")
-        if not 0.0 < rtol < 1.0:
-            raise ModelError(f"expected rtol above zero and below 1, got {rtol!r}")
-        samples = whole(361 if samples is None else samples, "samples")
-        if samples < 2:
-            raise ModelError(f"expected 2 samples or more, got {samples}")
-        end = end_of_scene(self.rigid.description.t_end) if t_end is None else real(t_end, "t_end")
-        least = float(_STEPS)
-        if max_step is not None:
-            if not real(max_step, "max_step") > 0.0:
-                raise ModelError(f"expected max_step above zero, got {max_step!r}")
-            least = max(least, end / max_step)
+        d = self.rigid.description
+        end = end_of_scene(d.t_end) if asked.t_end is None else real(asked.t_end, "t_end")
         if not end > 0.0:
             raise ModelError(f"expected t_end above zero, got {end!r}")
-        times, linkage, passes = np.linspace(0.0, end, samples), LinkageInSpace(self.rigid), list[Pass]()
-        pace = Pace(0.0, end)
-        with limited(max_wall):
+        large = LargeMotion(
+            self.rigid,
+            LinkageInSpace(self.rigid),
+            partial(LinkageInSpace, self.rigid, divided=2),
+            self._outputs,
+            over_time,
+            _FORM,
+        )
+        with limited(asked.max_wall):
             try:
-                refine(
-                    passes, linkage, partial(self._checked, linkage), partial(_drift, linkage),
-                    times, least, rtol, pace, progress,
-                )  # fmt: skip
+                return refined_run(large, asked, end, _STEPS)
             except SimulationError as error:
+                if error.partial is not None:
+                    raise
                 raise SimulationError(f"{error}{self._dead_centre(error.time)}", time=error.time) from None
-            except OutOfTime as stop:
-                if not passes:
-                    variables = outputs(linkage, stop.found)
-                    drift = _drift(linkage, stop.found)
-                    passes.append(Pass(variables, 0, 0, math.inf, drift))
-                    times = times[stop.reached]
-                partial_result = self._result(linkage, times, passes[-1], rtol, pace.wall)
-                problem = f"{self.name}: {out_of_time(stop.t, end)}"
-                raise SimulationError(problem, time=stop.t, partial=partial_result) from None
-            made = self._result(linkage, times, passes[-1], rtol, pace.wall)
-            made._estimate_later(partial(self._by_elements, times, passes[-1], wall_left()))
-        return made
 
-    def _checked(self, linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
-        """Return the outputs; raise SimulationError where an axial strain is beyond linear elasticity."""
-        made = outputs(linkage, found)
+    def _outputs(self, linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
+        """Return the outputs, without places of points at rest unless the scene selects them.
+
+        Raises
+        ------
+        SimulationError
+            Where an axial strain is beyond linear elasticity.
+        """
+        d = self.rigid.description
+        still = {f"{p}.position" for p in d.ground if p in d.steady}
+        still -= {*((d.elastic and d.elastic.outputs) or ())}
+        made = [v for v in outputs(linkage, found) if v.name not in still]
         for variable in (v for v in made if v.name.endswith(".axial_strain")):
             beyond = np.flatnonzero(~(np.abs(variable.values) <= _STRAIN))
             if len(beyond):
@@ -194,77 +171,3 @@ class SpatialModel(Model):
                     "its input cannot move it: change the lengths, or end the run before."
                 )
         return ""
-
-    def _by_elements(self, times: Array, coarse: Pass, max_wall: float | None) -> float | None:
-        """Return the change of stresses in twice as many elements, over their peak; None if not known."""
-        finer = LinkageInSpace(self.rigid, divided=2)
-        with limited(max_wall):
-            try:
-                found, _ = moved(finer, GAUSS8, times, coarse.steps, Pace(0.0, float(times[-1])))
-            except (OutOfTime, SimulationError):
-                return None
-        return mesh_error(coarse.variables, outputs(finer, found))
-
-    def _result(
-        self, linkage: LinkageInSpace, times: Array, one: Pass, rtol: float, wall: float
-    ) -> ElasticResult:
-        d = self.rigid.description
-        wanted = None if d.elastic is None else d.elastic.outputs
-        still = {f"{p}.position" for p in d.ground if p in d.steady}
-        variables = [v for v in one.variables if wanted is not None or v.name not in still]
-        if wanted is not None:
-            known = {v.name: v for v in variables}
-            missing = [name for name in wanted if name not in known]
-            if missing:
-                raise ModelError(
-                    f"{self.name}: a run of elastic links in space has no output {missing[0]}\n"
-                    f"  It has {', '.join(known)}."
-                )
-            variables = [known[name] for name in wanted]
-        notes = list(d.remarks)
-        if one.error > rtol:
-            notes.append(
-                f"the error by time steps does not reach rtol = {rtol:g}: links vibrate too fast for the "
-                "steps; give a shorter run, damping, or shorter steps by max_step"
-            )
-        return ElasticResult(
-            **of_model(
-                d,
-                self.rigid.parameters,
-                method="large-rotation",
-                form=_FORM,
-                rtol=rtol,
-                t_end=float(times[-1]),
-                **made_with(self.rigid.evaluator.library, self.rigid.typed),
-            ),
-            axes=d.axes,
-            coordinate=over_time(times),
-            variables=tuple(variables),
-            drift=one.drift,
-            final={},
-            statistics={
-                "unknowns": linkage.unknowns - linkage.multipliers,
-                "steps": one.steps * (len(times) - 1),
-                "corrections": one.corrections,
-                "error": one.error if math.isfinite(one.error) else None,
-                "wall_s": wall,
-                "floquet": [],
-                "floquet_error": None,
-            },
-            notes=tuple(notes),
-            times=None,
-        )
-
-
-def _drift(linkage: LinkageInSpace, found: Sequence[Moment]) -> Drift:
-    """Return the largest errors of the constraints, and of the energy where no load does other work."""
-    t, q, v, a, _ = stacked(found)
-    errors, rates = linkage.core.rows(t, q, v, *linkage.prescribed(t))
-    kinetic, strain, potential, _ = linkage.energies(t, q, v, a)
-    balance = kinetic + strain + potential - [m.work for m in found]
-    return Drift(
-        float(np.max(np.abs(errors))),
-        float(np.max(np.abs(rates))),
-        float(np.max(np.abs(balance - balance[0]))) if linkage.conservative else math.nan,
-        float(max(np.ptp(kinetic), np.ptp(strain + potential))),
-    )
