@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of elastic links in the core: the rigid motion they move about, their equations, fixed steps."""
+"""The binding of elastic links in the core: their rigid reference motion, equations and fixed steps."""
 
 import numpy as np
 
@@ -133,10 +133,10 @@ cdef tuple _names(const char *listed):
 
 #: Columns of the kernels ``links`` and ``loads``: see :mod:`symgen.mechanics.elastic.weights`.
 MOTION, APPLIED = _names(MOTION_NAMES), _names(APPLIED_NAMES)
-#: Blocks of the kernel ``joints``; matrices and vectors of a superelement, and those of a force along it.
+#: Blocks of the kernel ``joints``; matrices and vectors of a superelement, and of a force along it.
 BLOCKS, MATRICES = _names(BLOCKS_NAMES), _names(MATRICES_NAMES)
 VECTORS, SPREAD = _names(VECTORS_NAMES), _names(SPREAD_NAMES)
-#: Which terms of the equations are assembled: see ``beams.h``.
+#: Assembled terms of the equations: see ``beams.h``.
 IN_MOTION, AT_REST, QUASI_STATIC = _IN_MOTION, _AT_REST, _QUASI_STATIC
 
 
@@ -161,28 +161,27 @@ cdef object _indices(const Py_ssize_t *raw, Py_ssize_t count):
 cdef int _fill(void *to, size_t bytes, const unsigned char[::1] memory) except -1:
     """Copy the first `bytes` of a saved memory; ValueError if it is shorter."""
     if <size_t>memory.shape[0] < bytes:
-        raise ValueError("it is of a motion of another size")
+        raise ValueError("expected the saved memory of a motion of the same size")
     memcpy(to, &memory[0], bytes)
     return 0
 
 
 cdef class RigidMotion:
-    """A linkage whose drives leave nothing free, with the kernels of elastic links along its motion.
+    """The rigid reference motion, without free coordinates, and the kernels of elastic links along it.
 
     Parameters
     ----------
     equations
         The rigid linkage.
     motion, joints
-        The kernels of ``elastic_motion`` and of ``elastic_joints``, which live as long as this.
-    sizes
-        Numbers that the kernels write: links, joints, shaft, loads, setup and joints_setup.
+        The kernels of ``elastic_motion`` and of ``elastic_joints``, kept alive by this object. sizes Sizes of the
+        kernels' results: links, joints, shaft, loads, setup and joints_setup.
     t, y
-        A time and the state there.
+        A time [s] and the state at this time.
     stride
-        The longest time [s] over which a state is a good guess of the next.
+        The longest time [s] over which a state is a good prediction of the next.
     path
-        A :class:`symgen.runtime.elastic.path.Path` where the motion was integrated.
+        A :class:`symgen.runtime.elastic.path.Path` if the motion was integrated.
     """
 
     cdef readonly Integrable equations
@@ -200,7 +199,7 @@ cdef class RigidMotion:
         if state.count != equations.dim:
             raise ValueError(f"expected a state of {2 * equations.n} numbers, got {len(y)}")
         if min(sizes.values()) < 0:
-            raise ValueError(f"expected sizes of what kernels write, got {sizes!r}")
+            raise ValueError(f"expected sizes of the kernels' results, got {sizes!r}")
         self.equations, self.sizes = equations, sizes
         self.api = <const elastic_table *>equations.of.api.elastic
         self.libraries = (motion, joints)
@@ -232,7 +231,7 @@ cdef class RigidMotion:
 
     @property
     def t(self):
-        """The time that it was moved to last [s]."""
+        """The present time [s]."""
         cdef motion_view seen
         self.api.motion_view(self.core, &seen)
         return seen.t
@@ -242,12 +241,12 @@ cdef class RigidMotion:
         return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes) + self.equations.save()
 
     def restore(self, const unsigned char[::1] memory):
-        """Take over what :meth:`save` gave for the same motion."""
+        """Restore the bytes of :meth:`save` for the same motion."""
         _fill(self.memory, self.bytes, memory)
         self.equations.restore(memory[self.bytes:])
 
     def evaluate(self, double t):
-        """Return the status, the state, and the outputs of the kernels links, joints, shaft and loads at a time."""
+        """Return the status, the state, and the results of the kernels links, joints, shaft and loads at a time."""
         cdef motion_view seen
         cdef int status = self.api.motion_at(self.core, t)
         cdef Core of = self.equations.of
@@ -304,7 +303,7 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined, Py_ssize_t l
     if m:
         _within("joint_places without -1", layout.joint_places[:-1], inner, n)
     _within("slots", layout.slots, -1, entries)
-    for what in ("mass_slots", "damping_slots", "stiffness_slots"):  # the last is spare
+    for what in ("mass_slots", "damping_slots", "stiffness_slots"):  # the last slot is spare
         _within(what, getattr(layout, what)[:-1], 0, entries)
     _within("shaft", [layout.shaft], -1, n)
     _within("shaft_slot", [layout.shaft_slot], -1 if layout.shaft < 0 else 0, entries)
@@ -334,21 +333,21 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined, Py_ssize_t l
 
 
 cdef class _Packed:
-    """A checked layout in the arrays of the core."""
+    """A validated layout as arrays of the core."""
 
     cdef beam_layout of
     cdef const double[::1] constants
     cdef list kept
 
     cdef const Py_ssize_t *keep(self, values) except NULL:
-        """Keep an array of indices, and return where they are."""
+        """Store an array of indices, and return its address."""
         cdef Py_ssize_t[::1] made = np.append(values, -1).astype(np.intp)
         self.kept.append(made)
         return &made[0]
 
 
 cdef _Packed _packed(layout, RigidMotion motion):
-    """Return the arrays of a layout about a rigid motion, which the layout keeps: many equations share one."""
+    """Return the arrays of a layout for a rigid motion. The layout stores them, and many equations share them."""
     cdef _Packed made
     key = motion.sizes.links // _MOTION, motion.sizes.joints, motion.sizes.loads // len(APPLIED)
     if key not in layout.packed:
@@ -378,9 +377,10 @@ cdef class BeamEquations(Integrable):
     motion
         The rigid motion.
     layout
-        A :class:`symgen.runtime.beams.layout.Layout`: unknowns, superelements and where they go.
+        A :class:`symgen.runtime.beams.layout.Layout`: unknowns, superelements and their places.
     thesis
-        Take the rotation of end displacements, and the basis of the constraints, as constant in time.
+        Constant-transformation form: the rotation of end displacements and the basis of the constraints are taken as
+        constant in time.
     """
 
     cdef readonly RigidMotion motion
@@ -410,7 +410,7 @@ cdef class BeamEquations(Integrable):
         return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes) + self.motion.save()
 
     def restore(self, const unsigned char[::1] memory):
-        """Take over what :meth:`save` gave for the same equations."""
+        """Restore the bytes of :meth:`save` for the same equations."""
         _fill(self.memory, self.bytes, memory)
         self.motion.restore(memory[self.bytes:])
 
@@ -420,8 +420,8 @@ cdef class BeamEquations(Integrable):
     def matrices(self, double t, int analysis=_IN_MOTION):
         """Return status, mass, damping, stiffness (dense) and load of the free unknowns, and R, R', R'' or None.
 
-        ``AT_REST`` they are those of the structure in its pose, without loads of motion; ``QUASI_STATIC`` those
-        of loads and axial forces of the rigid motion, without inertia and damping of the elastic motion.
+        Analysis ``AT_REST``: the structure in its pose, without loads of the motion. ``QUASI_STATIC``: with loads and
+        axial forces of the rigid motion, without inertia and damping of the elastic motion.
         """
         cdef matrices_view seen
         status, rows, columns, entries = self.sparse(t, analysis)
@@ -444,9 +444,9 @@ cdef class BeamEquations(Integrable):
         return status, *made, self._array(seen.load, seen.free), basis
 
     def sparse(self, double t, int analysis=_IN_MOTION):
-        """Return status, rows, columns, and the entries there of mass, damping and stiffness.
+        """Return status, rows, columns, and the entries of mass, damping and stiffness at these places.
 
-        The damping of modes is not in the last two where it is kept apart: see ``coupled`` of the layout.
+        The last two are without the damping of modes if it is stored separately: see ``coupled`` of the layout.
         """
         cdef matrices_view seen
         cdef int status = self.api.beams_assemble(<beams *>self.core, t, analysis)
@@ -456,16 +456,17 @@ cdef class BeamEquations(Integrable):
         return status, _indices(seen.rows, seen.entries), _indices(seen.columns, seen.entries), made
 
     def full_stiffness(self):
-        """Return rows, columns and entries of the stiffness of all unknowns, constrained or not, where it is."""
+        """Return rows, columns and entries of the stiffness of all unknowns, constrained or not, at the present
+        time."""
         cdef matrices_view seen
         self.api.beams_view(<beams *>self.core, &seen)
         count = seen.full_entries
         return _indices(seen.full_rows, count), _indices(seen.full_columns, count), self._array(seen.full_stiffness, count)
 
     def unbalanced(self, s, int analysis=_QUASI_STATIC):
-        """Return K S - Q of all unknowns, (n,), at the time of the last matrices, of that ``analysis``.
+        """Return K S - Q of all unknowns, (n,), at the time of the last matrices, for an ``analysis``.
 
-        It is summed link by link: digits of bending are not lost to the larger entries of stretching.
+        It is summed link by link: the larger axial entries take no digits from bending.
         """
         cdef Reals given = Reals(self.of, s), found = Reals(self.of, np.zeros(self.whole))
         at_least("unknowns", given.count, self.whole)
@@ -496,7 +497,7 @@ cdef class BeamEquations(Integrable):
 
 
 cdef class BeamSteps:
-    """Fixed steps by collocation, or by a method with accelerations at both ends; for many states at once.
+    """Fixed steps by collocation, or by a method with accelerations at both ends, for a batch of states.
 
     Parameters
     ----------
@@ -505,7 +506,7 @@ cdef class BeamSteps:
     method
         A :class:`symgen.runtime.beams.methods.BeamMethod`.
     columns
-        Number of states stepped together; the load acts on the first only.
+        Number of states in the batch; the load acts on the first only.
     """
 
     cdef BeamEquations equations
@@ -540,7 +541,7 @@ cdef class BeamSteps:
         free(self.memory)
 
     def start(self, double t, s, v):
-        """Take states (S, S'), each (unknowns, columns), at a time; return a status."""
+        """Start from states (S, S'), each (unknowns, columns), at a time; return a status."""
         cdef const elastic_table *api = self.equations.api
         for values, to in ((s, <size_t>api.steps_displacements(self.core)), (v, <size_t>api.steps_rates(self.core))):
             self._set(np.ascontiguousarray(values, dtype=float).reshape(self.equations.whole, self.columns), to)
@@ -553,7 +554,8 @@ cdef class BeamSteps:
         return 0
 
     def advance(self, double t0, double t1, Py_ssize_t steps, first=0, last=None):
-        """Step from t0 to t1, or take those steps from number ``first`` to before ``last``; return a status."""
+        """Step from t0 to t1, or take a part of these steps, from number ``first`` to before ``last``; return a
+        status."""
         cdef int status
         cdef long begin = first, end = steps if last is None else last
         with nogil:
@@ -565,7 +567,7 @@ cdef class BeamSteps:
         return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes) + self.equations.save()
 
     def restore(self, const unsigned char[::1] memory):
-        """Take over what :meth:`save` gave for the same steps."""
+        """Restore the bytes of :meth:`save` for the same steps."""
         _fill(self.memory, self.bytes, memory)
         self.equations.restore(memory[self.bytes:])
 

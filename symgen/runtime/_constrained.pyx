@@ -1,8 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Mechanical systems of elements with constraints, M a + ... + J^T lambda = 0, Phi = 0, and their steps.
 
-The parts of a system add their forces, constraints and slopes. Vectors of constraints may be unknowns, or known
-numbers behind these, such as places of the ground.
+The parts of a system add their forces, constraints and slopes. Vectors in constraints may be unknowns, or prescribed
+numbers behind these, such as positions of the ground.
 """
 
 import numpy as np
@@ -28,18 +28,19 @@ cdef extern from "core/elastic.h" nogil:
 cdef const elastic_table *API = <const elastic_table *>(<Core>DOUBLE).api.elastic
 
 cdef enum:
-    # Numbers of the vectors and of the factors of a constraint on directions.
+    # Number of the vectors and of the factors of a constraint on directions.
     _VECTORS = 21
     _FACTORS = 8
 
-#: Corrections over the sizes of the places from which on those that do not fall are rounding.
+#: Corrections that do not decrease are rounding below this part of the size of the unknowns.
 cdef double _ROUNDING = 1e-10
-#: Corrections in a step at most; a correction over the one before from which on they do not converge.
+#: Largest number of corrections in a step; largest ratio of a correction to the previous one, above which they
+#: diverge.
 cdef int _MOST = 20
 cdef double _DIVERGING = 2.0
 
 cdef struct states:
-    # Rows of times, places, rates, second rates, multipliers, and of known numbers with their rates.
+    # Rows of times, places, rates, second rates, multipliers, and of prescribed numbers with their rates.
     Py_ssize_t count, unknowns, multipliers, known
     const double *t
     const double *q
@@ -50,7 +51,7 @@ cdef struct states:
     const double *known_rates
 
 cdef struct matrices:
-    # Rows of so many slots: slopes by second rates, rates and places, and those of the constraints.
+    # Rows of slots: slopes by second rates, rates and places, and slopes of the constraints.
     Py_ssize_t size
     double *of
 
@@ -68,7 +69,7 @@ cdef int _within(str what, values, Py_ssize_t low, Py_ssize_t high) except -1:
 
 
 cdef Py_ssize_t[::1] _places(values):
-    # One more number, so that there is an address of the first.
+    # One spare number, so that the first has an address.
     return np.append(np.ravel(values), 0).astype(np.intp)
 
 
@@ -77,13 +78,14 @@ cdef double[::1] _numbers(values):
 
 
 cdef class Part:
-    """A part of a system: ``pairs`` (2, entries) of unknowns with slopes, ``bound`` (2, entries): row and place."""
+    """A part of a system: ``pairs`` (2, entries) of unknowns with slopes; ``bound`` (2, entries), row and unknown of
+    the entries of constraints."""
 
     cdef readonly object pairs, bound
     cdef Py_ssize_t[::1] slots, below, right
 
     def take(self, pattern, Py_ssize_t unknowns):
-        """Take the slots of the entries in a pattern; -1 are those of slopes by known numbers."""
+        """Set the slots of the entries in a pattern; -1 for slopes by prescribed numbers."""
         row, place = self.bound
         below, right = pattern.slots(unknowns + row, place), pattern.slots(place, unknowns + row)
         known = place >= unknowns
@@ -99,7 +101,7 @@ cdef class Part:
         return 0
 
     cdef double dissipation(self, const states *s, Py_ssize_t row):
-        """Return the power that damping takes at a state [W]."""
+        """Return the power dissipated by damping at a state [W]."""
         return 0.0
 
     cdef inline void bind(self, matrices *to, Py_ssize_t entry, double slope) noexcept:
@@ -132,7 +134,7 @@ cdef class Elements(Part):
         self.pairs, self.bound = np.stack(pairs).reshape(2, -1), np.zeros((2, 0), dtype=np.intp)
 
     def values(self, str kernel, Py_ssize_t width, q, v, a):
-        """Return what a kernel writes for every element at states (times, unknowns), (times, elements, width)."""
+        """Return the results of a kernel for every element at states (times, unknowns): (times, elements, width)."""
         cdef double[:, ::1] states = np.empty((3, self.size))
         cdef double[:, :, ::1] found = np.empty((len(q), self.count, width))
         cdef const double[:, :] places = q, rates = v, second = a
@@ -188,7 +190,8 @@ cdef class Elements(Part):
 
 
 cdef class Directions(Part):
-    """Constraints on directions: places of their vectors (rows, 21), factors and value (rows, 8), the first row.
+    """Constraints on directions: unknowns of their vectors (rows, 21), factors and value (rows, 8), number of the
+    first row.
 
     ``curvature`` are the second slopes of rows ``owners`` at ``pairs``.
     """
@@ -284,9 +287,9 @@ cdef class Rigid(Part):
     rigid, joints
         The :class:`symgen.runtime.kernels.evaluate.Evaluator` of the linkage and of its ``elastic_joints``.
     rows, in_jacobian, sizes
-        Numbers of the constraints among those of the linkage and in the Jacobian of ``joints``, and their scales.
+        Numbers of the constraints in the linkage and in the Jacobian of ``joints``, and their scales.
     entries
-        Unknowns (entries, 2) of the entries of mass, damping and stiffness that ``joints`` gives.
+        Unknowns (entries, 2) of the entries of mass, damping and stiffness from ``joints``.
     """
 
     cdef object owners
@@ -366,9 +369,9 @@ cdef class Rigid(Part):
 
 
 cdef class Added(Part):
-    """Forces and slopes that functions give: ``forces(t, q, v, a)``, (times, unknowns), ``slopes(t, q, v)``.
+    """Forces and slopes from Python functions: ``forces(t, q, v, a)``, (times, unknowns), ``slopes(t, q, v)``.
 
-    Slopes, (3, unknowns given by ``places``), are those of the force on an unknown by itself.
+    Slopes (3, number of ``places``): derivatives of the force on each unknown in ``places`` by this unknown.
     """
 
     cdef object forces_of, slopes_of
@@ -405,7 +408,7 @@ cdef object _copied(uintptr_t raw, Py_ssize_t rows, Py_ssize_t columns):
 
 
 cdef class Constrained:
-    """A system of parts over unknowns, multipliers, and so many known numbers.
+    """A system of parts over unknowns, multipliers and prescribed numbers.
 
     Parameters
     ----------
@@ -436,11 +439,11 @@ cdef class Constrained:
         self.to.size, self.to.of = self.size, &self.values[0, 0]
 
     cdef list _take(self, t, q, v, a, multipliers, known, known_rates):
-        """Point at states of as many times; return what must live as long."""
+        """Point to states at ``count`` times; return arrays that must stay alive."""
         cdef Py_ssize_t count = len(t), n = self.at.unknowns, m = self.at.multipliers, k = self.at.known
         rows = [np.ascontiguousarray(t, dtype=float)]
         for values, width in zip((q, v, a, multipliers, known, known_rates), (n, n, n, m, k, k)):
-            # Without numbers there is no address.
+            # An empty array has no address.
             row = np.zeros((count, 1)) if width == 0 else np.ascontiguousarray(values, dtype=float)
             if row.shape != (count, max(width, 1)):
                 raise ValueError(f"expected {count} rows of {width} numbers, got {row.shape}")
@@ -463,7 +466,7 @@ cdef class Constrained:
         return 0
 
     def forces(self, t, q, v, a, multipliers, known, known_rates):
-        """Return M a + ... + J^T lambda, (times, unknowns), of states of as many times."""
+        """Return M a + ... + J^T lambda, (times, unknowns), of states at these times."""
         kept = self._take(t, q, v, a, multipliers, known, known_rates)
         cdef double[:, ::1] found = np.zeros((len(t), self.at.unknowns))
         self.evaluate(&found[0, 0], NULL, NULL)
@@ -477,13 +480,13 @@ cdef class Constrained:
         return found.base[:, :, :self.at.multipliers]
 
     def slopes(self, t, q, v, a, multipliers, known, known_rates):
-        """Return slopes by second rates, rates and places, and those of constraints, (4, slots), at one state."""
+        """Return slopes by second rates, rates and places, and slopes of constraints, (4, slots), at one state."""
         kept = self._take(t, q, v, a, multipliers, known, known_rates)
         self.refresh()
         return self.values.base.copy()
 
     def accelerated(self, t, q, v, a, multipliers, known, known_rates, right):
-        """Return second rates and multipliers by a right-hand side of M a + J^T lambda, J a, at one state."""
+        """Return second rates and multipliers for a right-hand side of M a + J^T lambda, J a, at one state."""
         cdef double[::1] x = np.zeros(len(right)), factors = np.empty(self.size)
         kept = self._take(t, q, v, a, multipliers, known, known_rates)
         self.refresh()
@@ -522,13 +525,13 @@ cdef class Steps:
     Parameters
     ----------
     method
-        A :class:`symgen.runtime.beams.methods.BeamMethod` that is collocated, with an even number of stages.
+        A collocation :class:`symgen.runtime.beams.methods.BeamMethod` with an even number of stages.
     h
         Length of the steps [s].
     scale
         Sizes of the unknowns, (unknowns,).
     close
-        Error that corrections leave in the places, over their sizes.
+        Largest last correction of the unknowns, over their sizes.
     """
 
     cdef Constrained of
@@ -541,13 +544,13 @@ cdef class Steps:
     cdef list factors
     cdef double[::1] metric, x, y
     cdef double[:, ::1] q, v, forces, rates, change
-    #: Counts of steps and of corrections.
+    #: Numbers of steps and of corrections.
     cdef readonly Py_ssize_t steps, corrections
 
     def __init__(self, Constrained of, method, double h, scale, double close):
         self.close = close
         values, vectors = np.linalg.eig(method.a)
-        # The other one of each pair is its complex conjugate.
+        # The second factor of each pair is the complex conjugate.
         pairs = np.flatnonzero(values.imag > 0.0)
         n, m, stages = of.at.unknowns, of.at.multipliers, len(method.c)
         self.of, self.h, self.stages, self.pairs = of, h, stages, len(pairs)
@@ -563,10 +566,10 @@ cdef class Steps:
         self.steps = self.corrections = 0
 
     def step(self, double t, q, v, a, multipliers, guess, known, known_rates):
-        """Return places, rates, second rates and multipliers of stages, and work, one step on; None if it fails.
+        """Take a step; return places, rates, second rates and multipliers of its stages, and work. None if it fails.
 
         ``guess`` are second rates (stages, unknowns) and multipliers (stages, multipliers); ``known`` and
-        ``known_rates`` are those in the middle, at the stages, and at the end.
+        ``known_rates`` are prescribed numbers and their rates in the middle, at the stages, and at the end.
         """
         cdef Py_ssize_t stages = self.stages
         times = t + self.h * np.concatenate([[0.5], self.c, [1.0]])
@@ -603,7 +606,7 @@ cdef class Steps:
         return 0
 
     cdef bint corrected(self, const double[::1] q, const double[::1] v, double[:, ::1] a, double[:, ::1] multipliers) except *:
-        """Correct second rates and multipliers of the stages; False where corrections do not converge."""
+        """Correct second rates and multipliers of the stages; False if corrections do not converge."""
         cdef Py_ssize_t i, j, k, n = q.shape[0], m = self.of.at.multipliers
         cdef double size, before = 0.0, rate = 1.0, place
         cdef int count
@@ -666,7 +669,7 @@ cdef class Steps:
         return 0
 
     cdef double project(self, const double[:, ::1] rows, double[::1] values):
-        """Subtract from values the least change, in the metric of the mass matrix, that meets the constraints."""
+        """Subtract from values the least change, in the metric of the mass matrix, that satisfies the constraints."""
         cdef Py_ssize_t k, n = values.shape[0]
         cdef double size = 0.0
         for k in range(n + rows.shape[1]):

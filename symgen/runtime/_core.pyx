@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of the core in C: equations and runs of any number type, and single kernels in double."""
+"""The binding of the C core: equations and runs of any number type, and single kernels in double."""
 
 import numpy as np
 
@@ -16,17 +16,17 @@ from symgen.calls import raise_failure
 DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR = _DONE, _MORE, _NOT_FINITE, _STEP_TOO_SMALL, _SINGULAR
 PROJECTION_FAILED, CONTRADICTED, DRIFTED, ENDED = _PROJECTION_FAILED, _CONTRADICTED, _DRIFTED, _ENDED
 UNSOLVED, SLIDING = _UNSOLVED, _SLIDING
-#: What events do to a run.
+#: Effects of events on a run.
 ENDS_RUN, REVOLVES = _ENDS_RUN, _REVOLVES
-#: How a run is kept on the constraints.
+#: Methods of stabilisation of the constraints.
 STABILISATIONS = {"projection": _PROJECTION, "baumgarte": _BAUMGARTE, "raw": _RAW}
 
-# Events remembered in the core before Python takes them, for each event function.
+# Capacity of the core's record of events, for each event function.
 cdef long REMEMBERED = 64
 
 
 cdef kernel_t kernel_of(object addresses, str name):
-    """Return a kernel by name; NULL where the model has none."""
+    """Return a kernel by name; NULL if the model lacks it."""
     return <kernel_t><uintptr_t>addresses.get(name, 0)
 
 
@@ -58,7 +58,7 @@ def call(uintptr_t address, sizes, const double[::1] t, const double[::1] q, con
 
 
 def set_up(uintptr_t address, double[::1] p, Py_ssize_t parameters, Py_ssize_t derived):
-    """Leave behind so many parameters the ``derived`` numbers that a set-up kernel makes of them."""
+    """Write the ``derived`` numbers of a set-up kernel behind the parameters."""
     at_least("numbers in p", p.shape[0], parameters + derived)
     set_up_with(<kernel_t>address, parameters, &p[0])
     raise_failure()
@@ -91,7 +91,7 @@ def call_many(uintptr_t address, sizes, const double[::1] t, const double[:, ::1
 
 def call_repeatedly(uintptr_t address, sizes, Py_ssize_t times, const double[:, ::1] y, Py_ssize_t n,
                     const double[::1] p, double[::1] work, double[:, ::1] out):
-    """Call a kernel ``times`` times over all rows of ``y``: for measuring it without Python around it."""
+    """Call a kernel ``times`` times over all rows of ``y``, for measurements without Python's overhead."""
     cdef Py_ssize_t i, k
     cdef double t = 0.0
     _fits(sizes, 1, n, y.shape[1] - n, p.shape[0], work.shape[0], out.shape[1])
@@ -117,16 +117,15 @@ cdef class Core:
     Parameters
     ----------
     address
-        Where its ``symgen_core`` is; 0 for that of doubles, which is part of this module.
-    owner
-        What keeps the library of that address open.
+        Address of its ``symgen_core``; 0 for the core of doubles, which is part of this module. owner Object that
+        keeps the library of this address open.
     """
 
     def __init__(self, uintptr_t address=0, owner=None):
         self.api = <const core_api *>address if address else &symgen_core
         self.owner, self.schemes = owner, {}
         if self.api.version != CORE_VERSION:
-            raise ValueError(f"a core of version {self.api.version}, expected {CORE_VERSION}")
+            raise ValueError(f"expected a core of version {CORE_VERSION}, got {self.api.version}")
 
     @property
     def name(self):
@@ -144,7 +143,7 @@ cdef class Core:
         return self.api.epsilon
 
     def widen(self, high, low=None):
-        """Return doubles (the sum of two, if two are given) as numbers of the core: an array of raw bytes,
+        """Return doubles, or sums of two doubles, as numbers of the core: an array of raw bytes,
         with one more axis of ``real_bytes``."""
         cdef const double[::1] values = np.ascontiguousarray(high, dtype=float).ravel()
         cdef const double[::1] rest
@@ -194,12 +193,12 @@ cdef class Core:
 cdef const kind *_kind_of(const core_api *api, method) except NULL:
     cdef const kind *found = api.find_kind(method.kind.encode())
     if found == NULL:
-        raise ValueError(f"the core knows no kind of method {method.kind!r}")
+        raise ValueError(f"expected a kind of method of the core, got {method.kind!r}")
     return found
 
 
 def scheme_of(method):
-    """Return the counts and the numbers of a method, in the order in which the core reads those of its kind."""
+    """Return the counts and the numbers of a method, in the order in which the core reads them for its kind."""
     cdef const kind *known = _kind_of(&symgen_core, method)
     counts = tuple(int(method.coefficients[name]) for name in known.counts.decode().split())
     arrays = [np.ravel(method.coefficients[name]) for name in known.arrays.decode().split()]
@@ -239,7 +238,7 @@ DOUBLE = Core()
 
 
 cdef class Reals:
-    """Numbers of Python for a core: the same memory where its numbers are doubles, else a copy.
+    """Numbers of Python for a core: the same memory for a core of doubles, otherwise a copy.
 
     Results of the core are copied back only into a contiguous array.
     """
@@ -288,7 +287,8 @@ cdef class Integrable:
         return 0
 
     cdef int bound(self, const double[::1] parameters) except -1:
-        """Set the parameters of equations just bound and what depends on them alone, and note their sizes."""
+        """Set the parameters of new equations, compute the quantities that depend on them alone, and store their
+        sizes."""
         self.of.api.set_parameters(self.core, &parameters[0], NULL)
         self.n, self.m, self.extra = self.core.sizes.n, self.core.sizes.m, self.core.sizes.extra
         self.dim = 2 * self.n + self.extra
@@ -301,39 +301,39 @@ cdef class Integrable:
 
     @property
     def parameters(self):
-        """The parameters, including those held during a step."""
+        """The parameters, including references and branches that are constant in a step."""
         cdef double[::1] held = np.zeros(self.core.sizes.parameters + 1)
         self.of.api.narrow(self.core.sizes.parameters, self.core.p, &held[0], NULL)
         return np.asarray(held)[:self.core.sizes.parameters]
 
     @property
     def evaluations(self):
-        """Accelerations evaluated till now in runs."""
+        """Number of evaluations of accelerations in runs."""
         return self.of.api.account(self.core).evaluations
 
     @property
     def factorisations(self):
-        """Factorisations till now."""
+        """Number of factorisations."""
         return self.of.api.account(self.core).factorisations
 
     @property
     def weakest(self):
-        """The unknown of least pivot at the last factorisation, -1 when there is none."""
+        """The unknown of least pivot at the last factorisation, -1 for none."""
         return self.of.api.account(self.core).weakest
 
     @property
     def soundness(self):
-        """What cancellation left of that pivot."""
+        """The part of that pivot that remains after cancellation."""
         return self.of.api.account(self.core).soundness
 
     @property
     def lost(self):
-        """Pivots of redundant constraints that the last factorisation lost."""
+        """Number of vanished pivots of redundant constraints at the last factorisation."""
         return self.of.api.account(self.core).lost
 
     @property
     def missed(self):
-        """Error of redundant constraints [m] when last looked at."""
+        """Error of redundant constraints [m] at their last evaluation."""
         return self.of.api.account(self.core).missed
 
     @property
@@ -343,7 +343,7 @@ cdef class Integrable:
 
     @property
     def rank_tolerance(self):
-        """Rank is lost where a pivot keeps at most this part of its own-signed terms."""
+        """Rank is lost if a pivot keeps at most this part of the sum of its terms of equal sign."""
         return self.core.sizes.rank_tolerance
 
     def solutions(self, t, y):
@@ -359,7 +359,7 @@ cdef class Integrable:
         return found
 
     def derivative(self, double t, y):
-        """Return dy/dt at (t, y) as steps see it."""
+        """Return dy/dt at (t, y) as in a step."""
         found = np.zeros(self.dim)
         cdef Reals state = Reals(self.of, y), into = Reals(self.of, found)
         at_least("numbers in y", state.count, self.dim)
@@ -368,28 +368,28 @@ cdef class Integrable:
         return found
 
     def save(self):
-        """Return the bytes of its memory: all that it remembers from one step to the next."""
+        """Return the bytes of its memory: all data that persist between steps."""
         return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes)
 
     def restore(self, const unsigned char[::1] memory):
-        """Take over what :meth:`save` gave for the same equations."""
+        """Restore the bytes of :meth:`save` for the same equations."""
         if <size_t>memory.shape[0] != self.bytes:
-            raise ValueError("it is of equations of other sizes")
+            raise ValueError("expected the saved memory of equations of the same sizes")
         memcpy(self.memory, &memory[0], self.bytes)
 
     def lost_rows(self):
-        """Return the numbers of the constraints that the last factorisation found to follow from others."""
+        """Return the numbers of the constraints that depend on others at the last factorisation."""
         cdef const char *dropped = self.of.api.dropped(self.core)
         return [i for i in range(self.m) if dropped[i]]
 
     def set_parameters(self, const double[::1] parameters):
-        """Set the parameters, and what depends on them alone: the branches that a run held among them."""
+        """Set the parameters, branches of loads included, and compute the quantities that depend on them alone."""
         at_least("parameters", parameters.shape[0], self.core.sizes.parameters)
         self.of.api.set_parameters(self.core, &parameters[0], NULL)
 
     def check(self, double t, const double[::1] y):
-        """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness``
-        what cancellation left of that pivot."""
+        """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness`` the part
+        of that pivot that remains after cancellation."""
         cdef Reals state = Reals(self.of, y)
         at_least("numbers in y", state.count, 2 * self.n)
         return self.of.api.check(self.core, t, state.at)
@@ -413,33 +413,33 @@ cdef class Equations(Integrable):
     Parameters
     ----------
     library
-        The kernels, which live as long as this; ``accelerations`` and ``energy`` are required.
+        The kernels, kept alive by this object; ``accelerations`` and ``energy`` are required.
     n, m
         Number of coordinates and of constraints.
     extra
-        1 when the work of loads without potential is integrated along, else 0.
+        1 if the work of loads without potential is integrated, else 0.
     p
         Parameters.
     work_size
-        Numbers of work memory that the largest kernel needs.
+        Size of the work memory of the largest kernel.
     first_pivot
-        Where 'factor' leaves the pivots in its work memory.
+        Place of the first pivot in the work memory of 'factor'.
     rank_tolerance
-        Rank is lost where a multiplier's pivot keeps at most this part of its own-signed terms; the kernels set
-        such a multiplier to zero.
+        Rank is lost if a multiplier's pivot keeps at most this part of the sum of its terms of equal sign; the kernels
+        set such a multiplier to zero.
     redundant
-        Number of constraints that follow from the others in every configuration: so many pivots must be lost.
+        Number of constraints that follow from the others in every configuration: the number of pivots that must
+        vanish.
     slack
-        By how much [m] a redundant constraint may contradict the others.
+        Largest contradiction [m] between a redundant constraint and the others.
     core
-        The core that the kernels were compiled for; that of doubles when absent.
-    events, switches, windings, turns
-        Number of values that the kernel 'events' writes for events, for switching points, for angles in loads, and
-        for angles of links whose revolutions are counted, each with its rate.
+        The core that the kernels were compiled for; the core of doubles by default. events, switches, windings, turns
+        Number of values that the kernel 'events' writes for events, for switching points, for angles in loads, and for
+        continuous angles of links, each with its rate.
     tangent
-        Row, column and place of each value that the kernel of that name writes, column by column.
+        Row, column and place of each value of the kernel 'tangent', column by column.
     tangent_library
-        Where that kernel and its set-up are, for implicit methods.
+        The library of that kernel and its set-up, for implicit methods.
     stabilisation
         Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
     """
@@ -453,7 +453,7 @@ cdef class Equations(Integrable):
         addresses = library.addresses
         tangents = tangent_library.addresses if tangent_library is not None else {}
         if not (addresses.get("accelerations") and addresses.get("energy")):
-            raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
+            raise ValueError("expected a model with the kernels 'accelerations' and 'energy'")
         given.accelerations = kernel_of(addresses, "accelerations")
         given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
         given.constraints = kernel_of(addresses, "constraints")
@@ -481,7 +481,7 @@ cdef class Equations(Integrable):
 
 
 cdef class Run:
-    """A run from t0 to t_end by any method; nothing of Python runs inside a step.
+    """A run from t0 to t_end by any method; no Python code runs inside a step.
 
     Parameters
     ----------
@@ -494,7 +494,7 @@ cdef class Run:
     rtol, atol
         Tolerances of the local error; both zero for a fixed step.
     step
-        The fixed step, or the first one tried when the step is adapted (0: found by itself).
+        The fixed step, or the first adaptive step (0: estimated).
     times
         Increasing times in [t0, t_end] at which the state is recorded.
     stabilisation
@@ -502,7 +502,7 @@ cdef class Run:
     max_drift
         Error of a constraint [m] beyond which the run ends.
     max_step
-        The longest step of a method that adapts it; 0 for any.
+        The longest step of an adaptive method; 0 for no limit.
     places_only
         Velocities of recorded states are not requested: they may violate the constraints by the error of
         interpolation.
@@ -597,31 +597,31 @@ cdef class Run:
         free(raw)
 
     def save(self):
-        """Return the bytes of equations and run: all of the state between two steps that the core knows."""
+        """Return the bytes of equations and run: the complete state of the core between two steps."""
         return self.equations.save(), PyBytes_FromStringAndSize(<const char *>self.memory, self.core.bytes)
 
     def restore(self, const unsigned char[::1] equations, const unsigned char[::1] memory):
-        """Take over what :meth:`save` gave for the same equations and options."""
+        """Restore the bytes of :meth:`save` for the same equations and options."""
         cdef report r
         if <size_t>memory.shape[0] != self.core.bytes:
-            raise ValueError("it is of a run of other sizes")
+            raise ValueError("expected the saved memory of a run of the same sizes")
         self.equations.restore(equations)
         memcpy(self.memory, &memory[0], self.core.bytes)
         self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory)
         self.of.api.run_report(self.core, &r)
         if not (0 <= r.recorded <= self.asked.samples and r.passages == 0 and r.events == 0
                 and -1 <= r.ended_by < len(self.ways)):
-            raise ValueError("its counts are none of a run between two steps")
+            raise ValueError("expected the saved counts of a run between two steps")
         self._look()
 
     def begin(self):
-        """Project and record the start, find the first step; return the status."""
+        """Project and record the start, estimate the first step; return the status."""
         cdef int status = self.of.api.run_begin(self.core)
         self._look()
         return status
 
     def advance(self, long most):
-        """Take at most so many steps; return MORE, DONE or what went wrong."""
+        """Take at most ``most`` steps; return MORE, DONE or the status of the failure."""
         cdef int status = _MORE
         with nogil:
             status = self.of.api.run_advance(self.core, most)
@@ -629,8 +629,8 @@ cdef class Run:
         return status
 
     def advance_noting(self, double[::1] t, double[:, ::1] y, double[:, ::1] references):
-        """Take at most a step for each row; note time, state, references of angles and branches of loads after it. Return the
-        status and the number of rows written. Runs in doubles only."""
+        """Take at most one step per row; write time, state, references of angles and branches of loads after it.
+        Return the status and the number of rows written. Runs in doubles only."""
         cdef const sizes *of = &self.equations.core.sizes
         cdef Py_ssize_t rows = t.shape[0], first = first_reference(of), held = held_parameters(of)
         cdef long taken = 0, steps = self.steps
@@ -648,7 +648,7 @@ cdef class Run:
                 self.of.api.run_report(self.core, &r)
                 if r.steps == steps and status != _MORE:
                     break
-                steps = r.steps  # the same where a load takes its other branch at the point: a row without a step
+                steps = r.steps  # unchanged if a load switches to its other branch at a point: a row without a step
                 t[taken] = r.t
                 memcpy(&y[taken, 0], self.of.api.run_state(self.core), self.dim * sizeof(double))
                 if held:
@@ -666,7 +666,7 @@ cdef class Run:
 
     @property
     def result(self):
-        """The recorded states, one row a time."""
+        """The recorded states, one row per time."""
         return self._doubles(self.of.api.run_samples(self.core), self.recorded, self.dim)
 
     @property
@@ -676,12 +676,12 @@ cdef class Run:
 
     @property
     def references(self):
-        """The references of the angles in loads at those times, one row a time."""
+        """The references of the angles in loads at the recorded times, one row per time."""
         return self._doubles(self.of.api.run_references(self.core), self.recorded, self.equations.core.sizes.windings)
 
     @property
     def turns(self):
-        """The angles of links over revolutions at those times, one row a time."""
+        """The continuous angles of links at the recorded times, one row per time."""
         return self._doubles(self.of.api.run_turns(self.core), self.recorded, self.equations.core.sizes.turns)
 
     def called(self, uintptr_t address, sizes, const double[::1] p):
@@ -689,7 +689,7 @@ cdef class Run:
         doubles."""
         cdef Py_ssize_t size = sizes[5]
         if self.of.api.real_bytes != sizeof(double):
-            raise ValueError("kernels of doubles cannot read the states of this run")
+            raise ValueError("expected a run in doubles: kernels of doubles cannot read other states")
         _fits(sizes, 1, self.equations.n, self.dim - self.equations.n, p.shape[0], 0, size)
         found = np.empty((self.recorded, size))
         cdef double[:, ::1] out = found

@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of driven linkages that are followed in the lanes of vectors."""
+"""The binding of driven linkages followed in the lanes of vectors."""
 
 import numpy as np
 
@@ -57,7 +57,7 @@ cdef size_t LINE = 64
 
 
 cdef class KinematicLanes:
-    """Variants of one driven linkage, followed side by side; one object per thread of work.
+    """Variants of one driven linkage, followed in SIMD lanes; one object per thread.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ cdef class KinematicLanes:
         The constraint Jacobian of independent rows in block triangular form: a
         :class:`~symgen.runtime.rods.following.groups.Groups`.
     forces
-        Description and kernels of ``balance`` and ``joint_forces``; None if no forces are asked.
+        Description and kernels of ``balance`` and ``joint_forces``; None without requested forces.
     """
 
     cdef kinematic_lanes *core
@@ -108,7 +108,7 @@ cdef class KinematicLanes:
             self.sizes.joint_forces = f.kernel("joint_forces").out_size
             self.libraries.append(loads)
         if given.closure == NULL or given.gamma == NULL or given.points == NULL or n < 1:
-            raise ValueError("a model without constraints cannot be followed")
+            raise ValueError("expected a model with constraints")
         self.sizes.work = max([k.work_size for k in called] + [n + m])
         self.sizes.out = max([k.out_size for k in called] + [n])
         self.blocks = Blocks(groups, n, m, called[0].out_size)
@@ -127,7 +127,7 @@ cdef class KinematicLanes:
         return <kinematic_lanes *>((<size_t>self.core + LINE - 1) // LINE * LINE)
 
     cdef tuple padded(self, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths, Py_ssize_t count):
-        """Return parameters, coordinates and lengths for all lanes, of which idle ones repeat the last run."""
+        """Return parameters, coordinates and lengths for all lanes; idle lanes repeat the last run."""
         cdef Py_ssize_t runs = parameters.shape[0], given = self.sizes.parameters, n = self.sizes.n
         if count < 1 or runs < 1 or parameters.shape[1] != given or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
             raise ValueError(f"expected times, and one or more rows of {given} parameters and of {n} coordinates")
@@ -146,9 +146,9 @@ cdef class KinematicLanes:
         Returns
         -------
         tuple
-            Coordinates, their rates and second rates at each time, shape (runs, times, 3, n); the joint forces
-            there (runs, times, forces); and how many times were reached (runs,), fewer where the
-            single :class:`~symgen.runtime._kinematics.Kinematics` ends as well: beyond these, rows are undefined.
+            Coordinates, their rates and second rates at each time, shape (runs, times, 3, n); the joint forces there
+            (runs, times, forces); and the number of times reached (runs,), fewer if the single
+            :class:`~symgen.runtime._kinematics.Kinematics` ends as well: later rows are undefined.
         """
         cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes
         cdef Py_ssize_t forces = self.sizes.joint_forces, first, lane, run, given = self.sizes.parameters
@@ -185,13 +185,13 @@ cdef class KinematicLanes:
         Parameters
         ----------
         recorded
-            Flag of each time; one is set at least.
+            Flag of each time; at least one is set.
         starts
-            First number of each vector of joint forces, and behind the last the end.
+            Index of the first number of each vector of joint forces, and the end of the last.
         wanted
-            Which extremes of each vector are asked: the sum of 2**number of each; the others are undefined.
+            Requested extremes of each vector, the sum of 2**number; the others are undefined.
         links
-            Two points of every link of the plane, by their first coordinates.
+            The first coordinates of two points of every link, planar linkages only.
         turn
             Rotation of a link from one time to the next [rad] that counts as small.
 
@@ -199,7 +199,7 @@ cdef class KinematicLanes:
         -------
         tuple
             Joint forces (runs, 4, forces): greatest, least, where each vector is longest, and last; the largest
-            violation of a constraint (runs,); which runs come to the end, and which of them with small rotations alone.
+            violation of a constraint (runs,); which runs reach the end, and which of these with small rotations only.
         """
         cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes, first = 0
         cdef Py_ssize_t forces = self.sizes.joint_forces, given = self.sizes.parameters

@@ -11,9 +11,9 @@ from symgen.runtime._core cimport Core, at_least, kernel_of
 from symgen.runtime._core import DOUBLE
 
 cdef class Blocks:
-    """Groups of a linkage with n coordinates and m constraints, as C takes them.
+    """Groups of a linkage with n coordinates and m constraints, as arrays for C.
 
-    ``out`` is how many numbers the kernel ``closure`` writes.
+    ``out`` is the size of the result of the kernel ``closure``.
     """
 
     def __init__(self, groups, Py_ssize_t n, Py_ssize_t m, Py_ssize_t out):
@@ -40,7 +40,7 @@ cdef class Blocks:
 
 
 cdef class Kinematics:
-    """The constraints of one driven linkage with scratch memory; one per thread of work.
+    """The constraints of one driven linkage with scratch memory; one object per thread.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ cdef class Kinematics:
     length
         Size of the linkage [m].
     forces
-        The Evaluator of the kernel ``balance``; None if no multipliers are asked.
+        The Evaluator of the kernel ``balance``; None without requested multipliers.
     """
 
     cdef kinematics *core
@@ -76,7 +76,7 @@ cdef class Kinematics:
         given.closure, given.gamma = kernel_of(own, "closure"), kernel_of(own, "acceleration_rhs")
         given.balance, self.balance_p = NULL, self.p
         if given.closure == NULL or given.gamma == NULL:
-            raise ValueError("a model without constraints cannot be followed")
+            raise ValueError("expected a model with constraints")
         called = [evaluator.info(k) for k in ("closure", "acceleration_rhs")]
         if forces is not None:
             given.balance, self.balance_p = kernel_of(forces.library.addresses, "balance"), forces.parameters
@@ -104,8 +104,8 @@ cdef class Kinematics:
         Returns
         -------
         numpy.ndarray
-            Coordinates, their rates and second rates at each time reached, shape (reached, 3, n). Not all are
-            reached where a step comes near a pose in which the constraint Jacobian is singular.
+            Coordinates, their rates and second rates at each time reached, shape (reached, 3, n). Times beyond a pose
+            near a singular constraint Jacobian are not reached.
         """
         cdef Py_ssize_t count = times.shape[0], reached
         rows = np.zeros((count + 1, 3 * self.n))
@@ -118,14 +118,14 @@ cdef class Kinematics:
         return rows[:reached].reshape(reached, 3, self.n)
 
     def multipliers(self, const double[::1] times, const double[:, :, ::1] states):
-        """Return the multipliers of the constraints at closed poses, as ``follow`` gives them.
+        """Return the multipliers of the constraints at closed poses from ``follow``.
 
         Returns
         -------
         tuple
-            Multipliers, shape (done, m), zero for constraints that follow from others; the least pivot of the
-            Jacobian over the greatest and the largest error of the equations [N], shape (done, 2). Not all
-            poses are done where one is near to singular.
+            Multipliers, shape (done, m), zero for constraints that follow from others; the least pivot of the Jacobian
+            over the greatest and the largest error of the equations [N], shape (done, 2). The computation ends at the
+            first nearly singular pose.
         """
         cdef Py_ssize_t count = times.shape[0], done = 0
         found, sound = np.zeros(count * self.m + 1), np.zeros((count + 1, 2))
@@ -142,7 +142,7 @@ cdef class Kinematics:
 
 
 cdef object _checked(numbers, Py_ssize_t limit):
-    """Return numbers that are at least 0 and below a limit, with one more entry so that there is a first."""
+    """Return numbers that are at least 0 and below a limit, with a spare entry, so that the first has an address."""
     found = np.array([*numbers, 0], dtype=np.intp)
     if (found < 0).any() or (found >= max(limit, 1)).any():
         raise ValueError(f"expected numbers from 0 to below {limit}, got {numbers!r}")

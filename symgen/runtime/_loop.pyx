@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of closed loops in the core: closed, followed along their inputs, and moved by runs."""
+"""The binding of loops in the core: closure, following along inputs, equations of motion for runs."""
 
 import numpy as np
 
@@ -98,7 +98,7 @@ CLOSURE, RATES, SOUNDNESS, HOLD, STATUS = _CLOSURE, _RATES, _SOUNDNESS, _HOLD, _
 
 
 cdef loop_kernels kernels_of(addresses):
-    """Return the kernels of a loop; NULL those it does not have."""
+    """Return the kernels of a loop; absent kernels are NULL."""
     cdef loop_kernels given
     given.inputs, given.position = kernel_of(addresses, "inputs"), kernel_of(addresses, "position")
     given.motion, given.inverse = kernel_of(addresses, "motion"), kernel_of(addresses, "inverse")
@@ -114,35 +114,34 @@ cdef class LoopEquations(Integrable):
     Parameters
     ----------
     library
-        The kernels, which live as long as this; ``position`` is required.
+        The kernels, kept alive by this object; ``position`` is required.
     p
         Parameters.
     work_size, out_size
-        Numbers of work that the largest kernel needs, and that the kernel 'outputs' writes.
+        Size of the work memory of the largest kernel, and of the result of the kernel 'outputs'.
     lengths
-        For every variable whether it is a displacement.
+        Whether each variable is a displacement.
     solved
-        Numbers of the variables that are solved for; the others are held, or are inputs.
+        Numbers of the solved variables; others are constant, or inputs.
     inputs
         Numbers of the variables whose motion is prescribed.
     unknown
-        Numbers of the variables at which the effort of a drive is to be found.
+        Numbers of the variables with an unknown effort of a drive.
     size
-        The length that displacements and moments are compared by [m].
+        The length that scales displacements and moments [m].
     rank
-        Rank of the screws of ``solved`` in general.
+        Generic rank of the screws of ``solved``.
     core
-        The core that the kernels were compiled for; that of doubles when absent.
-    tolerance
-        Defect of closure that dependent equations may leave: of rotations, and of lengths over the size.
+        The core that the kernels were compiled for; the core of doubles by default. tolerance Largest defect of
+        closure in dependent equations: of rotations, and of lengths over the size.
     balls
-        Ball joints whose angles runs may write otherwise near their poles: numbers of theta, eta and alpha, -1
-        where alpha is constant, then of those of the ball behind, which takes over the spin, -1 where none does; and
-        the constant. The turns in front of them are the parameters before the branches of switching points.
+        Ball joints with alternative angles near their poles. For each: numbers of theta, eta and alpha, -1 for a
+        constant alpha; then those of the next ball, which takes over the spin, -1 for none; and the constant. Their
+        leading angles are the parameters before the branches of switching points.
     switches
         Number of switching points of loads: values that the kernel 'events' writes.
     work_of_loads
-        Whether the work of loads without potential is integrated along.
+        Whether the work of loads without potential is integrated.
     """
 
     cdef const loops_table *api
@@ -164,9 +163,9 @@ cdef class LoopEquations(Integrable):
         cdef const double[::1] parameters = np.array([*p, 0.0])
         addresses = library.addresses
         if not addresses.get("position"):
-            raise ValueError("a loop without the kernel 'position' cannot be solved")
+            raise ValueError("expected a loop with the kernel 'position'")
         if len(lengths) > MOST:
-            raise ValueError(f"a loop has at most {MOST} variables, got {len(lengths)}")
+            raise ValueError(f"expected at most {MOST} variables of a loop, got {len(lengths)}")
         for i in (*solved, *inputs, *unknown):
             if not 0 <= i < len(lengths):
                 raise ValueError(f"expected numbers of variables below {len(lengths)}, got {i}")
@@ -175,7 +174,7 @@ cdef class LoopEquations(Integrable):
         found = [list(solved).index(i) for i in unknown if i in list(solved)]
         known = [k for k, i in enumerate(inputs) if i not in list(unknown)]
         if len(found) > len(known):
-            found = []  # an input that is released to look for closures has no effort
+            found = []  # an input that is released in the search for closures has no effort
         self.numbers = np.array([*solved, *inputs, *found, *known, -1], dtype=np.intp)
         self.lengths = np.array([*lengths, False], dtype=np.uint8)
         given = kernels_of(addresses)
@@ -205,22 +204,22 @@ cdef class LoopEquations(Integrable):
 
     @property
     def closure(self):
-        """Defect of closure at the last look: of rotations, and of lengths over the size."""
+        """Defect of closure at the last evaluation: of rotations, and of lengths over the size."""
         return self.seen.closure
 
     @property
     def rates_left(self):
-        """Part of the rates last asked that no motion of the solved variables gives."""
+        """Part of the last required rates that no motion of the solved variables can supply."""
         return self.seen.rates_left
 
     @property
     def hold(self):
-        """Hold of the drives of unknown effort on the motion, at the last forces."""
+        """Determinant of the drives of unknown effort at the last forces; zero at singular force transmission."""
         return self.seen.hold
 
     @property
     def iterations(self):
-        """Iterations that the last closing took."""
+        """Iterations of the last closure."""
         return self.seen.iterations
 
     def close(self, double t, double[::1] q):
@@ -232,7 +231,7 @@ cdef class LoopEquations(Integrable):
         return status
 
     def assemble(self, double t, double[::1] q):
-        """Bring the loop near to a closure at t from any q, in place; return the status and the rank there."""
+        """Bring the loop near a closure at t from any q, in place; return the status and the rank at q."""
         at_least("variables", q.shape[0], self.n)
         cdef Reals state = Reals(self.of, q)
         cdef long rank = 0
@@ -250,8 +249,8 @@ cdef class LoopEquations(Integrable):
         return screws, defect
 
     def in_table(self, near, double[::1] q, double[::1] u, double[::1] a):
-        """Write a state, by the turns in front of balls among the parameters, in the table's own angles, in place;
-        of all choices that nearest to the angles ``near``."""
+        """Convert a state, in place, from the angles selected by the leading angles of balls to those of the table, of
+        equivalent angles those nearest to ``near``."""
         cdef Reals beside = Reals(self.of, near)
         cdef Reals state = Reals(self.of, q), rates = Reals(self.of, u), second = Reals(self.of, a)
         self.api.in_table(<loop *>self.core, beside.at, state.at, rates.at, second.at)
@@ -260,8 +259,8 @@ cdef class LoopEquations(Integrable):
         second.back()
 
     def turn(self, q):
-        """Return the variables q in the angles in use; near poles of balls others than the table's from now on, by the
-        turns in front of these among :attr:`parameters`."""
+        """Return the variables q in the angles in use. Near poles of balls these are the alternative ones from now on,
+        by the leading angles among :attr:`parameters`."""
         state = np.concatenate([q, np.zeros(self.n)])
         at_least("variables", len(q), self.n)
         cdef Reals y = Reals(self.of, state)
@@ -271,19 +270,19 @@ cdef class LoopEquations(Integrable):
 
     def follow(self, double t, double[::1] q, times, double longest, double[:, ::1] states, double[:, ::1] out,
                double[:, ::1] diagnosis):
-        """Follow the loop from a closed state (t, q) through monotone times; return the status and how many.
+        """Follow the loop from a closed state (t, q) through monotone times; return the status and the number reached.
 
-        Its other variables are all held, or inputs.
+        Variables that are not solved for are constant, or inputs.
 
         Parameters
         ----------
         q
-            The state at t; in the end that at the last time reached, as far as it was followed.
+            The state at t; on return the last state reached.
         longest
             Longest step in time [s].
         states, out, diagnosis
-            For every time: q, rates, accelerations and closing wrench; the output of the kernel 'outputs'; and
-            the columns CLOSURE, RATES, SOUNDNESS, HOLD, STATUS.
+            For every time: q, rates, accelerations and closing wrench; the result of the kernel 'outputs'; and the
+            columns CLOSURE, RATES, SOUNDNESS, HOLD, STATUS.
 
         Returns
         -------
@@ -312,7 +311,7 @@ cdef class LoopEquations(Integrable):
         return status, count, at
 
     def undetermined(self, times, double[:, ::1] states, double least, double part):
-        """Return which numbers of the kernel 'outputs' a wrench changes that does no work on any screw, (poses, numbers).
+        """Return which outputs depend on a wrench without work on any screw, (poses, outputs).
 
         All variables must be solved for.
 
@@ -339,12 +338,12 @@ cdef class LoopEquations(Integrable):
 
 
 cdef class LoopLanes:
-    """Variants of one driven loop, followed side by side; one object per thread of work.
+    """Variants of one driven loop, followed in SIMD lanes; one object per thread.
 
     Parameters
     ----------
     like
-        The equations of one of them.
+        The equations of one variant.
     library
         Their kernels, which take vectors.
     lanes
@@ -390,21 +389,21 @@ cdef class LoopLanes:
         Parameters
         ----------
         own, start, stages
-            Parameters of the scene, variables closed with them, and parts of the way from there to the rows.
+            Parameters of the scene, variables closed with them, and fractions of the path from these to the rows.
         begin
             Value of the input ``lead`` at the start; None for a start at t = 0.
         samples, of_input
             Increasing values of that input, or times.
         close, longest, apart, least
-            Rounding of values of the input, parts of the range that are the longest step, the least range [s], and the
-            least pivot over the greatest at which rates and forces need no limits.
+            Rounding of values of the input, the longest step over the range, the least range [s], and the ratio of the
+            least pivot to the greatest below which a lane ends.
 
         Returns
         -------
         tuple
-            Times (runs, samples), results of the kernel 'outputs' (runs, numbers, samples), the hold of the drives
-            (runs, samples), the largest closure (runs,), and which runs came to the end: all else is undefined for others,
-            which single loops are to follow.
+            Times (runs, samples), results of the kernel 'outputs' (runs, numbers, samples), the determinant of the
+            drives (runs, samples), the largest closure (runs,), and which runs reached the end. Results of other runs
+            are undefined; single loops must follow them.
         """
         cdef Py_ssize_t runs = parameters.shape[0], given = self.sizes.parameters, told = self.sizes.told, w = self.api.width
         cdef Py_ssize_t count = samples.shape[0], padded = (runs + w - 1) // w * w, first = 0
@@ -414,8 +413,8 @@ cdef class LoopLanes:
         if not 0 <= lead < self.sizes.inputs:
             raise ValueError(f"expected the number of an input below {self.sizes.inputs}, got {lead}")
         if not stages.shape[0]:
-            raise ValueError("expected stages")
-        rows = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat another
+            raise ValueError("expected at least one stage")
+        rows = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat the last run
         cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[rows]).reshape(padded, given)
         made = np.tile(samples, (padded, 1))
         out, hold, closure = np.empty((padded, told, count)), np.empty((padded, count)), np.empty(padded)

@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Many runs of one linkage with other parameters each, without Python between them."""
+"""Runs of variants of one linkage, without Python code between them."""
 
 import numpy as np
 
@@ -46,7 +46,7 @@ def over_variants(evaluator, str kernel, const double[:, ::1] given, const doubl
     given
         Parameters of each run, (runs, parameters).
     rows
-        States: coordinates, their rates and second rates, (runs, times, 3, n); of these, kernels that need the motion find the
+        States: coordinates, their rates and second rates, (runs, times, 3, n); kernels of the motion receive the
         accelerations in their work memory.
     """
     cdef const core_api *api = (<Core>DOUBLE).api
@@ -125,7 +125,7 @@ cdef class Lanes:
         free(self.memory)
 
     cdef int bound(self, const scheme_t *method, const task *asked) except -1:
-        """Provide memory for runs by a method."""
+        """Allocate memory for runs by a method."""
         cdef Py_ssize_t w = self.lanes, dim = 2 * self.sizes.n + self.sizes.extra
         self.memory = calloc(1, self.api.bytes(&self.sizes, method) + LINE)
         if self.memory == NULL:
@@ -139,7 +139,7 @@ cdef class Lanes:
 
 
 cdef class Starts:
-    """Starts of one linkage with other parameters each; one per thread of work.
+    """Starts of variants of one linkage; one object per thread.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ cdef class Starts:
     consistent
         Round-off of the start's velocities over the largest of their right-hand sides.
     near
-        Springs shorter than this part of the coordinates have no direction.
+        Springs shorter than this part of the largest coordinate have no direction.
     """
 
     cdef Equations equations
@@ -188,14 +188,14 @@ cdef class Starts:
         self.n, self.m, self.ends = equations.n, equations.m, ends
         self.rounding, self.consistent, self.near = rounding, consistent, near
         if self.api.real_bytes != sizeof(double) or self.n < 1 or d.events or d.held or equations.redundant:
-            raise ValueError("many runs are for linkages in doubles, without events and redundant constraints")
+            raise ValueError("expected a linkage in doubles, without events and redundant constraints")
         self.drawn, self.lines = kernel_of(addresses, "drawn"), kernel_of(addresses, "line_lengths")
         if self.drawn == NULL:
             raise ValueError("expected a kernel 'drawn'")
         lines = evaluator.find("line_lengths")
         self.springs = lines.out_size if lines else 0
         if any([k.work_size for k in d.kernels if k.name in ("drawn", "line_lengths")]):
-            raise ValueError("the kernels of a start need work memory")
+            raise ValueError("expected work memory for the kernels of a start")
         self.row, self.result = np.zeros(2 * self.n + 2), np.zeros(self.springs + 1)
         self.none_dropped = np.zeros(self.m + 1, dtype=np.int8)
         self.fresh = calloc(1, equations.bytes)
@@ -210,7 +210,7 @@ cdef class Starts:
     def poses(self, const double[:, ::1] given, ahead=None):
         """Assemble the linkage for every row of parameters.
 
-        ``ahead`` are coordinates (runs, n) that :class:`~symgen.runtime._start.StartLanes` found, and a flag of those.
+        ``ahead`` are coordinates (runs, n) from :class:`~symgen.runtime._start.StartLanes`, and their flags (runs,).
 
         Returns
         -------
@@ -238,7 +238,7 @@ cdef class Starts:
         return found.astype(bool), q, lengths
 
     cdef void renew(self, const double *given) noexcept nogil:
-        """Set parameters of equations in the state in which they were bound."""
+        """Set the parameters of equations and reset their memory."""
         memcpy(self.state, self.fresh, self.bytes)
         self.api.set_parameters(self.e, given, NULL)
 
@@ -256,7 +256,7 @@ cdef class Starts:
     cdef double extent(self) noexcept nogil:
         """Return the largest spread of the points along an axis [m]; leave their positions in the output of the start.
 
-        Not a number if a position is none, or infinite."""
+        NaN if a position is not finite."""
         cdef double t = 0.0, low, high, widest = 0.0, none = 0.0
         cdef Py_ssize_t i, axis
         self.kernels.points(&t, self.s.q, self.s.still, self.e.p, self.s.work, self.s.out)
@@ -270,7 +270,7 @@ cdef class Starts:
         return widest + none
 
     cdef bint assembled(self) noexcept nogil:
-        """Lead the linkage from its drawing to the pose of its start; return whether that is regular."""
+        """Assemble the linkage from its drawing; return whether the start is regular."""
         cdef double t = 0.0, size, apart
         cdef Py_ssize_t i, j, axes = self.sizes.axes
         cdef int status = _ON_THE_WAY
@@ -307,7 +307,7 @@ cdef class Starts:
         return True
 
     cdef bint started(self) noexcept nogil:
-        """Find the start, in the row of the state; return whether it is regular."""
+        """Write the start to the row of the state; return whether it is regular."""
         cdef double t = 0.0, size = 0.0, least
         cdef Py_ssize_t i, kept
         cdef const char *dropped
@@ -340,9 +340,9 @@ cdef class Starts:
 
 
 cdef class Runs(Starts):
-    """Runs of one linkage from its starts; one per thread of work.
+    """Runs of one linkage from its starts; one object per thread.
 
-    A run whose start is not regular, or that does not come to its end, is left to the caller, who finds out why.
+    The caller must repeat runs without a regular start, or without a regular end, to obtain the reason.
 
     Parameters
     ----------
@@ -351,9 +351,9 @@ cdef class Runs(Starts):
     method, t0, t_end, rtol, atol, step, times, stabilisation, max_drift, max_step, places_only
         As of :class:`~symgen.runtime._core.Run`.
     most
-        A run that needs more steps is left to the caller.
+        Largest number of steps of a run.
     lanes
-        The :class:`Lanes` that runs are carried out in, if the method has fixed explicit steps.
+        The :class:`Lanes` of the runs, for a method with fixed explicit steps.
     """
 
     cdef Scheme scheme
@@ -382,12 +382,12 @@ cdef class Runs(Starts):
         self.turns, self.times, self.most = len(d.turns), times, most
         self.outputs = kernel_of(addresses, "outputs")
         if times.shape[0] == 0:
-            raise ValueError("expected a time to record")
+            raise ValueError("expected at least one recorded time")
         outputs = evaluator.find("outputs")
         self.out = outputs.out_size if outputs else 0
         self.work = self.n + self.m + 1 if outputs and outputs.work_size else 0
         if outputs and outputs.work_size > self.work:
-            raise ValueError("the outputs need more than accelerations and multipliers")
+            raise ValueError("expected outputs that need accelerations and multipliers only")
         self.scheme = equations.of.scheme(method)
         self.filled = self.scheme.filled
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
@@ -398,7 +398,7 @@ cdef class Runs(Starts):
         if lanes is not None:
             if self.turns or self.filled.kind != self.api.find_kind(b"explicit") or method.coefficients["same_as_last"] or rtol or atol \
                     or stabilisation or not step > 0.0:
-                raise ValueError("lanes are for fixed explicit steps with projection")
+                raise ValueError("expected fixed explicit steps with projection for runs in lanes")
             lanes.bound(&self.filled, &self.asked)
             self.lanes, self.width, self.of_lanes, self.in_lanes = lanes, lanes.lanes, lanes.api, lanes.core
             self.lane_given, self.lane_states, self.lane_samples = lanes.rows, lanes.states, lanes.samples
@@ -414,7 +414,7 @@ cdef class Runs(Starts):
         free(self.memory)
 
     cdef bint ran(self, const double *given, const double *state, double *out, double *turns, double *drift) noexcept nogil:
-        """Carry out one run; return whether it came regularly to its end."""
+        """Carry out one run; return whether it ended regularly."""
         cdef report r
         cdef const void *samples
         cdef long count = self.asked.samples
@@ -439,7 +439,7 @@ cdef class Runs(Starts):
         return True
 
     cdef void evaluate(self, const double *samples, double *out) noexcept nogil:
-        """Evaluate the outputs at recorded states, with the parameters that the equations have."""
+        """Evaluate the outputs at recorded states, with the parameters of the equations."""
         cdef long count = self.asked.samples, dim = 2 * self.n + self.e.sizes.extra
         if self.work:
             self.api.solve_rows(self.e, count, &self.times[0], samples, dim, &self.solutions[0], self.work)
@@ -449,7 +449,7 @@ cdef class Runs(Starts):
 
     cdef void ran_in_lanes(self, const double *given, Py_ssize_t stride, const double *states, Py_ssize_t runs, double *out,
                            double *drifts, unsigned char *regular) noexcept nogil:
-        """Carry out some runs, at most one per lane; note which came regularly to their end."""
+        """Carry out at most one run per lane; flag those that ended regularly."""
         cdef Py_ssize_t lane, usable = -1, count = self.times.shape[0], dim = 2 * self.n + self.e.sizes.extra
         cdef Py_ssize_t parameters = self.e.sizes.parameters
         for lane in range(runs):
@@ -463,7 +463,7 @@ cdef class Runs(Starts):
                 usable = lane
         if usable < 0:
             return
-        for lane in range(self.width):  # idle lanes repeat another
+        for lane in range(self.width):  # idle lanes repeat the last run
             if lane >= runs or not self.found[lane]:
                 memcpy(&self.lane_states[lane * dim], &self.lane_states[usable * dim], dim * sizeof(double))
                 memcpy(&self.lane_given[lane * parameters], &self.lane_given[usable * parameters],
@@ -483,8 +483,8 @@ cdef class Runs(Starts):
         Returns
         -------
         tuple
-            Which runs came regularly to their end; the output of the kernel 'outputs' (runs, samples, numbers);
-            counted angles of links (runs, samples, links); largest errors of constraints [m] and energy [J]
+            Which runs ended regularly; the output of the kernel 'outputs' (runs, samples, numbers);
+            continuous angles of links (runs, samples, links); largest errors of constraints [m] and energy [J]
             (runs, 2).
         """
         cdef Py_ssize_t runs = given.shape[0], i, count = self.times.shape[0], out = self.out, turns = self.turns

@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""dy/dt of a linkage or loop, for solvers from elsewhere: called from Python, or from C by a function pointer."""
+"""dy/dt of a linkage or loop, for external solvers: called from Python, or from C by a function pointer."""
 
 import numpy as np
 
@@ -39,7 +39,7 @@ cdef class Rhs:
             raise ValueError(f"expected {len(self.inputs)} inputs from {first} on among {self.given.shape[0]} parameters")
 
     cdef object _checked(self, y):
-        """Return a state as the kernels take it: an array of 2n numbers on end."""
+        """Return a state as a contiguous array of 2n numbers."""
         try:
             row = np.ascontiguousarray(y, dtype=float)
         except (TypeError, ValueError):
@@ -49,7 +49,8 @@ cdef class Rhs:
         return row
 
     cdef int bind(self, y, Py_buffer *to) except -1:
-        """Give access to a state; an array of doubles needs no look by NumPy, which takes as long as a kernel."""
+        """Give access to a state. An array of doubles is used without a check by NumPy, which takes as long as a
+        kernel."""
         if PyObject_CheckBuffer(y):
             try:
                 PyObject_GetBuffer(y, to, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT)
@@ -62,7 +63,7 @@ cdef class Rhs:
         return PyObject_GetBuffer(self._checked(y), to, PyBUF_SIMPLE)
 
     cdef int put(self, u) except -1:
-        """Set the inputs; where none are passed, to their values in the model."""
+        """Set the inputs; by default, their values in the model."""
         cdef double[::1] values = self.given
         if u is not None:
             try:
@@ -97,12 +98,12 @@ cdef class Rhs:
         return made
 
     def project(self, double t, y):
-        """Return the state brought onto the constraints, positions and velocities, by the least change."""
+        """Return the state projected onto the constraints of positions and velocities."""
         cdef const double[::1] row = self._checked(y)
         made = np.empty(self.size)
         cdef double[::1] projected = made
         memcpy(&projected[0], &row[0], self.equations.dim * sizeof(double))
-        for again in range(2):  # with the factor of a state far off, rates come close only
+        for again in range(2):  # one more projection: with the factor of a distant state, rates are only approximate
             if self.equations.core.of.project(self.equations.core, t, &projected[0]) != _DONE:
                 raise ModelError(
                     f"the state at t = {t:g} s cannot be brought onto the constraints: it is too far from "
@@ -118,7 +119,8 @@ cdef class Rhs:
 
     @property
     def low_level(self):
-        """It as a ``scipy.LowLevelCallable``: void (double t, double *y, double *dy, void *user_data)."""
+        """The right-hand side as a ``scipy.LowLevelCallable``: void (double t, double *y, double *dy, void
+        *user_data)."""
         from symgen.runtime.model.rhs import low_level
 
         return low_level(<uintptr_t>&_entry, <uintptr_t><void *>self.equations, self)

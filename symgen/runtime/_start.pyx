@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of starts in the core: a linkage is assembled, and receives consistent velocities."""
+"""The binding of starts in the core: assembly of a linkage and consistent velocities."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ MOST = MOST_TOLERANCE
 
 
 cdef class Starter:
-    """The assembly of one linkage with scratch memory; one per thread of work.
+    """The assembly of one linkage with scratch memory; one object per thread.
 
     Parameters
     ----------
@@ -81,25 +81,25 @@ cdef class Starter:
 
     @property
     def at(self):
-        """The part of the way from the drawing to the prescribed lengths that was covered."""
+        """The present fraction of the path from the drawing to the prescribed lengths."""
         return self.core.at
 
     @property
     def q(self):
-        """Coordinates [m] of that part."""
+        """Coordinates [m] at this fraction."""
         return self.copied(self.core.q, self.sizes.n)
 
     def advance(self):
-        """Take one step on the way; return its outcome."""
+        """Take one step along the path; return its outcome."""
         cdef int status
         with nogil:
             status = self.api.advance(self.core)
         return status
 
     def velocities(self, redundant):
-        """Return velocities of least kinetic energy, by how much the rows of constraints, but the redundant ones, and
-        the prescribed velocities are missed, and the largest right-hand side of these rows, each in m/s; None where
-        the mass matrix is not positive definite."""
+        """Return velocities of least kinetic energy, the errors of the independent constraints and of the prescribed
+        velocities, and the largest right-hand side of these rows, each in m/s; None if the mass matrix is not positive
+        definite."""
         cdef char[::1] dropped = np.zeros(self.sizes.m + 1, dtype=np.int8)
         cdef Py_ssize_t kept
         if self.given.mass == NULL or (self.sizes.m and (self.given.jacobian == NULL or self.given.drift == NULL)):
@@ -115,12 +115,12 @@ cdef class Starter:
 
 
 cdef class StartLanes:
-    """The assembly of variants of one linkage side by side; one object per thread of work.
+    """The assembly of variants of one linkage in SIMD lanes; one object per thread.
 
     Parameters
     ----------
     like
-        The assembly of one of them, with as many rows as coordinates at least.
+        The assembly of one variant, with at least as many rows as coordinates.
     library
         Kernels of the equations of motion, which take vectors.
     lanes, parameters
@@ -160,14 +160,14 @@ cdef class StartLanes:
         free(self.memory)
 
     def assembled(self, const double[:, ::1] given):
-        """Lead the linkage of each row of parameters from its drawing; return coordinates (runs, n) and a flag (runs,).
+        """Assemble the linkage for each row of parameters; return coordinates (runs, n) and a flag (runs,).
 
-        Without the flag the coordinates are undefined, and the linkage is to be assembled by itself.
+        Without the flag the coordinates are undefined, and the linkage must be assembled alone.
         """
         cdef Py_ssize_t runs = given.shape[0], w = self.api.width, padded = (runs + w - 1) // w * w, first = 0
         if given.shape[1] != self.parameters or not runs:
             raise ValueError(f"expected rows of {self.parameters} parameters")
-        own = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat another
+        own = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat the last run
         q, found = np.empty((padded, self.sizes.n)), np.zeros(padded, dtype=np.uint8)
         cdef const double[:, ::1] rows = np.ascontiguousarray(np.asarray(given)[own]).reshape(padded, self.parameters)
         cdef double[:, ::1] to_q = q

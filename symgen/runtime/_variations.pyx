@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of derivatives of runs: tangents of steps, and transposes of explicit ones."""
+"""The binding of derivatives of runs: tangents of steps, and transposes of explicit steps."""
 
 import numpy as np
 
@@ -48,7 +48,7 @@ cdef size_t LINE = 64
 
 
 cdef class Variations:
-    """Derivatives along steps by some directions: parameters, and numbers that set the initial state."""
+    """Derivatives along steps by directions: parameters, and numbers on which the initial state depends."""
 
     cdef Integrable equations
     cdef Scheme scheme
@@ -61,7 +61,7 @@ cdef class Variations:
     cdef bint is_explicit
 
     cdef int take(self, Integrable equations, method, description, library, Py_ssize_t parameters, Py_ssize_t columns) except -1:
-        """Note equations, method and kernels."""
+        """Store equations, method and kernels."""
         if equations.of.api.real_bytes != sizeof(double) or equations.extra:
             raise ValueError("expected equations in double precision without the work of loads")
         if method.kind not in ("explicit", "radau", "alpha"):
@@ -96,7 +96,7 @@ cdef class Variations:
         free(self.memory)
 
     cdef object array(self, double *at, shape):
-        """Return a view of memory of the core."""
+        """Return an array over memory of the core."""
         cdef Py_ssize_t count = 1
         for size in shape:
             count *= size
@@ -106,7 +106,7 @@ cdef class Variations:
         return found.reshape(shape)
 
     def forward(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, moved, summed):
-        """Carry derivatives (2n, columns) of the state and those of integrals, (integrals, columns), along the steps
+        """Propagate derivatives of the state, (2n, columns), and of integrals, (integrals, columns), along the steps
         between these times; return the status and the number of steps taken."""
         moving = self.array(self.core.moved, (2 * self.equations.n, self.sizes.columns))
         summing = self.array(self.core.summed, (self.sizes.integrals, self.sizes.columns))
@@ -117,8 +117,8 @@ cdef class Variations:
 
     def backward(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, seed, weights,
                  gradient):
-        """Of explicit steps carry a seed (2n) of the last state, and weights of the integrals, back to the first; add to the gradient by
-        the directions. Return the status and the number of steps taken."""
+        """Propagate a seed (2n) of the last state, and weights of the integrals, back to the first state (explicit
+        steps only); add to the gradient by the directions. Return the status and the number of steps taken."""
         if not self.is_explicit:
             raise ValueError("expected an explicit method")
         seeds = self.array(self.core.seed, (2 * self.equations.n,))
@@ -214,9 +214,9 @@ cdef class LoopVariations(Variations):
     method
         The explicit integrator of the run.
     description, library
-        Of the kernels of the analysis ``loop_variation``.
+        Description and library of the analysis ``loop_variation``.
     width
-        Numbers of the vectors that these take.
+        Length of the vectors of these kernels.
     directions
         Number of the parameter that each direction changes; -1 where it changes none.
     """

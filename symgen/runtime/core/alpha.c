@@ -1,14 +1,14 @@
 /* The generalized-alpha family, Newmark's method included: one implicit stage, order 2, stable at any step.
  *
  * J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993) 371, in the form of M. Arnold, O. Bruls, Multibody Syst. Dyn. 18
- * (2007) 185: A, an acceleration of the method's own, follows those of the motion, a(q, u, t), by
+ * (2007) 185: the auxiliary acceleration A of the method follows the acceleration a(q, u, t) of the motion by
  *
  *     (1 - alpha_m) A_1 + alpha_m A_0 = (1 - alpha_f) a_1 + alpha_f a_0,
  *     q_1 = q_0 + h u_0 + h^2 ((1/2 - beta) A_0 + beta A_1),   u_1 = u_0 + h ((1 - gamma) A_0 + gamma A_1).
  *
- * Where they solve the constraints themselves together with a_1 (index 3), here a(q, u, t) is that of index 1, as for
- * every other method, and the end of the step is projected: positions and velocities both stay on the constraints,
- * and redundant ones are dealt with in one place. Newton's iterations use the kernel `tangent`.
+ * The authors solve the constraints together with a_1 (index 3). Here a(q, u, t) has index 1, as for every other
+ * method, and the end of the step is projected: positions and velocities both stay on the constraints, and the
+ * projection handles redundant constraints. Newton's iterations use the kernel `tangent`.
  */
 #include "arena.h"
 #include "linear.h"
@@ -17,19 +17,20 @@
 
 #include <string.h>
 
-/* Iterations with one Jacobian, and roundings that count as solved when iterations get no further. */
+/* Largest number of iterations with one Jacobian. Stalled iterations have converged at an error of ROUND_OFF
+   roundings. */
 enum { ITERATIONS = 20 };
 #define ROUND_OFF 1e4
 
 struct alpha {
     real *f, *f_new;                        /* dy/dt at both ends */
-    real *a, *a_new;                        /* the method's accelerations at both ends, n each */
-    real *motion, *motion_new;              /* and those of the motion, as they were solved for: where springs are
-                                               stiff, what the projection changes would be much in them */
-    real *by_q, *by_u, *values;             /* the Jacobian, and memory to find it */
+    real *a, *a_new;                        /* auxiliary accelerations A at both ends, n each */
+    real *motion, *motion_new;              /* accelerations of the motion, before the projection: stiff springs would
+                                               magnify its corrections */
+    real *by_q, *by_u, *values;             /* the Jacobian, and scratch memory for it */
     real *matrix, *change;
     ptrdiff_t *swaps;
-    real *h_matrix;                         /* the step that the matrix was made for, 0: none */
+    real *h_matrix;                         /* length of the step of the factorised matrix, 0: none */
 };
 
 /* Point all arrays into memory, or only count their bytes. */
@@ -85,8 +86,8 @@ static int begin(struct run *run) {
     return DONE;
 }
 
-/* How a step is solved: with the matrix there is, with that of its start, with one at every iterate, or, where errors
- * across the constraints are magnified, by simple iteration along them. */
+/* Matrix of Newton's iterations: the present one, a new one at the start of the step, or a new one at every iterate.
+   Near a loss of rank, which magnifies errors transverse to the constraints: simple iteration along them. */
 enum attempt { KNOWN, ANEW, EVERY, ALONG, ATTEMPTS };
 
 /* The matrix (1 - alpha_m) - (1 - alpha_f) (h^2 beta da/dq + h gamma da/du) of Newton's iterations, factorised. */
@@ -109,7 +110,7 @@ static int make_matrix(struct run *run, const struct alpha *x, real t, const rea
     return made;
 }
 
-/* Write y_new by the accelerations in a_new. */
+/* Write positions and velocities at the end of the step, y_new, from the accelerations in a_new. */
 static void move(struct run *run, const struct alpha *x, real h) {
     const real *of = run->scheme.numbers, *y = run->y;
     long n = run->e->n;
@@ -119,7 +120,7 @@ static void move(struct run *run, const struct alpha *x, real h) {
     }
 }
 
-/* Iterate to a_new with the matrix there is; returns 0 where that does not converge. */
+/* Iterate to a_new with the present matrix; return 0 without convergence. */
 static int solve_step(struct run *run, const struct alpha *x, real h, real t_new, int how) {
     const real *of = run->scheme.numbers;
     long n = run->e->n;
@@ -143,7 +144,7 @@ static int solve_step(struct run *run, const struct alpha *x, real h, real t_new
         if (!real_isfinite(rates))
             return 0;
         int stalled = k > 0 && rates > R(0.5) * previous;
-        /* where positions are large against a step's change, their rounding comes back in the velocities */
+        /* velocities contain the rounding of the positions over h */
         real rounding = REAL_EPSILON * real_fmax(size, largest_of(run->y, n) / h);
         real enough = how == ALONG ? real_sqrt(REAL_EPSILON) * size : R(ROUND_OFF) * rounding;
         if (rates <= R(4) * REAL_EPSILON * size || (stalled && rates <= enough)) {

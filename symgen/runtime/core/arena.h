@@ -1,4 +1,4 @@
-/* Arrays one after another in one block of memory: sizes and offsets follow from one list. */
+/* Consecutive arrays in one block of memory: sizes and offsets follow from one list. */
 #ifndef SYMGEN_ARENA_H
 #define SYMGEN_ARENA_H
 

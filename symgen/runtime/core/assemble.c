@@ -1,17 +1,17 @@
-/* The first closure of a loop: Levenberg's damped least squares, from any start and at any rank.
+/* The first closure of a loop by Levenberg's damped least squares, from any start and for screws of any rank.
  *
- * The rotation R and the displacement p by which the loop is open give |R - 1|^2/2 + |p|^2, which the steps
- * x = A^T (A A^T + damping)^-1 b decrease. The damping falls with the defect, so that steps become those of
- * Gauss and Newton of minimum norm. Source: J. Nocedal and S. J. Wright, Numerical Optimization, 10.3.
+ * An open loop has a defect of rotation R and of displacement p. The steps x = A^T (A A^T + damping)^-1 b decrease |R
+ * - 1|^2/2 + |p|^2. The damping falls with the defect, so that steps become Gauss-Newton steps of minimum norm.
+ * Source: J. Nocedal and S. J. Wright, Numerical Optimization, 10.3.
  */
 #include <string.h>
 
 #include "linear.h"
 #include "loop.h"
 
-/* Newton's method takes over from here. */
+/* Newton's method starts below this defect. */
 #define CLOSE real_sqrt(REAL_EPSILON)
-/* Damping over the square of the defect: at the start, and where steps no longer help. */
+/* Damping over the square of the defect: at the start, and the largest, at which the search ends. */
 #define DAMPING R(0.01)
 #define HOPELESS R(1e12)
 /* Least decrease of a step, and least damping, of which so many in a row show a minimum. */

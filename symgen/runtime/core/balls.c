@@ -1,6 +1,6 @@
 #include "balls.h"
 
-/* Rotation and axes of the three turns, in the frame before the ball. */
+/* The rotation matrix and the axes of the three angles, in the frame before the ball. */
 struct turns {
     real r[3][3]; /* columns: i, j, k behind the ball */
     real e[3][3]; /* rows: the axes of theta, eta, alpha */
@@ -22,7 +22,7 @@ static void add(real factor, const real *a, real *x) {
         x[i] += factor * a[i];
 }
 
-/* Turn a vector by 90 deg about i, or back. */
+/* Rotate a vector by 90 deg about i, or back. */
 static void quarter(int back, real *v) {
     const real y = v[1];
     v[1] = back ? v[2] : -v[2];
@@ -61,7 +61,8 @@ static real nearest(real x, real near) {
     return x + revolution * R(rint((double)((near - x) / revolution)));
 }
 
-/* Find the angles of a rotation; the choice nearest to `near`, by theta and eta alone where alpha is held. */
+/* Compute the angles of a rotation. Two triples of angles are equivalent: choose the nearer to `near`, by theta and
+   eta alone if alpha is constant. */
 static void angles_of(const real r[3][3], int turned, const real *near, int held, real *x) {
     const real half = R(3.141592653589793238462643383279502884L);
     real rows[3][3], other[3], by[2] = {0, 0};
@@ -86,7 +87,7 @@ static void angles_of(const real r[3][3], int turned, const real *near, int held
         x[i] = other[i];
 }
 
-/* Angular velocity by the rates of the angles. */
+/* Angular velocity from the rates of the angles. */
 static void spin_of(const struct turns *t, const real *rates, real *w) {
     for (int i = 0; i < 3; i++)
         w[i] = rates[0] * t->e[0][i] + rates[1] * t->e[1][i] + rates[2] * t->e[2][i];
@@ -106,7 +107,7 @@ static void bias_of(const struct turns *t, const real *rates, real *w) {
     add(rates[2], turned, w);
 }
 
-/* Rates of the angles by the angular velocity; the axis of eta is at right angles to the other two. */
+/* Rates of the angles from the angular velocity; the axis of eta is perpendicular to the other two. */
 static void rates_of(const struct turns *t, const real *w, real *rates) {
     real across[3];
     cross(t->e[0], t->e[1], across);
@@ -126,15 +127,15 @@ static void put(real *into, const ptrdiff_t *at, const real *x) {
             into[at[i]] = x[i];
 }
 
-/* The turns of a ball, and of the one behind it, before and after. */
+/* Rotations of a ball and of the next ball, before and after a change of angles. */
 struct change {
     const struct ball *ball;
     struct turns from, to, next_from, next_to;
-    int carries; /* the ball behind takes over the spin */
+    int carries; /* the next ball takes over the spin */
 };
 
-/* Write rates `v` in the other angles; return the spin about i taken from the frame between the balls. w gets the
- * angular velocities before and after: of the ball, then of the ball behind it. */
+/* Convert rates `v` to the new angles. Return the spin about i that the frame between the balls loses. w receives
+   angular velocities before and after: of the ball, then of the next ball. */
 static real write_rates(const struct change *c, real *v, real w[4][3]) {
     real x[3], i[3] = {c->from.r[0][0], c->from.r[1][0], c->from.r[2][0]}, seen[3];
     get(v, c->ball->angles, 0, x);
@@ -157,8 +158,8 @@ static real write_rates(const struct change *c, real *v, real w[4][3]) {
     return spin;
 }
 
-/* Write accelerations `a` in the other angles, with the rates before (u0, of both balls) and after (u), and
- * what write_rates left. */
+/* Convert accelerations `a` to the new angles, with the rates of both balls before (u0) and after (u), and the spin
+   and the angular velocities w of write_rates. */
 static void write_second(const struct change *c, const real *u0, const real *u, real w[4][3], real spin, real *a) {
     real x[3], rates[3], bias[3], whole[3], left[3], seen[3], i[3], turned[3];
     get(a, c->ball->angles, 0, x);
@@ -179,7 +180,8 @@ static void write_second(const struct change *c, const real *u0, const real *u, 
     if (!c->carries)
         return;
     add(-x[2], i, left);
-    /* The angular acceleration left for the ball behind: the total stays the same, only the frame between differs. */
+    /* Angular acceleration of the next ball: the total of both balls is unchanged, and the frame between them
+       differs. */
     add(-1, left, whole);
     cross(w[0], w[2], turned);
     add(1, turned, whole);
@@ -207,7 +209,7 @@ real ball_off_pole(const struct ball *b, int turned, const real *q) {
     return real_sqrt(x * x + y * y);
 }
 
-/* New rotation of the second ball: the total rotation of both, without the new rotation of the first. */
+/* New rotation of the second ball: the inverse of the first ball's new rotation times the total rotation of both. */
 static void carry_over(const struct change *c, real r[3][3]) {
     for (int j = 0; j < 3; j++) {
         const real column[3] = {c->next_from.r[0][j], c->next_from.r[1][j], c->next_from.r[2][j]};

@@ -13,7 +13,8 @@
 
 #include "real.h"
 
-/* Numbers of the variables of a ball, and of the ball behind it; an alpha of -1 is constant, a next of -1 is none. */
+/* Numbers of the variables of a ball and of the next ball. Alpha is constant if its number is -1; next is -1 without
+   a next ball. */
 struct ball {
     ptrdiff_t angles[3], next[3];
     double alpha; /* the constant */
@@ -22,8 +23,8 @@ struct ball {
 /* Sine of the angle between i behind the ball and k before it: 0 at the pole of the table's own angles. */
 real ball_off_pole(const struct ball *b, int turned, const real *q);
 
-/* Write a state in the other angles of a ball, of the choices that are the same rotation that nearest to `near`; `a` may
- * be NULL. The ball behind one with a constant alpha stays in the table's own angles. */
+/* Convert a state to the alternative angles of a ball, of equivalent angles those nearest to `near`; `a` may be NULL.
+   The next ball after one with a constant alpha keeps the angles of the table. */
 void ball_rewrite(const struct ball *b, int turned, const real *near, real *q, real *u, real *a);
 
 #endif

@@ -22,13 +22,14 @@ static inline void subtract(real *restrict to, const real *restrict from, real f
         to[i] -= factor * from[i];
 }
 
-/* The multipliers of so many columns, with their rows in the final order: `lead` reals for each. */
+/* Multipliers of several columns, with rows in the final order: `lead` reals per column. */
 struct multipliers {
     real *of;
     ptrdiff_t lead;
 };
 
-/* The place of the first number of largest magnitude; its magnitude is found apart, without waiting for places. */
+/* Index of the first entry of largest magnitude. A first pass finds the magnitude alone: it needs no chain of
+   dependent indices. */
 static inline ptrdiff_t largest(const real *x, ptrdiff_t count) {
     real most[BLOCK] = {0}, all = 0;
     ptrdiff_t i = 0;
@@ -51,8 +52,8 @@ static inline void swap(real *a, real *b) {
     *b = kept;
 }
 
-/* Eliminate columns from k on in themselves, and write to `last` the last column with an entry in the row of each. The
- * rows of the other columns are not swapped. False without a pivot. */
+/* Factorise a panel of columns from k on. Write to `last`, for the pivot row of each, the last column with an entry.
+   Rows of the other columns are not swapped. False without a pivot. */
 static inline int factor_columns(struct band_store at, ptrdiff_t n, ptrdiff_t band, ptrdiff_t k, real *a, int *pivots,
                                  ptrdiff_t *last) {
     const ptrdiff_t from = k, to = smaller(k + TOGETHER, n);
@@ -113,8 +114,8 @@ static inline void subtract_all(real *restrict to, struct multipliers m, ptrdiff
             to[i] -= by[c] * m.of[c * m.lead + i];
 }
 
-/* Factorise in place; false without a pivot. Several columns are eliminated from the others in one pass, with the
- * operations on every entry in the order of single columns: it is loads and stores that take the time. */
+/* Factorise in place; false without a pivot. One pass over the other columns eliminates several columns, since loads
+   and stores take most of the time. The operations on every entry have the order of single columns. */
 LANES static int factor_band(ptrdiff_t n, ptrdiff_t band, real *a, int *pivots, real *panel) {
     const struct band_store at = band_store(n, band);
     const struct multipliers m = {panel, multipliers_rows(band)};
@@ -129,7 +130,7 @@ LANES static int factor_band(ptrdiff_t n, ptrdiff_t band, real *a, int *pivots, 
         for (ptrdiff_t j = k + TOGETHER; j <= last[TOGETHER - 1]; j++) {
             real *to = a + at.first + k + j * at.lead;
             ptrdiff_t c = 0;
-            while (j > last[c]) /* the store has no room for these rows, in which the column is zero */
+            while (j > last[c]) /* the column is zero in these rows, which the store does not contain */
                 c++;
             for (ptrdiff_t row = c; row < TOGETHER; row++)
                 swap(to + row, to + pivots[k + row] - k);
@@ -147,7 +148,7 @@ LANES static int factor_band(ptrdiff_t n, ptrdiff_t band, real *a, int *pivots, 
 LANES static void solve_band(ptrdiff_t n, ptrdiff_t band, ptrdiff_t columns, const real *a, const int *pivots, real *x,
                              ptrdiff_t lead) {
     const struct band_store at = band_store(n, band);
-    /* All right sides at each column of the factors, which do not fit into the caches. */
+    /* Each column of the factors, which do not fit into the caches, is read once for all right-hand sides. */
     for (ptrdiff_t k = 0; k < n; k++) {
         const real *own = a + at.first + k * (at.lead + 1);
         const ptrdiff_t below = smaller(band, n - 1 - k);

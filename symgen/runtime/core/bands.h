@@ -1,7 +1,7 @@
-/* Banded systems by Gauss's elimination with partial pivoting, and such with a dense border.
+/* Banded systems, also with a dense border, by Gaussian elimination with partial pivoting.
  *
- * LAPACK is not called: for narrow bands it takes twice as long as the arithmetic, and for wide ones it starts threads,
- * which take many times longer where other programs use the processors.
+ * LAPACK is not called. For narrow bands it takes twice the time of the arithmetic. For wide bands it starts threads,
+ * which slow it down many times if other programs use the processors.
  */
 #ifndef SYMGEN_BANDS_H
 #define SYMGEN_BANDS_H
@@ -10,7 +10,7 @@
 
 #include "real.h"
 
-/* Where a band matrix keeps its entries: (i, j) at `first` + i + j * `lead`, `size` numbers in all. */
+/* Storage of a band matrix: entry (i, j) at `first` + i + j * `lead`, `size` numbers in all. */
 struct band_store {
     ptrdiff_t first, lead, size;
 };
@@ -23,10 +23,10 @@ static inline struct band_store band_store(ptrdiff_t n, ptrdiff_t band) {
     return (struct band_store){2 * band, width - 1, n * width};
 }
 
-/* Columns that are eliminated together; rows of B^-1 E that are worked on together. */
+/* Columns eliminated in one pass; rows of B^-1 E in one block. */
 enum { TOGETHER = 4, PANEL = 32 };
 
-/* Rows of the multipliers of columns that are eliminated together. */
+/* Rows of the multipliers of the columns of one pass. */
 static inline ptrdiff_t multipliers_rows(ptrdiff_t band) {
     return band + TOGETHER;
 }
@@ -62,10 +62,10 @@ static inline void set_in_border(struct bordered *a, ptrdiff_t row, ptrdiff_t co
         a->corner[a->border * (row - n) + column - n] = value;
 }
 
-/* Factorise in place; false where B or the whole has no inverse. */
+/* Factorise in place; false if B or the whole matrix is singular. */
 int factor_bordered(struct bordered *a);
 
-/* Solve for right sides in the columns of x, inner + border reals each, in place, by the factors. */
+/* Solve in place with the factors; right-hand sides are columns of x, inner + border reals each. */
 void solve_bordered(const struct bordered *a, ptrdiff_t columns, real *x);
 
 #endif

@@ -1,4 +1,4 @@
-/* Equations of motion of elastic links, as a run steps them: `beam_behaviour`. */
+/* Equations of motion of elastic links for a run: `beam_behaviour`. */
 #include "beams.h"
 
 #include <string.h>
@@ -18,7 +18,7 @@ static struct beams *of(struct equations *e) {
     return e->owner;
 }
 
-/* Leave S'' in e->out, not a number where the motion cannot be. */
+/* Write S'' to e->out; its first entry is infinite if the rigid motion fails or the mass matrix is singular. */
 static void accelerate_beams(struct equations *e, real t, const real *y) {
     struct beams *b = of(e);
     real *p = b->state, *v = p + b->free;
@@ -78,7 +78,7 @@ static int project_beams(struct equations *e, real t, real *y) {
     return DONE;
 }
 
-/* Make a change of the unknowns one that the constraints allow. */
+/* Project a change of the unknowns onto the tangent space of the constraints. */
 static void make_tangent_beams(struct equations *e, real t, const real *y, real *change) {
     struct beams *b = of(e);
     (void)t;
@@ -90,7 +90,7 @@ static void make_tangent_beams(struct equations *e, real t, const real *y, real 
     beams_expand(b, 0, b->state, NULL, NULL, 1, change);
 }
 
-/* The energy of a motion that is prescribed in part is not kept. */
+/* A motion that is partly prescribed does not conserve energy. */
 static void no_energy(struct equations *e, real t, const real *y) {
     (void)t;
     (void)y;

@@ -71,7 +71,7 @@ void beam_steps_bind(struct beam_steps *x, struct beams *b, const struct beam_sc
             to[i][j] = R(from[i][j]);
 }
 
-/* Take from S and S' the unknowns that are free with the present choice. */
+/* Copy the independent unknowns of the present choice from S and S'. */
 static void take_free(struct beam_steps *x) {
     for (ptrdiff_t i = 0; i < x->b->free; i++) {
         const ptrdiff_t k = independent_unknown(x->b, i);
@@ -106,7 +106,7 @@ static int finish(struct beam_steps *x, real t) {
     return DONE;
 }
 
-/* Assemble at a time and keep it as a stage. */
+/* Assemble at a time and store the matrices as a stage. */
 static int keep_stage(struct beam_steps *x, long stage, real t) {
     const struct beams *b = x->b;
     const size_t entries = (size_t)b->entries * sizeof(real);
@@ -132,9 +132,9 @@ static int solve(struct beam_steps *x) {
     return DONE;
 }
 
-/* Write the row and the column of a damped mode at stage i: its rate f S' + g S less the unknown is zero, and f times
- * the unknown is its force. The weights are those of the accelerations at all stages in S' and in S; the state at the
- * stage is S_0 + until S_0' but for them. */
+/* Write the row and the column of a damped mode at stage i. Its unknown equals the rate f S' + g S; its force is f
+   times the unknown. by_rate and by_place are the weights of the accelerations at all stages in S' and in S; without
+   accelerations the state at the stage is S_0 + until S_0'. */
 static void mode_in_system(struct beam_steps *x, ptrdiff_t mode, long i, const real *by_rate, const real *by_place,
                            real until) {
     const struct beams *b = x->b;
@@ -153,7 +153,8 @@ static void mode_in_system(struct beam_steps *x, ptrdiff_t mode, long i, const r
     }
 }
 
-/* Write the weights of the accelerations at all stages in S' and S at each: those of one stage are a column. */
+/* Write the weights of the accelerations at all stages in S' and S at each stage; the weights of one stage are a
+   column. */
 static void weigh_stages(struct beam_steps *x, real h) {
     const long k = x->stages;
     for (long i = 0; i < k; i++)
@@ -202,7 +203,7 @@ LANES static void system_of_stages(struct beam_steps *x) {
     }
 }
 
-/* Write the system of a collocation's accelerations, stage by stage within each unknown. */
+/* Write the system of the accelerations of a collocation; within each unknown, one entry per stage. */
 static void collocation_system(struct beam_steps *x, real h) {
     const struct beams *b = x->b;
     const long k = x->stages, columns = x->columns;
@@ -306,7 +307,7 @@ static int step_once(struct beam_steps *x, real t, real h) {
     return finish(x, t + h);
 }
 
-/* Find S'' of the start from the equations just assembled. */
+/* Solve the equations assembled at the start for S''. */
 static int start_accelerations(struct beam_steps *x) {
     struct beams *b = x->b;
     const long columns = x->columns;

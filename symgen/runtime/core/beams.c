@@ -90,7 +90,7 @@ size_t beams_bytes(const struct beam_layout *layout) {
     return rounded(equations_bytes(&plain)) + place(&counted, layout, NULL);
 }
 
-/* Number the entries of the independent unknowns: those between inner ones, then the border. */
+/* Number the matrix entries of the independent unknowns: first between inner unknowns, then in the border. */
 static void number_entries(struct beams *b) {
     const ptrdiff_t n = b->inner, m = b->border;
     ptrdiff_t *row = b->own_rows, *column = b->own_columns;
@@ -139,14 +139,14 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
 
 /* -- assembly --------------------------------------------------------------------------------------------- */
 
-/* Turn a vector from axes with the direction (c, s) to those in which they have it. */
+/* Resolve a vector, given in axes of the direction (c, s), on the axes in which (c, s) is given. */
 static void turn_vector(real *x, real *y, real c, real s) {
     const real along = *x, across = *y;
     *x = c * along - s * across;
     *y = s * along + c * across;
 }
 
-/* Turn the rows and columns of one joint's displacements from the link's axes to fixed axes. */
+/* Resolve the rows and columns of one joint's displacements on fixed axes instead of the link's axes. */
 static void turn_end(real *a, ptrdiff_t n, ptrdiff_t u, ptrdiff_t w, real c, real s) {
     real *restrict along = a + n * u, *restrict across = a + n * w;
     for (ptrdiff_t i = 0; i < n; i++) {
@@ -282,8 +282,8 @@ static void add_force(const struct beams *b, ptrdiff_t k, const real *own, real 
         }
 }
 
-/* Add the damping of modes, f (f S' + g S) of each: f S' + g S is the rate at which its force works on the strains.
- * Where they are few, f and g are kept and the matrices stay banded. */
+/* Add the damping of modes: f (f S' + g S) for each mode, where f S' + g S is the rate of its modal coordinate. If
+   modes are few, f and g are stored and the matrices stay banded. */
 static void add_modes(struct beams *b) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = b->whole;
@@ -380,7 +380,7 @@ void beams_unbalanced(const struct beams *b, const real *s, real *out) {
     for (ptrdiff_t k = 0; k < x->counts.pieces; k++) {
         const ptrdiff_t *places = x->places + x->places_at[k];
         const real *weights = b->motion->motion + MOTION * x->link_of[k];
-        real *f = b->local + x->sizes[k] * x->sizes[k]; /* beams_holding leaves it alone until it writes there */
+        real *f = b->local + x->sizes[k] * x->sizes[k]; /* beams_holding writes there only after its last use of f */
         beams_holding(b, k, s, f);
         for (ptrdiff_t e = k * x->counts.most_joints; e < (k + 1) * x->counts.most_joints; e++)
             if (x->joints[2 * e] >= 0)

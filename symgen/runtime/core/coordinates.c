@@ -1,9 +1,9 @@
-/* Changes of coordinates between steps, where equations have a choice of them. */
+/* Changes of coordinates between steps, for equations with alternative coordinates. */
 #include "run.h"
 
 #include <string.h>
 
-/* Start the method again from y, which was written in other coordinates. */
+/* Restart the method from y in the new coordinates. */
 static void begin_again(struct run *run) {
     run->scheme.kind->begin(run);
     memcpy(run->y_old, run->y, (size_t)run->dim * sizeof(real));

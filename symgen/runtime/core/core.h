@@ -24,7 +24,7 @@
 #define SYMGEN_EXPORT
 #endif
 
-/* Of another number than this, a compiled core does not belong to the binding. */
+/* The binding refuses a compiled core with another version. */
 #define CORE_VERSION 15L
 
 /* A run in doubles. */
@@ -54,11 +54,11 @@ struct core_api {
     const struct lane_api *lane_runs;
     const struct variation_api *variations, *loop_variations;
 
-    /* Numbers to the core's type: high + low, low may be NULL; and back, low gets the rest when it is not NULL. */
+    /* Convert high + low to the core's type; low may be NULL. And back: low, if not NULL, receives the remainder. */
     void (*widen)(long count, const double *high, const double *low, void *reals);
     void (*narrow)(long count, const void *reals, double *high, double *low);
 
-    /* One kernel for rows of (t, y, work) with these strides in reals; work rows may be one (stride 0). */
+    /* Call one kernel for rows of (t, y, work) with these strides in reals; a stride of 0 repeats one row of work. */
     void (*call_rows)(kernel function, long rows, const void *t, const void *y, long y_stride, long n,
                       const void *p, void *work, long work_stride, void *out, long out_stride);
 
@@ -66,9 +66,9 @@ struct core_api {
     size_t (*equations_bytes)(const struct sizes *sizes);
     void (*equations_bind)(struct equations *e, const struct sizes *sizes, const struct kernels *kernels,
                            void *memory);
-    /* Set them, and what depends on them alone. */
+    /* Set parameters (high + low) and compute the quantities that depend on them alone. */
     void (*set_parameters)(struct equations *e, const double *high, const double *low);
-    /* Accelerations and multipliers at rows of y: n + m reals a row of `out`. */
+    /* Accelerations and multipliers at rows of y: n + m reals per row of `out`. */
     void (*solve_rows)(struct equations *e, long rows, const void *t, const void *y, long y_stride, void *out,
                        long out_stride);
     int (*check)(struct equations *e, double t, const void *y);
@@ -91,8 +91,8 @@ struct core_api {
     const void *(*run_state)(const struct run *run);     /* y, dim reals */
     const void *(*run_times)(const struct run *run);     /* of samples */
     const void *(*run_samples)(const struct run *run);   /* rows of dim reals */
-    const void *(*run_references)(const struct run *run); /* of angles in loads, a row each sample */
-    const void *(*run_turns)(const struct run *run); /* angles of links over revolutions, a row each sample */
+    const void *(*run_references)(const struct run *run); /* of angles in loads, one row per sample */
+    const void *(*run_turns)(const struct run *run); /* continuous angles of links, one row per sample */
     /* Copy the recorded events or passages (states in reals) and clear the record; return their number. */
     long (*take_events)(struct run *run, struct found_event *events, void *states);
     long (*take_passages)(struct run *run, struct passage *passages);

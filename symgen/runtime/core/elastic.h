@@ -5,7 +5,7 @@
 #include "beam_steps.h"
 #include "envelope.h"
 
-/* Numbers that stay where they are as long as the motion. */
+/* Views of arrays of the motion, valid as long as the motion. */
 struct motion_view {
     double t;
     const void *y, *motion, *joined, *shaft, *loads;
@@ -33,7 +33,7 @@ struct elastic_api {
                           long absent);
     int (*motion_at)(struct rigid_motion *m, double t);
     void (*motion_view)(const struct rigid_motion *m, struct motion_view *view);
-    /* Rows of y, of the motion of links and of loads at times; DONE or what went wrong. */
+    /* Write y, solutions, the motion of links and loads, one row per time; DONE or the status of the failure. */
     int (*motion_along)(struct rigid_motion *m, const void *times, long count, void *y, void *solutions, void *motion, void *loads);
 
     size_t (*beams_bytes)(const struct beam_layout *layout);
@@ -48,7 +48,7 @@ struct elastic_api {
                        void *memory);
     int (*steps_start)(struct beam_steps *steps, double t);
     int (*steps_part)(struct beam_steps *steps, double t0, double t1, long count, long from, long to, long *done);
-    void *(*steps_displacements)(struct beam_steps *steps); /* rows of `columns` reals, one an unknown */
+    void *(*steps_displacements)(struct beam_steps *steps); /* one row of `columns` reals per unknown */
     void *(*steps_rates)(struct beam_steps *steps);
 
     int (*envelope_factor)(const struct envelope *e, void *values, void *imaginary);

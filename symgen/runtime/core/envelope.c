@@ -2,7 +2,7 @@
 
 #include "lanes.h"
 
-/* A number, or a vector of numbers, and its imaginary part. */
+/* Real and imaginary part of a number or of a vector of numbers. */
 struct number {
     real re, im;
 };

@@ -1,8 +1,8 @@
-/* Sparse matrices by L U without pivoting, in the envelope of a symmetric pattern.
+/* LU factorisation of sparse matrices without pivoting, in the envelope of a symmetric pattern.
  *
- * Row i of L and column i of U have the same entries, from `first[i]` to i - 1. In an order in which every
- * multiplier comes after the unknowns of its constraint no pivot of [W, J^T; J, 0] is zero where W and J have full
- * rank. Complex numbers are kept as two arrays, of real and of imaginary parts.
+ * Row i of L and column i of U have the same entries, from `first[i]` to i - 1. If every multiplier is ordered after
+ * the unknowns of its constraint, and W and J have full rank, no pivot of [W, J^T; J, 0] is zero. Complex numbers are
+ * kept as two arrays, of real and of imaginary parts.
  */
 #ifndef SYMGEN_ENVELOPE_H
 #define SYMGEN_ENVELOPE_H
@@ -14,7 +14,7 @@
 struct envelope {
     ptrdiff_t n;
     const ptrdiff_t *first; /* column of the first entry of each row of L */
-    const ptrdiff_t *at;    /* n + 1 numbers: where the row begins; the last is the number of entries of L */
+    const ptrdiff_t *at;    /* start of each row, n + 1 numbers; the last is the number of entries of L */
 };
 
 /* Numbers of a matrix: rows of L, columns of U, diagonal. */

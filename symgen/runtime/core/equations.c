@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-/* Part of the tolerance that may be left of rates. */
+/* Largest constraint rate after a projection, over the tolerance. */
 #define LEFT 1e-3
 
 const struct behaviour kernel_behaviour = {
@@ -78,8 +78,9 @@ void accelerate(struct equations *e, real t, const real *y) {
     }
 }
 
-/* Add to e->out what makes every constraint return to zero as a critically damped oscillator of the rate r:
- * Phi'' = -2 r Phi' - r^2 Phi (J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1, 1972, with alpha = beta = r). */
+/* Add to e->out the accelerations by which every constraint returns to zero like a critically damped oscillator of
+ * rate r: Phi'' = -2 r Phi' - r^2 Phi (J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1, 1972, with alpha = beta =
+ * r). */
 static void pull_back(struct equations *e, real t, const real *y) {
     const real *u = y + e->n;
     long n = e->n, m = e->m;
@@ -143,8 +144,8 @@ real velocity_error(struct equations *e, real t, const real *y) {
     return worst;
 }
 
-/* What cancellation left of an unknown's pivot: its part of the terms of its own sign, whose sum is never zero
- * unless the unknown itself is undetermined. */
+/* Part of an unknown's pivot that remains after cancellation: the pivot over the sum of its terms of equal sign. That
+   sum is zero only if the unknown is undetermined. */
 static double part_left(const struct equations *e, long unknown) {
     const real *pivot = e->factors + e->sizes.first_pivot + 2 * unknown;
     real sign = unknown < e->n ? R(1) : R(-1);
@@ -244,8 +245,8 @@ static real speed_of(const struct equations *e, const real *y) {
     return speed;
 }
 
-/* Rates that rounding leaves, where the run's tolerance is far above them. Without one, and near a loss of rank, which
- * magnifies them, all that can be taken off is. */
+/* Constraint rates at which a projection ends: roundings, if the run's tolerance is far above them. Without a
+   tolerance, and near a loss of rank, which magnifies rates, iterations continue as long as each halves them. */
 static real rounding_of_rates(const struct equations *e, real speed) {
     if (e->account->soundness < NEAR)
         return 0;
@@ -257,7 +258,7 @@ int project_velocities(struct equations *e, real t, real *y) {
     real speed = speed_of(e, y), previous = REAL_INFINITY, rounding = rounding_of_rates(e, speed);
     for (int k = 0; k < 2 * RATE_PROJECTIONS; k++) {
         if (k == RATE_PROJECTIONS) {
-            /* the factor is that of a place too far from this one: a new one */
+            /* the factor belongs to a distant state: factorise again */
             if (previous <= R(1e4) * REAL_EPSILON * speed)
                 break;
             int status = factorise(e, t, y);
@@ -291,7 +292,7 @@ int project(struct equations *e, real t, real *y) {
 
 void make_tangent(struct equations *e, real t, const real *y, real *change) {
     long n = e->n, m = e->m;
-    /* The rates that the constraints allow at rest are not those of the change. */
+    /* Prescribed rates of the constraints take no part in a change. */
     e->kernels.velocity_constraints(&t, y, change, e->p, e->work, e->rhs + n);
     e->kernels.velocity_constraints(&t, y, e->zero, e->p, e->work, e->rates);
     memset(e->rhs, 0, (size_t)n * sizeof(real));

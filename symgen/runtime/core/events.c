@@ -1,14 +1,14 @@
-/* Events: values of the kernel `events` that pass zero in a step, located on its projected interpolant.
+/* Events: zero crossings of values of the kernel `events` in a step, located on its projected interpolant.
  *
- * A value is seen to pass zero where it has one sign at a look and the other, or none, at the next; looks are at
- * both ends of a step and LOOKS - 1 times in between. What passes zero and comes back between two looks, or only
- * touches zero, is not seen.
+ * Values are compared at both ends of a step and at LOOKS - 1 instants in between. A crossing is a change of sign, or
+ * to zero, between neighbouring instants. Two crossings between neighbouring instants, and a value that only touches
+ * zero, are not detected.
  */
 #include "run.h"
 
 #include <string.h>
 
-/* Bisections and secants that narrow an event down. */
+/* Largest number of bisections and secants for one event. */
 enum { NARROWINGS = 200 };
 
 /* Whether going from one value to another passes zero in this direction: 1 rising, -1 falling, 0 both. */
@@ -16,8 +16,8 @@ static int passes(real from, real to, int direction) {
     return (direction >= 0 && from < 0 && to >= 0) || (direction <= 0 && from > 0 && to <= 0);
 }
 
-/* Continue the values of events on angles from those at an earlier look, less than half a revolution before: they
- * follow from atan2, which jumps by a revolution. */
+/* Continue the value of an event on an angle from an earlier look, less than half a revolution before: values from
+   atan2 jump by a revolution. */
 static real continued(const struct run *run, long index, real before, real value) {
     const real revolution = R(6.283185307179586476925286766559005768L);
     if (index >= run->e->sizes.events || !(run->terminal[index] & REVOLVES))
@@ -32,15 +32,15 @@ static void continue_row(struct run *run, int k) {
         row[i] = continued(run, i, row[i - events], row[i]);
 }
 
-/* Write the cubic through both ends of the step: good enough to see that something happens. */
+/* Write the cubic through both ends of the step, accurate enough to detect crossings. */
 void roughly(const struct run *run, real h, real x, real *y) {
     for (long i = 0; i < run->dim; i++)
         y[i] = run->y[i] + x * x * (R(3) - R(2) * x) * (run->y_new[i] - run->y[i])
                + h * x * (R(1) - x) * ((R(1) - x) * run->f[i] - x * run->f_new[i]);
 }
 
-/* Leave the state on the interpolant of the step, brought onto the constraints where it can be, in run->stage, and
- * the values of the events there. */
+/* Write the interpolated state to run->stage, projected onto the constraints if possible, and evaluate the events
+   there. */
 void move_to(struct run *run, real h, real theta) {
     real t = run->state->t + theta * h;
     run->scheme.kind->interpolate(run, h, theta, run->stage);
@@ -52,7 +52,7 @@ void move_to(struct run *run, real h, real theta) {
     look_at_events(run->e, t, run->stage);
 }
 
-/* Look at all events at the looks of the step, along the interpolant or roughly. */
+/* Evaluate all events at the looks of the step, on the interpolant or on the cubic. */
 static void look(struct run *run, real h, int finely) {
     long events = run->e->sizes.events;
     for (int k = 1; k < LOOKS; k++) {
@@ -69,8 +69,8 @@ static void look(struct run *run, real h, int finely) {
     continue_row(run, LOOKS);
 }
 
-/* Return the instant of an event between a and b, whose values have different signs: the end of the final bracket at
- * which the event has happened. Secants, and a bisection every third time, so that the bracket closes. */
+/* Return the instant of an event between a and b, whose values have different signs: the end of the final bracket
+   behind the crossing. Every third iteration is a bisection, the others are secants, so that the bracket closes. */
 real narrowed(struct run *run, real h, long index, real a, real at_a, real b, real at_b) {
     real least = R(2) * REAL_EPSILON * real_fmax(R(1), real_fabs(run->state->t) / h);
     for (int k = 0; k < NARROWINGS && b - a > least && at_b != 0; k++) {
@@ -86,13 +86,13 @@ real narrowed(struct run *run, real h, long index, real a, real at_a, real b, re
     return b;
 }
 
-/* Remember an event, in the order of time. */
+/* Insert an event into the record, ordered by time. */
 static void remember(struct run *run, real h, real theta, long index, int rising) {
     struct state *s = run->state;
     size_t bytes = (size_t)run->dim * sizeof(real);
     real t = s->t + theta * h;
     long place = s->events;
-    /* At the start itself, to rounding, nothing passes zero. */
+    /* Within rounding of the start there is no crossing. */
     if (s->steps == 0 && t - s->t <= R(64) * REAL_EPSILON * real_fmax(h, real_fabs(s->t)))
         return;
     move_to(run, h, theta);

@@ -1,8 +1,7 @@
 /* Explicit Runge-Kutta methods.
  *
- * tableau.h has the counts and arrays of its schemes. Stage number `stages` is the derivative at the projected end of
- * the step, which closes the interpolant and is the first stage of the next step; stages behind it serve the
- * interpolant.
+ * tableau.h lists the counts and arrays of a scheme. Stage number `stages` is the derivative at the projected end of
+ * the step. It closes the interpolant and is the first stage of the next step. Further stages serve the interpolant.
  */
 #include "lanes.h"
 #include "run.h"
@@ -33,7 +32,7 @@ static int begin(struct run *run) {
     return DONE;
 }
 
-/* Fill stage s from the stages before it: DONE, or SINGULAR where its accelerations have no digits. */
+/* Evaluate stage s from the stages before it: DONE, or SINGULAR if its accelerations have no correct digits. */
 static int fill_stage(struct run *run, const struct tableau *x, long s, real h) {
     struct equations *e = run->e;
     const size_t row = (size_t)run->dim * sizeof(real);
@@ -97,11 +96,12 @@ static int step(struct run *run, real t, real h, real t_new) {
     return DONE;
 }
 
-/* Looks whether accuracy or stability set the step: every so many steps, and in all while it seems stability. */
+/* The test for stiffness runs every STIFF_EVERY steps, and in every step while stability seems to limit the step.
+   Stiff after STIFF_ROW such steps in a row; not stiff after EASY_ROW others. */
 enum { STIFF_EVERY = 16, STIFF_ROW = 15, EASY_ROW = 6 };
 
-/* The last stage and the end are at the same time: the ratio of their derivatives' distance to their own is a
- * bound from below of the largest eigenvalue (Hairer and Wanner II, IV.2). */
+/* The last stage and the end of the step have the same time. The distance of their derivatives over the distance of
+   their states is a lower bound of the largest eigenvalue (Hairer and Wanner II, IV.2). */
 static void look_for_stiffness(struct run *run, const struct tableau *x, real h, real t_new) {
     struct state *s = run->state;
     const real *last = (const real *)run->own + (x->stages - 1) * run->dim;

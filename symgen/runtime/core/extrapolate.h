@@ -1,15 +1,16 @@
-/* The change of a coordinate over a step, predicted from the state where it begins and the one before. */
+/* The change of a coordinate over a step, predicted from the state at its start and from the previous state. */
 #ifndef SYMGEN_EXTRAPOLATE_H
 #define SYMGEN_EXTRAPOLATE_H
 
 #include "real.h"
 
-/* Up to so many times the stride before, the polynomial through both states is a better guess than that of one. */
+/* Up to STRIDES times the previous stride, the polynomial through both states predicts better than the parabola of
+   one. */
 #define STRIDES R(1.5)
 
-/* Defines PARABOLA, the change by the state where the step begins, and QUINTIC, what the polynomial through both states
- * adds to it; of numbers, or of vectors of them. h: the step; g: the stride before; s = h / g; q, u, a: coordinate, rate and second
- * rate where the step begins, q0, u0, a0 where the stride began. */
+/* Defines PARABOLA, the change predicted by the state at the start of the step, and QUINTIC, the correction by the
+   polynomial through both states; for numbers or vectors of numbers. h: the step; g: the previous stride; s = h / g;
+   q, u, a: coordinate, rate and second rate at the start of the step; q0, u0, a0: at the start of the stride. */
 #define EXTRAPOLATION(NUMBER, PARABOLA, QUINTIC)                                                                        \
     static inline NUMBER PARABOLA(NUMBER h, NUMBER u, NUMBER a) {                                                       \
         return h * (u + R(0.5) * h * a);                                                                                \
@@ -23,7 +24,8 @@
 
 EXTRAPOLATION(real, parabola, quintic)
 
-/* The change by the quintic through both states, unless the step is much longer than the stride, which is 0 without one. */
+/* The change by the quintic through both states; by the parabola if the step is much longer than the stride, or if
+   the stride is 0, without a previous state. */
 static inline real extrapolated(real h, real g, real q, real u, real a, real q0, real u0, real a0) {
     const real change = parabola(h, u, a);
     const int near = g * h > 0 && real_fabs(h) <= STRIDES * real_fabs(g);

@@ -1,11 +1,12 @@
-/* A driven loop followed through values of its input, on one branch. */
+/* A driven loop followed through values of its input on one assembly branch. */
 #include <string.h>
 
 #include "extrapolate.h"
 #include "loop.h"
 #include "loop_limits.h"
 
-/* After so many tries it is looked whether the way that is left is less than so many times the way since. */
+/* Every PACE attempts, following ends if the remaining range exceeds CREEP times the progress since the last check.
+   */
 #define CREEP R(1e4)
 enum { PACE = 4096 };
 
@@ -22,7 +23,7 @@ static real predict(struct loop *l, real h, const real *q, const real *u, const 
     return largest;
 }
 
-/* Try to close the loop at `next`, in l->q, predicted from (t, q); `last`: whether that is the target. */
+/* Try to close the loop at `next`, in l->q, predicted from (t, q); `last`: whether `next` is the target. */
 static int attempt(struct loop *l, real t, const real *q, real next, int last) {
     const long n = l->sizes.n;
     real *new = l->q;
@@ -40,7 +41,7 @@ static int attempt(struct loop *l, real t, const real *q, real next, int last) {
         const long j = l->solved[k];
         astray = real_fmax(astray, real_fabs(new[j] - q[j] - l->change[k]) / l->scale[j]);
     }
-    /* An input that comes back within a step is followed there: rates at both ends do not show its way. */
+    /* An input may reverse within a step: the rates at both ends do not show it. */
     for (long k = 0; k < l->sizes.inputs; k++) {
         const long j = l->driven[k];
         const real h = next - t, way = h * (l->u[j] + R(0.5) * h * l->base.work[j]);
@@ -54,10 +55,10 @@ static int attempt(struct loop *l, real t, const real *q, real next, int last) {
     return l->base.account->soundness > l->base.sizes.rank_tolerance ? DONE : SINGULAR;
 }
 
-/* Go to the target in steps whose prediction holds, on one branch.
+/* Reach the target on one assembly branch, in steps whose prediction is close to the solution.
  *
- * Where the screws lose rank at the target itself, answer BLIND: it is closed there in l->q, and t and q stay
- * at the step before. */
+ * Return BLIND if the screws lose rank at the target itself: l->q is closed there, and t and q remain at the previous
+ * step. */
 static int go(struct loop *l, real *t, real *q, real target, real longest) {
     const long n = l->sizes.n, wide = n + 1;
     const size_t row = (size_t)n * sizeof(real);
@@ -104,7 +105,7 @@ static int go(struct loop *l, real *t, real *q, real target, real longest) {
     }
 }
 
-/* Write the diagnosis of a sample; `hold` is zero if the forces are unknown. */
+/* Write the diagnosis of a sample; `hold` is zero if the forces are undetermined. */
 static void diagnose(const struct loop *l, int status, double *row) {
     row[CLOSURE] = l->seen->closure;
     row[RATES] = status == BLIND ? 0 : l->seen->rates_left;

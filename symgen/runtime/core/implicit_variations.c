@@ -1,8 +1,8 @@
 /* Tangents of implicit steps: Radau's collocation, and the generalized-alpha family.
  *
- * The last 2 n directions are the state itself, so that the tangents of accelerations along all directions are their
- * slopes by (q, u), behind those by parameters. With these the equations of a step are solved again by Newton's method,
- * to the last digits, and the tangent of the step has the same matrix. */
+ * The last 2 n directions are the state itself. The tangents of accelerations along all directions are then their
+ * slopes by parameters, followed by those by (q, u). With these slopes Newton's method solves the equations of a step
+ * again to the last digits, and the tangent of the step has the same matrix. */
 #include <string.h>
 
 #include "arena.h"
@@ -11,7 +11,7 @@
 #include "variations.h"
 
 enum { STAGES = 3, ITERATIONS = 50 };
-/* Part of the solution below which changes of the iterations may stall. */
+/* Changes of the iterations may stall below this part of the solution. */
 #define STALLED R(1e-9)
 
 size_t implicit_place(struct variations *v, const struct equations *e, void *memory) {
@@ -161,7 +161,7 @@ static int alpha(struct variations *v, real t, real h, const real *y) {
     }
     memcpy(motion, v->rates + n, (size_t)n * sizeof(real));
     memcpy(own, next, (size_t)n * sizeof(real));
-    /* what of (q, u) follows from the state before and the accelerations that it carried */
+    /* the part of (q, u) that depends on the previous state and its carried accelerations */
     for (ptrdiff_t i = 0; i < n; i++) {
         real *q = v->moved + i * k, *u = q + n * k;
         add_multiple(k, h, u, q);

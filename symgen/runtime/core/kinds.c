@@ -1,4 +1,4 @@
-/* The kinds of methods: a new one is a file that defines it, and two lines here. */
+/* The kinds of methods. A new kind is a file that defines it, and two lines here. */
 #include "run.h"
 
 #include <string.h>

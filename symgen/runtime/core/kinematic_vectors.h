@@ -12,11 +12,11 @@ struct kinematic_lanes {
     struct kinematic_groups groups;
     wide *p, *p_forces;
     wide t, stride, length;
-    mask sign;                /* of the determinant of dPhi/dq: all bits where it is negative */
-    wide *q, *past, *next;    /* coordinates, rates and second rates: here, a stride before, after the next step */
+    mask sign;                /* sign of the determinant of dPhi/dq: all bits set if negative */
+    wide *q, *past, *next;    /* coordinates, rates and second rates: now, a stride before, after the next step */
     wide *change, *still, *phi, *scale, *weight, *solved, *work, *closure, *out, *values, *inverse;
-    wide *extremes, *lengths;      /* rows of forces, and the square of the longest value of each vector of forces */
-    wide *here, *before, violation; /* positions and velocities of points now, positions at the last time */
+    wide *extremes, *lengths;      /* rows of forces, and the largest square of the length of each vector of forces */
+    wide *here, *before, violation; /* positions and velocities of points now; positions at the previous time */
     wide *rates;                   /* magnitudes of the rates of links at the last time */
     wide passed;                   /* the last time; not a number before the first */
     mask *swaps, steady;
@@ -130,7 +130,7 @@ static mask factorise_groups(struct kinematic_lanes *k) {
     return regular;
 }
 
-/* Where the determinant is negative, and the least pivot over the greatest. */
+/* Lanes with a negative determinant; the least pivot over the greatest. */
 static mask judge(const struct kinematic_lanes *k, wide *soundness) {
     const struct kinematic_groups *g = &k->groups;
     const wide *group = k->values;
@@ -155,8 +155,8 @@ static mask judge(const struct kinematic_lanes *k, wide *soundness) {
 
 /* -- steps ----------------------------------------------------------------------------------------------- */
 
-/* Close some lanes at t by Newton's method from q, in place; returns where it ended. The constraints were then evaluated
- * in q last. */
+/* Close the open lanes at t by Newton's method from q, in place; return the converged lanes. The last evaluation of
+   constraints is at q. */
 static mask closed(struct kinematic_lanes *k, mask open, wide t, wide *q) {
     const ptrdiff_t n = k->sizes.n;
     wide before = all(REAL_INFINITY), *change = k->out;
@@ -177,8 +177,8 @@ static mask closed(struct kinematic_lanes *k, mask open, wide t, wide *q) {
     return found;
 }
 
-/* Leave velocities and accelerations at a pose that was closed last; returns where it is not too near a singular one,
- * and has not passed one. */
+/* Write velocities and accelerations of the pose closed last; return the lanes in which it is neither near a singular
+   pose nor behind one. */
 static mask moved(struct kinematic_lanes *k, const wide *t, const wide *q, wide *u, wide *a, mask *sign) {
     const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
     wide soundness;
@@ -194,8 +194,8 @@ static mask moved(struct kinematic_lanes *k, const wide *t, const wide *q, wide 
 
 EXTRAPOLATION(wide, wide_parabola, wide_quintic)
 
-/* Go to `next` in one step in some lanes; returns in which the prediction held. Those near a singular pose are taken out of
- * `alive`. */
+/* Move to `next` in one step in the lanes `which`; return those with an accurate prediction. Lanes near a singular
+   pose are removed from `alive`. */
 static mask attempt(struct kinematic_lanes *k, mask which, wide next, mask *alive) {
     const ptrdiff_t n = k->sizes.n;
     const wide h = next - k->t, g = k->stride, s = h / g, *q = k->q, *u = q + n, *a = u + n;
@@ -239,14 +239,14 @@ static void take_parameters(struct kinematic_lanes *k, const real *rows, kernel 
         call(setup, NULL, NULL, NULL, p, NULL, p + parameters);
 }
 
-/* The numbers of times that lanes have reached. */
+/* The number of times reached by each lane. */
 static inline mask counts(const struct kinematic_lane_task *task) {
     mask reached;
     memcpy(&reached, task->reached, sizeof reached);
     return reached;
 }
 
-/* Write a number of each lane that has arrived to the place of its next time. */
+/* Write values of the lanes that have arrived, at the index of their next time. */
 static void store(const struct kinematic_lane_task *task, mask arrived, const wide *values, ptrdiff_t count, real *rows) {
     for (int lane = 0; lane < WIDTH; lane++)
         if (arrived[lane]) {
@@ -256,8 +256,8 @@ static void store(const struct kinematic_lane_task *task, mask arrived, const wi
         }
 }
 
-/* Whether links turn little since the last time, and their rates now in lanes that have arrived: an angle is less than its tangent, and the rotation differs from that of
- * the greater rate by less than both together. */
+/* Whether links have rotated little since the previous time; in arrived lanes, store their rates. An angle is less
+   than its tangent, and the rotation differs from that of the greater rate by less than both together. */
 static mask turns_little(struct kinematic_lanes *k, const struct kinematic_lane_extremes *e, mask arrived) {
     const ptrdiff_t rates = k->sizes.coordinates;
     const wide step = magnitude(k->t - k->passed);
@@ -275,12 +275,12 @@ static mask turns_little(struct kinematic_lanes *k, const struct kinematic_lane_
     return little;
 }
 
-/* Where a value is beyond the greatest so far; one that is not a number is kept. */
+/* Lanes in which a value exceeds the greatest so far; a NaN among the greatest remains. */
 static inline mask beyond(wide value, wide greatest) {
     return ~((value <= greatest) | (greatest != greatest));
 }
 
-/* Where the next time, of which there is one in lanes that have just come to it, is recorded. */
+/* Lanes whose next time is recorded; lanes that have just arrived have a next time. */
 static mask recorded(const struct kinematic_lane_task *task) {
     const unsigned char *flags = task->extremes->recorded;
     const ptrdiff_t first = task->reached[0];
@@ -292,7 +292,7 @@ static mask recorded(const struct kinematic_lane_task *task) {
     return flagged;
 }
 
-/* Add the pose in lanes that have just come to a time to their extremes; `k->out` has its forces. */
+/* Update the extremes of lanes that have just arrived at a time; `k->out` has the forces of the pose. */
 static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *task, mask arrived) {
     const struct kinematic_lane_extremes *e = task->extremes;
     const ptrdiff_t count = k->sizes.joint_forces, m = k->sizes.m, places = k->sizes.coordinates;
@@ -300,7 +300,7 @@ static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *
     call(k->kernels.points, &k->t, k->q, k->q + k->sizes.n, k->p, k->work, k->here);
     const mask little = turns_little(k, e, arrived);
     k->steady &= ~arrived | (k->passed != k->passed) | little;
-    k->steady &= ~arrived | finite(largest_in(k->out, count)); /* else the caller finds out, from all values */
+    k->steady &= ~arrived | finite(largest_in(k->out, count)); /* otherwise the caller decides from all values */
     copy_where(arrived, k->here, places, k->before);
     k->passed = chosen(arrived, k->t, k->passed);
     arrived &= recorded(task);
@@ -354,12 +354,12 @@ static void end_extremes(const struct kinematic_lanes *k, const struct kinematic
     }
 }
 
-/* Record the pose in lanes that have just come to a time, where dPhi/dq is factorised, with its forces. */
+/* Record pose and forces of lanes that have just arrived at a time, with dPhi/dq factorised there. */
 static void record(struct kinematic_lanes *k, const struct kinematic_lane_task *task, mask arrived) {
     const ptrdiff_t n = k->sizes.n;
     if (task->extremes == NULL)
         store(task, arrived, k->q, 3 * n, task->rows);
-    if (k->kernels.joints != NULL) { /* they take the accelerations, and the multipliers behind them, as `work` */
+    if (k->kernels.joints != NULL) { /* their argument `work` is the accelerations, then the multipliers */
         memcpy(k->work, k->q + 2 * n, (size_t)n * sizeof(wide));
         call(k->kernels.balance, &k->t, k->q, k->q + n, k->p_forces, k->work, k->out);
         memcpy(k->work, k->q + 2 * n, (size_t)n * sizeof(wide));
@@ -370,11 +370,11 @@ static void record(struct kinematic_lanes *k, const struct kinematic_lane_task *
         else
             store(task, arrived, k->out, k->sizes.joint_forces, task->forces);
     }
-    const mask reached = counts(task) - arrived; /* -1 in a lane that has */
+    const mask reached = counts(task) - arrived; /* `arrived` is -1 in a lane that has */
     memcpy(task->reached, &reached, sizeof reached);
 }
 
-/* Begin at the starts; returns the lanes whose start is regular. */
+/* Begin at the starts; return the lanes with a regular start. */
 static mask begin(struct kinematic_lanes *k, const struct kinematic_lane_task *task) {
     const ptrdiff_t n = k->sizes.n;
     take_parameters(k, task->parameters, k->kernels.setup, k->sizes.derived, k->p);
@@ -391,7 +391,7 @@ static mask begin(struct kinematic_lanes *k, const struct kinematic_lane_task *t
     return alive & moved(k, &k->t, k->q, k->q + n, k->q + 2 * n, &k->sign);
 }
 
-/* Give lanes that have just come to a time their next one; those without one end. */
+/* Set the next time of lanes that have just arrived; lanes without a next time end. */
 static wide renewed(const struct kinematic_lane_task *task, mask fresh, wide target, mask *alive) {
     const ptrdiff_t first = task->reached[0];
     if (first < task->count && !any(~fresh | (counts(task) != first)))

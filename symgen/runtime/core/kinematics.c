@@ -60,7 +60,7 @@ static real missed(struct kinematics *k, real t, const real *q) {
     return largest_or_nan(k->phi, m);
 }
 
-/* LU factorisation with partial pivoting of a group of two unknowns, a dyad or a crank, as most are. */
+/* LU factorisation with partial pivoting of a group of two unknowns: a dyad or a crank, the most frequent groups. */
 static int factor_pair(real *a, ptrdiff_t *swaps, real *inverse) {
     const int exchanged = real_fabs(a[2]) > real_fabs(a[0]);
     const real a00 = a[2 * exchanged], a01 = a[2 * exchanged + 1];
@@ -84,8 +84,8 @@ static void solve_pair_transposed(const real *a, const ptrdiff_t *swaps, const r
     b[1 - swaps[0]] = second;
 }
 
-/* Factorise dPhi/dq, of the independent rows over their scales, where the constraints were evaluated last; returns 0 where
- * it is singular. */
+/* Factorise dPhi/dq, its independent rows over their scales, at the last evaluation of the constraints; return 0 if
+   it is singular. */
 static int factorise_groups(struct kinematics *k) {
     const struct kinematic_groups *g = &k->groups;
     const ptrdiff_t *entry = g->entries;
@@ -136,7 +136,7 @@ static real unbalanced(const struct kinematics *k, const real *lambda, real *for
     return largest_or_nan(forces, k->sizes.n);
 }
 
-/* Close the linkage at t by Newton's method from q, in place; the constraints were then evaluated in q last. */
+/* Close the linkage at t by Newton's method from q, in place. The last evaluation of constraints is at q. */
 static int closed(struct kinematics *k, real t, real *q) {
     const ptrdiff_t n = k->sizes.n;
     real before = REAL_INFINITY;
@@ -154,8 +154,8 @@ static int closed(struct kinematics *k, real t, real *q) {
     return 0;
 }
 
-/* Leave velocities and accelerations of the pose that was closed last; 0 where it is too near a singular one, or passed
- * one. */
+/* Write velocities and accelerations of the pose closed last; return 0 if it is near a singular pose or behind one.
+   */
 static int moved(struct kinematics *k, real t, const real *q, real *u, real *a) {
     const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
     real soundness;
@@ -173,7 +173,7 @@ static int moved(struct kinematics *k, real t, const real *q, real *u, real *a) 
     return real_isfinite(largest_or_nan(u, n)) && real_isfinite(largest_or_nan(a, n));
 }
 
-/* Go to `next` in one step where the prediction holds. */
+/* Move to `next` in one step; return 0 if the solution differs too much from the prediction. */
 static int attempt(struct kinematics *k, real next) {
     const ptrdiff_t n = k->sizes.n;
     const real h = next - k->t, length = R(k->sizes.length), *past = k->past;
@@ -197,7 +197,7 @@ static int attempt(struct kinematics *k, real next) {
     return moved(k, next, k->q, k->u, k->a);
 }
 
-/* Go to the target in as many steps as predictions need. */
+/* Reach the target in as many steps as accurate predictions need. */
 static int go(struct kinematics *k, real target) {
     real h = target - k->t;
     const real shortest = real_fabs(h) / (1 << HALVINGS);
@@ -212,7 +212,7 @@ static int go(struct kinematics *k, real target) {
         }
         h /= 2;
         if (k->t != from || real_fabs(h) < shortest)
-            return 0; /* near a singular pose, or no prediction holds */
+            return 0; /* near a singular pose, or no step has an accurate prediction */
     }
     return 1;
 }

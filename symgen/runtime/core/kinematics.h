@@ -1,4 +1,4 @@
-/* A driven linkage followed in time on one branch: positions, velocities and accelerations. */
+/* A driven linkage followed in time on one assembly branch: positions, velocities and accelerations. */
 #ifndef SYMGEN_KINEMATICS_H
 #define SYMGEN_KINEMATICS_H
 
@@ -6,33 +6,33 @@
 
 #include "equations.h"
 
-/* Kernels of the constraints Phi(q, t) = 0: Phi, the scale of each row, dPhi/dt where nothing moves, and the entries of
- * dPhi/dq that do not vanish everywhere; the right-hand side gamma of dPhi/dq a = gamma; and f - M a of the forces f, which
- * takes the accelerations as `work` and parameters of its own (NULL where no forces are asked). */
+/* Kernels of the constraints Phi(q, t) = 0: Phi, the scale of each row, dPhi/dt at rest, and the entries of dPhi/dq
+   that do not vanish identically; the right-hand side gamma of dPhi/dq a = gamma; and f - M a for the forces f, with
+   the accelerations as `work` and its own parameters (NULL without requested forces). */
 struct kinematic_kernels {
     kernel closure, gamma, balance;
 };
 
-/* dPhi/dq of the independent rows in block triangular form. The unknowns of a group, a driven crank or an Assur group,
- * depend on those of groups before it. Rows and columns are in the order of the groups. Its values are kept as the dense
- * matrix of each group, one after another, and behind them the couplings: entries of rows of a group in columns of groups
- * before it. All arrays are the caller's. */
+/* dPhi/dq of the independent rows in block triangular form. A group is a driven crank or an Assur group; its unknowns
+   depend on those of earlier groups. Rows and columns are in the order of the groups. Values are stored as the dense
+   matrices of the groups, followed by the couplings: entries in rows of a group and columns of earlier groups. The
+   caller owns all arrays. */
 struct kinematic_groups {
     ptrdiff_t count, squares;          /* groups; values of their matrices */
-    ptrdiff_t filled, couplings;       /* entries that do not vanish everywhere, and those outside of groups */
-    const ptrdiff_t *starts;           /* of each group among rows and columns, count + 1 */
+    ptrdiff_t filled, couplings;       /* entries that do not vanish identically, and those outside of groups */
+    const ptrdiff_t *starts;           /* first row and column of each group, and the end: count + 1 */
     const ptrdiff_t *rows;             /* constraint of each row, n */
     const ptrdiff_t *columns;          /* coordinate of each column, n */
-    const ptrdiff_t *entries;          /* fours: place of each entry among the values, in `closure`, its constraint and
-                                        * coordinate */
-    const ptrdiff_t *coupling_starts;  /* of each row among the couplings, n + 1 */
+    const ptrdiff_t *entries;          /* four numbers per entry: places among the values and in `closure`,
+                                          constraint, coordinate */
+    const ptrdiff_t *coupling_starts;  /* first coupling of each row, and the end: n + 1 */
     const ptrdiff_t *coupling_columns; /* of each coupling */
 };
 
 struct kinematic_sizes {
     ptrdiff_t n, m;        /* coordinates, constraints */
     ptrdiff_t work;        /* numbers of work memory of the largest kernel */
-    ptrdiff_t out;         /* numbers that the kernels write, at most */
+    ptrdiff_t out;         /* largest number of results of a kernel */
     double length;         /* size of the linkage [m] */
 };
 
@@ -41,7 +41,7 @@ struct kinematics {
     struct kinematic_sizes sizes;
     struct kinematic_groups groups;
     const real *p, *balance_p; /* owned by the caller */
-    /* where it is */
+    /* present state */
     real t, stride;
     int sign;                /* of the determinant of dPhi/dq; 0 before the first pose */
     real *q, *u, *a, *past;
@@ -54,13 +54,13 @@ size_t kinematics_bytes(const struct kinematic_sizes *sizes, const struct kinema
 void kinematics_bind(struct kinematics *k, const struct kinematic_sizes *sizes, const struct kinematic_kernels *kernels,
                      const struct kinematic_groups *groups, const real *p, const real *balance_p, void *memory);
 
-/* Follow from the pose q at t through monotone times, one row (q, u, a) for each. Returns how many times were reached:
- * fewer where a step comes near a pose in which dPhi/dq is singular, or where the prediction fails. */
+/* Follow from the pose q at t through monotone times, one row (q, u, a) for each. Return the number of times reached:
+   fewer than `count` near a pose with singular dPhi/dq, or if the prediction fails. */
 ptrdiff_t kinematics_follow(struct kinematics *k, real t, const real *q, const real *times, ptrdiff_t count, real *rows);
 
-/* Leave the multipliers lambda of J^T lambda = f - M a at closed poses, rows (q, u, a), and for each the least pivot over
- * the greatest and the largest error [N] of these equations. Returns how many poses were done: fewer where dPhi/dq is near
- * to singular. */
+/* Write the multipliers lambda of J^T lambda = f - M a at closed poses, rows (q, u, a), and for each pose the least
+   pivot over the greatest and the largest error [N] of these equations. Return the number of poses done: fewer if
+   dPhi/dq is nearly singular. */
 ptrdiff_t kinematics_multipliers(struct kinematics *k, const real *times, const real *rows, ptrdiff_t count,
                                  real *multipliers, real *quality);
 

@@ -84,7 +84,7 @@ static void lane_derivative(struct lane_runs *l, real t, const real *y, real *dy
     }
 }
 
-/* Factorise at y; lanes near a loss of rank fail. */
+/* Factorise at y; mark lanes near a loss of rank as failed. */
 static void lane_factor(struct lane_runs *l, real t, const real *y) {
     const ptrdiff_t n = l->sizes.n, w = l->sizes.lanes;
     call(l, l->kernels.factor, t, y, l->factors, l->out);
@@ -100,7 +100,7 @@ static void lane_factor(struct lane_runs *l, real t, const real *y) {
     }
 }
 
-/* The worst of the rows over their scales, of one lane. */
+/* The largest row over its scale, in one lane. */
 static real worst_of(const struct lane_runs *l, const real *rows, const real *scales, ptrdiff_t lane) {
     real worst = 0;
     for (ptrdiff_t i = 0; i < l->sizes.m && worst == worst; i++) {
@@ -137,7 +137,7 @@ static real largest_in(const struct lane_runs *l, const real *values, ptrdiff_t 
     return largest;
 }
 
-/* Judge the errors of one lane as `project_positions` does: 1 where its positions need another correction. */
+/* Apply the criteria of `project_positions` to one lane; return 1 if its positions need another correction. */
 static int needs_correction(struct lane_runs *l, int k, real *y, ptrdiff_t lane) {
     const ptrdiff_t n = l->sizes.n, m = l->sizes.m, w = l->sizes.lanes;
     const real worst = worst_of(l, l->out, l->out + m * w, lane);

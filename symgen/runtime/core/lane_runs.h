@@ -1,8 +1,8 @@
 /* Runs of fixed explicit steps in the lanes of vectors: one linkage with other parameters and starts in each lane.
  *
- * Kernels take one vector where those of a single run take a number. Every lane sees the operations of a single run in
- * their order, so its bits are the same. A lane whose constraints come near a loss of rank, or whose iterations do not
- * end as usual, fails: its run is left to the caller. */
+ * Kernels take one vector where those of a single run take a number. Every lane sees the operations of a single run
+ * in their order, so its bits are the same. A lane fails near a loss of rank, or if its iterations do not converge:
+ * the caller repeats its run alone. */
 #ifndef SYMGEN_LANE_RUNS_H
 #define SYMGEN_LANE_RUNS_H
 
@@ -37,9 +37,9 @@ struct lane_api {
     /* The memory starts at a multiple of 64 bytes. */
     void (*bind)(struct lane_runs *l, const struct lane_sizes *sizes, const struct kernels *kernels,
                  const struct scheme *scheme, const struct task *task, void *memory);
-    /* Carry out a run in each lane. `given` are rows of parameters, `y0` rows of states, `samples` receives task.samples
-     * rows of states for each lane, `drifts` the largest errors of constraints and of energy, `failed` whether a lane
-     * is left to the caller. */
+    /* Carry out one run per lane. `given` are rows of parameters, `y0` rows of states, `samples` receives
+     * task.samples rows of states for each lane, `drifts` the largest errors of constraints and of energy, `failed`
+     * whether the caller must repeat the run of a lane. */
     void (*run)(struct lane_runs *l, const void *given, const void *y0, const void *times, void *samples, void *drifts,
                 char *failed);
 };

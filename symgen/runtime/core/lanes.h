@@ -1,6 +1,6 @@
-/* Blocks of numbers that are worked on at once. Where the compiler has vectors a block is one, and a function
- * marked LANES is compiled for wide ones too, chosen when the library is opened; elsewhere blocks are single
- * numbers. Every entry sees the same operations in the same order, so the bits are the same each way. */
+/* Blocks of numbers for SIMD instructions. If the compiler has vectors, a block is a vector, and functions marked
+   LANES are also compiled for wider vectors, selected when the library is opened. Otherwise blocks are single
+   numbers. Every entry sees the same operations in the same order, so the bits do not depend on the width. */
 #ifndef SYMGEN_LANES_H
 #define SYMGEN_LANES_H
 
@@ -24,7 +24,7 @@ typedef real block;
 #define LANES
 #endif
 
-/* Copy so many numbers, few as a rule: calls of memcpy would take longer. The last block may overlap. */
+/* Copy `count` numbers. They are few as a rule, and calls of memcpy would take longer. The last block may overlap. */
 static inline void copy(const real *from, long count, real *to) {
     long at = 0;
     for (; at + BLOCK <= count; at += BLOCK)
@@ -36,8 +36,8 @@ static inline void copy(const real *from, long count, real *to) {
             to[at] = from[at];
 }
 
-/* The same of numbers that were just written one by one: a wide load would wait until all of them are in the cache,
- * and `volatile` keeps the compiler from making one. */
+/* The same for numbers just written one by one. A wide load would wait until all of them are in the cache; `volatile`
+   prevents it. */
 static inline void copy_fresh(const real *from, ptrdiff_t count, real *to) {
     const volatile real *fresh = from;
     for (ptrdiff_t i = 0; i < count; i++)

@@ -190,8 +190,8 @@ static real dot(ptrdiff_t count, const real *a, const real *b) {
     return total;
 }
 
-/* Turn (first, rest) into (returned, 0) by the reflection 1 - beta v v^T, v = (1, rest), of which rest and beta are left.
- * The entries of rest lie `stride` apart. */
+/* Reflect (first, rest) to (returned value, 0) by 1 - beta v v^T, v = (1, rest); v is written to rest. Entries of
+   rest are `stride` apart. */
 static real reflect(real first, real *rest, ptrdiff_t count, ptrdiff_t stride, real *beta) {
     real total = first * first;
     for (ptrdiff_t i = 0; i < count; i++)
@@ -208,7 +208,7 @@ static real reflect(real first, real *rest, ptrdiff_t count, ptrdiff_t stride, r
     return norm;
 }
 
-/* Bring the column of largest norm below row k to place k; return that norm, squared. */
+/* Swap the column of largest norm below row k to place k; return the square of that norm. */
 static real pivot_column(ptrdiff_t rows, ptrdiff_t columns, real *a, ptrdiff_t k, ptrdiff_t *order) {
     ptrdiff_t best = k;
     real largest = -1;
@@ -284,7 +284,7 @@ void solve_least(ptrdiff_t rows, ptrdiff_t columns, real *a, real *b, real part,
 
 /* -- complete pivoting ----------------------------------------------------------------------------------- */
 
-/* Find the largest entry below row k in the columns that are left; return its magnitude. */
+/* Find the largest entry below row k in the remaining columns; return its magnitude. */
 static real largest_left(ptrdiff_t rows, ptrdiff_t columns, const real *a, const ptrdiff_t *left, ptrdiff_t k,
                          ptrdiff_t *row, ptrdiff_t *column) {
     real best = 0;

@@ -10,10 +10,10 @@
 
 #include "real.h"
 
-/* The largest magnitude; not a number where one of them is none. */
+/* The largest magnitude; NaN if one of the values is NaN. */
 real largest_or_nan(const real *values, ptrdiff_t count);
 
-/* to += factor * from, along so many numbers. */
+/* to += factor * from, for `count` numbers. */
 void add_multiple(ptrdiff_t count, real factor, const real *from, real *to);
 
 /* c = a b: a has `rows` rows of `inner` numbers, a `stride` from one row to the next, b and c have rows of `columns`. */
@@ -39,21 +39,21 @@ void solve_complex(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b);
 ptrdiff_t factor_positive(ptrdiff_t n, real *a, real part, real least);
 void solve_positive(ptrdiff_t n, const real *a, real *b);
 
-/* Write the x of least norm among those that minimise |A x - b|: Householder QR with column pivoting, and from the right
- * where columns are dependent. A has `rows` by `columns` numbers, column by column; pivots of at most `part` of the first
- * count as zero. A and b are overwritten; order and beta have room for a number per column. Source: G. H. Golub
- * and C. F. Van Loan, Matrix Computations, 5.4 and 5.5. */
+/* Write the minimum-norm x that minimises |A x - b|: Householder QR with column pivoting, and reflections from the
+ * right if columns are dependent. A has `rows` by `columns` numbers, column by column; pivots of at most `part` of
+ * the first count as zero. A and b are overwritten; order and beta have room for a number per column. Source: G. H.
+ * Golub and C. F. Van Loan, Matrix Computations, 5.4 and 5.5. */
 void solve_least(ptrdiff_t rows, ptrdiff_t columns, real *a, real *b, real part, real *x, ptrdiff_t *order, real *beta);
 
-/* The least pivot of an elimination with complete pivoting over the first one, and its row. */
+/* The least pivot over the first pivot of an elimination with complete pivoting, and its row. */
 struct least_pivot {
     double part;
     ptrdiff_t row;
 };
 
-/* Choose as many independent columns of a (rows by columns, overwritten) as it has rows, by complete pivoting. Their
- * numbers go into `chosen`, those of the other columns into `others`, which has room for all. Returns 0 where the rows
- * are dependent: a pivot is at most RANK_TOLERANCE of the first. */
+/* Choose `rows` independent columns of a (rows by columns, overwritten) by complete pivoting. Write their numbers to
+   `chosen`, the other columns to `others`, which has room for all. Return 0 if the rows are dependent: a pivot is at
+   most RANK_TOLERANCE times the first. */
 int choose_columns(ptrdiff_t rows, ptrdiff_t columns, real *a, ptrdiff_t *chosen, ptrdiff_t *others,
                    struct least_pivot *least);
 

@@ -6,7 +6,7 @@
 #include "linear.h"
 #include "loop_limits.h"
 
-/* Iterations to a closed pose, and halvings of a step on the way. */
+/* Largest numbers of Newton's iterations to a closed pose, and of halvings of one of its steps. */
 enum { NEWTON = 40, HALVINGS = 8 };
 
 #define NUMBER real
@@ -15,7 +15,7 @@ enum { NEWTON = 40, HALVINGS = 8 };
 
 /* -- memory ----------------------------------------------------------------------------------------------- */
 
-/* Reals that any kernel's work or results may need. */
+/* Reals for the work and the results of any kernel. */
 static long room(const struct loop_sizes *s) {
     const long n = s->n, wanted[] = {n + ROWS, s->told, 2 * ROWS * n + 12, n * n};
     long most = s->work;
@@ -152,7 +152,7 @@ void loop_solve(struct loop *l, real *b, real *x) {
         x[k] *= l->scale[l->solved[k]];
 }
 
-/* Put the solved variables of q at `trial` and a part of `step`. */
+/* Set the solved variables of q to `trial` plus a part of `step`. */
 static void place(const struct loop *l, real *q, real part) {
     for (long k = 0; k < l->sizes.solved; k++)
         q[l->solved[k]] = part == 0 ? l->trial[k] : l->trial[k] + part * l->step[k];
@@ -163,7 +163,7 @@ int loop_close(struct loop *l, real t, real *q) {
     real before = REAL_INFINITY, part = 1, fine = FINE, defect = 0, b[ROWS], x[MOST], step = REAL_INFINITY;
     const real tolerance = R(l->sizes.tolerance);
     loop_prescribe(l, t, q);
-    /* An angle of many revolutions is resolved no finer than its own last digit. */
+    /* The resolution of an angle of many revolutions is its last digit. */
     for (long k = 0; k < l->sizes.n; k++)
         fine = real_fmax(fine, 2 * REAL_EPSILON * real_fabs(q[k]) / l->scale[k]);
     const real coarse = real_fmax(COARSE, 8 * fine);
@@ -202,7 +202,7 @@ int loop_close(struct loop *l, real t, real *q) {
         for (long k = 0; k < l->sizes.solved; k++) {
             if (!real_isfinite(x[k]))
                 return SINGULAR;
-            /* A step of more than a radian leaves what its linear prediction is good for. */
+            /* Beyond a radian the linear prediction of a step is not valid. */
             step = real_fmax(step, real_fabs(x[k]) / l->scale[l->solved[k]]);
         }
         part = real_fmax(part, step);
@@ -271,7 +271,7 @@ void loop_hold(struct loop *l, const real *efforts, real *wrench) {
     }
 }
 
-/* Solve the m equations of `gain` for b in place; return their determinant, with rates made alike. */
+/* Solve the m equations of `gain` for b in place; return their determinant, with scaled rates. */
 static real balance(struct loop *l, ptrdiff_t m, real *b) {
     ptrdiff_t swaps[MOST];
     real product = 1;
@@ -301,7 +301,7 @@ int loop_force(struct loop *l, real t, const real *q, const real *u, real *work)
     l->seen->hold = 1;
     if (unknown == 0)
         return DONE;
-    /* gain[i, x]: how much the variable of unknown effort x moves with the input i of known effort. The unknown
+    /* gain[i, x]: rate of the variable of unknown effort x at unit rate of the input i of known effort. The unknown
      * efforts E balance the efforts that the inputs need beyond their known ones: gain E = needed. */
     for (long i = 0; i < unknown; i++) {
         const long j = l->driven[l->known[i]];

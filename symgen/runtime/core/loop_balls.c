@@ -1,22 +1,23 @@
-/* The angles of a loop's balls in a run: see balls.h. */
+/* The choice of angles of a loop's ball joints in a run: see balls.h. */
 #include <math.h>
 #include <string.h>
 
 #include "loop.h"
 
-/* Sine of the angle from a pole at which the angles change, and at which the table's own serve again. */
+/* Sine of the angle from a pole below which angles change to the alternative ones, and above which they change back.
+   */
 #define NEAR_POLE R(0.1)
 #define FAR_POLE R(0.3)
-/* Distance from a multiple of pi, over pi, below which an angle has a cosine of more than NEAR_POLE either way. */
+/* An angle nearer to a multiple of pi than CLEAR pi has a cosine above NEAR_POLE in magnitude. */
 #define CLEAR 0.465
 #define RIGHT_ANGLE R(1.570796326794896619231321691639751442L)
 
-/* The turns in front of the balls are the parameters before the branches of switching points. */
+/* The leading angles of the balls are the parameters before the branches of switching points. */
 static real *turn_of(const struct loop *l, long k) {
     return l->base.p + l->sizes.parameters - l->sizes.switches - l->sizes.balls + k;
 }
 
-/* Whether the table's own angles of a ball are seen to be off their pole without a cosine. */
+/* Whether the table's angles of a ball are away from their pole, by a test without a cosine. */
 static int is_clear(const struct ball *b, const real *q) {
     const double x = (double)q[b->angles[1]] / 3.14159265358979323846;
     return fabs(x - rint(x)) < CLEAR;
@@ -26,29 +27,29 @@ static int is_turned(const struct loop *l, long k) {
     return *turn_of(l, k) != 0;
 }
 
-/* Take the angles that these turns in front of the balls ask for. */
+/* Use the angles that these leading angles of the balls select. */
 static void take(struct loop *l, const char *turned) {
     for (long k = 0; k < l->sizes.balls; k++)
         *turn_of(l, k) = turned[k] ? RIGHT_ANGLE : 0;
     set_up(&l->base);
 }
 
-/* Write a state, in the angles in use, in those of the table; balls behind go first. */
+/* Convert a state from the angles in use to those of the table; the last ball comes first. */
 static void to_table(const struct loop *l, const real *near, real *q, real *u, real *a) {
     for (long k = l->sizes.balls - 1; k >= 0; k--)
         if (is_turned(l, k))
             ball_rewrite(l->balls + k, 1, near, q, u, a);
 }
 
-/* Write a state, in the table's angles, in those in use. */
+/* Convert a state from the table's angles to those in use. */
 static void from_table(const struct loop *l, real *q, real *u) {
     for (long k = 0; k < l->sizes.balls; k++)
         if (is_turned(l, k))
             ball_rewrite(l->balls + k, 0, q, q, u, NULL);
 }
 
-/* Choose the angles of every ball at a state in those in use; return whether any choice changes.
- * A change at one ball spins the frame before the next, whose distance from its pole is another then. */
+/* Choose the angles of every ball at a state, given in the angles in use; return whether any choice changes. A change
+   at one ball rotates the frame before the next one and changes its distance from the pole. */
 static int choose(struct loop *l, const real *seen, int back, char *turned) {
     const long n = l->sizes.n;
     real *q = l->near_y, *u = q + n;

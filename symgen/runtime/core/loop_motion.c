@@ -5,18 +5,19 @@
 #include "linear.h"
 #include "loop.h"
 
-/* Least singular value, of the largest and of that of the best pose so far, at which steps may end. */
+/* Least singular value at which steps may end, over the largest and over that of the best pose so far. */
 #define BLURRED 1e-4
 #define BLURRED_PART 1e-2
-/* Least inertia of a free motion over its own terms. */
+/* Least inertia of a free motion over the sum of its terms. */
 #define NO_MASS (R(450) * REAL_EPSILON)
 
 static struct loop *of(struct equations *e) {
     return e->owner;
 }
 
-/* Judge the rank of the last screws, and leave the soundness that a run watches: the square of the least pivot's part,
- * as of the pivots of a matrix times its transpose. Steps do not end where rates and accelerations have no digits. */
+/* Judge the rank of the last screws and set the soundness, which a run watches: the square of the least pivot over
+   the first, comparable with the pivots of a matrix times its transpose. Steps do not end at poses in which rates and
+   accelerations have no correct digits. */
 static int judge(struct equations *e) {
     struct loop *l = of(e);
     const double part = e->account->soundness;
@@ -25,7 +26,7 @@ static int judge(struct equations *e) {
     return part <= fmax(e->sizes.rank_tolerance, fmin(BLURRED, BLURRED_PART * l->soundest)) ? SINGULAR : DONE;
 }
 
-/* Factorise the screws at y, with the inputs where they are prescribed. */
+/* Factorise the screws at y, with the inputs at their prescribed values. */
 static int factorise_loop(struct equations *e, real t, const real *y) {
     struct loop *l = of(e);
     memcpy(l->q, y, (size_t)l->sizes.n * sizeof(real));
@@ -35,7 +36,7 @@ static int factorise_loop(struct equations *e, real t, const real *y) {
     return judge(e);
 }
 
-/* Write into `basis` the motions that the closure leaves free, rows of n + 1, over all variables. */
+/* Write the free motions of the closed loop, over all variables, to `basis`: rows of n + 1. */
 static void span(struct loop *l) {
     const long n = l->sizes.n, rank = l->sizes.rank;
     const struct qr *f = &l->factor;
@@ -56,7 +57,7 @@ static void span(struct loop *l) {
     }
 }
 
-/* Make the equations of the free motions: inertia (lower part) into r, the right-hand side behind it. */
+/* Assemble the equations of the free motions: inertia (lower part) into r, the right-hand side behind it. */
 static void reduce(struct loop *l) {
     const long n = l->sizes.n, d = l->free;
     real *r = l->reduced, *z = r + d * d;
@@ -80,7 +81,7 @@ static void reduce(struct loop *l) {
     }
 }
 
-/* Solve them; false where a free motion has no mass. */
+/* Solve them; false if a free motion has no mass. */
 static int balance(struct loop *l) {
     const ptrdiff_t d = l->free, made = factor_positive(d, l->reduced, NO_MASS, -REAL_INFINITY);
     if (made < d) {
@@ -130,7 +131,8 @@ static void accelerate_here(struct equations *e, real t, const real *y) {
     loop_hold(l, b, a + n);
 }
 
-/* The same anywhere: near a pole of the angles of a ball by way of others. */
+/* Write accelerations and the closing wrench to e->out; near a pole of a ball's angles through its alternative
+   angles. */
 static void accelerate_loop(struct equations *e, real t, const real *y) {
     struct loop *l = of(e);
     l->near = loop_turn_near(l, y);
@@ -175,7 +177,7 @@ void loop_answer(struct loop *l, real t, const real *y, real *answer) {
     }
 }
 
-/* The rate of closure (6) that rates v of all variables give, with the last screws. */
+/* The rate of closure (6) due to rates v of all variables, with the last screws. */
 static void closing(const struct loop *l, const real *v, real *b) {
     const long n = l->sizes.n;
     for (int i = 0; i < ROWS; i++) {
@@ -185,7 +187,7 @@ static void closing(const struct loop *l, const real *v, real *b) {
     }
 }
 
-/* The defect of closure [m], and in `worst` the entry (of 3 x 4) that is farthest off. */
+/* The defect of closure [m]; `worst` is the entry (of 3 x 4) of largest error. */
 static real position_error_loop(struct equations *e, real t, const real *y) {
     const struct loop *l = of(e);
     const real defect = loop_look(of(e), t, y);
@@ -197,7 +199,7 @@ static real position_error_loop(struct equations *e, real t, const real *y) {
     return l->size * defect;
 }
 
-/* The largest rate of closure [m/s], with the screws that position_error left. */
+/* The largest rate of closure [m/s], with the screws of the last position_error. */
 static real velocity_error_loop(struct equations *e, real t, const real *y) {
     const struct loop *l = of(e);
     real b[ROWS], worst = 0;
@@ -208,7 +210,7 @@ static real velocity_error_loop(struct equations *e, real t, const real *y) {
     return worst;
 }
 
-/* Take from v what closure does not allow, with the last factor. */
+/* Subtract from v the part that violates closure, with the last factor. */
 static void shut(struct loop *l, real *v) {
     real b[ROWS], x[MOST];
     closing(l, v, b);
@@ -219,7 +221,7 @@ static void shut(struct loop *l, real *v) {
         v[l->solved[k]] += x[k];
 }
 
-/* Close the loop and its rates again, the inputs as prescribed. */
+/* Project positions and rates onto closure, with prescribed inputs. */
 static int project_loop(struct equations *e, real t, real *y) {
     struct loop *l = of(e);
     const int status = loop_close(l, t, y);
@@ -233,7 +235,7 @@ static int project_loop(struct equations *e, real t, real *y) {
     return DONE;
 }
 
-/* Take from a change of q or of u what closure does not allow, the inputs unchanged, with the last factor. */
+/* Subtract from a change of q or of u the part that violates closure, with constant inputs and the last factor. */
 static void make_tangent_loop(struct equations *e, real t, const real *y, real *change) {
     struct loop *l = of(e);
     (void)t;
@@ -244,12 +246,12 @@ static void make_tangent_loop(struct equations *e, real t, const real *y, real *
 }
 
 /* Leave kinetic and potential energy, and the power of loads without potential, in e->energies.
- * The power is not to be used: it needs the closing wrench, which is not computed here. */
+ * The power is not valid: it needs the closing wrench, which is not computed here. */
 static void measure_energy_loop(struct equations *e, real t, const real *y) {
     of(e)->kernels.energy(&t, y, y + e->n, e->p, e->out, e->energies);
 }
 
-/* dy/dt; the power of loads without potential is that of the closing wrench of accelerate_loop. */
+/* dy/dt; the power of loads without potential uses the closing wrench of accelerate_loop. */
 static void derivative_loop(struct equations *e, real t, const real *y, real *dy) {
     const long n = e->n;
     accelerate_loop(e, t, y);

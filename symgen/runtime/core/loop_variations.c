@@ -1,10 +1,10 @@
-/* Derivatives of runs of loops of joints. At held accelerations a closure and the balance of efforts have the tangents r
- * and e. With the inverse G of the screws, motions N of the loop and the inertia M,
+/* Derivatives of runs of loops of joints. At constant accelerations, closure and the balance of efforts have the
+ * tangents r and e. With the inverse G of the screws, motions N of the loop and the inertia M,
  *
  *     da = -G r - N^T (N M N^T)^-1 N (e - M G r),
  *
- * so that the closing wrench takes no part. The rows of this map are weights of r and e: kernels give the gradients of
- * so weighted sums (reverse mode), one in each lane of their vectors, which are the slopes of the accelerations. At the
+ * without the closing wrench. The rows of this map are weights of r and e. Kernels compute the gradients of these
+ * weighted sums (reverse mode), one in each lane of their vectors; they are the slopes of the accelerations. At the
  * end of a step, G projects onto closure and its rate in the same way. Inputs move as prescribed. */
 #include <string.h>
 
@@ -20,7 +20,7 @@ static struct loop *of(const struct variations *v) {
     return (struct loop *)v->e->owner;
 }
 
-/* Slopes of a row: by (q, u), then by the directions. */
+/* Number of slopes in a row: by (q, u), then by the directions. */
 static ptrdiff_t row_of(const struct variations *v) {
     return 2 * v->e->n + v->sizes.columns;
 }
@@ -69,13 +69,13 @@ static void begin(struct variations *v) {
         v->kernels.setup(NULL, NULL, NULL, v->p, NULL, v->p + v->sizes.parameters * v->sizes.width);
 }
 
-/* Evaluate a kernel at the pose that v->q and v->u have. */
+/* Evaluate a kernel at the pose (v->q, v->u). */
 static void call(struct variations *v, kernel of_kernel, real t) {
     spread(v, &t, 1, v->t);
     of_kernel(v->t, v->q, v->u, v->p, v->work, v->out);
 }
 
-/* Take a pose, inputs as prescribed there, and the slopes of these by the directions. */
+/* Set the pose, with prescribed inputs, and the slopes of the inputs by the directions. */
 static void take(struct variations *v, real t, const real *y) {
     struct loop *l = of(v);
     const ptrdiff_t n = v->e->n, k = v->sizes.columns, width = v->sizes.width, parameters = v->sizes.parameters;
@@ -95,9 +95,9 @@ static void take(struct variations *v, real t, const real *y) {
         }
 }
 
-/* Write the gradients of weighted sums into `slopes`, a row for each solved variable, whose weights are its row of `count`
- * numbers in v->answer: by the first `states` of (q, u), which the kernel writes first, and by the directions. With
- * `moving`, inputs are as prescribed, and their accelerations' slopes lie before those of the parameters. */
+/* Write the gradients of weighted sums to `slopes`, a row for each solved variable. Its weights are `count` numbers,
+   its row of v->answer. Columns: the first `states` of (q, u), which the kernel writes first, then the directions.
+   With `moving`, inputs are prescribed, and the slopes by their accelerations precede those by parameters. */
 static void weigh(struct variations *v, kernel of_kernel, real t, ptrdiff_t count, ptrdiff_t states, int moving,
                   real *slopes) {
     const struct loop *l = of(v);
@@ -129,7 +129,7 @@ static void weigh(struct variations *v, kernel of_kernel, real t, ptrdiff_t coun
     }
 }
 
-/* Write the slopes of the accelerations that were just found at a state. */
+/* Write the slopes of the accelerations just computed at a state. */
 static void differentiate(struct variations *v, real t, const real *state, real *slopes) {
     struct equations *e = v->e;
     struct loop *l = of(v);
@@ -145,7 +145,8 @@ static void differentiate(struct variations *v, real t, const real *state, real 
     }
 }
 
-/* Rows of `to` of the solved variables += their slopes times `from`, so many rows, and their slopes by the directions. */
+/* Add to the rows of the solved variables in `to` their slopes times `from` (`rows` rows) and their slopes by the
+   directions. */
 static void add_slopes(const struct variations *v, const real *slopes, ptrdiff_t rows, const real *from, real *to) {
     const struct loop *l = of(v);
     const ptrdiff_t k = v->sizes.columns, row = row_of(v);
@@ -179,7 +180,7 @@ static void stage_back(struct variations *v, long s, real t, const real *seed, r
     }
 }
 
-/* Take the pose at the end of a step, and the changes of variables by closure that is not met. */
+/* Set the pose at the end of a step, and the changes of variables due to errors of closure. */
 static int arrive(struct variations *v, real t, const real *y) {
     struct loop *l = of(v);
     const ptrdiff_t n = v->e->n;
@@ -208,7 +209,7 @@ static int close_tangents(struct variations *v, real t, const real *y) {
         for (int order = 0; order < 2; order++)
             memcpy(v->moved + (order * n + l->driven[i]) * k, v->prescribed + (3 * i + order) * k,
                    (size_t)k * sizeof(real));
-    /* sums of all rows first: slopes are those before the projection */
+    /* sums of all rows first: slopes refer to the state before the projection */
     memcpy(v->by_stage, v->moved, (size_t)(2 * n * k) * sizeof(real));
     weigh(v, v->kernels.closing, t, ROWS, n, 0, v->slopes);
     add_slopes(v, v->slopes, n, v->by_stage, v->moved);
@@ -218,7 +219,8 @@ static int close_tangents(struct variations *v, real t, const real *y) {
     return DONE;
 }
 
-/* The transpose of add_slopes: add those of the seeds of solved variables to the seed and to the gradient. */
+/* The transpose of add_slopes: add the seeds of solved variables times their slopes to the seed and to the gradient.
+   */
 static void add_transposed(struct variations *v, ptrdiff_t states, const real *from) {
     const struct loop *l = of(v);
     const ptrdiff_t row = row_of(v);

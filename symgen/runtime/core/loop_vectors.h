@@ -6,7 +6,7 @@
 #include "loop_lanes.h"
 #include "loop_limits.h"
 
-/* Halvings of a step, and iterations, after which a lane is left to the caller. */
+/* Largest numbers of halvings of a step and of iterations in a lane. */
 enum { MOST_HALVINGS = 12, MOST_ITERATIONS = 12 };
 
 struct loop_lanes {
@@ -14,12 +14,13 @@ struct loop_lanes {
     struct loop_sizes sizes;
     const ptrdiff_t *solved, *driven, *found, *known;
     real scale[MOST], size;
-    wide t, stride, first, rate; /* and the input `lead` at t = 0 */
-    wide *p, *q, *past, *next; /* variables, rates, accelerations and closing wrench: here, before, after the next step */
+    wide t, stride, first, rate; /* value and rate of the input `lead` at t = 0 */
+    wide *p, *q, *past, *next; /* variables, rates, accelerations and closing wrench: now, at the previous state,
+                                  after the next step */
     wide *screws, *prescribed, *loads, *efforts, *work, *out, *change, *trial, *gain, *begun;
     mask *swaps;
     wide matrix[ROWS * ROWS], r[ROWS * ROWS], vectors[ROWS * ROWS], beta[ROWS];
-    mask order[ROWS]; /* the column of `matrix` that came to each place */
+    mask order[ROWS]; /* the column of `matrix` at each place */
     wide closure, soundness, hold;
 };
 
@@ -118,7 +119,7 @@ static inline void reflect(const struct loop_lanes *l, ptrdiff_t k, wide *b) {
         b[i] -= total * l->vectors[ROWS * k + i];
 }
 
-/* Solve screws x = b for the changes x of the solved variables; b becomes what loop_solve leaves there. */
+/* Solve screws x = b for the changes x of the solved variables; b is overwritten as by loop_solve. */
 static void solve(const struct loop_lanes *l, wide *b, wide *x) {
     const ptrdiff_t columns = l->sizes.solved;
     for (int k = 3; k < ROWS; k++)
@@ -146,7 +147,7 @@ static void prescribe(struct loop_lanes *l, wide t, wide *q) {
         q[l->driven[k]] = l->prescribed[3 * k];
 }
 
-/* Evaluate closure and screws at q and factorise; returns where they are finite. */
+/* Evaluate closure and screws at q and factorise; return the lanes in which they are finite. */
 static mask look(struct loop_lanes *l, wide t, const wide *q) {
     const long n = l->sizes.n, rank = l->sizes.solved;
     mask known = ~(mask){0};
@@ -171,7 +172,7 @@ static mask look(struct loop_lanes *l, wide t, const wide *q) {
     return known;
 }
 
-/* Close some lanes at t by Newton's method from q, in place; returns those that full steps close. */
+/* Close the open lanes at t by Newton's method from q, in place; return the lanes closed by full steps. */
 static mask closed(struct loop_lanes *l, mask open, wide t, wide *q) {
     const long n = l->sizes.n, solved = l->sizes.solved;
     const wide tolerance = all(R(l->sizes.tolerance));
@@ -239,7 +240,7 @@ static wide changes(struct loop_lanes *l, int which, const wide *drift, wide *b,
     return chosen(size > 0, left / size, all(0));
 }
 
-/* Leave rates and accelerations behind q, with the factor there; returns where the inputs can be followed. */
+/* Write rates and accelerations behind q, with the factor there; return the lanes that can follow the inputs. */
 static mask moved(struct loop_lanes *l, wide t, wide *q) {
     const long n = l->sizes.n;
     wide b[ROWS], *u = q + n, *a = u + n;
@@ -274,7 +275,7 @@ static void held(const struct loop_lanes *l, const wide *efforts, wide *wrench) 
     }
 }
 
-/* Find the closing wrench, behind the accelerations; returns where the drives hold the motion. */
+/* Write the closing wrench behind the accelerations; return the lanes with regular force transmission. */
 static mask forced(struct loop_lanes *l, wide *q) {
     const long n = l->sizes.n, unknown = l->sizes.unknown, solved = l->sizes.solved;
     wide *u = q + n, *work = u + n, b[ROWS], c[ROWS], x[ROWS], needed[ROWS];
@@ -317,8 +318,8 @@ static mask forced(struct loop_lanes *l, wide *q) {
 
 EXTRAPOLATION(wide, wide_parabola, wide_quintic)
 
-/* Go to `next` in one step in some lanes; returns in which the prediction held. Those to be left to the caller are taken
- * out of `alive`. */
+/* Move to `next` in one step in the lanes `which`; return those with an accurate prediction. Failed lanes are removed
+   from `alive`. */
 static mask attempt(struct loop_lanes *l, mask which, wide next, real least, mask *alive) {
     const long n = l->sizes.n, solved = l->sizes.solved;
     const wide h = next - l->t, g = l->stride, s = h / g, *q = l->q, *u = q + n, *a = u + n;
@@ -369,7 +370,7 @@ static void set_up_lanes(struct loop_lanes *l, ptrdiff_t lead) {
     l->first = l->prescribed[3 * lead], l->rate = l->prescribed[3 * lead + 1];
 }
 
-/* Find when the input has a value, while its rate stays that at t = 0; returns where it has it then. */
+/* Write the time at which the input has a value, if it keeps its rate at t = 0; return the lanes in which it does. */
 static mask time_of(struct loop_lanes *l, const struct loop_lane_task *task, wide value, wide *t) {
     const wide *jet = l->prescribed + 3 * task->lead;
     *t = (value - l->first) / l->rate;
@@ -377,7 +378,8 @@ static mask time_of(struct loop_lanes *l, const struct loop_lane_task *task, wid
     return (l->rate != 0) & (jet[1] == l->rate) & (magnitude(jet[0] - value) <= R(task->close) * larger(all(1), magnitude(value)));
 }
 
-/* Keep the loop closed while its parameters go from those of the scene to each lane's; returns where that ends well. */
+/* Keep the loop closed while its parameters change from those of the scene to those of each lane; return the closed
+   lanes. */
 static mask begin(struct loop_lanes *l, const struct loop_lane_task *task) {
     const long n = l->sizes.n, parameters = l->sizes.parameters;
     mask alive = ~(mask){0};
@@ -405,7 +407,7 @@ static mask begin(struct loop_lanes *l, const struct loop_lane_task *task) {
     return alive;
 }
 
-/* Write the times of all values; returns where the input has them, and they increase. */
+/* Write the times of all values; return the lanes in which the input has these values, at increasing times. */
 static mask clocked(struct loop_lanes *l, const struct loop_lane_task *task) {
     mask alive = ~(mask){0};
     wide before = all(-REAL_INFINITY), t = before;
@@ -423,7 +425,7 @@ static mask clocked(struct loop_lanes *l, const struct loop_lane_task *task) {
     return alive;
 }
 
-/* Record the pose in lanes that have just come to a time, with its forces; returns where they are found. */
+/* Record pose and forces in lanes that have just arrived at a time; return the lanes with determined forces. */
 static mask record(struct loop_lanes *l, const struct loop_lane_task *task, mask arrived, int way, const ptrdiff_t *first) {
     const long n = l->sizes.n, told = l->sizes.told;
     const mask good = forced(l, l->q) & finite(largest_in(l->q + 2 * n, n + ROWS));
@@ -443,7 +445,7 @@ static mask record(struct loop_lanes *l, const struct loop_lane_task *task, mask
     return good & finite(largest_in(l->out, told));
 }
 
-/* Follow the lanes forwards (way = 1) from their first times, or backwards from there; returns those that arrive. */
+/* Follow the lanes forwards (way = 1) or backwards from their first times; return the lanes that reach the end. */
 static mask followed(struct loop_lanes *l, const struct loop_lane_task *task, mask alive, int way, const ptrdiff_t *first) {
     mask ended = {0};
     wide longest = all(1), target = l->t, h = all(0), shortest = h;
@@ -477,7 +479,7 @@ static mask followed(struct loop_lanes *l, const struct loop_lane_task *task, ma
             }
         h = chosen(fresh, target - l->t, h);
         shortest = chosen(fresh, smaller(magnitude(h), longest) / (1 << MOST_HALVINGS), shortest);
-        arrived = fresh = alive & (h == 0) & fresh; /* the first time may be that of the start */
+        arrived = fresh = alive & (h == 0) & fresh; /* the first time may equal the time of the start */
         if (any(arrived))
             continue;
         h = chosen(magnitude(h) > longest, chosen(h > 0, longest, -longest), h);

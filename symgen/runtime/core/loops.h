@@ -17,11 +17,12 @@ struct loops_api {
     /* Leave the screws of all variables (6 x n reals) at q; return the defect of closure. */
     double (*closed_screws)(struct loop *l, double t, const void *q, void *screws);
     void (*in_table)(const struct loop *l, const void *near, void *q, void *u, void *a);
-    /* Write a state (q, u) near poles of balls in other angles, which are in use from then on; return whether any is. */
+    /* Convert a state (q, u) near poles of balls to alternative angles, which remain in use; return whether any
+       changed. */
     int (*turn)(struct loop *l, void *y);
     int (*follow)(struct loop *l, double *t, void *q, const void *times, long count, double longest, void *states,
                   long row, void *out, long width, double *diagnosis, long *reached);
-    /* Mark the outputs that wrenches without work on any screw change; see loop.h. */
+    /* Mark the outputs that depend on wrenches without work on any screw; see loop.h. */
     void (*undetermined)(struct loop *l, const void *times, const void *states, long row, long count, double least,
                          double part, unsigned char *found);
     const struct loop_lanes_api *(*lanes)(ptrdiff_t width);

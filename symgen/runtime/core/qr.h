@@ -35,7 +35,7 @@ static inline void qr_swap(real *a, real *b) {
     }
 }
 
-/* Factorise A, which is overwritten; order[k] is the column of A that came to place k. */
+/* Factorise A, which is overwritten; order[k] is the column of A at place k. */
 static inline void qr_factorise(real *a, ptrdiff_t columns, struct qr *f) {
     f->columns = columns;
     f->steps = columns < ROWS ? columns : ROWS;
@@ -93,7 +93,7 @@ static inline void qr_turn(const struct qr *f, ptrdiff_t k, real *b) {
 }
 
 /* Write a least-squares solution of A x = b with at most `rank` nonzero entries; b is overwritten.
- * Behind its first `rank` entries b then holds the residual, as Q^T (b - A x). */
+ * On return, the entries of b behind the first `rank` are the residual Q^T (b - A x). */
 static inline void qr_solve(const struct qr *f, ptrdiff_t rank, real *b, real *x) {
     for (ptrdiff_t k = 0; k < f->steps; k++)
         qr_turn(f, k, b);
@@ -106,7 +106,7 @@ static inline void qr_solve(const struct qr *f, ptrdiff_t rank, real *b, real *x
         x[f->order[j]] = j < rank ? b[j] : 0;
 }
 
-/* Write the solution w of least norm of the `rank` independent equations of A^T w = b. */
+/* Write the minimum-norm solution w of the `rank` independent equations of A^T w = b. */
 static inline void qr_solve_transposed(const struct qr *f, ptrdiff_t rank, const real *b, real *w) {
     for (int k = 0; k < ROWS; k++)
         w[k] = 0;

@@ -5,8 +5,8 @@
  * with the Jacobian da/dq, da/du from the kernel `tangent`; the rates are eliminated from every linear system. The
  * work of loads follows by the same quadrature. The interpolant is the collocation polynomial, of degree 3.
  *
- * Arrays: T and its inverse, row by row, which bring the inverse of the method's matrix to block diagonal form;
- * they only steer the iterations.
+ * Arrays: T and its inverse, row by row, which transform the inverse of the method's matrix to block diagonal form;
+ * they affect the convergence only.
  */
 #include "arena.h"
 #include "linear.h"
@@ -16,11 +16,11 @@
 #include <string.h>
 
 enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 20 };
-/* Changes below this part of the tolerance may stall by rounding. */
+/* Iterations may stall by rounding below this part of the tolerance. */
 #define STALLED 0.03
 /* Iterations that converge this fast keep their Jacobian. */
 #define FAST 1e-3
-/* A step that may grow by less than this is kept, and its matrices with it. */
+/* If a step may grow by less than this factor, its length and its matrices are reused. */
 #define KEEP 1.2
 /* After a step whose iterations did not converge, steps stay below this part of its length; the limit fades slowly. */
 #define CAUTION 0.8
@@ -28,14 +28,14 @@ enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 20 };
 
 struct radau {
     real *f, *f_new;               /* dy/dt at both ends */
-    real *z, *z_old;               /* y at the stages less y at the start: of this step and of the one before */
+    real *z, *z_old;               /* y at the stages less y at the start: of this and of the previous step */
     real *slopes;                  /* dy/dt at the stages */
-    real *by_q, *by_u, *values;    /* the Jacobian, and memory to find it */
+    real *by_q, *by_u, *values;    /* the Jacobian, and scratch memory for it */
     real *matrix, *complex_matrix;
     ptrdiff_t *swaps, *complex_swaps;
     real *r, *rc;                  /* right-hand sides, 2n and 2n pairs */
     real *scale;                   /* of the errors of the iterations, 2n */
-    real *memo;                    /* values carried from step to step, see enum */
+    real *memo;                    /* values carried from step to step, see the enum */
 };
 
 enum memo { KNOWN, FRESH, STALE, ALONG, H_MATRIX, H, H_OLD, NORM_OLD, REJECTED, H_UNSOLVED, MEMO };
@@ -121,7 +121,7 @@ static int begin(struct run *run) {
     return DONE;
 }
 
-/* What changes of the iterations are measured by: the tolerance, or some roundings where the step is fixed. */
+/* Set the scale of changes in the iterations: the tolerance, or some roundings for fixed steps. */
 static void set_scale(const struct run *run, const struct radau *x, real h) {
     long n = run->e->n;
     real sizes[2] = {0, 0};
@@ -148,7 +148,7 @@ static real collocated(const struct coefficients *m, const real *z, long stride,
     return sum;
 }
 
-/* Leave in z the collocation polynomial of the last step, drawn on over this one, less y. */
+/* Write to z the collocation polynomial of the last step, extrapolated over this step, less y. */
 static void predict(const struct run *run, const struct radau *x, const struct coefficients *m, real h) {
     long dim = run->dim;
     real h_old = x->memo[H_OLD];
@@ -193,7 +193,7 @@ static void look(struct run *run, real t, real *y, real *dy) {
         run->e->of->derivative(run->e, t, y, dy);
 }
 
-/* Evaluate the stages, and leave the transformed residual of the collocation equations in r and rc. */
+/* Evaluate the stages and write the transformed residual of the collocation equations to r and rc. */
 static int find_residual(struct run *run, const struct radau *x, const struct coefficients *m, real t, real h) {
     const real *t_inverse = run->scheme.numbers + STAGES * STAGES;
     long dim = run->dim, n = run->e->n;
@@ -235,7 +235,7 @@ static real change_stages(struct run *run, const struct radau *x, const struct c
     return real_sqrt(total / R(2 * n * STAGES));
 }
 
-/* Iterate to the stages of the step; returns 0 where that does not converge. */
+/* Iterate to the stages of the step; return 0 without convergence. */
 static int solve_stages(struct run *run, const struct radau *x, const struct coefficients *m, real t, real h) {
     int most = run->scheme.adaptive ? ITERATIONS : FIXED_ITERATIONS;
     real rtol = R(run->task.rtol), last = 0, rate = 0, tolerance = 1;
@@ -254,7 +254,8 @@ static int solve_stages(struct run *run, const struct radau *x, const struct coe
             /* accelerations at the limit of rounding: the error estimate judges the step */
             if (rate > R(0.5) && ((magnified && k > 1) || size <= R(STALLED)))
                 return 1;
-            /* with projected stages the first rate is not that of convergence: positions follow the rates once more */
+            /* with projected stages the first ratio is no rate of convergence: positions follow the rates one
+               iteration later */
             if (!magnified && size > tolerance && (rate >= 1 || real_pow(rate, R(most - k)) / (1 - rate) * size > tolerance))
                 return 0;
         }
@@ -267,7 +268,7 @@ static int solve_stages(struct run *run, const struct radau *x, const struct coe
     return magnified;
 }
 
-/* Leave in run->error the estimate, filtered by the real system, of the error of order 4 [IV.8.19]; `at` is dy/dt. */
+/* Write to run->error the error estimate of order 4, filtered by the real system [IV.8.19]; `at` is dy/dt. */
 static real estimate(struct run *run, const struct radau *x, const struct coefficients *m, real h, const real *at) {
     struct equations *e = run->e;
     long dim = run->dim, n = e->n;
@@ -349,7 +350,7 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
         y[i] = run->y[i] + collocated(&m, x.z + i, run->dim, theta);
 }
 
-/* Keep the stages, and choose the next step by the errors of the last two (Gustafsson's control). */
+/* Store the stages, and choose the next step from the errors of the last two (Gustafsson's control). */
 static void accept(struct run *run) {
     struct state *s = run->state;
     struct radau x = memory_of(run);

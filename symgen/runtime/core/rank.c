@@ -1,4 +1,4 @@
-/* The least pivot of the constraints followed through the steps, and where it vanishes. */
+/* The least pivot of the constraints, followed through the steps, and its zeros. */
 #include "run.h"
 
 /* Return the least pivot's part at a time of the last two steps, by cubic interpolation. */
@@ -15,7 +15,7 @@ static double soundness(struct run *run, real t, real t_new) {
     return run->e->account->soundness;
 }
 
-/* Look where between a and b the constraints come nearest to losing rank. */
+/* Search between a and b for the instant at which the constraints are nearest to a loss of rank. */
 static void look_for_passage(struct run *run, real a, real b, real t_new) {
     struct state *s = run->state;
     real ratio = R(0.6180339887498949), x = b - ratio * (b - a), y = a + ratio * (b - a);
@@ -37,11 +37,11 @@ static void look_for_passage(struct run *run, real a, real b, real t_new) {
     }
 }
 
-/* Follow the least pivot through the step, and look closer wherever it has a minimum. The last two looks before
- * this one are (t_before, at_before) and (t_look, at_look). */
+/* Follow the least pivot through the step and locate its minima. The two previous looks are (t_before, at_before) and
+   (t_look, at_look). */
 void watch_rank(struct run *run, real t_new, double sound) {
     struct state *s = run->state;
-    /* The pivots of a tree keep all of their terms, to the last digit: there is nothing to follow. */
+    /* The pivots of a tree do not cancel at all, so there is nothing to follow. */
     if (run->e->m == 0 || (s->sound == 1.0 && sound == 1.0))
         return;
     for (int k = 1; k <= LOOKS; k++) {

@@ -6,12 +6,12 @@
  *     u' = u + h/2 M^-1 (f(q, u, t) - J(q)^T lambda),       q_1 = q + h u',   Phi(q_1, t_1) = 0,
  *     u_1 = u' + h/2 M^-1 (f(q_1, u_1, t_1) - J(q_1)^T mu),                   J(q_1) u_1 + dPhi/dt = 0.
  *
- * The second half is the adjoint of the first, so the step is symmetric and of order 2 for any force; where the
- * force depends on velocities, u_1 is found by iteration. Instead of M^-1 f the acceleration of the constrained
- * motion is taken: it differs by M^-1 J^T times something, which the multipliers make up for.
+ * The second half is the adjoint of the first, so the step is symmetric and of order 2 for any force; if the force
+ * depends on velocities, u_1 is iterated. The acceleration of the constrained motion replaces M^-1 f: it differs by a
+ * term M^-1 J^T x, which the multipliers absorb.
  *
  * counts: parts of a step, an odd number. side: lengths of the parts before the middle one over that of the
- * step; the parts after the middle one mirror those before it, and the middle one takes the rest of the step.
+ * step; the parts after the middle one mirror those before it, and the middle one is the rest of the step.
  */
 #include "arena.h"
 #include "linear.h"
@@ -19,14 +19,15 @@
 
 #include <string.h>
 
-/* Iterations of the position constraints with the factor at the start, with their own Jacobian, and of velocities
- * that forces depend on. */
+/* Largest numbers of iterations: of position constraints with the factor at the start, of these with a new Jacobian
+   each, and of velocities on which forces depend. */
 enum { SIMPLE = 60, RELINEARISED = 60, RATES = 60 };
-/* Errors of so many roundings count as met when iterations get no further. */
+/* Errors below this number of roundings are accepted if iterations stall. */
 #define ROUND_OFF 1e4
 
-/* What `own` holds: rates at both ends, the state and its acceleration after the parts done, where a part began to
- * iterate, the factorisation at y, and the Jacobian of the position constraints along what may move them. */
+/* Content of `own`: rates at both ends, the state and its acceleration after the finished parts, the start of the
+   iterations of a part, the factorisation at y, and the Jacobian of the position constraints along the directions
+   M^-1 J^T. */
 struct rattle {
     real *f, *f_new, *y, *rate, *begun, *factors, *motions, *jacobian, *change;
     ptrdiff_t *swaps;
@@ -84,8 +85,8 @@ static int begin(struct run *run) {
     return DONE;
 }
 
-/* Leave in x->motions, a column each, how q moves along M^-1 J^T when one constraint changes by one, with the last
- * factor; and nothing for those that follow from others. */
+/* Write to x->motions, with the last factor, the change of q along M^-1 J^T at a unit change of each constraint, a
+   column each; zero for constraints that follow from others. */
 static void find_motions(struct equations *e, const struct rattle *x, real t, const real *y) {
     long n = e->n, m = e->m;
     for (long k = 0; k < m; k++) {
@@ -96,8 +97,8 @@ static void find_motions(struct equations *e, const struct rattle *x, real t, co
     }
 }
 
-/* Leave in x->change the amounts of those motions that bring Phi, negative in e->rhs, to zero: Newton's step with
- * the Jacobian at y. Returns 0 when that is singular. */
+/* Write to x->change the amounts of these motions that bring Phi (e->rhs is -Phi) to zero: Newton's step with the
+   Jacobian at y. Return 0 if it is singular. */
 static int newton_step(struct equations *e, const struct rattle *x, real t, const real *y) {
     long n = e->n, m = e->m;
     memcpy(x->change, e->rhs + n, (size_t)m * sizeof(real));
@@ -120,7 +121,7 @@ static int newton_step(struct equations *e, const struct rattle *x, real t, cons
     return 1;
 }
 
-/* Add so much of the change of positions dq to `y`, over a part of length h. */
+/* Add `amount` times the change of positions dq to `y`, over a part of length h. */
 static void shift(const struct equations *e, const real *dq, real amount, real h, real *y) {
     for (long i = 0; i < e->n; i++) {
         y[i] += amount * dq[i];
@@ -128,12 +129,12 @@ static void shift(const struct equations *e, const real *dq, real amount, real h
     }
 }
 
-/* Whether an error of positions is as small as rounding allows, or, where iterations get no further, as it may be. */
+/* Whether an error of positions is within rounding, or, for stalled iterations, within ROUND_OFF roundings. */
 static int met(real worst, real size, int stalled) {
     return worst <= (stalled ? R(ROUND_OFF) : R(1)) * REAL_EPSILON * size;
 }
 
-/* Newton's iterations from `y`: a new Jacobian at every iterate, steps that increase the error halved. */
+/* Newton's iterations from `y` with a new Jacobian at every iterate; steps that increase the error are halved. */
 static int meet_by_newton(struct run *run, const struct rattle *x, real h, real t_1, real *y) {
     struct equations *e = run->e;
     real *dq = run->error, previous = REAL_INFINITY, part = 1;
@@ -158,8 +159,9 @@ static int meet_by_newton(struct run *run, const struct rattle *x, real h, real 
     return PROJECTION_FAILED;
 }
 
-/* Add to the positions and the velocities of `y`, a part of length h from (t, start), what brings the positions onto
- * the constraints at t_1: with the factor at the start while that converges, else with the Jacobian where it is. */
+/* Correct positions and velocities of `y`, a part of length h after (t, start), so that the positions satisfy the
+   constraints at t_1: with the factor at the start while that converges, else with a new Jacobian at every iterate.
+   */
 static int meet_positions(struct run *run, const struct rattle *x, real t, const real *start, real h, real t_1,
                           real *y) {
     struct equations *e = run->e;
@@ -168,7 +170,8 @@ static int meet_positions(struct run *run, const struct rattle *x, real t, const
     for (int k = 0; k < SIMPLE; k++) {
         real worst = e->of->position_error(e, t_1, y);
         int stalled = k > 0 && !(worst <= R(0.5) * previous);
-        /* near a loss of rank the factor of the start stalls early: the Jacobian there gets further */
+        /* near a loss of rank, iterations with the factor at the start stall early: new Jacobians reduce the error
+           further */
         if (met(worst, size, stalled && run->state->sound >= NEAR))
             return DONE;
         if (stalled)
@@ -182,7 +185,7 @@ static int meet_positions(struct run *run, const struct rattle *x, real t, const
     return meet_by_newton(run, x, h, t_1, y);
 }
 
-/* Leave in x->rate the rates of y = (q_1, u, work), and in e->factors the factorisation there. */
+/* Write the rates of y = (q_1, u, work) to x->rate, and the factorisation there to e->factors. */
 static void look(struct run *run, const struct rattle *x, real t, const real *y) {
     struct equations *e = run->e;
     e->of->derivative(e, t, y, x->rate);
@@ -216,7 +219,7 @@ static int meet_velocities(struct run *run, const struct rattle *x, real h, real
         int status = kick(run, x, half, h, t_1, y);
         if (status != DONE)
             return status;
-        if (!e->extra) /* no force depends on velocities, or its work would be integrated */
+        if (!e->extra) /* no force depends on velocities: the work of such a force would be integrated */
             return DONE;
         real change = 0, size = real_fmax(largest_of(y + n, n), h * largest_of(x->rate + n, n));
         for (long i = 0; i < n; i++)
@@ -293,7 +296,8 @@ static int finish(struct run *run, real h, real t_new) {
     return DONE;
 }
 
-/* The accelerations of a step are those of the constrained motion only as well as its velocities were known. */
+/* The step's accelerations have the error of the velocities at which they were evaluated: evaluate both ends again.
+   */
 static void prepare(struct run *run, real h) {
     struct equations *e = run->e;
     struct rattle x = memory_of(run);
@@ -301,8 +305,8 @@ static void prepare(struct run *run, real h) {
     e->of->derivative(e, run->state->t + h, run->y_new, x.rate);
 }
 
-/* Of order 6 in the positions, by both ends with their first two derivatives; in the velocities of order 4, by both
- * ends with one, and of order 5 as the slope of the positions where a step is accurate enough for that. */
+/* Positions of order 6 from both ends with two derivatives. Velocities of order 4 from both ends with one derivative;
+   if the step is accurate enough, of order 5 as the slope of the positions. */
 static void interpolate(struct run *run, real h, real theta, real *y) {
     struct rattle x = memory_of(run);
     long n = run->e->n;

@@ -1,4 +1,4 @@
-/* The number type that the core is compiled for: double, or the type that a macro names. */
+/* The number type of the core: double, or the type selected by a macro. */
 #ifndef SYMGEN_REAL_H
 #define SYMGEN_REAL_H
 
@@ -52,7 +52,7 @@ typedef double real;
 #define real_isfinite isfinite
 #endif
 
-/* Vectors of doubles are those of GCC and Clang. */
+/* Vectors of doubles: the vector extension of GCC and Clang. */
 #if defined(__GNUC__) && !defined(SYMGEN_REAL_FLOAT32) && !defined(SYMGEN_REAL_LONGDOUBLE) && !defined(SYMGEN_REAL_FLOAT128)
 #define REAL_VECTORS
 #endif
@@ -70,7 +70,7 @@ static inline real real_fmin(real a, real b) {
     return b < a ? b : a;
 }
 
-/* A smaller pivot over the largest means that rows are dependent. */
+/* Rows are dependent if a pivot over the largest is smaller. */
 #define RANK_TOLERANCE real_fmax(R(1e-9), R(100) * REAL_EPSILON)
 
 #endif

@@ -33,7 +33,7 @@ size_t motion_bytes(const struct equations *e, const struct motion_sizes *sizes)
     return place(&counted, e, sizes, NULL);
 }
 
-/* Hand the references of angles in loads on to the kernels of links and joints. */
+/* Copy the references of angles in loads to the parameters of the kernels of links and joints. */
 static void take_references(struct rigid_motion *m) {
     const struct equations *e = m->e;
     const long parameters = e->sizes.parameters;
@@ -62,7 +62,7 @@ static void wind(struct rigid_motion *m) {
         take_references(m);
 }
 
-/* Angles in loads lie within half a revolution of zero at the start of the motion. */
+/* At the start of the motion, angles in loads are within half a revolution of zero. */
 static void begin_windings(struct rigid_motion *m) {
     struct equations *e = m->e;
     if (e->sizes.windings == 0)
@@ -86,7 +86,7 @@ void motion_follow(struct rigid_motion *m, const void *rows, const void *referen
     m->path = (struct motion_path){rows, references, count, absent, R(spacing)};
 }
 
-/* Take the references of angles in loads from a row of the path. */
+/* Read the references of angles in loads from a row of the path. */
 static void wind_to(struct rigid_motion *m, long row) {
     struct equations *e = m->e;
     const size_t bytes = (size_t)e->sizes.windings * sizeof(real);
@@ -98,7 +98,8 @@ static void wind_to(struct rigid_motion *m, long row) {
     take_references(m);
 }
 
-/* Take the state at a time from the path, by Hermite's interpolation of fifth degree, onto the constraints. */
+/* Interpolate the state at a time from the path by Hermite polynomials of degree 5, and project it onto the
+   constraints. */
 static int interpolated(struct rigid_motion *m, real t) {
     struct equations *e = m->e;
     const struct motion_path *path = &m->path;
@@ -139,7 +140,7 @@ static int interpolated(struct rigid_motion *m, real t) {
     return DONE;
 }
 
-/* Accelerations and multipliers as the kernels take them. */
+/* Accelerations and multipliers, the argument of the kernels. */
 static real *solution(struct rigid_motion *m) {
     const struct equations *e = m->e;
     if (m->path.rows == NULL)
@@ -151,7 +152,7 @@ static real *solution(struct rigid_motion *m) {
     return m->out;
 }
 
-/* Take the state to a time near by; leave accelerations and multipliers in the equations' `out`. */
+/* Move the state to a near time; write accelerations and multipliers to `out` of the equations. */
 static int moved(struct rigid_motion *m, real t) {
     struct equations *e = m->e;
     const real h = t - *m->t;
@@ -177,7 +178,7 @@ static int moved(struct rigid_motion *m, real t) {
     return DONE;
 }
 
-/* Take the state to any time from the nearer of where it is and where it began. */
+/* Move the state to any time, from the present state or from the start, whichever is nearer. */
 static int followed(struct rigid_motion *m, real t) {
     struct equations *e = m->e;
     if (real_fabs(t - m->began_at) < real_fabs(t - *m->t)) {
@@ -222,7 +223,7 @@ int motion_at_rest(struct rigid_motion *m, real t) {
         for (int i = 2; i < MOTION; i++)
             m->motion[MOTION * k + i] = 0;
     memset(m->loads, 0, (size_t)m->sizes.loads * sizeof(real));
-    /* The torque of a motor that turns the crank holds no pose: its change with the angle is no stiffness at rest. */
+    /* A motor does not hold the structure at rest: the slope of its torque by the angle is no stiffness. */
     for (ptrdiff_t i = 0; i < m->e->n; i++)
         if (m->kernels.shaft && m->y[m->e->n + i] != 0)
             m->shaft[SHAFT_STIFFNESS] = 0;

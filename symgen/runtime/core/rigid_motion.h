@@ -1,24 +1,25 @@
-/* The rigid motion that elastic links move about, at any time: a driven linkage followed along its branch, or a motion
- * that was integrated before. */
+/* The rigid reference motion of elastic links at any time: a driven linkage on its assembly branch, or a motion that
+   was integrated before. */
 #ifndef SYMGEN_RIGID_MOTION_H
 #define SYMGEN_RIGID_MOTION_H
 
 #include "elastic_columns.h"
 #include "equations.h"
 
-/* Kernels of the motion and of the joints; those absent are NULL. */
+/* Kernels of the motion and of the joints; absent kernels are NULL. */
 struct motion_kernels {
     kernel links, joints, shaft, loads;
-    kernel setup, joints_setup; /* what depends on parameters alone: of all but `joints`, and of `joints` */
+    kernel setup, joints_setup; /* quantities that depend on parameters alone: for all kernels but `joints`, and for
+                                   `joints` */
 };
 
-/* Numbers that these write. */
+/* Sizes of the results of these kernels. */
 struct motion_sizes {
     long links, joints, shaft, loads, setup, joints_setup;
 };
 
-/* A motion that was integrated: rows of q, q' and q'' at equal spacing from time zero on. Its linkage has all constraints
- * that the kernels know but one, number `absent`, whose multiplier is zero. */
+/* A motion that was integrated: rows of q, q' and q'' at equal spacing from t = 0. Its linkage lacks one constraint
+   of the kernels, number `absent`, whose multiplier is zero. */
 struct motion_path {
     const real *rows; /* owned by the caller */
     const real *references; /* of angles in loads, at each row */
@@ -31,20 +32,20 @@ struct rigid_motion {
     struct motion_path path; /* no rows: the drives determine the motion */
     struct motion_kernels kernels;
     struct motion_sizes sizes;
-    real stride;   /* the longest time over which a state is a good guess of the next [s] */
+    real stride;   /* longest time over which a state is a good prediction of the next [s] */
     real began_at;
-    /* where it is */
+    /* present state */
     real *t;       /* time [s], in memory */
     long *solved;  /* whether accelerations are those of the state */
     real *y, *began, *still, *out;
     real *motion, *joined, *shaft, *loads;
-    real *p, *joints_p; /* parameters as the kernels of each take them */
+    real *p, *joints_p; /* parameters of the kernels of the motion and of the joints */
 };
 
 /* Bytes of memory, without the struct itself. */
 size_t motion_bytes(const struct equations *e, const struct motion_sizes *sizes);
 
-/* Fill in over zeroed memory of that size, with the parameters that the equations have. */
+/* Set up over zeroed memory of that size, with the parameters of the equations. */
 void motion_bind(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels, const struct motion_sizes *sizes,
                  double stride, void *memory);
 
@@ -55,10 +56,10 @@ void motion_start(struct rigid_motion *m, real t, const real *y);
 void motion_follow(struct rigid_motion *m, const void *rows, const void *references, long count, double spacing,
                    long absent);
 
-/* Move to a time and evaluate all kernels there; DONE or what went wrong. */
+/* Move to a time and evaluate all kernels there; DONE or the status of the failure. */
 int motion_at(struct rigid_motion *m, real t);
 
-/* Evaluate the kernels in the pose of a time as if nothing moved and nothing loaded the linkage. */
+/* Evaluate the kernels in the pose of a time, at rest and without loads. */
 int motion_at_rest(struct rigid_motion *m, real t);
 
 #endif

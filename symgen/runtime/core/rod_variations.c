@@ -3,7 +3,7 @@
  *
  *     [M J^T; J 0] dw = R_q dq + R_u du + R_p dp
  *
- * at every stage, with the factorisation that its accelerations left. The projection at the end of a step is
+ * at every stage, with the factorisation of its accelerations. The projection at the end of a step is
  * differentiated as the mass-weighted one. */
 #include <string.h>
 
@@ -49,15 +49,15 @@ static void begin(struct variations *v) {
     v->p[v->sizes.parameters + v->sizes.derived] = R(v->e->sizes.rank_tolerance);
 }
 
-/* Leave the results of a kernel, at the w given, in v->out. */
+/* Write the results of a kernel, with (a, lambda) = w, to v->out. */
 static void call(struct variations *v, kernel of, real t, const real *y, const real *w) {
     struct equations *e = v->e;
     memcpy(v->work, w, (size_t)(e->n + e->m) * sizeof(real));
     of(&t, y, y + e->n, v->p, v->work, v->out);
 }
 
-/* Rows of `to` += factor times the slopes in v->out along the directions: of (q, u) that change by `moved`, and of w by
- * `turned`. */
+/* Add to the rows of `to` factor times the derivatives along the directions, by the slopes in v->out: (q, u) change
+   by `moved`, w by `turned`. */
 LANES static void add_slopes(const struct variations *v, enum slopes_of of, real factor, const real *restrict moved,
                              const real *restrict turned, real *restrict to) {
     const ptrdiff_t k = v->sizes.columns, states = 2 * v->e->n, all = states + v->e->n + v->e->m;
@@ -75,7 +75,8 @@ LANES static void add_slopes(const struct variations *v, enum slopes_of of, real
     }
 }
 
-/* The transpose of that: add the slopes times a seed of their rows to those of (q, u), of w and of the directions. */
+/* The transpose of add_slopes: add the slopes times a seed of their rows to the seeds of (q, u), w and the
+   directions. */
 static void add_transposed(const struct variations *v, enum slopes_of of, real factor, const real *seed, real *to_state,
                            real *to_solution, real *to_directions) {
     const ptrdiff_t states = 2 * v->e->n, all = states + v->e->n + v->e->m;
@@ -91,8 +92,8 @@ static void add_transposed(const struct variations *v, enum slopes_of of, real f
     }
 }
 
-/* Where there are fewer rows of solutions than columns: write these rows of the inverse of [M J^T; J 0], which is
- * symmetric, from a factorisation. */
+/* If the solutions have fewer rows than columns: write these rows of the symmetric inverse of [M J^T; J 0] from a
+   factorisation. */
 static void invert(struct variations *v, real t, const real *y, real *factors, ptrdiff_t rows) {
     struct equations *e = v->e;
     const ptrdiff_t whole = e->n + e->m;
@@ -105,8 +106,8 @@ static void invert(struct variations *v, real t, const real *y, real *factors, p
     }
 }
 
-/* Leave in v->solved the first rows of the solutions of [M J^T; J 0] x = v->right, whose rows before `first` are zero,
- * after `invert` for the same. */
+/* Write to v->solved the first rows of the solutions of [M J^T; J 0] x = v->right, whose rows before `first` are
+   zero. Call `invert` with the same arguments before. */
 static void solve_columns(struct variations *v, real t, const real *y, real *factors, ptrdiff_t rows, ptrdiff_t first) {
     struct equations *e = v->e;
     const ptrdiff_t k = v->sizes.columns, whole = e->n + e->m;

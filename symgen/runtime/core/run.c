@@ -4,9 +4,9 @@
 
 #include "arena.h"
 
-/* Greatest growth of the step (the least is SHRINK), and its safety factors. Accelerations of
- * linkages change much from step to step: if a step grew by more than GROW_FREELY without being kept CAREFUL, a
- * quarter of all steps would be taken twice. */
+/* Greatest growth of the step (the least is SHRINK), and its safety factors. Accelerations of linkages vary much
+   between steps. Beyond a growth of GROW_FREELY the factor CAREFUL applies; without it a quarter of all steps would
+   be rejected. */
 #define GROW 10.0
 #define GROW_FREELY 1.2
 #define SAFETY 0.9
@@ -55,7 +55,7 @@ size_t run_bytes(const struct equations *e, const struct scheme *scheme, const s
 void run_bind(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
               void *memory) {
     run->e = e, run->scheme = *scheme, run->task = *task, run->dim = e->dim;
-    /* without a tolerance there is nothing to adapt a step by */
+    /* adaptive steps need a tolerance */
     run->scheme.adaptive = scheme->adaptive && (task->rtol > 0.0 || task->atol > 0.0);
     e->finest = run->scheme.adaptive ? task->atol : 0.0;
     run->bytes = place(run, memory);
@@ -102,7 +102,8 @@ void rounding_of(const struct run *run, real h, real *rounding) {
     rounding[1] = noise * h * REAL_EPSILON / (sound * real_sqrt(sound)) * acceleration;
     if (judged_of(run) == 2 * n)
         return;
-    /* The power of inertia has the error of the accelerations; that of the multipliers, of their own size. */
+    /* The power of inertia has the error of the accelerations. The power of the multipliers has an error proportional
+       to their size. */
     e->of->measure_energy(e, s->t, run->y);
     real inertia = speed > 0 ? R(2) * e->energies[0] / speed : 0;
     rounding[2] = rounding[1] * inertia
@@ -132,8 +133,8 @@ real largest_of(const real *v, long count) {
     return size;
 }
 
-/* A time in which the motion changes by a small part of itself: coordinates by a hundredth of their size with their
- * rates, and by half of that from rest with their accelerations; where they are next to nothing, a little of the run. */
+/* Return a time in which the motion changes little: coordinates by 1/100 of their size due to their rates, and by
+   1/200 due to their accelerations. For negligible rates and accelerations, a small part of the run. */
 static real short_time(const struct run *run) {
     long n = run->e->n;
     real size = largest_of(run->y, n), rate = largest_of(run->f, n), acceleration = largest_of(run->f + n, n);
@@ -145,8 +146,8 @@ static real short_time(const struct run *run) {
     return real_fmax(time, R(1e-9) * left);
 }
 
-/* Guess a first step from the first two derivatives (Hairer, II.4), over the tolerance as it is a short time later: at
- * rest that of the rates would be next to nothing, and the step with it. */
+/* Estimate the first step from two derivatives (Hairer, II.4). Their tolerance is that of the state a short time
+   later: at rest, the tolerance of the rates, and with it the step, would almost vanish. */
 static real first_step(struct run *run) {
     real d1 = 0, d2 = 0, t = run->state->t, left = R(run->task.t_end) - t, h0 = short_time(run), h1;
     real atol = R(run->task.atol), rtol = R(run->task.rtol), *second = run->y_new;
@@ -167,7 +168,7 @@ static real first_step(struct run *run) {
 
 /* -- the loop ---------------------------------------------------------------------------------------------- */
 
-/* Follow drift of constraints and energy with the state just accepted. */
+/* Update drift of constraints and energy with the state just accepted. */
 static int monitor(struct run *run) {
     struct state *s = run->state;
     struct equations *e = run->e;
@@ -226,14 +227,14 @@ int run_begin(struct run *run) {
     return status;
 }
 
-/* Shorten the step after one whose error was this, over the tolerance. */
+/* Return the length of the next attempt after a step with this error over the tolerance. */
 static real shortened(const struct run *run, real h, real norm) {
     if (!real_isfinite(norm))
         return R(SHRINK) * h;
     return h * real_fmax(R(SHRINK), R(CAREFUL) * real_pow(norm, exponent(run)));
 }
 
-/* Take one step and settle its end: DONE; AGAIN with the next length in state->h; or what went wrong. */
+/* Take one step and project its end: DONE; AGAIN with the next length in state->h; or the status of the failure. */
 int try_step(struct run *run, real h, real t_new) {
     struct state *s = run->state;
     s->settled = 0;
@@ -251,8 +252,8 @@ int try_step(struct run *run, real h, real t_new) {
     status = s->settled ? DONE : settle(run, t_new);
     if (status == AGAIN)
         s->h = h * s->shrink;
-    /* The correction by the projection is the part of the step's error transverse to the constraints. If it exceeds the
-     * method's own error estimate, the method did not see it, and the correction decides on the step. */
+    /* The correction by the projection is the part of the step's error transverse to the constraints. If it exceeds
+       the method's error estimate, the correction replaces the estimate. */
     if (status == DONE && run->scheme.adaptive && !(s->correction <= s->norm)) {
         s->norm = s->correction;
         if (!(s->norm <= 1)) {
@@ -263,14 +264,14 @@ int try_step(struct run *run, real h, real t_new) {
     return status;
 }
 
-/* How long the next step is over the one just taken. */
+/* Length of the next step over the step just taken. */
 static real next_over_last(const struct run *run, real largest) {
     real best = real_pow(run->state->norm, exponent(run));
     real grown = real_fmin(R(SAFETY) * best, real_fmax(R(GROW_FREELY), R(CAREFUL) * best));
     return real_fmin(largest, real_fmax(R(SHRINK), grown));
 }
 
-/* Take a step that is within the tolerance: leave its end, settled, in y_new, and its time and length. */
+/* Take a step within the tolerance: write its projected end to y_new, and its time and length. */
 static int accepted_step(struct run *run, real *t_new, real *length) {
     struct state *s = run->state;
     real largest = R(GROW), part = 1, t_end = R(run->task.t_end), h;
@@ -294,7 +295,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
             largest = 1;
             continue;
         }
-        /* A step that ends, or has a stage, where rank is lost for an instant is made a little shorter. */
+        /* Shorten a step slightly if its end or a stage hits an instantaneous loss of rank. */
         part *= R(0.7);
         int near = s->sound < NEAR && (status == PROJECTION_FAILED || status == UNSOLVED);
         if (status != SINGULAR && !near) {
@@ -318,7 +319,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
     return DONE;
 }
 
-/* End the run at the event just remembered last. */
+/* End the run at the last recorded event. */
 static int stop_at_event(struct run *run, real *t_new, real h) {
     struct state *s = run->state;
     long last = s->events - 1;

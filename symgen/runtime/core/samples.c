@@ -1,9 +1,9 @@
-/* Samples that lie in a step: interpolated, then projected. */
+/* Samples within a step: interpolated, then projected. */
 #include "run.h"
 
 #include <string.h>
 
-/* How often a sample is moved away from a loss of rank, each time by more. */
+/* Largest number of shifts of a sample away from a loss of rank, each larger than the last. */
 enum { SHIFTS = 24 };
 
 static int sampled(struct run *run, real t, real h, real *sample) {
@@ -16,7 +16,7 @@ static int sampled(struct run *run, real t, real h, real *sample) {
     return status == DONE && e->account->soundness < PASSAGE ? SINGULAR : status;
 }
 
-/* A sample too near a loss of rank for its accelerations to mean anything is moved a little in time. */
+/* A sample whose accelerations have no correct digits, near a loss of rank, is moved slightly in time. */
 static int one_sample(struct run *run, real until, real h, real *sample) {
     struct state *s = run->state;
     real *time = run->times + s->recorded, wanted = *time;

@@ -1,6 +1,7 @@
-/* What screws of joints say of a loop, for one loop or for lanes of them: the including file defines NUMBER and LOOP. */
+/* Closure twist and powers from the screws of joints, for one loop or for lanes of loops: the including file defines
+   NUMBER and LOOP. */
 
-/* Write the twist that would close the loop: minus the small rotation, and the displacement at O. */
+/* Write the twist that closes the loop to first order: minus the small rotation, and the displacement at O. */
 static void mismatch(const LOOP *l, NUMBER *b) {
     const NUMBER *e = l->screws;
     const NUMBER x = R(0.5) * (e[9] - e[6]), y = R(0.5) * (e[2] - e[8]), z = R(0.5) * (e[4] - e[1]);

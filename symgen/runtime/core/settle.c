@@ -1,18 +1,19 @@
-/* Projection of a step's end onto the constraints, and the error of the step that it shows. */
+/* Projection of a step's end onto the constraints, and its correction as an error estimate. */
 #include "run.h"
 
 #include <string.h>
 
-/* Largest part of a step's motion that the projection may change near a loss of rank. */
+/* Largest correction of the projection near a loss of rank, over the motion in the step. */
 #define ASTRAY 0.01
 /* The tightest relative tolerance that a number type meets, over its epsilon: TIGHTEST of runtime/integrate/options.py. */
 #define ROUNDINGS 100.0
 
-/* Roundings of a coordinate that the projection leaves, which turn the constraints. */
+/* Roundings of a coordinate after the projection, which rotate the tangent space of the constraints. */
 #define TURNED 4.0
 
-/* Norm of the projection's correction over the tolerance, or over what recurs however short the step is: ROUNDINGS of the
- * largest coordinate or rate, and the part of the rates that roundings of the coordinates turn off the constraints. */
+/* Norm of the projection's correction over the tolerance, or over the corrections that rounding causes in every step:
+   ROUNDINGS of the largest coordinate or rate, and the part of the rates that leaves the tangent space by roundings
+   of the coordinates. */
 static real correction(struct run *run) {
     long n = run->e->n;
     real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol);
@@ -27,9 +28,9 @@ static real correction(struct run *run) {
     return real_sqrt(total / R(run->dim));
 }
 
-/* Whether the projection moved the points by more than a small part of the step. Near a loss of rank its corrections are
- * magnified and not judged by the tolerance, but so much may lead to another branch: where drives determine the motion,
- * nothing else limits the step. */
+/* Whether the projection moved the points by more than a small part of the step. Near a loss of rank the tolerance
+   does not limit its magnified corrections, but a large one may lead to another assembly branch. If drives determine
+   the motion, nothing else limits the step. */
 static int is_astray(const struct run *run) {
     real moved = 0, taken = 0, size = largest_of(run->y_new, run->e->n);
     for (long i = 0; i < run->e->n; i++) {

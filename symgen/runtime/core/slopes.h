@@ -8,16 +8,16 @@
  * Returns DONE or NOT_FINITE. */
 int find_slopes(struct equations *e, real t, const real *y, real *values, real *by_q, real *by_u);
 
-/* Write dy/dt at y, which is brought onto the constraints first: so it changes with the motion along them only, and
- * iterations that leave its slopes out still converge, unless the motion is stiff just there. */
+/* Project y onto the constraints and write dy/dt there. It then depends on the motion along the constraints only, and
+   iterations without its slopes converge, unless the motion is stiff there. */
 void derivative_along(struct run *run, real t, real *y, real *dy);
 
-/* The matrix x^2 - x da/du - da/dq of n by n, for x real or complex (pairs): that of dq, with the rates eliminated
- * from (x - d(u, a)/d(q, u)) (dq, du) = (r, s). */
+/* The matrix x^2 - x da/du - da/dq, n by n, for x real or complex (pairs): the system for dq after elimination of the
+   rates from (x - d(u, a)/d(q, u)) (dq, du) = (r, s). */
 void reduced_matrix(long n, real x, const real *by_q, const real *by_u, real *matrix);
 void reduced_complex(long n, const real *x, const real *by_q, const real *by_u, real *matrix);
 
-/* Solve that system in place, r = (r, s) of 2n, with the factorised matrix; pairs when complex. */
+/* Solve this system in place, r = (r, s) of 2n, with the factorised matrix; pairs if complex. */
 void solve_reduced(long n, real x, const real *by_u, const real *matrix, const ptrdiff_t *swaps, real *r);
 void solve_reduced_complex(long n, const real *x, const real *by_u, const real *matrix, const ptrdiff_t *swaps, real *r);
 

@@ -8,7 +8,7 @@
 #include "start_lanes.h"
 #include "start_limits.h"
 
-/* Velocities whose part in the rows is smaller are left at their least. */
+/* Singular values below this part of the largest count as zero in the solution for velocities. */
 #define DEPENDENT R(1e-10)
 
 static size_t place(struct start *s, const struct start_sizes *z, void *memory) {
@@ -44,7 +44,7 @@ static void bind(struct start *s, const struct start_sizes *sizes, const struct 
     s->p = p;
 }
 
-/* Evaluate a kernel at rest into s->out. */
+/* Evaluate a kernel at rest; results in s->out. */
 static void call(struct start *s, kernel function, const real *q, const real *u) {
     const real t = 0;
     function(&t, q, u, s->p, s->work, s->out);
@@ -65,8 +65,8 @@ static real extent(struct start *s, const real *q) {
     return widest;
 }
 
-/* Bring q onto the rows of the assembly at a part of the way, by Newton's method with corrections of least norm: within the
- * tolerance, and at the end of the way to round-off. */
+/* Solve the rows of the assembly for q at a fraction of the path, by Newton's method with minimum-norm corrections:
+   within the tolerance, and to round-off at the end of the path. */
 static int newton(struct start *s, real at, real *q) {
     const ptrdiff_t n = s->sizes.n, rows = s->sizes.rows;
     const real wide = extent(s, q), size = real_fmax(wide, largest_or_nan(q, n));
@@ -121,8 +121,8 @@ static int advance(struct start *s) {
     return status == TOO_TOLERANT || s->step < SHORTEST ? status : ON_THE_WAY;
 }
 
-/* Leave the rows of constraints over their scales, but those dropped, and behind them those of prescribed velocities in
- * s->matrix, row by row, and their right-hand sides in s->right. Return the number of rows of constraints. */
+/* Write to s->matrix, row by row, the scaled constraints without the dropped ones, then the rows of prescribed
+   velocities; write right-hand sides to s->right. Return the number of rows of constraints. */
 static ptrdiff_t rows_of_velocities(struct start *s, const char *dropped) {
     const ptrdiff_t n = s->sizes.n, m = s->sizes.m, prescribed = s->sizes.prescribed;
     ptrdiff_t kept = 0;
@@ -151,7 +151,7 @@ static ptrdiff_t rows_of_velocities(struct start *s, const char *dropped) {
     return kept;
 }
 
-/* Least kinetic energy: u = L^-T x with x of least norm, M = L L^T. */
+/* Velocities u of least kinetic energy: u = L^-T x with x of minimum norm, M = L L^T. */
 static ptrdiff_t velocities(struct start *s, const char *dropped) {
     const ptrdiff_t n = s->sizes.n;
     call(s, s->kernels.mass, s->q, s->still);

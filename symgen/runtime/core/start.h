@@ -6,13 +6,13 @@
 
 #include "equations.h"
 
-/* Kernels of a start; those that a model does not have are NULL. */
+/* Kernels of a start; absent kernels are NULL. */
 struct start_kernels {
-    kernel assembly;    /* residual [m] and its derivative by q, at the part u[0] of the way from the drawing */
+    kernel assembly;    /* residual [m] and its derivative by q, at the fraction u[0] of the path from the drawing */
     kernel points;      /* positions of all points, and more */
     kernel constraints; /* Phi and the scale of each row */
     kernel jacobian;    /* dPhi/dq */
-    kernel drift;       /* dPhi/dt where nothing moves */
+    kernel drift;       /* dPhi/dt at rest */
     kernel rates;       /* prescribed velocities k, and the K of their rows K u = k */
     kernel mass;        /* mass matrix */
 };
@@ -37,7 +37,7 @@ struct start {
     struct start_kernels kernels;
     struct start_sizes sizes;
     const real *p; /* owned by the caller */
-    real at, step; /* part of the way from the drawing; the next step */
+    real at, step; /* fraction of the path from the drawing; the next step */
     real *q, *u, *miss;
     real fastest;  /* the largest right-hand side of the rows of velocities */
     real *trial, *still, *change, *matrix, *right, *beta, *mass, *work, *out;
@@ -54,13 +54,13 @@ struct start_api {
                  void *memory);
     /* Begin at the drawn coordinates s->q. */
     void (*begin)(struct start *s);
-    /* Lead s->q one step on from the drawing to the prescribed lengths and angles; STARTED at the end. */
+    /* Move s->q one step along the path from the drawing to the prescribed lengths and angles; STARTED at the end. */
     int (*advance)(struct start *s);
-    /* Leave in s->u the velocities of least kinetic energy that meet the constraints, but those dropped, and the
-     * prescribed velocities; in s->miss by how much [m/s] each row of either misses. Returns the number of rows
-     * of constraints that were kept, or -1 where the mass matrix is not positive definite. */
+    /* Write to s->u the velocities of least kinetic energy that satisfy the prescribed velocities and the constraints
+       without the dropped ones, and to s->miss the error [m/s] of each row. Return the number of rows of constraints,
+       or -1 if the mass matrix is not positive definite. */
     ptrdiff_t (*velocities)(struct start *s, const char *dropped);
-    /* The functions that assemble in lanes of so many doubles: see start_lanes.h. */
+    /* The functions that assemble in lanes of `width` doubles: see start_lanes.h. */
     const struct start_lanes_api *(*lanes)(ptrdiff_t width);
 };
 

@@ -1,14 +1,15 @@
-/* Linkages led from their drawing in the lanes of vectors: one linkage with other parameters in each lane.
+/* Linkages assembled from their drawing in the lanes of vectors: each lane has its own parameters.
  *
- * Every lane sees the operations of start.c in their order, so its bits are the same. A lane that needs shorter steps on
- * the way, or whose rows of the assembly are dependent, is left to the caller. There are no fewer rows than coordinates. */
+ * Every lane sees the operations of start.c in their order, so its bits are the same. A lane fails if it needs
+ * shorter steps, or if its rows of the assembly are dependent; the caller then assembles it alone. The number of rows
+ * must be at least that of coordinates. */
 #ifndef SYMGEN_START_LANES_H
 #define SYMGEN_START_LANES_H
 
 #include "start.h"
 
 struct start_lane_kernels {
-    kernel setup, drawn, assembly, points; /* as in struct start_kernels; setup is NULL where it derives nothing */
+    kernel setup, drawn, assembly, points; /* as in struct start_kernels; setup is NULL without derived parameters */
 };
 
 struct start_lanes;
@@ -16,16 +17,17 @@ struct start_lanes;
 struct start_lanes_api {
     ptrdiff_t width; /* numbers of a vector */
     size_t lanes_struct;
-    /* Numbers of parameters: those given, and with those that `setup` derives and one behind them. */
+    /* Numbers of parameters: of the scene; and with the results of `setup` and one spare number. */
     size_t (*bytes)(const struct start_sizes *sizes, ptrdiff_t parameters);
     /* The memory starts at a multiple of 64 bytes. */
     void (*bind)(struct start_lanes *s, const struct start_sizes *sizes, const struct start_lane_kernels *kernels,
                  ptrdiff_t given, ptrdiff_t parameters, void *memory);
-    /* Take a row of parameters for each lane; leave rows of coordinates, and whether the linkage is assembled. */
+    /* Assemble the linkage for a row of parameters in each lane; write rows of coordinates, and whether each is
+       assembled. */
     void (*assemble)(struct start_lanes *s, const real *parameters, real *q, unsigned char *assembled);
 };
 
-/* The functions for vectors of so many doubles, NULL where there are none. */
+/* The functions for vectors of `width` doubles, NULL if absent. */
 const struct start_lanes_api *start_lanes_of(ptrdiff_t width);
 
 extern const struct start_lanes_api symgen_start_lanes_2, symgen_start_lanes_4, symgen_start_lanes_8;

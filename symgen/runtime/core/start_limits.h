@@ -1,8 +1,8 @@
-/* Limits of the way from the drawing of a linkage. */
+/* Limits of the steps from the drawing of a linkage. */
 #ifndef SYMGEN_START_LIMITS_H
 #define SYMGEN_START_LIMITS_H
 
-/* First and longest part of the way from the drawing, and the shortest before the assembly has failed. */
+/* First and longest step along the path from the drawing, and the shortest, below which the assembly fails. */
 #define LONGEST (R(1) / 32)
 #define SHORTEST (R(1) / 4096)
 /* Round-off over the size of the linkage. */

@@ -51,7 +51,7 @@ static inline wide dot(ptrdiff_t count, const wide *a, const wide *b) {
     return total;
 }
 
-/* Solve a x = b as solve_least does, for x in s->change; returns where the columns are independent. */
+/* Solve a x = b as solve_least does, for x in s->change; returns the lanes with independent columns. */
 static mask solve_columns(struct start_lanes *s, wide part) {
     const ptrdiff_t rows = s->sizes.rows, columns = s->sizes.n;
     wide *a = s->matrix, *b = s->right, first = all(0);
@@ -125,7 +125,7 @@ static wide extent(struct start_lanes *s, const wide *q) {
     return widest;
 }
 
-/* As `newton` of start.c, in some lanes; returns those in which it ends well. */
+/* As `newton` of start.c, in the open lanes; returns the converged lanes. */
 static mask newton(struct start_lanes *s, mask open, real at, wide *q) {
     const ptrdiff_t n = s->sizes.n, rows = s->sizes.rows;
     const wide width = extent(s, q), size = larger(width, largest_in(q, n));

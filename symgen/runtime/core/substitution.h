@@ -1,5 +1,6 @@
-/* Substitution with the dense factors of linear.c, for numbers or for lanes of them: the including file defines NUMBER.
- * Rows of the right-hand side were exchanged before, those of the solution with the transpose are exchanged after. */
+/* Substitution with the dense factors of linear.c, for numbers or for lanes: the including file defines NUMBER. Rows
+   of the right-hand side must be exchanged before; with the transpose, rows of the solution must be exchanged
+   afterwards. */
 
 static inline void substitute(ptrdiff_t n, const NUMBER *a, NUMBER *b) {
     for (ptrdiff_t i = 1; i < n; i++)

@@ -1,22 +1,21 @@
-/* Switching points: where the argument of a sign or of an absolute value in a load passes zero.
+/* Switching points: zeros of the argument of a sign or of an absolute value in a load.
  *
- * The loads of a step are those of one branch of each, as smooth as without them; the branches are parameters that
- * the run holds at 1 or -1. A step that passes a switching point is taken again up to it, the branch changes there,
- * and the method starts again. Where both branches lead back to the point (friction at rest), the motion slides along
- * it, and the run ends.
+ * In a step every load stays on one branch, so that it is smooth; the branches are parameters, 1 or -1, constant in a
+ * step. A step that passes a switching point is repeated up to the point, the branch changes there, and the method
+ * restarts. If both branches lead back to the point (friction at rest), the motion slides along it, and the run ends.
  *
- * Looks are at both ends of a step and GLANCES - 1 times in between, not equally far apart, so that no repetition of a
- * load falls in with them. What passes zero and comes back between two looks is not seen.
+ * Arguments are evaluated at both ends of a step and at GLANCES - 1 instants in between. Unequal spacing avoids
+ * aliasing with a periodic load. Two crossings between neighbouring instants are not detected.
  */
 #include "run.h"
 
 #include <string.h>
 
-/* Newton steps that bring the end of a step to the switching point, passes over one step, and halvings of a part. */
+/* Largest numbers of Newton steps to the switching point, of passes over one step, and of halvings. */
 enum { POLISHINGS = 4, PASSES = 64, HALVINGS = 40 };
-/* Distances below this part of the farthest seen are looked at where a motion is stiff. */
+/* The test for stiffness due to a switching point applies to distances below this part of the largest so far. */
 #define CLOSE R(1e-6)
-/* What stands for the tolerance of coordinates and rates where steps are fixed. */
+/* Tolerance of coordinates and rates for fixed steps. */
 #define FIXED R(1e-12)
 
 static real *branch_of(struct run *run, long k) {
@@ -35,14 +34,15 @@ static const real *distances(struct run *run, real t, const real *y) {
     return run->e->gaps + run->e->sizes.events;
 }
 
-/* Where look number j is in a step. */
+/* Position of look number j in a step. */
 static real glance(int j) {
     real shift = R(0.6180339887498949) * R(j);
     shift -= R((long)shift);
     return j == 0 || j == GLANCES ? R(j) / R(GLANCES) : (R(j) + R(0.8) * (shift - R(0.5))) / R(GLANCES);
 }
 
-/* Return how far the tolerance of a state, and the rounding of a time, move it from a switching point. */
+/* Return the uncertainty of the distance from a switching point due to the tolerance of the state and the rounding of
+   the time. */
 static real blur(struct run *run, long k, real t, const real *y) {
     struct equations *e = run->e;
     int adaptive = run->scheme.adaptive;
@@ -59,7 +59,7 @@ static real blur(struct run *run, long k, real t, const real *y) {
     return total;
 }
 
-/* Return the rate of the distance from a switching point along dy/dt, over a small part of a time. */
+/* Return the rate of the distance from a switching point along dy/dt, by a difference over a small part of a time. */
 static real rate_of(struct run *run, long k, real t, const real *y, const real *f, real h) {
     real part = real_fmax(R(1e-5) * h, R(64) * REAL_EPSILON * real_fabs(t)), at = distances(run, t, y)[k];
     for (long i = 0; i < run->dim; i++)
@@ -72,7 +72,7 @@ static real scale_of(const struct run *run) {
     return run->state->h > 0 ? run->state->h : R(1e-6) * (R(run->task.t_end) - run->state->t);
 }
 
-/* Leave in run->f the derivative on this branch, and return how fast the state leaves the point there. */
+/* Write the derivative on this branch to run->f; return the rate at which the state leaves the point. */
 static real leaving(struct run *run, long k, int branch) {
     struct state *s = run->state;
     hold(run, k, branch);
@@ -102,7 +102,7 @@ int begin_switches(struct run *run) {
     return DONE;
 }
 
-/* Look at the distances along the step, times their branches: below zero they are past the point. */
+/* Evaluate the distances times their branches along the step: negative values are behind the point. */
 static void look_along(struct run *run, real t_new, real h) {
     long switches = run->e->sizes.switches;
     for (int j = 0; j <= GLANCES; j++) {
@@ -122,7 +122,8 @@ static real on_the_way(struct run *run, real h, long k, real theta) {
     return run->e->gaps[run->e->sizes.events + k] * *branch_of(run, k);
 }
 
-/* Return where between looks j - 1 and j of the step a switching point is passed; 2: it is not, on the interpolant. */
+/* Return the position between looks j - 1 and j at which the interpolant passes a switching point; 2 if it does not.
+   */
 static real passed_at(struct run *run, real h, long k, int j) {
     long switches = run->e->sizes.switches, index = run->e->sizes.events + k;
     real start = glance(j - 1), a = start, b = glance(j), from = run->glances[(j - 1) * switches + k], to;
@@ -131,7 +132,7 @@ static real passed_at(struct run *run, real h, long k, int j) {
         from = on_the_way(run, h, k, a);
     if (!(to < 0))
         return 2;
-    /* From the point itself, where the last step ended, the state may leave it and come back. */
+    /* If the last step ended at the point, the state may leave it and return. */
     for (int i = 0; i < HALVINGS && !(from > 0); i++) {
         real middle = start + (b - start) / R(2), at = on_the_way(run, h, k, middle);
         if (at > 0)
@@ -144,7 +145,7 @@ static real passed_at(struct run *run, real h, long k, int j) {
     return narrowed(run, h, index, a, from * *branch_of(run, k), b, to * *branch_of(run, k));
 }
 
-/* Return which switching point is passed first in the step (-1: none), and where. */
+/* Return the first switching point in the step (-1: none) and its position theta. */
 static long first_passed(struct run *run, real t_new, real h, real *theta) {
     long switches = run->e->sizes.switches, first = -1;
     int prepared = 0;
@@ -177,7 +178,7 @@ static int retaken(struct run *run, real h, real t_new) {
     return status == DONE && !all_finite(run->f_new, run->dim) ? NOT_FINITE : status;
 }
 
-/* Bring the end of a step, near a switching point, onto it. */
+/* Move the end of a step onto a near switching point. */
 static int polished(struct run *run, long k, real most, real *t_new, real *h) {
     struct state *s = run->state;
     for (int i = 0; i < POLISHINGS; i++) {
@@ -225,7 +226,7 @@ int switch_over(struct run *run, long k) {
     real least = blur(run, k, s->t, run->y), h = scale_of(run);
     int branch = *branch_of(run, k) > 0 ? -1 : 1;
     s->flips = s->t_switched == s->t && s->switchings ? s->flips + 1 : 0;
-    /* Where it switched twice, the next step is not to look past many more times. */
+    /* After two switches of a point, the next step must not extend over many more. */
     if (run->scheme.adaptive && run->switched[k] < s->t && run->switched[k] > R(run->task.t0))
         s->h = real_fmin(s->h, R(2) * (s->t - run->switched[k]));
     s->switchings++, s->t_switched = run->switched[k] = s->t;
@@ -238,8 +239,8 @@ int switch_over(struct run *run, long k) {
     return status == DONE && !all_finite(run->f, run->dim) ? NOT_FINITE : status;
 }
 
-/* Whether what makes the motion stiff is the load near a switching point: whether twice the distance from it changes
- * the rate of that by a good part of it in a step. */
+/* Whether the load near a switching point makes the motion stiff: whether doubling the distance from it changes the
+   rate of the distance by a large part of the distance in a step. */
 static int makes_stiff(struct run *run, long k) {
     struct equations *e = run->e;
     struct state *s = run->state;

@@ -6,13 +6,13 @@
 
 #include "run.h"
 
-/* Stages of the solution, all stages, degree of the interpolant, rows of error weights, and whether these use the
- * derivative at the end (first same as last). */
+/* Stages of the solution, all stages, degree of the interpolant, rows of error weights, and whether they use the
+   derivative at the end (first same as last). */
 #define EXPLICIT_COUNTS "stages all_stages degree estimates same_as_last"
 enum { SOLUTION_STAGES, ALL_STAGES, DEGREE, ESTIMATES, SAME_AS_LAST };
 
 /* a (all stages squared, row by row), b (stages), c (all stages), error weights (rows of stages + 1), interpolant (all
- * stages by degree), and the edge of stability (0: not known). */
+ * stages by degree), and the edge of stability (0: unknown). */
 #define EXPLICIT_ARRAYS "a b c error dense edge"
 
 struct tableau {

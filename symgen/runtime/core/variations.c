@@ -28,7 +28,7 @@ size_t variations_place(struct variations *v, const struct equations *e, void *m
     return is_explicit(v) ? own : own + implicit_place(v, e, memory == NULL ? NULL : (char *)memory + own);
 }
 
-/* Take the parameters of the equations with the references and branches of a step. */
+/* Set the parameters, with the references and branches of a step. */
 static void begin_step(struct variations *v, const double *references) {
     struct equations *e = v->e;
     real *of = references_of_angles(e);
@@ -40,7 +40,7 @@ static void begin_step(struct variations *v, const double *references) {
     v->of->begin(v);
 }
 
-/* out = base + h times the rows of the stages before s by their coefficients, many of which are zero. */
+/* out = base + h times the sum of the rows of stages before s by their coefficients, many of which are zero. */
 static void add_stages(const struct tableau *x, long s, real h, const real *base, const real *rows, long dim, real *out) {
     memcpy(out, base, (size_t)dim * sizeof(real));
     for (long j = 0; j < s; j++)
@@ -48,7 +48,7 @@ static void add_stages(const struct tableau *x, long s, real h, const real *base
             add_multiple(dim, h * x->a[s * x->all + j], rows + j * dim, out);
 }
 
-/* Evaluate a stage: leave its dy/dt in v->rates, w in e->out and its factorisation. */
+/* Evaluate a stage: its dy/dt in v->rates, w in e->out, and its factorisation. */
 static void evaluate(struct variations *v, long s, real t, const real *state) {
     struct equations *e = v->e;
     real *rate = v->rates + s * 2 * e->n;

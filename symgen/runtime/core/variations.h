@@ -1,9 +1,9 @@
-/* Derivatives of runs: the tangent of every step, and of explicit Runge-Kutta steps its transpose.
+/* Derivatives of runs: tangents of all steps, and transposes of explicit Runge-Kutta steps.
  *
- * The states between the steps of a run are its checkpoints: the stages of a step are evaluated again from the state
- * before it. The equations of motion are differentiated implicitly at every stage, and the projection at the end of a
- * step as that of (dq, du) onto dPhi = 0 and d(dPhi/dt) = 0: for linkages in rod_variations.c, for loops of joints in
- * loop_variations.c. Implicit steps are in implicit_variations.c. */
+ * The stages of a step are evaluated again from the state at its start. The equations of motion are differentiated
+ * implicitly at every stage, and the projection at the end of a step as the projection of (dq, du) onto dPhi = 0 and
+ * d(dPhi/dt) = 0. rod_variations.c treats linkages, loop_variations.c loops of joints, implicit_variations.c implicit
+ * steps. */
 #ifndef SYMGEN_VARIATIONS_H
 #define SYMGEN_VARIATIONS_H
 
@@ -15,44 +15,45 @@
 /* Lists of slopes: of the residual, of Phi, of dPhi/dt and of the integrands. */
 enum slopes_of { OF_RESIDUAL, OF_PLACES, OF_RATES, OF_INTEGRANDS, SLOPES_OF };
 
-/* Kernels of the analysis `variation` of linkages, or `loop_variation`; those that a model does not have are NULL. */
+/* Kernels of the analysis `variation` of linkages, or `loop_variation`; absent kernels are NULL. */
 struct variation_kernels {
-    /* Slopes of the residual, with w in work, as all below; of loops the gradient of accelerations of closure and efforts,
-     * times weights behind accelerations and wrench. */
+    /* Slopes of the residual, with w in work, as for all kernels below. For loops: gradient of the weighted
+       accelerations of closure and efforts; the weights follow accelerations and wrench in work. */
     kernel stage;
-    kernel closing;    /* slopes of Phi and dPhi/dt; of loops the gradient of closure, and `rates` that of its rate */
+    kernel closing;    /* slopes of Phi and dPhi/dt; for loops the gradient of closure, and `rates` the gradient of
+                          its rate */
     kernel integrands; /* values */
     kernel integrand_slopes;
     kernel setup;
-    kernel rates, prescribed; /* of loops alone; the latter: slopes of values, rates and accelerations of inputs by p */
+    kernel rates, prescribed; /* loops only; `prescribed`: slopes of values, rates and accelerations of inputs by p */
 };
 
 struct variation_sizes {
-    ptrdiff_t columns;             /* directions: derivatives by so many numbers */
+    ptrdiff_t columns;             /* number of directions */
     ptrdiff_t integrals;
-    ptrdiff_t parameters, derived; /* numbers of p before and after those that `setup` makes */
+    ptrdiff_t parameters, derived; /* numbers of p without and with the results of `setup` */
     ptrdiff_t work, out;           /* numbers of work memory and of results of the largest kernel */
     ptrdiff_t entries[SLOPES_OF];
-    /* of each slope its row, its column and its place in the kernel's results: columns are (q, u), w, directions */
+    /* row, column and place in the kernel's results of each slope; columns are (q, u), w, directions */
     const long *places[SLOPES_OF];
-    ptrdiff_t width;        /* of loops: numbers of the vectors that kernels take */
-    const long *directions; /* of loops: which parameter each direction changes, -1: none */
+    ptrdiff_t width;        /* loops: length of the vectors of kernels */
+    const long *directions; /* loops: the parameter that each direction changes, -1: none */
 };
 
 struct variations;
 
 /* Implicit differentiation of the equations of one kind. */
 struct variation_behaviour {
-    /* Take the parameters of the equations, which those of a step have. */
+    /* Set the parameters from those of the equations, with the references and branches of a step. */
     void (*begin)(struct variations *v);
-    /* After the accelerations at a state: leave their tangents along v->by_stage in the first rows of v->solved. */
+    /* After the accelerations at a state: write their tangents along v->by_stage to the first rows of v->solved. */
     void (*stage)(struct variations *v, real t, const real *state);
-    /* Add the integrands there, and their tangents, times a weight; NULL where there are none. */
+    /* Add the integrands there, and their tangents, times a weight; NULL without integrands. */
     void (*integrate)(struct variations *v, real t, const real *state, real weight);
     /* Project v->moved onto the tangent space of the constraints at y. */
     int (*close)(struct variations *v, real t, const real *y);
-    /* The transposes. `keep` notes what that of stage s needs; it takes a seed of dy/dt, adds that of (q, u) to `back`,
-     * and that of the directions to v->gradient; integrands count with the weight. */
+    /* The transposes. `keep` stores the data for the transpose of stage s. The transpose takes a seed of dy/dt, adds
+       the seed of (q, u) to `back` and that of the directions to v->gradient; integrands count with the weight. */
     void (*keep)(struct variations *v, long s, real t, const real *state);
     void (*stage_back)(struct variations *v, long s, real t, const real *seed, real weight, real *back);
     int (*open)(struct variations *v, real t, const real *y);
@@ -75,32 +76,35 @@ struct variations {
     /* transposed */
     real *seed;              /* of (q, u) */
     real *weights, *gradient; /* of the integrals; by the directions */
-    real *states, *factors, *back; /* of all stages: (q, u), what `keep` notes, seed */
+    real *states, *factors, *back; /* of all stages: (q, u), data of `keep`, seed */
     /* of implicit steps */
-    real *matrix, *changes;  /* of the equations of a step, and right-hand sides and solutions in rows of columns */
+    real *matrix, *changes;  /* matrix of the equations of a step; right-hand sides and solutions in rows of `columns`
+                                */
     ptrdiff_t *swaps;
     real *carried, *carried_moved; /* accelerations of the method and of the motion before a step, n each */
     /* of linkages */
-    real *still;             /* zeros in the place of w, which closing does not depend on */
+    real *still;             /* zeros in the place of w, on which closing does not depend */
     real *right, *inverse;   /* right-hand sides; rows of the inverse of [M J^T; J 0] */
     real *solutions;         /* w of all stages */
     /* of loops */
-    real *t, *q, *u;         /* arguments of kernels, in vectors as p, work and out are */
-    real *answer;            /* changes of accelerations, or of variables, by equations that are not met: n rows */
-    real *slopes;            /* of accelerations, or of what is projected, by (q, u) and directions: n rows */
-    real *prescribed;        /* slopes of the inputs' values, rates and accelerations by the directions: a row each */
+    real *t, *q, *u;         /* arguments of kernels, in vectors, like p, work and out */
+    real *answer;            /* changes of accelerations, or of variables, per unit error of the equations: n rows */
+    real *slopes;            /* slopes of accelerations, or of projected quantities, by (q, u) and directions: n rows
+                                */
+    real *prescribed;        /* slopes of the inputs' values, rates and accelerations by the directions: one row each
+                                */
 };
 
 static inline int is_explicit(const struct variations *v) {
     return v->scheme.kind == find_kind("explicit");
 }
 
-/* Stages of a step whose results are kept. */
+/* Number of stages of a step with stored results. */
 static inline ptrdiff_t stages_of(const struct variations *v) {
     return is_explicit(v) ? v->scheme.counts[SOLUTION_STAGES] : 3;
 }
 
-/* Those of implicit steps, whose last 2n directions are the state. `begins`: it is the first step of a run. */
+/* Implicit steps: their last 2n directions are the state. `begins`: first step of a run. */
 size_t implicit_place(struct variations *v, const struct equations *e, void *memory);
 int implicit_step(struct variations *v, int begins, real t, real h, const real *y, const real *y_new);
 
@@ -111,9 +115,9 @@ int variations_forward(struct variations *v, long steps, const double *t, const 
 int variations_backward(struct variations *v, long steps, const double *t, const void *y, const double *references,
                         long *taken);
 
-/* Interface of variations: see core.h. Each takes so many steps between steps + 1 times and states, rows of 2n reals;
- * `references` are those of angles in loads, and branches of loads, in each step, a row each. Both return DONE or NOT_FINITE or SINGULAR, with
- * the number of steps taken in `taken`. */
+/* Interface of variations: see core.h. Both functions take `steps` steps between steps + 1 times and states, rows of
+   2n reals. `references` has, for each step, a row of the references of angles in loads and the branches of loads.
+   Both return DONE, NOT_FINITE or SINGULAR, and the number of steps taken in `taken`. */
 struct variation_api {
     size_t variations_struct;
     size_t (*bytes)(const struct equations *e, const struct scheme *scheme, const struct variation_sizes *sizes);

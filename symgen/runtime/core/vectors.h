@@ -1,4 +1,4 @@
-/* Vectors of WIDTH doubles, a constant that the including file defines, and systems of equations of them. */
+/* Vectors of WIDTH doubles, a constant that the including file defines, and systems of equations in them. */
 #include <string.h>
 
 #if defined(__x86_64__) && !defined(__clang__)
@@ -56,7 +56,7 @@ static inline void exchange(mask which, wide *a, wide *b, ptrdiff_t count) {
     }
 }
 
-/* Where one is not a number, the first; so do the instructions with their second operand. */
+/* The larger of two values; the first if one is NaN. */
 static inline wide larger(wide a, wide b) {
 #if defined(__AVX512F__) && WIDTH == 8
     return (wide)_mm512_max_pd((__m512d)b, (__m512d)a);
@@ -77,8 +77,8 @@ static inline wide smaller(wide a, wide b) {
 #endif
 }
 
-/* The largest magnitude of each lane; not a number where one of them is none. As integers, numbers without signs are in their
- * order, behind which stand those that are none. */
+/* The largest magnitude in each lane; NaN if one value is NaN. Bits without signs, read as integers, have the order
+   of the magnitudes, and NaN is the largest. */
 static inline wide largest_in(const wide *values, ptrdiff_t count) {
     mask largest = {0};
     for (ptrdiff_t i = 0; i < count; i++) {

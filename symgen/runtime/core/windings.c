@@ -1,11 +1,11 @@
-/* Angles that are continuous over revolutions, where atan2 gives them to a revolution.
+/* Angles that are continuous over revolutions, from values of atan2, which are known up to a revolution.
  *
- * Angles in loads: each is written as a reference and the nearer way round from there; the reference is a parameter, 0
- * outside runs, which is held during a step and then brought within a quarter turn of the angle. The angle itself does
- * not change by that, but for rounding, as long as no step turns by more than a quarter of a revolution.
+ * Angles in loads: an angle is a reference plus the difference from it of least magnitude. The reference is a
+ * parameter, 0 outside runs, constant in a step. After a step it is moved within a quarter revolution of the angle.
+ * This changes the angle by rounding only, if no step rotates by more than a quarter revolution.
  *
- * Angles of links that are recorded: each is followed from step to step, and from the step's start to a sample in it, by
- * as many revolutions as bring its change nearest to the mean rate of both ends times the duration.
+ * Recorded angles of links: from step to step, and from the step's start to a sample in it, an angle is continued by
+ * the number of revolutions for which its change is nearest to the mean rate of both ends times the duration.
  */
 #include "run.h"
 
@@ -15,7 +15,7 @@ real *references_of_angles(const struct equations *e) {
     return e->p + first_reference(&e->sizes);
 }
 
-/* Angles of links to a revolution, and behind them their rates, as look_at_events left them. */
+/* Angles of links up to a revolution, then their rates, at the last evaluation of events. */
 static const real *links(const struct run *run) {
     const struct sizes *sizes = &run->e->sizes;
     return run->e->gaps + sizes->events + sizes->switches + sizes->windings;
