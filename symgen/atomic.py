@@ -37,17 +37,24 @@ def write_text(path: Path, text: str) -> None:
         raise ResultError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def write_folder(folder: Path, files: Mapping[str, bytes], gone: Iterable[str] = ()) -> None:
+def write_folder(folder: Path, files: Mapping[str, bytes], what: str, gone: Iterable[str] = ()) -> None:
     """Write files by their names in a folder, aside first: what cannot be written leaves all as it was.
 
     A folder that is not there appears complete. In one that is, ``gone`` are removed, and each file takes the
-    place of its predecessor, in the order given; what else it holds is left alone.
+    place of its predecessor, in the order given; what else it holds is left alone. ``what`` names the files.
 
     Raises
     ------
-    OSError
+    ResultError
         When it cannot be written.
     """
+    try:
+        _write_folder(folder, files, gone)
+    except OSError as error:
+        raise ResultError(f"cannot write the {what} to {folder}: {error.strerror or error}") from None
+
+
+def _write_folder(folder: Path, files: Mapping[str, bytes], gone: Iterable[str]) -> None:
     there = folder.is_dir()
     home = folder if there else folder.absolute().parent
     made = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=home))
@@ -91,3 +98,14 @@ def writable(file: str | os.PathLike[str], endings: Sequence[str], what: str) ->
     if not os.access(path.parent, os.W_OK):
         raise ResultError(f"cannot write the {what} to {path}: no permission to write in {path.parent}")
     return path
+
+
+def writable_folder(folder: Path, what: str) -> None:
+    """Raise ResultError when files cannot be written into a folder, which is there or can be created."""
+    if folder.exists() and not folder.is_dir():
+        raise ResultError(f"expected a folder for the {what}, got the file {folder}")
+    parent = folder if folder.is_dir() else folder.absolute().parent
+    if not parent.is_dir():
+        raise ResultError(f"cannot write the {what} to {folder}: there is no folder {parent}")
+    if not os.access(parent, os.W_OK):
+        raise ResultError(f"cannot write the {what} to {folder}: no permission to write in {parent}")

@@ -58,7 +58,7 @@ __all__ = [
 _GROUPS = {
     "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise sensitivity assemblies",
     "Elastic links": "periodic quasi_static large_rotation speed_response",
-    "Scenes": "new scenes units schema study sweep optimise synthesise",
+    "Scenes": "new scenes units schema sweep optimise synthesise",
     "Pages and drawings": "report animate live draw",
     "Equations": "show explain diff",
     "Kernels": "build generate export",

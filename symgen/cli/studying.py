@@ -1,4 +1,4 @@
-"""``symgen study``, ``sweep``: variation of parameters; ``synthesise``: four-bars by their properties."""
+"""``symgen sweep``: variation of parameters; ``synthesise``: four-bars by their properties."""
 
 from __future__ import annotations
 
@@ -14,30 +14,6 @@ from symgen.cli.common import changes, command, console, print_json, progress_ba
 from symgen.errors import ModelError
 
 _DESIGN = "Design"
-
-
-@command("symgen study slider_crank results")
-def study(
-    scene: o.Scene,
-    folder: Annotated[Path, typer.Argument(help="Folder for plots and tables.")],
-    set_: o.Set = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
-    """Run the parameter studies of a driven loop.
-
-    The scene defines the studies. Plots, tables and their data are written to the folder.
-    """
-    from symgen.study import run_studies
-
-    with progress_bar(f"studies of {Path(scene).stem}", as_json) as progress:
-        report = run_studies(scene, folder, set=changes(set_), backend=backend, progress=progress)
-    if as_json:
-        print_json(report.summary())
-    else:
-        from symgen.study.terminal import print_report
-
-        print_report(report, console())
 
 
 @command("symgen synthesise swing.toml --out four_bars")
@@ -64,14 +40,13 @@ def synthesise(
     points = \[\["0 m", "0 m"], \["4 cm", "3 cm"], ...], angles = \["0 deg", "20 deg", ...].
     Each linkage is run, and faults of its motion are listed.
     """
-    from symgen.atomic import writable, write_text
+    from symgen.atomic import writable, writable_folder, write_folder, write_text
     from symgen.report.page.study import render_study
     from symgen.report.synthesis import print_synthesis, synthesis_page
-    from symgen.study.folder import writable_folder, write
     from symgen.synthesis.synthesise import synthesise as found
 
     if out:
-        writable_folder(out)
+        writable_folder(out, "scenes")
     if page:
         writable(page, (".html",), "page")
     if vary:
@@ -86,13 +61,8 @@ def synthesise(
         write_text(page, render_study(synthesis_page(result, task.stem)))
     if out:
         stem = {"spherical": "spherical_four_bar"}.get(result.linkage, result.linkage.replace("-", "_"))
-        write(
-            out,
-            {
-                f"{stem}_{i}.toml": d.linkage.toml(result.title, result.units).encode()
-                for i, d in enumerate(result.designs, 1)
-            },
-        )
+        scenes = [d.linkage.toml(result.title, result.units).encode() for d in result.designs]
+        write_folder(out, {f"{stem}_{i}.toml": scene for i, scene in enumerate(scenes, 1)}, "scenes")
     if as_json:
         print_json(result.summary())
         return

@@ -30,7 +30,7 @@ def place(folder: Path) -> dict[str, str]:
             return {}
         there = _listed(folder)
     except OSError as error:
-        raise _failed(folder, error) from None
+        raise ResultError(f"cannot write the export to {folder}: {error.strerror or error}") from None
     if there is None:
         raise ResultError(
             f"{folder} contains files other than an export of symgen\n"
@@ -64,11 +64,8 @@ def write(folder: Path, files: Sequence[SourceFile], before: Mapping[str, str]) 
         raise ResultError(
             f"{folder / foreign[0]} exists and does not belong to the export\n  Export to another folder."
         )
-    try:
-        # The list is written last: until then it describes the previous export.
-        write_folder(folder, {**texts, LISTED: listed}, sorted(set(before) - set(texts)))
-    except OSError as error:
-        raise _failed(folder, error) from None
+    # The list is written last: until then it describes the previous export.
+    write_folder(folder, {**texts, LISTED: listed}, "export", sorted(set(before) - set(texts)))
     return sorted([*texts, LISTED])
 
 
@@ -88,7 +85,3 @@ def _listed(folder: Path) -> dict[str, str] | None:
 def _hash(path: Path) -> str:
     """Return the hash of a file; empty if it does not exist."""
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-
-
-def _failed(folder: Path, error: OSError) -> ResultError:
-    return ResultError(f"cannot write the export to {folder}: {error.strerror or error}")

@@ -16,7 +16,7 @@ from symgen.scene.elastic.schema import Crank, Elastic, Joint, ModalDamping, Sec
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.repeated import written_out
-from symgen.scene.study_schema import Optimise, Study, Sweep
+from symgen.scene.study_schema import Optimise, Sweep
 from symgen.scene.table import (
     Bare,
     Moments,
@@ -33,7 +33,7 @@ FORMAT_VERSION = 1
 
 #: Tables that every scene may have; all others are of points and links, or of a loop.
 _SHARED = {
-    "symgen", "title", "about", "units", "parameters", "inputs", "gravity", "analysis", "studies", "sweep",
+    "symgen", "title", "about", "units", "parameters", "inputs", "gravity", "analysis", "sweep",
     "optimise",
 }  # fmt: skip
 
@@ -224,7 +224,6 @@ class Scene(Table):
     start: Start = Field(default_factory=Start)
     events: list[Event] = Field(default_factory=list)
     analysis: Analysis = Field(default=Analysis())
-    studies: list[Study] = Field(default_factory=list)
     sweep: Sweep | None = None
     optimise: Optimise | None = None
 
@@ -299,7 +298,7 @@ TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "inputs": Input, "points": Point, "links": Link, "gravity": Gravity,
     "masses": PointMass, "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
     "welds": Weld, "joints": Joint, "stations": Station, "start": Start, "events": Event,
-    "analysis": Analysis, "loop": SpatialLoop, "studies": Study, "sweep": Sweep, "optimise": Optimise,
+    "analysis": Analysis, "loop": SpatialLoop, "sweep": Sweep, "optimise": Optimise,
 }  # fmt: skip
 
 

@@ -1,6 +1,5 @@
-"""Studies: parameter variations, accuracy, speed and stability of compiled models."""
+"""Accuracy, speed and stability of compiled models."""
 
-from symgen.study.running import StudyReport, run_studies
 from symgen.study.speed.reference import SOLVERS, reference
 
-__all__ = ["SOLVERS", "StudyReport", "reference", "run_studies"]
+__all__ = ["SOLVERS", "reference"]

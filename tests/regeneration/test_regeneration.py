@@ -106,7 +106,7 @@ def test_what_a_description_is_made_by_counts(scene, decides, tmp_path):
         "from symgen.toolchain import dependencies as graph\nfrom symgen.pipeline import build as pipeline\n"
         "pipeline.build(sys.argv[1])\n"
         "own = sorted(graph.needs())\n"
-        "import symgen.runtime.chain.chain, symgen.study.running\n"
+        "import symgen.runtime.chain.chain, symgen.study.speed.reference\n"
         "print(json.dumps([own, sorted(graph.needs())]))\n"
     )
     environment = {**os.environ, "SYMGEN_CACHE": str(tmp_path)}

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 _CELLS = 512
 #: Most runs whose histories are drawn, paths side by side, and curves with a legend.
 DRAWN, _ACROSS, _LEGEND = 60, 6, 10
-
-
+#: Quantiles to whose range panels over an input are scaled if the range of all values is many times larger.
+_MOST, _POLES = (0.06, 0.94), 25.0
 #: Least range of the colours of Floquet multipliers about one, as a logarithm.
 _NEAR_ONE = 0.01
 
@@ -167,14 +167,18 @@ def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[
                 pane.set_axis_off()
             continue
         size = values if values.ndim == 2 else np.sqrt(np.sum(values**2, axis=2))
-        over, along = _coordinate(runs, name)
+        over = _coordinate(runs, name)
+        along = values_of(runs, over)
         panel = part.subplots()
         for i, row in enumerate(size):
             panel.plot(along[i] if along.ndim == 2 else along, row, color=colours[i], label=titles[i])
         panel.grid(alpha=0.3)
-        panel.set_xlabel(over)
+        panel.set_xlabel(label_of(runs, over))
+        if over != "time":
+            _scale(panel, size[np.isfinite(size)])
         if count <= _LEGEND:
-            panel.legend(title=", ".join(parameters_of(runs)), fontsize="x-small", title_fontsize="x-small")
+            parameters = ", ".join(label_of(runs, p) for p in parameters_of(runs))
+            panel.legend(title=parameters, fontsize="x-small", title_fontsize="x-small")
     figure.suptitle(str(runs.attrs["title"]), fontsize="medium")
     if file is not None:
         save(figure, file)
@@ -188,11 +192,20 @@ def _titles(runs: xarray.Dataset) -> list[str]:
     return [", ".join(row) for row in zip(*columns, strict=True)]
 
 
-def _coordinate(runs: xarray.Dataset, name: str) -> tuple[str, Any]:
-    """Return the label and the values of the coordinate of a history, (samples,) or (runs, samples)."""
+def _coordinate(runs: xarray.Dataset, name: str) -> str:
+    """Return the name of the coordinate of a history, whose values are (samples,) or (runs, samples)."""
     inner = next(d for d in runs[name].dims if d not in ("run", "axis"))
-    names = sorted((c for c in runs.coords if inner in runs[c].dims), key=lambda c: c == "time")
-    return label_of(runs, str(names[0])), values_of(runs, str(names[0]))
+    return str(min((c for c in runs.coords if inner in runs[c].dims), key=lambda c: c == "time"))
+
+
+def _scale(panel: Any, values: NDArray[np.float64]) -> None:
+    """Scale a panel to most values if few are far larger, such as efforts near a dead centre."""
+    if not values.size:
+        return
+    low, high = np.quantile(values, _MOST)
+    if np.ptp(values) > _POLES * (high - low) > 0.0:
+        margin = (high - low) / 5
+        panel.set_ylim(low - margin, high + margin)
 
 
 def unit_of(runs: xarray.Dataset, name: str) -> tuple[str, float]:
