@@ -474,26 +474,51 @@ cdef class BeamEquations(Integrable):
         found.back()
         return found.doubles
 
-    def residual(self, double t, s, v, a, int analysis=_IN_MOTION):
-        """Return status, M S'' + C S' + K S - Q of all unknowns, and the rows of their constraints, (m, n).
+    def residual(self, times, s, v, a, int analysis=_IN_MOTION):
+        """Return a status, M S'' + C S' + K S - Q of all unknowns, and the rows of their constraints.
 
-        See :meth:`matrices` for ``analysis``.
+        At rising times, (times, n) and (times, m, n), for S, S' and S'', (times, n) each. See :meth:`matrices` for
+        ``analysis``.
         """
         cdef matrices_view seen
-        cdef int status = self.api.beams_assemble(<beams *>self.core, t, analysis)
-        self.api.beams_view(<beams *>self.core, &seen)
-        found = -self._array(seen.full_load, seen.whole)
-        rows, columns = _indices(seen.full_rows, seen.full_entries), _indices(seen.full_columns, seen.full_entries)
-        matrices = (self._array(seen.full_mass, seen.full_entries), self._array(seen.full_damping, seen.full_entries),
-                    self._array(seen.full_stiffness, seen.full_entries))
-        for values, by in zip(matrices, (a, v, s)):
-            found += np.bincount(rows, values * np.asarray(by)[columns], self.whole)
-        forces = self._array(seen.full_forces, (seen.modes, 2, seen.whole))
-        found += (forces[:, 0] @ v + forces[:, 1] @ s) @ forces[:, 0]
-        bound = np.zeros((self.m, seen.whole))
-        if self.m:
-            bound[:, seen.inner:] = self._array(seen.bound, (self.m, seen.whole - seen.inner))
-        return status, found, bound
+        cdef const double[::1] when = np.ascontiguousarray(times, dtype=float)
+        cdef Py_ssize_t k, i, e, mode, count = when.shape[0], n = self.whole
+        given = np.ascontiguousarray([a, v, s], dtype=float).reshape(3, count, n)
+        found, rows = np.zeros((count, n)), np.zeros((count, self.m, n))
+        cdef const double[:, :, ::1] by = given
+        cdef double[:, ::1] out = found
+        cdef double[::1] values, bound, forces, summed = np.empty(n)
+        cdef double rate
+        cdef int status = _DONE
+        for k in range(count):
+            status = self.api.beams_assemble(<beams *>self.core, when[k], analysis)
+            if status != _DONE:
+                break
+            self.api.beams_view(<beams *>self.core, &seen)
+            if k == 0:
+                values, bound = np.empty(seen.full_entries + n + 1), np.empty(self.m * (n - seen.inner) + 1)
+                forces = np.empty(2 * seen.modes * n + 1)
+            self.of.api.narrow(n, seen.full_load, &values[0], NULL)
+            for i in range(n):
+                out[k, i] = -values[i]
+            for i, raw in enumerate((<size_t>seen.full_mass, <size_t>seen.full_damping, <size_t>seen.full_stiffness)):
+                self.of.api.narrow(seen.full_entries, <const void *><size_t>raw, &values[0], NULL)
+                summed[:] = 0.0
+                for e in range(seen.full_entries):
+                    summed[seen.full_rows[e]] += values[e] * by[i, k, seen.full_columns[e]]
+                for e in range(n):
+                    out[k, e] += summed[e]
+            self.of.api.narrow(2 * seen.modes * n, seen.full_forces, &forces[0], NULL)
+            for mode in range(seen.modes):
+                rate = 0.0
+                for i in range(n):
+                    rate += forces[2 * mode * n + i] * by[1, k, i] + forces[(2 * mode + 1) * n + i] * by[2, k, i]
+                for i in range(n):
+                    out[k, i] += forces[2 * mode * n + i] * rate
+            if self.m:
+                self.of.api.narrow(self.m * (n - seen.inner), seen.bound, &bound[0], NULL)
+                rows[k, :, seen.inner:] = np.asarray(bound)[:self.m * (n - seen.inner)].reshape(self.m, n - seen.inner)
+        return status, found, rows
 
 
 cdef class BeamSteps:

@@ -350,10 +350,10 @@ def _carried(
         status, _, _, stiffness, rigid, basis = equations.matrices(t, QUASI_STATIC)
         motion.check(equations, status, t)
         if basis is not None:
-            _, empty, rows = equations.residual(t, still, still, still, QUASI_STATIC)
+            _, empty, (rows,) = equations.residual([t], still, still, still, QUASI_STATIC)
             second = np.where(of_welds, 0.0, violated[i] - rows @ s)
             forced[i] = np.linalg.lstsq(rows, -second, rcond=None)[0]
-            load = load + equations.residual(t, forced[i], still, still, QUASI_STATIC)[1] - empty
+            load = load + equations.residual([t], forced[i], still, still, QUASI_STATIC)[1][0] - empty[0]
             own.append(basis[0])
             load = basis[0].T @ load
         sides.append((-load, rigid))

@@ -251,19 +251,19 @@ def _bound(
     if not motion.layout.constraints:
         return {}
     names = motion.constraints
-    still = np.zeros(motion.layout.unknowns)
-    count, size = found.displacements.shape
-    residuals, rows = np.zeros((count, size)), np.zeros((count, len(names), size))
-    for i in np.argsort(found.times, kind="stable"):
-        t, s = float(found.times[i]), found.displacements[i]
-        if found.rates is None:
-            _, residuals[i], rows[i] = equations.residual(t, s, still, still, _beams.QUASI_STATIC)
-        else:
-            _, residuals[i], rows[i] = equations.residual(t, s, found.rates[i], accelerations[i])
+    still = np.zeros_like(found.displacements)
+    rates, accelerated, analysis = still, still, _beams.QUASI_STATIC
+    if found.rates is not None:
+        rates, accelerated, analysis = found.rates, accelerations, _beams.IN_MOTION
+    order = np.argsort(found.times, kind="stable")
+    s, v, a = (x[order] for x in (found.displacements, rates, accelerated))
+    status, residuals, rows = equations.residual(found.times[order], s, v, a, analysis)
+    motion.check(equations, status, equations.motion.t)
     # Least squares: constraints may be redundant.
-    inverse = np.linalg.pinv(rows, size * np.finfo(float).eps)
+    inverse = np.linalg.pinv(rows, rows.shape[2] * np.finfo(float).eps)
     multipliers = -(residuals[:, None, :] @ inverse)[:, 0]
-    made = multipliers.T[:, :, None] * np.moveaxis(rows, 1, 0)
+    made = np.empty((len(names), *residuals.shape))
+    made[:, order] = multipliers.T[:, :, None] * np.moveaxis(rows, 1, 0)
     return dict(zip(names, made, strict=True))
 
 

@@ -94,7 +94,7 @@ def periodic(
         if wall_left() is not None:
             errors()
         return replace(passes[0], errors=errors)
-    # The second run is the first of the next comparison, as a rule: few steps seldom suffice.
+    # While more steps are needed, as a rule, the second run has twice as many and is the next to be compared.
     ratio, more, before, closed = 2.0, 1.0, 0.0, False
     while True:
         other = _shot(motion, equations, math.ceil(ratio * per_turn), pace)
@@ -119,7 +119,9 @@ def periodic(
             shot, more = other, ratio
         else:
             shot = _shot(motion, equations, math.ceil(more * per_turn), pace)
-        per_turn, ratio = shot.per_turn, FINER
+        fallen = more ** (-GAUSS.order / 2)
+        last = error * fallen <= task.rtol and (closed or apart * fallen <= FLOQUET_SETTLED)
+        per_turn, ratio = shot.per_turn, FINER if last else 2.0
 
 
 def _compared(
