@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 # Derivations are imported on first use, since kernels depend on all loaded modules.
 
 
-def _made(entry: str, *arguments: Any) -> Any:
+def _call_entry(entry: str, *arguments: Any) -> Any:
     """Return the System that the function ``module:name`` of symgen derives."""
     return load(f"symgen.{entry}")(*arguments)
 
 
 def element(name: str) -> System:
     """Return the System of a beam element by name."""
-    made: System = _made("models.elastic.element:elastic_element_system", ELEMENTS[name])
-    return made
+    system: System = _call_entry("models.elastic.element:elastic_element_system", ELEMENTS[name])
+    return system
 
 
 def tangents(block: str, kernels: Sequence[str], groups: Sequence[str]) -> System:
     """Return the System of the tangents of kernels of a building block, by its name."""
-    made: System = _made("models.forward_mode:tangents_of", BLOCKS[block](), kernels, groups)
-    return made
+    system: System = _call_entry("models.forward_mode:tangents_of", BLOCKS[block](), kernels, groups)
+    return system
 
 
 #: Conditions of synthesis.
@@ -51,21 +51,21 @@ BLOCKS: dict[str, Callable[[], System]] = {
         for name in ELEMENTS
     },
     "elastic_place_tangents": partial(tangents, "elastic_place", ("point",), ("q",)),
-    "rod": partial(_made, "models.rod:rod_system", 2),
-    "rod_spatial": partial(_made, "models.rod:rod_system", 3),
-    "rigid_element": partial(_made, "models.elastic.rigid_element:rigid_element_system"),
-    "elastic_place": partial(_made, "models.elastic.place:elastic_place_system"),
-    "corotational_beam": partial(_made, "models.elastic.corotational:corotational_beam_system"),
-    "corotational_node": partial(_made, "models.elastic.corotational:corotational_node_system"),
-    "spatial_beam": partial(_made, "models.elastic.spatial:spatial_beam_system"),
-    "director_beam": partial(_made, "models.directors:director_beam_system"),
+    "rod": partial(_call_entry, "models.rod:rod_system", 2),
+    "rod_spatial": partial(_call_entry, "models.rod:rod_system", 3),
+    "rigid_element": partial(_call_entry, "models.elastic.rigid_element:rigid_element_system"),
+    "elastic_place": partial(_call_entry, "models.elastic.place:elastic_place_system"),
+    "corotational_beam": partial(_call_entry, "models.elastic.corotational:corotational_beam_system"),
+    "corotational_node": partial(_call_entry, "models.elastic.corotational:corotational_node_system"),
+    "spatial_beam": partial(_call_entry, "models.elastic.spatial:spatial_beam_system"),
+    "director_beam": partial(_call_entry, "models.directors:director_beam_system"),
     "director_beam_tangents": partial(
         tangents, "director_beam", ("residual", "tangent", "energies", "section"), ("q", "u", "p")
     ),
-    "direction": partial(_made, "models.directions:direction_system"),
+    "direction": partial(_call_entry, "models.directions:direction_system"),
     "direction_tangents": partial(tangents, "direction", ("row", "curvature"), ("q", "u")),
-    **{name: partial(_made, f"models.loop.blocks:{name}_system") for name in _OF_LOOPS},
-    **{name: partial(_made, f"models.synthesis:{name}_system") for name in SYNTHESIS},
+    **{name: partial(_call_entry, f"models.loop.blocks:{name}_system") for name in _OF_LOOPS},
+    **{name: partial(_call_entry, f"models.synthesis:{name}_system") for name in SYNTHESIS},
 }
 
 #: Building blocks that runs call: their kernels are committed under ``generated/`` and compiled at install.
@@ -80,13 +80,13 @@ SHIPPED_BLOCKS = (
 #: Steps of the derivation of a building block, for inspection, by the block's name.
 DERIVATIONS: dict[str, Callable[[], System]] = dict.fromkeys(
     (f"element_{name}" for name in ELEMENTS),
-    partial(_made, "models.elastic.derivation:elastic_derivation_system"),
+    partial(_call_entry, "models.elastic.derivation:elastic_derivation_system"),
 )
 
 #: Recursions over rods, shipped as loops with the number of rods as an argument, by name.
 RECURSIONS: dict[str, Callable[[], Recursion]] = {
-    "chain": partial(_made, "mechanics.rods.recursion:chain_recursion", 2),
-    "chain_spatial": partial(_made, "mechanics.rods.recursion:chain_recursion", 3),
+    "chain": partial(_call_entry, "mechanics.rods.recursion:chain_recursion", 2),
+    "chain_spatial": partial(_call_entry, "mechanics.rods.recursion:chain_recursion", 3),
 }
 
 #: Shipped scenes whose kernels are committed under ``generated/`` and compiled at install.

@@ -26,8 +26,8 @@ def _later(entry: str, **options: Any) -> Callable[[Any], System]:
     """Return a derivation that few need; it is imported when it is called."""
 
     def system(resolved: Any) -> System:
-        made: System = load(entry)(resolved, **options)
-        return made
+        derived: System = load(entry)(resolved, **options)
+        return derived
 
     return system
 

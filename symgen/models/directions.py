@@ -10,7 +10,7 @@ from symgen.symbolic.system import Export, Group, NamedMatrix, System
 def direction_system() -> System:
     """Return the System of a constraint on the directions of two sections or bodies."""
     names = Names()
-    made = directions.direction(names)
+    quantities = directions.direction(names)
     vectors = tuple(x.name for x in directions.VECTORS)
     slopes, curved = "slopes by the vectors", "slopes of the slopes"
     return System(
@@ -23,9 +23,9 @@ def direction_system() -> System:
             ),
         ),
         (
-            NamedMatrix("error", made.error, "1; 1/s", "error and rate", ("error", "rate")),
-            NamedMatrix("slopes", made.slopes, "SI", slopes, vectors),
-            NamedMatrix("curvature", made.curvature, "SI", curved, vectors, vectors),
+            NamedMatrix("error", quantities.error, "1; 1/s", "error and rate", ("error", "rate")),
+            NamedMatrix("slopes", quantities.slopes, "SI", slopes, vectors),
+            NamedMatrix("curvature", quantities.curvature, "SI", curved, vectors, vectors),
         ),
         (
             Export("row", "error, rate and slopes of the constraint", ("error", "slopes")),

@@ -27,7 +27,7 @@ _ROWS = tuple(x.name for x in PLACES)
 def director_beam_system() -> System:
     """Return the System of one element in space in large rotation, over its nodes' motion and its section."""
     names = Names()
-    made = director_beam(names)
+    kernels = director_beam(names)
 
     def slope(name: str, matrix: sp.ImmutableMatrix, by: str) -> NamedMatrix:
         about = f"slope of the residual by {by}"
@@ -35,19 +35,19 @@ def director_beam_system() -> System:
 
     about = "inertia and internal force less gravity"
     matrices = (
-        NamedMatrix("residual", made.residual, "N; N*m of directors", about, _ROWS),
-        slope("mass", made.mass, "second rates"),
-        slope("damping", made.damping, "rates"),
-        slope("stiffness", made.stiffness, "places"),
+        NamedMatrix("residual", kernels.residual, "N; N*m of directors", about, _ROWS),
+        slope("mass", kernels.mass, "second rates"),
+        slope("damping", kernels.damping, "rates"),
+        slope("stiffness", kernels.stiffness, "places"),
         NamedMatrix(
             "energies",
-            made.energies,
+            kernels.energies,
             "J, J, J, W",
             "kinetic energy, strain energy, potential of gravity, power dissipated",
             ("kinetic", "strain", "gravity", "dissipated"),
         ),
         NamedMatrix(
-            "section", made.section, "1; N*m; Pa; m", "strains, moments, stresses, place", RESULTANTS
+            "section", kernels.section, "1; N*m; Pa; m", "strains, moments, stresses, place", RESULTANTS
         ),
     )
     return System(

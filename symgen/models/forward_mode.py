@@ -22,25 +22,25 @@ ENDING = "_tangent"
 class Tangents:
     """Tangents of arguments, and ``definitions`` of those of all quantities that follow from them."""
 
-    def __init__(self, given: Sequence[Quantity], definitions: Sequence[Definition]) -> None:
+    def __init__(self, inputs: Sequence[Quantity], definitions: Sequence[Definition]) -> None:
         #: Tangents of the arguments, in their order.
-        self.seeds = tuple(_tangent(x) for x in given)
-        self._known = {x.symbol: s.symbol for x, s in zip(given, self.seeds, strict=True)}
+        self.seeds = tuple(_tangent(x) for x in inputs)
+        self._known = {x.symbol: s.symbol for x, s in zip(inputs, self.seeds, strict=True)}
         self.definitions: list[Definition] = []
         for definition in definitions:
             (slope,) = self.of([definition.expression])
             if slope != 0:
-                made = _tangent(definition.quantity)
-                self.definitions.append(Definition(made, slope))
-                self._known[definition.quantity.symbol] = made.symbol
+                tangent = _tangent(definition.quantity)
+                self.definitions.append(Definition(tangent, slope))
+                self._known[definition.quantity.symbol] = tangent.symbol
 
     def of(self, expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
         """Return the tangents of expressions that use these quantities."""
-        found = []
+        tangents = []
         for expression in map(sp.sympify, expressions):
             used = sorted(expression.free_symbols & self._known.keys(), key=lambda s: str(s.name))
-            found.append(sp.Add(*(partial(expression, s) * self._known[s] for s in used)))
-        return found
+            tangents.append(sp.Add(*(partial(expression, s) * self._known[s] for s in used)))
+        return tangents
 
 
 def tangents_of(system: System, kernels: Sequence[str], groups: Sequence[str]) -> System:
@@ -49,8 +49,8 @@ def tangents_of(system: System, kernels: Sequence[str], groups: Sequence[str]) -
     Kernel ``NAME_tangent`` gives those of kernel ``NAME``, called ``MATRIX_tangent``, along the direction of
     the arguments of some groups, whose tangents follow the entries of ``work``.
     """
-    given = [x for g in system.groups if g.name in groups for x in g.quantities]
-    tangents = Tangents(given, system.definitions)
+    inputs = [x for g in system.groups if g.name in groups for x in g.quantities]
+    tangents = Tangents(inputs, system.definitions)
     matrices: dict[str, NamedMatrix] = {}
     exports = []
     for export in (e for e in system.exports if e.kernel in kernels):

@@ -20,15 +20,15 @@ def general(linkage: Linkage) -> Linkage:
     def parameter(name: str, unit: str, value: sp.Expr) -> sp.Expr:
         if value.free_symbols:
             return value
-        made = quantity(name, unit, f"{name} of the general model")
-        added.append(Parameter(made, value))
-        return made.symbol
+        variable = quantity(name, unit, f"{name} of the general model")
+        added.append(Parameter(variable, value))
+        return variable.symbol
 
     def loosened(link: RigidLink) -> RigidLink:
         values = {
-            what: parameter(f"{what}_of_{link.name}", unit, getattr(link, what))
-            for what, unit in _OF_LINKS.items()
-            if what != "offset" or linkage.as_written.dimension == 2  # in space a rod has no sides
+            attribute: parameter(f"{attribute}_of_{link.name}", unit, getattr(link, attribute))
+            for attribute, unit in _OF_LINKS.items()
+            if attribute != "offset" or linkage.as_written.dimension == 2  # in space a rod has no sides
         }
         return replace(link, **values)
 

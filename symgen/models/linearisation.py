@@ -118,24 +118,24 @@ def vibration_system(linkage: Linkage) -> System:
         pencil.append(constraint_slopes(model))
     arguments = [x.symbol for x in (*model.coordinates, *bound, *_tunable(linkage))]
     by = slopes_by(model, arguments, definitions(model))
-    found = {
+    matrices = {
         f"{matrix.name} {label} {argument.name}": slope
         for matrix in pencil
         for label, entry in zip(matrix.rows, matrix.matrix, strict=True)
         for argument, slope in by(entry).items()
     }
     exports = [Export("pencil", "matrices of small vibrations", tuple(m.name for m in pencil))]
-    if found:
+    if matrices:
         about = "slopes of the matrices of small vibrations"
-        pencil.append(named(model, "slopes", list(found.values()), "SI", about, rows=list(found)))
+        pencil.append(named(model, "slopes", list(matrices.values()), "SI", about, rows=list(matrices)))
         exports.append(Export("slopes", about, ("slopes",)))
     return analysis_of(model, "vibration", pencil, exports)
 
 
 def _tunable(linkage: Linkage) -> list[Quantity]:
     """Return the parameters that users can change."""
-    held = {w.reference for w in linkage.windings} | {s.branch for s in linkage.switches}
-    return [p.quantity for p in linkage.parameters if p.quantity not in held]
+    set_by_runs = {w.reference for w in linkage.windings} | {s.branch for s in linkage.switches}
+    return [p.quantity for p in linkage.parameters if p.quantity not in set_by_runs]
 
 
 def _outputs(model: RodsModel) -> list[Entry]:
@@ -175,13 +175,13 @@ def _slopes(model: RodsModel, rows: Sequence[Rows], arguments: Sequence[sp.Symbo
     """Yield the matrices of slopes of labelled expressions by arguments of kernels, unless all are zero."""
     slopes = slopes_by(model, arguments, definitions(model))
     for name, labels, expressions, about in rows:
-        found = {
+        columns = {
             f"{label} {argument.name}": slope
             for label, expression in zip(labels, expressions, strict=True)
             for argument, slope in slopes(expression.xreplace(model.held)).items()
         }
-        if found:
-            yield named(model, name, list(found.values()), "SI", about, rows=list(found))
+        if columns:
+            yield named(model, name, list(columns.values()), "SI", about, rows=list(columns))
 
 
 def _system(linkage: Linkage, kind: str, parameters: Sequence[Quantity]) -> System:

@@ -106,20 +106,20 @@ def _masses(linkage: Linkage) -> list[NamedMatrix]:
 
     model = RodsModel(linkage)
     rods = [k for k in model.rods if k.offset == 0]
-    found = []
+    steps = []
     if rods:
         three = [m for k in rods for m in particle_masses(k.mass, k.length, k.centre, k.inertia)]
         about = "masses of the particles that stand for each link"
         names = [k.name for k in rods]
         particles = ("start", "middle", "end")
-        found.append(named(model, "particle_masses", three, "kg", about, rows=names, columns=particles))
+        steps.append(named(model, "particle_masses", three, "kg", about, rows=names, columns=particles))
     if model.rods:
         ends = [m for k in model.rods for m in end_mass(k.mass, k.length, k.centre, k.inertia, k.offset)]
         about = "mass matrix of the end velocities of each link: a11, a12, a22, and the coupling of its axes"
         names = [k.name for k in model.rods]
         entries = ("a11", "a12", "a22", "cross")
-        found.append(named(model, "end_masses", ends, "kg", about, rows=names, columns=entries))
-    return found
+        steps.append(named(model, "end_masses", ends, "kg", about, rows=names, columns=entries))
+    return steps
 
 
 def _momentum_rows(linkage: Linkage, system: System) -> Iterator[Step]:

@@ -14,8 +14,8 @@ from symgen.symbolic.system import Definition
 class Gradients:
     """Gradients by ``given`` quantities, and ``definitions`` of the adjoints of those between."""
 
-    def __init__(self, given: Sequence[Quantity], definitions: Sequence[Definition]) -> None:
-        self._given, self._through = tuple(given), tuple(definitions)
+    def __init__(self, inputs: Sequence[Quantity], definitions: Sequence[Definition]) -> None:
+        self._inputs, self._through = tuple(inputs), tuple(definitions)
         self.definitions: list[Definition] = []
 
     def of(self, name: str, expressions: Sequence[sp.Expr], weights: Sequence[sp.Expr]) -> dict[str, sp.Expr]:
@@ -24,7 +24,7 @@ class Gradients:
         ``name`` distinguishes the adjoints of this sum from those of others.
         """
         terms: dict[sp.Symbol, list[sp.Expr]] = {
-            x.symbol: [] for x in (*self._given, *(d.quantity for d in self._through))
+            x.symbol: [] for x in (*self._inputs, *(d.quantity for d in self._through))
         }
 
         def add(expression: sp.Expr, weight: sp.Expr) -> None:
@@ -34,13 +34,15 @@ class Gradients:
         for expression, weight in zip(map(sp.sympify, expressions), weights, strict=True):
             add(expression, weight)
         for definition in reversed(self._through):
-            own = definition.quantity
-            adjoint = sp.Add(*terms[own.symbol])
+            value = definition.quantity
+            adjoint = sp.Add(*terms[value.symbol])
             if adjoint == 0:
                 continue
             if not (adjoint.is_Atom or (-adjoint).is_Atom):
-                made = quantity(f"{own.name}_adjoint_{name}", "SI", f"adjoint of {own.description}")
-                self.definitions.append(Definition(made, adjoint))
-                adjoint = made.symbol
+                adjoint_quantity = quantity(
+                    f"{value.name}_adjoint_{name}", "SI", f"adjoint of {value.description}"
+                )
+                self.definitions.append(Definition(adjoint_quantity, adjoint))
+                adjoint = adjoint_quantity.symbol
             add(definition.expression, adjoint)
-        return {x.name: sp.Add(*terms[x.symbol]) for x in self._given}
+        return {x.name: sp.Add(*terms[x.symbol]) for x in self._inputs}

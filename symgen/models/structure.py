@@ -71,9 +71,9 @@ def structure(linkage: Linkage) -> Iterator[str]:
         )
     elif linkage.leaves_plane:
         yield f"derived in space: {linkage.leaves_plane}"
-    absent = [what for field, what in _MASSES.items() if not any(getattr(linkage, field))]
+    absent = [phrase for field, phrase in _MASSES.items() if not any(getattr(linkage, field))]
     absent += [k.plural for k in LOADS.values() if not any(isinstance(load, k) for load in linkage.loads)]
-    absent += [what for field, what in _OTHERS.items() if not getattr(linkage, field)]
+    absent += [phrase for field, phrase in _OTHERS.items() if not getattr(linkage, field)]
     if linkage.as_written.dimension == 2:
         absent.insert(0, "the third axis")
     if not any(x.offset for x in linkage.links) and linkage.links:

@@ -60,11 +60,15 @@ def _unknowns(model: RodsModel) -> list[str]:
 
 def _by_positions(model: RodsModel) -> list[Gradient]:
     """Return the rows of dR/dq: minus the stiffness, then the slopes of gamma - J a."""
-    gradient, own = model.calculus.gradient, model.acceleration_of
+    gradient, acceleration_of = model.calculus.gradient, model.acceleration_of
     forces = [chained([(-ONE, stiffness_row(model, x.symbol, model.constraints))]) for x in model.coordinates]
     bound = []
     for gamma, row in zip(model.acceleration_rhs, model.jacobian, strict=True):
-        moved = ((-own[x.symbol], gradient(row[x.symbol])) for x in model.coordinates if x.symbol in row)
+        moved = (
+            (-acceleration_of[x.symbol], gradient(row[x.symbol]))
+            for x in model.coordinates
+            if x.symbol in row
+        )
         bound.append(chained([(ONE, gradient(gamma)), *moved]))
     return [*forces, *bound]
 

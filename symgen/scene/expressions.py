@@ -82,9 +82,9 @@ def parse_value(value: str | int | float, names: Names, expected: Dimension | No
             hint='Write revolutions or radians: "2 rev/s", "120 rpm" or "12.6 rad/s".',
         )
     if expected is not None and dim != expected and not (expression == 0 and dim == NUMBER):
-        got = describe(dim)
+        actual = describe(dim)
         raise SceneError(
-            f"expected {describe(expected)} such as {example(expected)}, got {value!r}, {got}",
+            f"expected {describe(expected)} such as {example(expected)}, got {value!r}, {actual}",
             hint=tonne_hint(value),
         )
     return expression
@@ -295,5 +295,5 @@ class _Reader:
                 raise self.refuse(f"gives {name} a number above {_LARGEST_EXPONENT}")
         return self.finite(function(*values)), result
 
-    def refuse(self, why: str, hint: str = "") -> SceneError:
-        return SceneError(f"the expression {self.shown} {why}", hint=hint)
+    def refuse(self, reason: str, hint: str = "") -> SceneError:
+        return SceneError(f"the expression {self.shown} {reason}", hint=hint)

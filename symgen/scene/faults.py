@@ -32,25 +32,25 @@ def scene_error(scene: type[Table], error: ValidationError) -> SceneError:
     if alternative:
         place.pop()
     where = ".".join(place)
-    got = shown(fault["input"], _LONGEST)
+    value = shown(fault["input"], _LONGEST)
     hint = ""
     match fault["type"]:
         case _ if alternative:
-            problem = f"expected a text with a unit, an expression or a number, got {got}"
+            problem = f"expected a text with a unit, an expression or a number, got {value}"
         case "model_type" | "dict_type":
-            problem = f"expected a table of keys, got {got}"
+            problem = f"expected a table of keys, got {value}"
             hint = ONE_LOOP if where == "loop" and isinstance(fault["input"], list) else ""
         case "list_type":
-            problem = f"expected a list in square brackets, got {got}"
+            problem = f"expected a list in square brackets, got {value}"
             if isinstance(fault["input"], dict):
                 hint = f"A list of tables has double brackets: [[{where}]]."
         case "too_short" | "too_long" as kind:
             limit, bound = ("least", "min_length") if kind == "too_short" else ("most", "max_length")
-            problem = f"expected at {limit} {fault['ctx'][bound]} of these, got {got}"
+            problem = f"expected at {limit} {fault['ctx'][bound]} of these, got {value}"
         case "int_type" | "int_from_float":
-            problem = f"expected a whole number, got {got}"
+            problem = f"expected a whole number, got {value}"
         case "literal_error":
-            problem = f"expected {fault['ctx']['expected']}, got {got}"
+            problem = f"expected {fault['ctx']['expected']}, got {value}"
         case "extra_forbidden":
             problem, hint = (
                 f"unknown key {place[-1]!r}",
@@ -65,12 +65,12 @@ def scene_error(scene: type[Table], error: ValidationError) -> SceneError:
         case "missing":
             problem = "this key is missing"
         case "string_pattern_mismatch":
-            problem = f"expected a name of letters, digits and _ that starts with a letter, got {got}"
+            problem = f"expected a name of letters, digits and _ that starts with a letter, got {value}"
             if place[-1] in ("title", "about"):
-                problem = f"expected a text without control characters, got {got}"
+                problem = f"expected a text without control characters, got {value}"
         case _:
             message = fault["msg"]
-            problem = f"{message[:1].lower()}{message[1:]}, got {got}"
+            problem = f"{message[:1].lower()}{message[1:]}, got {value}"
     return SceneError(problem, where=where, hint=hint)
 
 

@@ -164,10 +164,10 @@ class Values:
             self.at_least_zero[where] = expression
         return expression
 
-    def known(self, name: str, known: Collection[str], what: str, where: str) -> None:
+    def known(self, name: str, known: Collection[str], noun: str, where: str) -> None:
         """Check that a name is one of those that can stand here."""
         if name not in known:
-            raise SceneError(f"there is no {what} called {name!r}", where=where, hint=nearest(name, known))
+            raise SceneError(f"there is no {noun} called {name!r}", where=where, hint=nearest(name, known))
 
     def vector(
         self, texts: list[str | int | float], dim: Dimension, where: str, names: Names | None = None
@@ -200,23 +200,23 @@ class Reader(Values):
             self.placed_on.setdefault(point.on or "", []).append(name)
         self.read_signals()
 
-    def with_state(self, own: str = "", words: Mapping[str, Dimension] | None = None) -> Names:
+    def with_state(self, body: str = "", words: Mapping[str, Dimension] | None = None) -> Names:
         """Names for loads: time, inputs, and the state as ``owner.word``; ``this.word`` of the load ``own``.
 
         A name of the state stands for a symbol that is called like it, with the load's own name for ``this``.
         """
-        found = {**self.with_time, **self.signals}
+        names = {**self.with_time, **self.signals}
         for point in self.scene.points:
             for axis in AXES[: self.dimension]:
-                found[f"{point}.{axis}"] = state_symbol(f"{point}.{axis}"), units.LENGTH
-                found[f"{point}.v{axis}"] = state_symbol(f"{point}.v{axis}"), units.VELOCITY
+                names[f"{point}.{axis}"] = state_symbol(f"{point}.{axis}"), units.LENGTH
+                names[f"{point}.v{axis}"] = state_symbol(f"{point}.v{axis}"), units.VELOCITY
         if self.dimension == 2:
             for link in self.scene.links:
-                found[f"{link}.angle"] = state_symbol(f"{link}.angle"), units.NUMBER
-                found[f"{link}.rate"] = state_symbol(f"{link}.rate"), units.ANGULAR_RATE
+                names[f"{link}.angle"] = state_symbol(f"{link}.angle"), units.NUMBER
+                names[f"{link}.rate"] = state_symbol(f"{link}.rate"), units.ANGULAR_RATE
         for word, dim in (words or {}).items():
-            found[f"this.{word}"] = state_symbol(f"{own}.{word}"), dim
-        return found
+            names[f"this.{word}"] = state_symbol(f"{body}.{word}"), dim
+        return names
 
     @property
     def drawing_is_a_guess(self) -> bool:
@@ -287,9 +287,10 @@ def _unit(of: str, name: str, dim: Dimension) -> tuple[str, float]:
     elif not name or not is_quantity(f"1 {name}"):
         raise SceneError(f"expected a unit such as {_SUCH_AS[of]!r}, got {name!r}", where=where)
     with at(where):
-        size, found = parse_quantity(f"1 {name}")
-    if found != dim:
+        size, dimension = parse_quantity(f"1 {name}")
+    if dimension != dim:
         raise SceneError(
-            f"expected the unit of {units.describe(dim)}, got {name!r}, {units.describe(found)}", where=where
+            f"expected the unit of {units.describe(dim)}, got {name!r}, {units.describe(dimension)}",
+            where=where,
         )
     return name, float(size)

@@ -24,14 +24,14 @@ def written_out(tables: dict[str, Any], where: str = "") -> dict[str, Any]:
     SceneError
         For a range without numbers or with too many, a second one in a name, and a name that occurs twice.
     """
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for key, value in tables.items():
         place = f"{where}.{key}" if where else str(key)
         for name, entry in _entries(key, value, place):
-            if name in found:
+            if name in entries:
                 raise SceneError(f"{name!r} occurs twice, once in a range of numbers", where=place)
-            found[name] = written_out(entry, place) if isinstance(entry, dict) else entry
-    return found
+            entries[name] = written_out(entry, place) if isinstance(entry, dict) else entry
+    return entries
 
 
 def _entries(key: Any, value: Any, where: str) -> Iterator[tuple[Any, Any]]:
@@ -52,18 +52,18 @@ def _entries(key: Any, value: Any, where: str) -> Iterator[tuple[Any, Any]]:
             where=where,
             hint="The first number comes first, and both are part of the range: {k=0 to 3} has four.",
         )
-    own = re.compile(rf"\{{{letter}([+-]\d{{1,9}})?\}}")
+    counter = re.compile(rf"\{{{letter}([+-]\d{{1,9}})?\}}")
     for number in range(first, last + 1):
         name = key[: match.start()] + str(number) + key[match.end() :]
-        yield name, _numbered(value, own, number)
+        yield name, _numbered(value, counter, number)
 
 
-def _numbered(value: Any, own: re.Pattern[str], number: int) -> Any:
+def _numbered(value: Any, counter: re.Pattern[str], number: int) -> Any:
     """Return a value with the number in place of its letter, in all texts of lists and tables."""
     if isinstance(value, str):
-        return own.sub(lambda match: str(number + int(match[1] or 0)), value)
+        return counter.sub(lambda match: str(number + int(match[1] or 0)), value)
     if isinstance(value, list):
-        return [_numbered(item, own, number) for item in value]
+        return [_numbered(item, counter, number) for item in value]
     if isinstance(value, dict):
-        return {key: _numbered(item, own, number) for key, item in value.items()}
+        return {key: _numbered(item, counter, number) for key, item in value.items()}
     return value

@@ -65,7 +65,7 @@ def resolve_linkage(scene: Scene) -> Linkage:
     SceneError
         As :func:`resolve` does, and for a scene with a loop.
     """
-    found, method = resolve(scene), _method(scene)
+    resolved, method = resolve(scene), _method(scene)
     if method.system != METHODS["rods"].system:
         raise SceneError(
             f"expected a scene of points and links, got a {method.name}",
@@ -73,7 +73,7 @@ def resolve_linkage(scene: Scene) -> Linkage:
             file=scene.file,
             hint=f"This is not there for {method.name}s.",
         )
-    return cast("Linkage", found)
+    return cast("Linkage", resolved)
 
 
 def _method(scene: Scene) -> Method:
@@ -148,10 +148,10 @@ def _end(read: Reader, crank: Crank | None) -> sp.Expr:
 
 
 def _assembly_tolerance(read: Reader) -> sp.Expr:
-    asked = read.scene.analysis.assembly_tolerance
-    if asked is None:
+    tolerance = read.scene.analysis.assembly_tolerance
+    if tolerance is None:
         return sp.Integer(0)
-    return read.positive(asked, units.LENGTH, "analysis.assembly_tolerance")
+    return read.positive(tolerance, units.LENGTH, "analysis.assembly_tolerance")
 
 
 def _check_every_point_used(scene: Scene, linkage: Linkage) -> None:

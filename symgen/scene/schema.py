@@ -247,9 +247,9 @@ class Scene(Table):
 
     def _check_kind(self) -> None:
         """Raise SceneError unless the scene has points and links, or a loop."""
-        asked = self.analysis
-        for key, given in (("motion", asked.motion), ("kind", asked.kind != "dynamics")):
-            if self.loop is not None and given:
+        analysis = self.analysis
+        for key, is_present in (("motion", analysis.motion), ("kind", analysis.kind != "dynamics")):
+            if self.loop is not None and is_present:
                 raise SceneError("the analysis of a loop follows from its outputs", where=f"analysis.{key}")
         if self.loop is None:
             if claiming(self.model_fields_set).schema:
@@ -304,7 +304,7 @@ TABLES: dict[str, type[Table]] = {
 
 def _of_methods() -> dict[str, type[Table]]:
     """Return the tables that methods add to scenes, by name."""
-    found: dict[str, type[Table]] = {}
+    tables: dict[str, type[Table]] = {}
     for row in METHODS.values():
         if row.schema:
             if not row.claims:
@@ -312,9 +312,9 @@ def _of_methods() -> dict[str, type[Table]]:
                     f"the method {row.name!r} has a schema and claims no table\n"
                     '  Name its table in the scene: claims=("TABLE",).'
                 )
-            _check_new(row.claims[0], f"the method {row.name!r}", (*LOADS, *found))
-            found[row.claims[0]] = row.load("schema")
-    return found
+            _check_new(row.claims[0], f"the method {row.name!r}", (*LOADS, *tables))
+            tables[row.claims[0]] = row.load("schema")
+    return tables
 
 
 def _check_new(table: str, owner: str, added: Iterable[str]) -> None:

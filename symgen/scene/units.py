@@ -215,8 +215,8 @@ def units() -> list[tuple[str, Fraction, Dimension]]:
     for name in registry:
         names.setdefault(registry.get_name(name), []).append(name)
     del names["pi"]
-    found = [(", ".join(sorted(of, key=len)), *read_unit(of[0])) for of in names.values()]
-    return sorted(found, key=lambda unit: (*unit[2], unit[1]))
+    rows = [(", ".join(sorted(of, key=len)), *read_unit(of[0])) for of in names.values()]
+    return sorted(rows, key=lambda unit: (*unit[2], unit[1]))
 
 
 def _not_a_unit(text: str) -> tuple[str, str]:

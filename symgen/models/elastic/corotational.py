@@ -20,7 +20,7 @@ _RATES = Group("u", "their rates and second rates", (*RATES, *SECOND_RATES))
 def corotational_beam_system() -> System:
     """Return the System of one element in large rotation, over its nodes' motion and its section."""
     names = Names()
-    made = corotational(names)
+    kernels = corotational(names)
 
     def slope(name: str, matrix: sp.ImmutableMatrix, by: str, about: str) -> NamedMatrix:
         return NamedMatrix(name, matrix, f"SI, force over {by}", about, _ROWS, _ROWS, name == "mass")
@@ -30,18 +30,18 @@ def corotational_beam_system() -> System:
 
     about = "inertia and internal force less gravity"
     matrices = (
-        NamedMatrix("residual", made.residual, _FORCES, about, _ROWS),
-        slope("mass", made.mass, "acceleration", "slope of the residual by second rates"),
-        slope("damping", made.damping, "rate", "slope of the residual by rates"),
-        slope("stiffness", made.stiffness, "place", "slope of the residual by places"),
+        NamedMatrix("residual", kernels.residual, _FORCES, about, _ROWS),
+        slope("mass", kernels.mass, "acceleration", "slope of the residual by second rates"),
+        slope("damping", kernels.damping, "rate", "slope of the residual by rates"),
+        slope("stiffness", kernels.stiffness, "place", "slope of the residual by places"),
         scalars(
-            dict(made.energies),
+            dict(kernels.energies),
             "energies",
             "J, J, J, W",
             "kinetic energy, strain energy, potential of gravity, power dissipated",
         ),
         scalars(
-            dict(made.strains),
+            dict(kernels.strains),
             "strains",
             "1, rad, rad, N*m, N*m",
             "mean axial strain, rotations and bending moments of the ends",

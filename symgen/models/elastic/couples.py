@@ -30,30 +30,30 @@ def couples(linkage: Linkage) -> Iterator[Couple]:
 def rotations(linkage: Linkage) -> tuple[str, ...]:
     """Return the rotations of sections on which couples act, or that are welded to rigid links, each once."""
     acted = (name for *_, names in couples(linkage) for name in names)
-    return tuple(dict.fromkeys((*acted, *(kept.point for kept in welded_to_bodies(linkage)))))
+    return tuple(dict.fromkeys((*acted, *(angle.point for angle in welded_to_bodies(linkage)))))
 
 
 def welded_to_bodies(linkage: Linkage) -> Iterator[KeptAngle]:
     """Yield one kept angle of every point with elastic links welded to a rigid one, its ``other``."""
     beams, seen = {beam.link for beam in linkage.elastic}, set[str]()
-    for kept in linkage.kept_angles:
-        if kept.other and kept.other not in beams and kept.point not in seen:
-            seen.add(kept.point)
-            yield kept
+    for angle in linkage.kept_angles:
+        if angle.other and angle.other not in beams and angle.point not in seen:
+            seen.add(angle.point)
+            yield angle
 
 
-def with_bodies(model: RodsModel, kept: KeptAngle) -> dict[sp.Symbol, sp.Expr]:
+def with_bodies(model: RodsModel, angle: KeptAngle) -> dict[sp.Symbol, sp.Expr]:
     """Return the row n.dd - l phi = 0 by coordinate and rotation: a section rotates with a rigid link.
 
     n is the vector across the rigid link in its rigid motion, l its length, d the vector along it. The row
     has no terms of second order: n.(d + dd) = l sin(phi).
     """
-    d, length = model.along[kept.other], model.linkage.link(kept.other).length
-    found: dict[sp.Symbol, sp.Expr] = {sp.Symbol(f"{kept.point}_theta"): -length}
+    d, length = model.along[angle.other], model.linkage.link(angle.other).length
+    values: dict[sp.Symbol, sp.Expr] = {sp.Symbol(f"{angle.point}_theta"): -length}
     for n, along in zip((-d[1], d[0]), d, strict=True):
         for q, slope in model.calculus.gradient(along).items():
-            found[q] = found.get(q, sp.S.Zero) + n * slope / length
-    return found
+            values[q] = values.get(q, sp.S.Zero) + n * slope / length
+    return values
 
 
 def entries(model: RodsModel, linkage: Linkage) -> Mapping[str, list[tuple[str, sp.Expr]]]:
@@ -62,32 +62,32 @@ def entries(model: RodsModel, linkage: Linkage) -> Mapping[str, list[tuple[str, 
     Those of ``load`` are one for every rotation. ``model`` gives the rigid motion.
     """
     load = {name: sp.Integer(0) for name in rotations(linkage)}
-    found: dict[str, list[tuple[str, sp.Expr]]] = {"damping": [], "stiffness": []}
+    by_matrix: dict[str, list[tuple[str, sp.Expr]]] = {"damping": [], "stiffness": []}
     for acting in couples(linkage):
         signed = list(zip(acting[2], (1, -1), strict=False))
         *slopes, torque = _terms(model, linkage, acting)
         for name, sign in signed:
             load[name] += sign * torque
         pairs = [(a, b, s * r) for a, s in signed for b, r in signed]
-        for own, slope in zip(found.values(), slopes, strict=True):
-            own += [(f"{a}_theta {b}_theta", sign * slope) for a, b, sign in pairs if slope != 0]
-    return found | {"load": [(f"{name}_theta", torque) for name, torque in load.items()]}
+        for block, slope in zip(by_matrix.values(), slopes, strict=True):
+            block += [(f"{a}_theta {b}_theta", sign * slope) for a, b, sign in pairs if slope != 0]
+    return by_matrix | {"load": [(f"{name}_theta", torque) for name, torque in load.items()]}
 
 
 def _terms(model: RodsModel, linkage: Linkage, acting: Couple) -> list[sp.Expr]:
     """Return damping, stiffness and load of a couple."""
     load, term, _ = acting
     hidden, shown = apart(linkage, ROTATION)
-    own = {state_symbol(f"{load.name}.angle"): VALUE, state_symbol(f"{load.name}.rate"): RATE}
+    load_state = {state_symbol(f"{load.name}.angle"): VALUE, state_symbol(f"{load.name}.rate"): RATE}
     (torque,) = term.total
-    found = couple(hidden(torque.xreplace(own)), VALUE, RATE)
-    put = term.on.put(model.loads, [shown(e) for e in found])
-    return list(model.loads.with_state(put))
+    force_and_slopes = couple(hidden(torque.xreplace(load_state)), VALUE, RATE)
+    entries_of_links = term.on.put(model.loads, [shown(e) for e in force_and_slopes])
+    return list(model.loads.with_state(entries_of_links))
 
 
-def apart(linkage: Linkage, own: Container[sp.Symbol]) -> tuple[Renaming, Renaming]:
+def apart(linkage: Linkage, unknowns: Container[sp.Symbol]) -> tuple[Renaming, Renaming]:
     """Return a function that renames parameters that are among symbols of links, and the one back."""
-    shared = [p.quantity.symbol for p in linkage.parameters if p.quantity.symbol in own]
+    shared = [p.quantity.symbol for p in linkage.parameters if p.quantity.symbol in unknowns]
     away = {s: sp.Symbol(f"{s.name} of the scene", **s.assumptions0) for s in shared}
     back = {other: s for s, other in away.items()}
     return lambda e: sp.sympify(e).xreplace(away), lambda e: sp.sympify(e).xreplace(back)

@@ -38,7 +38,7 @@ def elastic_element_system(element: Element) -> System:
     }
     section = Section(*(_scaled(name, unit, coefficients[name], names) for name, _, _, unit, _ in PROPERTIES))
     names.scalar(PLACE.name, STATION.symbol / LENGTH.symbol, PLACE.unit, PLACE.description)
-    found = beam_matrices(element, section)
+    beam = beam_matrices(element, section)
     groups = [
         Group(
             "q",
@@ -49,13 +49,13 @@ def elastic_element_system(element: Element) -> System:
     ]
     matrices: list[NamedMatrix] = []
     exports: list[Export] = []
-    for kernel, about, made in _matrices(element, found):
-        matrices += made
-        exports.append(Export(kernel, about, tuple(m.name for m in made)))
+    for kernel, about, members in _matrices(element, beam):
+        matrices += members
+        exports.append(Export(kernel, about, tuple(m.name for m in members)))
     if element.name == SHOWN:
         from symgen.models.elastic.fixed_axes import MOVING, fixed_axes  # no other element depends on it
 
-        exact, thesis = fixed_axes(element, found, names)
+        exact, thesis = fixed_axes(element, beam, names)
         groups.append(MOVING)
         matrices += (*exact, *thesis)  # shown; no kernels, for runs assemble in the axes of the links
     return System(
@@ -79,7 +79,7 @@ def _scaled(name: str, unit: str, coefficients: Sequence[Quantity], names: Names
     )
 
 
-def _matrices(element: Element, found: BeamMatrices) -> Iterator[tuple[str, str, tuple[NamedMatrix, ...]]]:
+def _matrices(element: Element, matrices: BeamMatrices) -> Iterator[tuple[str, str, tuple[NamedMatrix, ...]]]:
     """Yield kernel, meaning and matrices."""
 
     def square(name: str, matrix: sp.ImmutableMatrix, unit: str, about: str) -> NamedMatrix:
@@ -92,12 +92,12 @@ def _matrices(element: Element, found: BeamMatrices) -> Iterator[tuple[str, str,
     for name, matrix, unit, about in (
         (
             "mass",
-            found.mass,
+            matrices.mass,
             "kg",
             "mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2",
         ),
-        ("gyroscopic", found.gyroscopic, "kg", "gyroscopic matrix A: -2 omega A s' and -omega' A s"),
-        ("stiffness", found.stiffness, "N/m", "stiffness matrix"),
+        ("gyroscopic", matrices.gyroscopic, "kg", "gyroscopic matrix A: -2 omega A s' and -omega' A s"),
+        ("stiffness", matrices.stiffness, "N/m", "stiffness matrix"),
     ):  # fmt: skip
         yield name, about, (square(name, matrix, unit, about),)
     forces = (
@@ -110,17 +110,17 @@ def _matrices(element: Element, found: BeamMatrices) -> Iterator[tuple[str, str,
         "geometric stiffness",
         tuple(
             square(f"geometric{k}", matrix, unit, f"geometric stiffness {about}")
-            for k, (matrix, (unit, about)) in enumerate(zip(found.geometric, forces, strict=True))
+            for k, (matrix, (unit, about)) in enumerate(zip(matrices.geometric, forces, strict=True))
         ),
     )
     yield (
         "load",
         "loads of the rigid motion",
         (
-            column("load_x", found.load_x, "kg", "E: times -ax"),
-            column("load_y", found.load_y, "kg", "G: times -ay"),
-            column("load_out", found.load_out, "kg*m", "N: times omega^2"),
-            column("load_turn", found.load_turn, "kg*m", "L: times -omega'"),
+            column("load_x", matrices.load_x, "kg", "E: times -ax"),
+            column("load_y", matrices.load_y, "kg", "G: times -ay"),
+            column("load_out", matrices.load_out, "kg*m", "N: times omega^2"),
+            column("load_turn", matrices.load_turn, "kg*m", "L: times -omega'"),
         ),
     )
     rows = shape_rows(element)

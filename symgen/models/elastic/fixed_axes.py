@@ -37,20 +37,20 @@ _FORMS = {
 
 
 def fixed_axes(
-    element: Element, found: BeamMatrices, names: Names
+    element: Element, matrices: BeamMatrices, names: Names
 ) -> tuple[tuple[NamedMatrix, ...], tuple[NamedMatrix, ...]]:
     """Return the matrices of the exact equation and of the constant-transformation form, over ``MOVING``.
 
     Entries in link axes are named and shared.
     """
-    local = _named(local_equation(found), names)
+    local = _named(local_equation(matrices), names)
     exact, thesis = global_equation(element, local), thesis_equation(element, local)
     return tuple(_turned("global", element, exact)), tuple(_turned("thesis", element, thesis))
 
 
 def _named(equation: Equation, names: Names) -> Equation:
     """Return an equation with every entry replaced by a name."""
-    found = []
+    matrices = []
     for name, unit, about in _EQUATION:
         matrix = getattr(equation, name)
         entries = [
@@ -61,8 +61,8 @@ def _named(equation: Equation, names: Names) -> Equation:
             for i in range(matrix.rows)
             for j in range(matrix.cols)
         ]  # fmt: skip
-        found.append(sp.ImmutableMatrix(*matrix.shape, entries))
-    return Equation(*found)
+        matrices.append(sp.ImmutableMatrix(*matrix.shape, entries))
+    return Equation(*matrices)
 
 
 def _turned(form: str, element: Element, equation: Equation) -> Iterator[NamedMatrix]:

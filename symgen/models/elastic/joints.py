@@ -78,8 +78,8 @@ def _in_space(linkage: Linkage, beam: ElasticLink) -> list[sp.Expr]:
     section = beam.in_space
     if section is None:
         return []
-    own = (linkage.link(beam.link).length, *section.values, beam.stiffness_damping, *linkage.gravity)
-    return [*own, *section.fibres, beam.modulus, section.is_round, *section.width]
+    properties = (linkage.link(beam.link).length, *section.values, beam.stiffness_damping, *linkage.gravity)
+    return [*properties, *section.fibres, beam.modulus, section.is_round, *section.width]
 
 
 def _without_beams(linkage: Linkage) -> Linkage:
@@ -108,8 +108,8 @@ def _bound(model: RodsModel, linkage: Linkage) -> list[Constraint]:
     beams, crank = {b.link for b in linkage.elastic}, linkage.crank
     free = {f"{crank.link}_drive"} if crank and (crank.mode != "held" or crank.link in beams) else set()
     free |= {row.constraint.name for row in model.kept_angles}
-    kept = (c for c in model.constraints if c.carrier not in beams and c.link not in stretching)
-    return [c for c in kept if c.name not in free]
+    rows = (c for c in model.constraints if c.carrier not in beams and c.link not in stretching)
+    return [c for c in rows if c.name not in free]
 
 
 def _rows(
@@ -121,7 +121,7 @@ def _rows(
         for c, gradient in zip(model.constraints, model.jacobian, strict=True)
         if c in bound
     }
-    return rows | {kept.name: with_bodies(model, kept) for kept in welded_to_bodies(linkage)}
+    return rows | {angle.name: with_bodies(model, angle) for angle in welded_to_bodies(linkage)}
 
 
 def _jacobians(

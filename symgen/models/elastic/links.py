@@ -106,7 +106,7 @@ def motion_system(linkage: Linkage) -> System:
     for name, rows, unit, columns in (
         ("modal_damping", [[ratio] for ratio in damping.ratios] if damping else [], "1", ("ratio",)),
         ("stations", _stations(linkage), "1, m", ("at", "fibre")),
-        ("lumps", [own for _, *own in lumps(linkage)], "m, kg, kg*m^2", ("at", "mass", "inertia")),
+        ("lumps", [lump for _, *lump in lumps(linkage)], "m, kg, kg*m^2", ("at", "mass", "inertia")),
         ("profiles", [_shape(model, *x) for x in along], "m, 1, 1/m, 1, kg", _PROFILE),
     ):
         if rows:
@@ -125,8 +125,8 @@ def motion_system(linkage: Linkage) -> System:
                 force, omitted = model.joint_forces.on(link, acting.name), _OF_LOADS
             else:
                 force, omitted = _on_fixed_axes(model, acting), ()
-            own = local(force, cosine, sine)
-            row = _row(APPLIED, dict(zip((PX.symbol, PY.symbol), own, strict=True)))
+            lump = local(force, cosine, sine)
+            row = _row(APPLIED, dict(zip((PX.symbol, PY.symbol), lump, strict=True)))
             loads.append([ZERO if w in omitted else x for w, x in zip(APPLIED, row, strict=True)])
         matrices.append(_table(model, "loads", loads, "N or N/m", APPLIED))
         exports.append(Export("loads", "forces along elastic links", ("loads",)))
@@ -152,10 +152,10 @@ def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr, sp.Expr]]:
     """
     for mass in linkage.masses:
         for link in (linkage.link(beam.link) for beam in linkage.elastic):
-            own = any(c.name == mass.point and not c.joined for c in link.carried)
-            if own or (mass.link == link.name and mass.inertia != 0):
+            is_lumped = any(c.name == mass.point and not c.joined for c in link.carried)
+            if is_lumped or (mass.link == link.name and mass.inertia != 0):
                 at = link.along(mass.point) * link.length
-                yield link.name, at, mass.mass if own else ZERO, mass.inertia
+                yield link.name, at, mass.mass if is_lumped else ZERO, mass.inertia
 
 
 def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile | CarriedPoint]]:
@@ -229,17 +229,17 @@ def _motion(model: RodsModel, beam: ElasticLink, names: Names) -> dict[sp.Symbol
     )
     felt = zip(model.acceleration(link.start), model.linkage.gravity, strict=True)
     force = model.joint_forces.on(link.name, link.start)
-    found = moving_frame(names, link.name, (d, v, a), tuple(a - g for a, g in felt), force)
-    gravity, cosine, sine = model.linkage.gravity, found[COSINE.symbol], found[SINE.symbol]
+    frame = moving_frame(names, link.name, (d, v, a), tuple(a - g for a, g in felt), force)
+    gravity, cosine, sine = model.linkage.gravity, frame[COSINE.symbol], frame[SINE.symbol]
     for of, vector in (((VX, VY), model.velocity(link.start)), ((GX, GY), gravity)):
         components = zip(of, local(vector, cosine, sine), strict=True)
         for q, e in components:
-            found[q.symbol] = names.scalar(
+            frame[q.symbol] = names.scalar(
                 f"{link.name}_{q.name}", e, q.unit, f"{q.description}, {link.name}"
             )
     place = model.position(link.start)
-    found[LIFT.symbol] = sp.Add(*(g * x for g, x in zip(gravity, place, strict=True)))
-    return found
+    frame[LIFT.symbol] = sp.Add(*(g * x for g, x in zip(gravity, place, strict=True)))
+    return frame
 
 
 def _energies(
@@ -247,10 +247,10 @@ def _energies(
 ) -> list[sp.Expr]:
     """Return a row of ``ENERGIES``."""
     hidden, shown = apart(linkage, motion)
-    own = [tuple(map(hidden, lump)) for link, *lump in lumps(linkage) if link == beam.link]
+    masses = [tuple(map(hidden, lump)) for link, *lump in lumps(linkage) if link == beam.link]
     turned = beam.section.rotary if ELEMENTS[beam.element].rotary else ()
     mass, rotary = ([*map(hidden, of)] for of in (beam.section.mass, turned))
-    rigid = rigid_energies(mass, rotary, hidden(linkage.link(beam.link).length), own)
+    rigid = rigid_energies(mass, rotary, hidden(linkage.link(beam.link).length), masses)
     values = {w.name: w.value for w in energy_weights()} | rigid
     values |= {f"{name}_rate": rate(value) for name, value in values.items()}
     return [shown(sp.sympify(values[column]).xreplace(motion)) for column in ENERGIES]
@@ -267,11 +267,11 @@ def _properties(linkage: Linkage, beam: ElasticLink) -> list[sp.Expr]:
         (s.mass, AREA_POWER), (s.rotary, INERTIA_POWER), (s.axial, AREA_POWER), (s.bending, INERTIA_POWER),
         (s.shear, AREA_POWER), (s.fibre, 1),
     )  # fmt: skip
-    found = [linkage.link(beam.link).length]
+    properties = [linkage.link(beam.link).length]
     for coefficients, power in polynomials:
-        found += [*coefficients, *(ZERO for _ in range(power + 1 - len(coefficients)))]
+        properties += [*coefficients, *(ZERO for _ in range(power + 1 - len(coefficients)))]
     limit = ZERO if beam.yield_stress is None else beam.yield_stress
-    return [*found, beam.modulus, beam.mass_damping, beam.stiffness_damping, beam.damping_ratio, limit]
+    return [*properties, beam.modulus, beam.mass_damping, beam.stiffness_damping, beam.damping_ratio, limit]
 
 
 def _stations(linkage: Linkage) -> list[list[sp.Expr]]:
@@ -295,8 +295,8 @@ def _shaft(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) 
 def _shaft_energy(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
     angle, rate_of = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
     hidden, shown = apart(model.linkage, (*motion, *ROTATION))
-    found = powers(hidden(crank.flywheel), hidden(crank.torque), angle, rate_of)
-    row = [shown(e.xreplace(motion)) for part in found.values() for e in part]
+    energy = powers(hidden(crank.flywheel), hidden(crank.torque), angle, rate_of)
+    row = [shown(e.xreplace(motion)) for part in energy.values() for e in part]
     return _table(model, "shaft_energy", [[e] for e in model.loads.with_state(row)], "J, W", ("factor",))
 
 

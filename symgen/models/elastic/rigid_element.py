@@ -17,16 +17,16 @@ def rigid_element_system() -> System:
     """Return the System of one rigid element between the nodes i and k, with a point p of it."""
     plane = tuple(AXES[:2])
     places = {
-        letter: [quantity(f"{letter}_{a}", "m", f"{a} position of {what}") for a in plane]
-        for letter, what in (
+        letter: [quantity(f"{letter}_{a}", "m", f"{a} position of {about}") for a in plane]
+        for letter, about in (
             ("i", "the first node"),
             ("k", "the second node"),
             ("p", "a point of the element"),
         )
     }
     moved = {
-        letter: [quantity(f"{name}_{a}", "m/s^2", f"{a} component of the {what}") for a in plane]
-        for letter, name, what in (
+        letter: [quantity(f"{name}_{a}", "m/s^2", f"{a} component of the {about}") for a in plane]
+        for letter, name, about in (
             ("i", "a_i", "acceleration of the first node"),
             ("k", "a_k", "acceleration of the second node"),
             ("g", "g", "acceleration of free fall"),

@@ -45,10 +45,10 @@ def rotor_system(rotor: RotorScene) -> System:
         labels = [k.point for k in rotor.masses]
         columns = (*AXES, *(q.name for q in BODY))
         matrices.append(matrix("masses", rows, "places of masses, and their inertia", labels, columns))
-    kept = {"above_zero": rotor.above_zero, "at_least_zero": rotor.at_least_zero}
+    assumptions = {"above_zero": rotor.above_zero, "at_least_zero": rotor.at_least_zero}
     limits = [
         matrix(name, [(x,) for x in values.values()], "values with a limit", list(values), ("value",))
-        for name, values in kept.items()
+        for name, values in assumptions.items()
         if values
     ]
     return System(

@@ -17,18 +17,18 @@ _PER = "m per rotation, strain or twist rate, m^2 per curvature or twist"
 
 def spatial_beam_system() -> System:
     """Return the System of an element in space, over its section and its place in rotating axes."""
-    made = spatial_beam()
+    kernels = spatial_beam()
 
     def square(name: str, matrix: sp.ImmutableMatrix, unit: str, about: str) -> NamedMatrix:
         return NamedMatrix(name, matrix, f"{unit}; *{_PER}", about, DOFS, DOFS, name != "gyroscopic")
 
     matrices = (
-        square("mass", made.mass, "kg", "mass matrix"),
-        square("gyroscopic", made.gyroscopic, "kg/s", "gyroscopic matrix, antisymmetric: times the rates"),
-        square("centrifugal", made.centrifugal, "N/m", "what rotation subtracts from the stiffness"),
-        square("stiffness", made.stiffness, "N/m", "stiffness matrix"),
-        square("geometric", made.geometric, "N/m", "geometric stiffness of the axial force"),
-        NamedMatrix("load", made.load, f"N; *{_PER}", "centrifugal load", DOFS),
+        square("mass", kernels.mass, "kg", "mass matrix"),
+        square("gyroscopic", kernels.gyroscopic, "kg/s", "gyroscopic matrix, antisymmetric: times the rates"),
+        square("centrifugal", kernels.centrifugal, "N/m", "what rotation subtracts from the stiffness"),
+        square("stiffness", kernels.stiffness, "N/m", "stiffness matrix"),
+        square("geometric", kernels.geometric, "N/m", "geometric stiffness of the axial force"),
+        NamedMatrix("load", kernels.load, f"N; *{_PER}", "centrifugal load", DOFS),
     )
     rows = (*AXES, *(f"rotation_{a}" for a in AXES))
     kinds = (

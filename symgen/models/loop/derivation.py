@@ -31,8 +31,8 @@ class LoopModel:
 
     def __init__(self, loop: Loop) -> None:
         self.loop, self.variables = loop, loop.variables
-        given = [x for v in loop.variables for x in (v.quantity, v.rate, v.acceleration)]
-        self.names = Names(x.name for x in (*given, *(p.quantity for p in loop.parameters)))
+        state = [x for v in loop.variables for x in (v.quantity, v.rate, v.acceleration)]
+        self.names = Names(x.name for x in (*state, *(p.quantity for p in loop.parameters)))
         symbols = [v.quantity.symbol for v in self.variables]
         self.rates = [v.rate.symbol for v in self.variables]
         self.second = [v.acceleration.symbol for v in self.variables]
@@ -48,8 +48,8 @@ class LoopModel:
         """The wrench of the last moving link on the ground, in frame {1}."""
         about = f"of {self.links[-1]} on the ground, in the first frame"
         return tuple(
-            quantity(f"closing_{letter}{a}", unit, f"{a} component of the {what} {about}")
-            for letter, unit, what in (("f", "N", "force"), ("m", "N*m", "moment about its origin"))
+            quantity(f"closing_{letter}{a}", unit, f"{a} component of the {noun} {about}")
+            for letter, unit, noun in (("f", "N", "force"), ("m", "N*m", "moment about its origin"))
             for a in "xyz"
         )
 
@@ -118,14 +118,14 @@ class LoopModel:
     @cached_property
     def net(self) -> list[DualVector]:
         """Inertia wrench less the applied wrench of each moving link, in its frame."""
-        found = []
+        wrenches = []
         for k, body in enumerate(self.bodies, 1):
             wrench = body.wrench if self.loop.body(k - 1) is not None else NOTHING
             for load in self.loop.loads:
                 if load.row == k - 1:
                     wrench = wrench - self.load(load)
-            found.append(self.names.screw(f"link{k}", wrench, WRENCH, f"of inertia less loads, link {k}"))
-        return found
+            wrenches.append(self.names.screw(f"link{k}", wrench, WRENCH, f"of inertia less loads, link {k}"))
+        return wrenches
 
     @cached_property
     def inverse_efforts(self) -> list[sp.Expr]:
@@ -143,8 +143,8 @@ class LoopModel:
 
     def _by_variable(self, efforts: list[list[sp.Expr]]) -> list[sp.Expr]:
         terms: list[list[sp.Expr]] = [[] for _ in self.variables]
-        for row, found in zip(self.rows, efforts, strict=True):
-            for m, value in zip(row, found, strict=True):
+        for row, effort in zip(self.rows, efforts, strict=True):
+            for m, value in zip(row, effort, strict=True):
                 for j, slope in m.slopes:
                     terms[j].append(slope * value)
         return [sp.Add(*t) for t in terms]
@@ -165,12 +165,12 @@ class LoopModel:
         still = Paths(self.rows, [_ZERO] * len(self.variables), self.names)
         for j, v in enumerate(self.variables):
             unit = [sp.Integer(int(i == j)) for i in range(len(self.variables))]
-            found = still.accelerations(unit, NOTHING, f"{v.name}_")
+            accelerations = still.accelerations(unit, NOTHING, f"{v.name}_")
             net = [
                 self.names.screw(
                     f"{v.name}_link{k}",
                     BodyMotion(
-                        self.inertia(k), NOTHING, found[self._end(k)], self.names, f"{v.name}_link{k}"
+                        self.inertia(k), NOTHING, accelerations[self._end(k)], self.names, f"{v.name}_link{k}"
                     ).wrench,
                     WRENCH,
                     f"of inertia of link {k} at a unit of {v.acceleration.name}",
@@ -207,8 +207,8 @@ class LoopModel:
     @cached_property
     def power(self) -> sp.Expr:
         """Power of drives and of the loads, without that of gravity [W]."""
-        _, found = self.joints
-        efforts = [e if v.effort is None else v.effort for v, e in zip(self.variables, found, strict=True)]
+        _, powers = self.joints
+        efforts = [e if v.effort is None else v.effort for v, e in zip(self.variables, powers, strict=True)]
         terms = [e * u for e, u in zip(efforts, self.rates, strict=True)]
         terms += [self.load(x).dot(self.velocity(x.row + 1)).dual for x in self.loop.loads]
         return sp.Add(*terms)
@@ -218,12 +218,12 @@ class LoopModel:
         """Whether there is any mass or load."""
         return bool(self.loop.bodies or self.loop.loads)
 
-    def check_masses(self, what: str) -> None:
+    def check_masses(self, purpose: str) -> None:
         """Raise SceneError for a link without mass if forces are requested."""
         for k, link in enumerate(self.links, 1):
             if self.loop.body(k - 1) is None:
                 raise SceneError(
-                    f"link {link!r}, which row {k} ends on, has no mass, and {what} needs its inertia",
+                    f"link {link!r}, which row {k} ends on, has no mass, and {purpose} needs its inertia",
                     where=f"loop.links.{link}.mass",
                     hint='Give it a mass, or mass = "0 kg" to neglect it; or ask for motions alone '
                     "in analysis.outputs.",

@@ -54,15 +54,15 @@ def _place(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
 
 
 def _velocity(model: LoopModel, k: int) -> Entries:
-    found = model.frame(k).vector(model.velocity(k).dual)
-    return found, "m/s", f"velocity of the origin of the frame of {model.links[k - 1]}"
+    velocity = model.frame(k).vector(model.velocity(k).dual)
+    return velocity, "m/s", f"velocity of the origin of the frame of {model.links[k - 1]}"
 
 
 def _link_acceleration(model: LoopModel, k: int) -> Entries:
     velocity, rate = model.velocity(k), model.acceleration(k)
     turned = cross(velocity.real, velocity.dual)
-    found = model.frame(k).vector([a + x for a, x in zip(rate.dual, turned, strict=True)])
-    return found, "m/s^2", f"acceleration of the origin of the frame of {model.links[k - 1]}"
+    acceleration = model.frame(k).vector([a + x for a, x in zip(rate.dual, turned, strict=True)])
+    return acceleration, "m/s^2", f"acceleration of the origin of the frame of {model.links[k - 1]}"
 
 
 def _angular_velocity(model: LoopModel, k: int) -> Entries:
@@ -75,8 +75,8 @@ def _angular_velocity(model: LoopModel, k: int) -> Entries:
 def _angular_acceleration(model: LoopModel, k: int) -> Entries:
     w, rate = model.velocity(k).real, model.acceleration(k).real
     if _idle(model, k):
-        own = (sp.Integer(0), w[1], w[2])
-        turned = cross(w, own)
+        relative = (sp.Integer(0), w[1], w[2])
+        turned = cross(w, relative)
         rate = (turned[0], rate[1] + turned[1], rate[2] + turned[2])
     return model.frame(k).vector(rate), "rad/s^2", f"angular acceleration of {model.links[k - 1]}"
 
@@ -139,7 +139,7 @@ WRENCHES = ("force", "moment")
 DYNAMIC = {"drive", "power", *WRENCHES, "force_in_ground"}
 
 
-def asked(model: LoopModel) -> list[NamedMatrix]:
+def requested_outputs(model: LoopModel) -> list[NamedMatrix]:
     """Return one matrix for each output the scene asks for, or for each that it has by default.
 
     Raises
@@ -147,18 +147,18 @@ def asked(model: LoopModel) -> list[NamedMatrix]:
     SceneError
         For an unknown or repeated output, and for a link without mass where a force is requested.
     """
-    given = model.loop.outputs
-    names = tuple(default(model)) if given is None else given
-    found = []
+    listed = model.loop.outputs
+    names = tuple(default(model)) if listed is None else listed
+    matrices = []
     for i, name in enumerate(names):
-        where = "" if given is None else f"analysis.outputs.{i}"
+        where = "" if listed is None else f"analysis.outputs.{i}"
         try:
             if name in names[:i]:
                 raise SceneError(f"{name!r} is listed twice")
-            found.append(output(model, name))
+            matrices.append(output(model, name))
         except SceneError as error:
             raise (error if error.where else error.located(where=where)) from None
-    return found
+    return matrices
 
 
 def output(model: LoopModel, name: str) -> NamedMatrix:
@@ -211,8 +211,8 @@ def _sides(model: LoopModel) -> dict[tuple[str, str], tuple[int, int]]:
     """Return joint and sign by link and joint: the wrench is that on the link after the joint."""
     ground = model.loop.rows[-1].link
     links = [ground, *model.links, ground]
-    found = {}
+    names = {}
     for k in range(1, len(links)):
-        found[links[k - 1], f"joint{k}"] = (k, -1)
-        found[links[k], f"joint{k}"] = (k, 1)
-    return found
+        names[links[k - 1], f"joint{k}"] = (k, -1)
+        names[links[k], f"joint{k}"] = (k, 1)
+    return names

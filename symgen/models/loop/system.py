@@ -29,8 +29,8 @@ def loop_system(loop: Loop) -> System:
         For an output the loop does not have, and a link without mass where a force is asked.
     """
     model = LoopModel(loop)
-    asked = loop_outputs.asked(model)
-    needs = {need for m in asked for need in loop_outputs.needs(m.name)}
+    requested = loop_outputs.requested_outputs(model)
+    needs = {need for m in requested for need in loop_outputs.needs(m.name)}
     free = loop.having("free")
     if free:
         model.check_masses(f"the motion of the free {free[0].name!r}")
@@ -48,14 +48,14 @@ def loop_system(loop: Loop) -> System:
         matrices=(
             *motion,
             *dynamics,
-            *(m for m in asked if m.name not in derived),
+            *(m for m in requested if m.name not in derived),
             *steps,
             *([switches] if switches else []),
         ),
         exports=(
             *exports,
             *kernels,
-            Export("outputs", "outputs of the scene", tuple(m.name for m in asked)),
+            Export("outputs", "outputs of the scene", tuple(m.name for m in requested)),
             *([Export("events", switches.description, (switches.name,))] if switches else []),
         ),
         definitions=model.names.definitions,
@@ -64,10 +64,10 @@ def loop_system(loop: Loop) -> System:
     )
 
 
-def _check_names(model: LoopModel, made: set[str]) -> None:
+def _check_names(model: LoopModel, derived: set[str]) -> None:
     """Refuse a variable with the name of a derived quantity: their outputs would have the same name."""
     for v in model.variables:
-        if v.name in made:
+        if v.name in derived:
             raise SceneError(
                 f"{v.name!r} is what symgen calls something of the loop",
                 where=f"loop.{'free' if v.role == 'free' else 'inputs'}.{v.name}",
@@ -212,11 +212,11 @@ def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Exp
 
 def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
     """Return the steps of the derivation that no kernel writes, in the order of the source."""
-    found = [
+    steps = [
         named(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz")
         for i, t in enumerate(model.paths.transforms, 1)
     ]
-    found += [
+    steps += [
         named(
             f"{v.name}_operator",
             model.paths.operator(j).beside,
@@ -230,7 +230,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
         frame = model.frame(k)
         placed = frame.turn.row_join(sp.Matrix(frame.origin))
         here = f"of {link}, in its frame about its origin"
-        found += [
+        steps += [
             named(f"{link}_frame", placed, "1, m", f"frame of {link} in the first: axes and origin", "xyz"),
             _screw(f"{link}_motion", model.velocity(k), "rad/s, m/s", f"dual velocity {here}", _SCREW),
             _screw(
@@ -243,7 +243,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
         ]
         if mass:
             body = model.bodies[k - 1]
-            found += [
+            steps += [
                 named(f"{link}_binor", model.inertia(k).binor, "kg, kg*m, kg*m^2", f"inertia binor {here}"),
                 _screw(
                     f"{link}_momentum",
@@ -261,7 +261,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
                 ),
             ]
     if mass:
-        found += [
+        steps += [
             _screw(
                 f"joint_{k}_wrench",
                 wrench,
@@ -271,7 +271,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
             )
             for k, wrench in enumerate(model.joints[0], 1)
         ]
-    return found
+    return steps
 
 
 def _left_out(model: LoopModel, needs: Iterable[str]) -> Iterable[str]:

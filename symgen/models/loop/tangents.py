@@ -44,7 +44,7 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
     """
     model = LoopModel(loop)
     try:
-        asked = [_component(model, name) for name in loop.outputs or ()]
+        requested = [_component(model, name) for name in loop.outputs or ()]
     except SceneError as error:
         raise ModelError(str(error)) from None
     needs = [outputs.needs(_parted(name)[0]) for name in loop.outputs or ()]
@@ -52,26 +52,29 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
     if balanced:
         model.check_masses("the motion of free variables")
     of = _equations(model, forces)
-    given = [*(v.quantity for v in model.variables), *(v.rate for v in model.variables)]
-    given += [*(v.acceleration for v in model.variables), *model.closing]
-    given += [p.quantity for p in model.loop.parameters]
-    tangents = Tangents(given, model.names.definitions)
+    inputs = [*(v.quantity for v in model.variables), *(v.rate for v in model.variables)]
+    inputs += [*(v.acceleration for v in model.variables), *model.closing]
+    inputs += [p.quantity for p in model.loop.parameters]
+    tangents = Tangents(inputs, model.names.definitions)
     matrices = [_column(f"{name}_tangent", tangents.of(x), f"tangents of {name}") for name, x in of.items()]
     exports = [Export(name, f"tangents of {name}", (f"{name}_tangent",)) for name in of]
     if forces:
         matrices.append(_column("efforts_left", of["efforts"], "efforts less the known ones"))
         exports[-1] = replace(exports[-1], matrices=("efforts_left", "efforts_tangent"))
-    slopes = [x for m in asked for x in tangents.of(list(m.matrix))]
-    if asked:
-        names = [m.name for m in asked]
-        matrices += [*asked, _column("outputs_tangent", slopes, "tangents of outputs")]
+    slopes = [x for m in requested for x in tangents.of(list(m.matrix))]
+    if requested:
+        names = [m.name for m in requested]
+        matrices += [*requested, _column("outputs_tangent", slopes, "tangents of outputs")]
         exports.append(Export("values", "values of outputs", tuple(names)))
         exports.append(Export("slopes", "tangents of outputs", ("outputs_tangent",)))
-    own = groups(model)
+    own_groups = groups(model)
     return System(
         name=f"{loop.name}_sensitivity",
         title=f"{loop.title}: tangents",
-        groups=(*own[:-1], replace(own[-1], quantities=(*own[-1].quantities, *tangents.seeds))),
+        groups=(
+            *own_groups[:-1],
+            replace(own_groups[-1], quantities=(*own_groups[-1].quantities, *tangents.seeds)),
+        ),
         matrices=tuple(matrices),
         exports=tuple(exports),
         definitions=(*model.names.definitions, *tangents.definitions),
@@ -115,11 +118,11 @@ def variation_system(loop: Loop) -> System:
         slopes = [sp.diff(x, p.symbol) for x in of["prescribed"] for p in parameters]
         matrices.append(_column("prescribed_slopes", slopes, "slopes of prescribed motions by parameters"))
         exports.append(Export("prescribed", "slopes of prescribed motions", ("prescribed_slopes",)))
-    own = groups(model)
+    own_groups = groups(model)
     return System(
         name=f"{loop.name}_variation",
         title=f"{loop.title}: gradients of its equations",
-        groups=(*own[:-1], replace(own[-1], quantities=(*own[-1].quantities, *weights))),
+        groups=(*own_groups[:-1], replace(own_groups[-1], quantities=(*own_groups[-1].quantities, *weights))),
         matrices=tuple(matrices),
         exports=tuple(exports),
         definitions=tuple(definitions),
@@ -142,17 +145,17 @@ def _equations(model: LoopModel, forces: bool) -> dict[str, list[sp.Expr]]:
     }
     if forces:
         pairs = zip(model.joints[1], model.given_efforts, strict=True)
-        of["efforts"] = [effort - given for effort, given in pairs]
+        of["efforts"] = [effort - applied for effort, applied in pairs]
     return of
 
 
 def _component(model: LoopModel, name: str) -> NamedMatrix:
     """Return an output, or a component of it such as ``crank.joint1.force.x``."""
     whole, axis = _parted(name)
-    found = outputs.output(model, whole)
-    if axis and not found.rows:
+    matrix = outputs.output(model, whole)
+    if axis and not matrix.rows:
         raise SceneError(f"{whole} has no component {axis}")
-    return replace(found.part(rows=[axis]), name=name) if axis else found
+    return replace(matrix.part(rows=[axis]), name=name) if axis else matrix
 
 
 def _parted(name: str) -> tuple[str, str]:

@@ -51,7 +51,7 @@ def check_complete(form: Outboard) -> None:
 
 def _masses(form: Outboard) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
     """Mass matrix of the particles by pairs of coordinates."""
-    found: dict[tuple[sp.Symbol, sp.Symbol], list[sp.Expr]] = {}
+    entries: dict[tuple[sp.Symbol, sp.Symbol], list[sp.Expr]] = {}
     for mass, shares, _ in form.masses(form.link, form.model.points):
         for (p, (x, y)), (r, (z, w)) in product(shares.items(), repeat=2):
             rows, columns = (form.model.symbols(form.model.q[k]) for k in (p, r))
@@ -59,36 +59,36 @@ def _masses(form: Outboard) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
                 turned = (k - i) * (y * z - x * w)
                 value = mass * (x * z + y * w if i == k else turned)
                 if value != 0:
-                    found.setdefault((rows[i], columns[k]), []).append(value)
-    return {pair: sp.Add(*terms) for pair, terms in found.items()}
+                    entries.setdefault((rows[i], columns[k]), []).append(value)
+    return {pair: sp.Add(*terms) for pair, terms in entries.items()}
 
 
 def _forces(form: Outboard) -> Terms:
     """Virtual work of every load on each coordinate: of each body and each point by itself."""
     model = form.model
-    found: Terms = {}
+    terms: Terms = {}
     alone: list[tuple[list[str], list[str]]] = [([body], []) for body in form.link]
     for bodies, points in [*alone, *(([], [point]) for point in model.points)]:
         for push in form.pushes(bodies, points):
             for component, place in zip(push.force, push.place, strict=True):
                 if push.unknown is None:
-                    _work(found, component, model.calculus.gradient(place))
+                    _work(terms, component, model.calculus.gradient(place))
     for name, link in form.link.items():
         for couple, unknown in form.couples([name]):
             if unknown is not None:
                 continue
             if len(couple) == 1:
-                _work(found, couple[0], model.turning(name)[0])
+                _work(terms, couple[0], model.turning(name)[0])
                 continue
             d = model.along[name]
             for component, along in zip(moment(couple, d), d, strict=True):
-                _work(found, component / link.length**2, model.calculus.gradient(along))
-    return found
+                _work(terms, component / link.length**2, model.calculus.gradient(along))
+    return terms
 
 
-def _work(found: Terms, force: sp.Expr, gradient: dict[sp.Symbol, sp.Expr]) -> None:
+def _work(terms: Terms, force: sp.Expr, gradient: dict[sp.Symbol, sp.Expr]) -> None:
     for q, slope in gradient.items():
-        found.setdefault(q, []).append(force * slope)
+        terms.setdefault(q, []).append(force * slope)
 
 
 def _state(form: Outboard) -> dict[sp.Symbol, sp.Expr]:

@@ -89,12 +89,12 @@ class Outboard:
 
     def shares(self, link: RigidLink, along: sp.Expr, across: sp.Expr) -> Shares:
         """Return how a place of a link moves with points that have coordinates."""
-        found: Shares = {}
+        shares: Shares = {}
         for end, (x, y) in ((link.start, (ONE - along, -across)), (link.end, (along, across))):
             for point, (z, w) in self.weights(end).items():
-                before = found.get(point, (ZERO, ZERO))
-                found[point] = before[0] + x * z - y * w, before[1] + x * w + y * z
-        return {p: share for p, share in found.items() if any(share)}
+                before = shares.get(point, (ZERO, ZERO))
+                shares[point] = before[0] + x * z - y * w, before[1] + x * w + y * z
+        return {p: share for p, share in shares.items() if any(share)}
 
     def place(self, link: RigidLink, along: sp.Expr, across: sp.Expr) -> Vector:
         """Return a place of a link [m]: from the end that is its inner joint, or else from its start."""

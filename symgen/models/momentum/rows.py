@@ -79,7 +79,7 @@ class MomentumForm(Outboard):
         pivot = self.model.position(joint)
         number = "12" if len(pivot) == 2 else "13"
         about = f"rate of the moment of momentum of {', '.join(bodies)} about {joint}, less that of the loads"
-        made = Rows(f"{body}_moment", "N*m", f"Eq. ({number}): {about}")
+        rows = Rows(f"{body}_moment", "N*m", f"Eq. ({number}): {about}")
         levers: dict[str, list[Vector]] = {}
         for mass, shares, place in self.masses(bodies, points):
             lever = _difference(place, pivot)
@@ -100,8 +100,8 @@ class MomentumForm(Outboard):
             for couple, unknown in self.couples(bodies):
                 known = dot(axis, couple)
                 rhs.append(known) if unknown is None else _add(coefficients, [(unknown, -known)])
-            made.rows.append(Row(axis_name, coefficients, sp.Add(*rhs)))
-        return made
+            rows.rows.append(Row(axis_name, coefficients, sp.Add(*rhs)))
+        return rows
 
     def _weighted_lever(self, body: str, point: str, terms: list[Vector]) -> Vector:
         """Name the bracket of Eq. (12) that stands before the acceleration of a point."""
@@ -139,9 +139,9 @@ class MomentumForm(Outboard):
         """Eq. (15): linear momentum of all that is beyond a root, or a ground point with its reaction."""
         bodies, points = self.tree.beyond(point)
         ground = point in self.model.ground
-        what = f"{', '.join(bodies)} beyond {point}" if bodies else point
-        about = f"Eq. (15): rate of the linear momentum of {what}, less the loads"
-        made = Rows(f"{point}_momentum", "N", about + (" and the reaction" if ground else ""))
+        noun = f"{', '.join(bodies)} beyond {point}" if bodies else point
+        about = f"Eq. (15): rate of the linear momentum of {noun}, less the loads"
+        rows = Rows(f"{point}_momentum", "N", about + (" and the reaction" if ground else ""))
         pushes = list(self.pushes(bodies, points))
         masses = list(self.masses(bodies, points))
         if ground and not (pushes or masses):
@@ -158,8 +158,8 @@ class MomentumForm(Outboard):
             _add(coefficients, [(p.unknown, -p.force[i]) for p in pushes if p.unknown is not None])
             if ground:
                 coefficients[self.reactions[point][i].symbol] = -ONE
-            made.rows.append(Row(f"{point}_{axis}", coefficients, sp.Add(*rhs)))
-        return made
+            rows.rows.append(Row(f"{point}_{axis}", coefficients, sp.Add(*rhs)))
+        return rows
 
     @cached_property
     def reactions(self) -> dict[str, tuple[Quantity, ...]]:
@@ -219,7 +219,7 @@ class MomentumForm(Outboard):
             ),
             named(model, "rhs", self._rhs(rows), "N, N*m, m/s^2, m^2/s^2", "right-hand side b", rows=names),
         ]
-        made = (*model.calculus.definitions, *self.definitions.values())
+        definitions = (*model.calculus.definitions, *self.definitions.values())
         return System(
             name=self.linkage.name,
             title=f"{self.linkage.title}: momentum rows",
@@ -232,7 +232,7 @@ class MomentumForm(Outboard):
             ),
             matrices=tuple(matrices),
             exports=(),
-            definitions=tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in made),
+            definitions=tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in definitions),
             references=(REFERENCE,),
         )
 

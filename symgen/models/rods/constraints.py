@@ -77,12 +77,12 @@ def _shared_joints(model: Points) -> Iterator[Constraint]:
     free = {q.symbol for q in model.coordinates}
     for link, point in model.shared:
         carried = model.carried_position(link, point)
-        for axis, own, other in zip(model.axes, model.position(point.name), carried, strict=True):
+        for axis, coordinate, other in zip(model.axes, model.position(point.name), carried, strict=True):
             name = f"{link.name}_{point.name}_{axis}"
-            if not free & model.calculus.gradient(own - other).keys():
+            if not free & model.calculus.gradient(coordinate - other).keys():
                 continue  # ground on ground: the row constrains no moving point
             label = f"the joint {point.name} of link {link.name}"
-            yield Constraint(name, label, own - other, ONE, "m", carrier=link.name)
+            yield Constraint(name, label, coordinate - other, ONE, "m", carrier=link.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ def guide_rows(model: Points) -> Iterator[GuideRow]:
             if not _keeps_direction(model, link.start, link.end):
                 yield from _across_a_turning_rod(model, guide.name, link, point, there)
                 continue
-            for i in _kept_components(model, link.start, link.end):
+            for i in _constrained_components(model, link.start, link.end):
                 j, k = (i + 1) % 3, (i + 2) % 3
                 name = f"{guide.name}_{point}_{model.axes[i]}"
                 row = Constraint(name, label, d[j] * there[k] - d[k] * there[j], link.length, "m^2")
@@ -141,9 +141,9 @@ def _across_a_turning_rod(
     calculus, d, r = model.calculus, model.along[link.name], there
     name = f"{guide}_{point}"
 
-    def named(what: str, vector: Vector, unit: str, about: str) -> Vector:
+    def named(noun: str, vector: Vector, unit: str, about: str) -> Vector:
         return tuple(
-            calculus.define(f"{name}_{what}_{axis}", c, unit, f"{axis} component of {about}")
+            calculus.define(f"{name}_{noun}_{axis}", c, unit, f"{axis} component of {about}")
             for axis, c in zip(model.axes, vector, strict=True)
         )
 
@@ -177,7 +177,7 @@ def _chained(model: Points, *parts: tuple[Vector, Vector]) -> dict[sp.Symbol, sp
     return chained((slope, model.calculus.gradient(component)) for slope, component in pairs)
 
 
-def _kept_components(model: Points, start: str, end: str) -> list[int]:
+def _constrained_components(model: Points, start: str, end: str) -> list[int]:
     """Return the two components of a cross product that are independent where the link is drawn."""
     ends = (model.linkage.point(p).at for p in (start, end))
     drawn = [abs(model.linkage.number(b - a)) for a, b in zip(*ends, strict=True)]
@@ -204,20 +204,20 @@ class AngleRow:
 
 def angle_rows(model: Points) -> Iterator[AngleRow]:
     """|a||b| sin of the change of the angle from b to a: it is constant where links are welded."""
-    for kept in model.linkage.kept_angles:
-        if {kept.link, kept.other} <= {"", *model.idle}:
+    for angle in model.linkage.kept_angles:
+        if {angle.link, angle.other} <= {"", *model.idle}:
             continue
-        (ax, ay), length = model.along[kept.link], model.linkage.link(kept.link).length
-        bx, by = model.along[kept.other] if kept.other else (ONE, ZERO)
-        c, s = kept.cosine, kept.sine
+        (ax, ay), length = model.along[angle.link], model.linkage.link(angle.link).length
+        bx, by = model.along[angle.other] if angle.other else (ONE, ZERO)
+        c, s = angle.cosine, angle.sine
         expression = c * (bx * ay - by * ax) - s * (ax * bx + ay * by)
-        label = f"the weld of {kept.link} to {kept.other or 'the ground'} at {kept.point}"
-        slopes = {kept.link: (-c * by - s * bx, c * bx - s * by)}
-        if kept.other:
-            slopes[kept.other] = (c * ay - s * ax, -c * ax - s * ay)
-            row = Constraint(kept.name, label, expression, length, "m^2")
+        label = f"the weld of {angle.link} to {angle.other or 'the ground'} at {angle.point}"
+        slopes = {angle.link: (-c * by - s * bx, c * bx - s * by)}
+        if angle.other:
+            slopes[angle.other] = (c * ay - s * ax, -c * ax - s * ay)
+            row = Constraint(angle.name, label, expression, length, "m^2")
         else:
-            row = Constraint(kept.name, label, expression, ONE, "m")
+            row = Constraint(angle.name, label, expression, ONE, "m")
         yield AngleRow(row, slopes)
 
 
@@ -231,13 +231,13 @@ class ConstrainedPoints(Points):
     @cached_property
     def constraints(self) -> list[Constraint]:
         """All constraint rows: rod lengths first, in the order of the links."""
-        found = [*_lengths(self), *_shapes(self), *_shared_joints(self)]
-        found += [*(row.constraint for row in self.guides), *_drivers(self)]
+        rows = [*_lengths(self), *_shapes(self), *_shared_joints(self)]
+        rows += [*(row.constraint for row in self.guides), *_drivers(self)]
         angles = [row.constraint for row in self.kept_angles]
         # At rest hinges determine the pose of a frame as far as they can, and welds the remaining freedoms.
-        return [*found, *(angles if self.linkage.moves else self._holding(found, angles))]
+        return [*rows, *(angles if self.linkage.moves else self._holding(rows, angles))]
 
-    def _holding(self, found: Sequence[Constraint], angles: Sequence[Constraint]) -> list[Constraint]:
+    def _holding(self, rows: Sequence[Constraint], angles: Sequence[Constraint]) -> list[Constraint]:
         """Return the angles that hold what other constraints leave free.
 
         Constraints count as independent where each can have a coordinate of its own.
@@ -256,7 +256,7 @@ class ConstrainedPoints(Points):
             return False
 
         if angles:
-            for row in found:
+            for row in rows:
                 owns(row, set())
         return [row for row in angles if owns(row, set())]
 

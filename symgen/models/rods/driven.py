@@ -18,7 +18,7 @@ from symgen.models.rods.system import (
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.system import Export, System
 
-LEFT_OUT = "masses, loads, energies and forces: kinematics is all that is asked"
+LEFT_OUT = "masses, loads, energies and forces: only kinematics is requested"
 
 
 def driven_system(linkage: Linkage) -> System:
@@ -30,7 +30,7 @@ def driven_system(linkage: Linkage) -> System:
         For an output that the linkage does not have, or that needs forces.
     """
     model = RodsModel(linkage)
-    asked = outputs.asked(model)
+    requested = outputs.requested_outputs(model)
     start, start_kernels = assembly_exports(model)
     moved, following = driven_motion(model)
     derived, end = [*constraints(model), *places(model)], run_end(model)
@@ -38,7 +38,7 @@ def driven_system(linkage: Linkage) -> System:
     names = {m.name for m in (*derived, *moved)}
     exports = [
         *kinematic_exports(model),
-        Export("outputs", "outputs of the scene", tuple(m.name for m in asked)),
+        Export("outputs", "outputs of the scene", tuple(m.name for m in requested)),
         *start_kernels,
         *following,
         *run_end_kernel(end),
@@ -47,7 +47,7 @@ def driven_system(linkage: Linkage) -> System:
         name=model.linkage.name,
         title=model.linkage.title,
         groups=groups(model),
-        matrices=(*derived, *(m for m in asked if m.name not in names), *start, *moved, *end),
+        matrices=(*derived, *(m for m in requested if m.name not in names), *start, *moved, *end),
         exports=tuple(exports),
         definitions=definitions(model),
         references=(REFERENCE,),

@@ -21,9 +21,9 @@ def is_open(model: RodsModel) -> bool:
     Their rows are independent in every configuration: each has a point that no earlier row has.
     """
     tree = model.tree
-    held = {tree.carrier[p] for p in tree.points} - {None}
+    carriers = {tree.carrier[p] for p in tree.points} - {None}
     braced = any(tree.braces.values())
-    return not tree.cuts and not braced and {c.link for c in model.constraints} == held
+    return not tree.cuts and not braced and {c.link for c in model.constraints} == carriers
 
 
 def order_of(
@@ -53,9 +53,9 @@ def order_of(
         other = (*(k for k in outward if k < n), *(k for k in outward if k >= n))
     else:
         return outward, (("along the tree", cost(outward, varies)),)
-    found = name, cost(other, varies)
-    tree = "along the tree", cost(outward, varies, enough=found[1] / worth)
-    return (other, (found, tree)) if found[1] / worth < tree[1] else (outward, (tree, found))
+    best = name, cost(other, varies)
+    tree = "along the tree", cost(outward, varies, enough=best[1] / worth)
+    return (other, (best, tree)) if best[1] / worth < tree[1] else (outward, (tree, best))
 
 
 def _is_even(masses: sp.MatrixBase) -> bool:

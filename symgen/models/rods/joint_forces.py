@@ -28,8 +28,8 @@ class JointForces:
     def __init__(self, model: ConstrainedPoints) -> None:
         self.model = model
         self._parts = {part.name: part for part in model.parts}
-        self._own: dict[str, dict[str, Vector]] = {}
-        self._found: dict[tuple[str, str], Vector] = {}
+        self._part_forces: dict[str, dict[str, Vector]] = {}
+        self._joint_forces: dict[tuple[str, str], Vector] = {}
 
     def on(self, link: str, point: str) -> Vector:
         """Return the force [N] on a link at one of its points, without weight and loads along it.
@@ -41,9 +41,9 @@ class JointForces:
         """
         if link in self.model.idle and all(beam.link != link for beam in self.model.linkage.elastic):
             raise SceneError(f"{link} lies between two ground points: the forces on it are not determined")
-        if (link, point) not in self._found:
-            self._found[link, point] = self._force(self._parts[link], point)
-        return self._found[link, point]
+        if (link, point) not in self._joint_forces:
+            self._joint_forces[link, point] = self._force(self._parts[link], point)
+        return self._joint_forces[link, point]
 
     def _force(self, part: Part, p: str) -> Vector:
         model = self.model
@@ -57,15 +57,17 @@ class JointForces:
         if any(row not in model.multipliers for row in rows):
             raise SceneError(f"{part.name} is held without {p}: the force there is not determined")
         force = tuple(model.multipliers[row].symbol for row in rows)
-        own = [m for c, m in model.joint_masses(part) if c.name == p] if isinstance(part, RigidLink) else []
-        return _sum([force, *(_times(mass, model.acceleration(p)) for mass in own)])
+        masses = (
+            [m for c, m in model.joint_masses(part) if c.name == p] if isinstance(part, RigidLink) else []
+        )
+        return _sum([force, *(_times(mass, model.acceleration(p)) for mass in masses)])
 
     def _on_base(self, part: Part, p: str) -> Vector:
         """Return the force on a link at a base point, from its own equations."""
-        if part.name not in self._own:
-            self._own[part.name] = _own(self.model, part)
+        if part.name not in self._part_forces:
+            self._part_forces[part.name] = _forces_on_part(self.model, part)
         carried = [_share(part, c, p, self.on(part.name, c.name)) for c in part.carried]
-        return _sum([self._own[part.name][p], *(_times(-1, x) for x in carried)])
+        return _sum([self._part_forces[part.name][p], *(_times(-1, x) for x in carried)])
 
     def evened(self, part: Part, p: str) -> Vector:
         """Return the correction of a force at a base point to the minimum norm.
@@ -73,10 +75,10 @@ class JointForces:
         For a body in space that is held at two ground points only the sum of the forces along their line is
         determined. Without the correction, the order of its base points would decide their parts.
         """
-        held = [b for b in part.base if b in self.model.ground]
-        if not isinstance(part, SpatialBody) or p not in held or len(held) != 2:
+        grounded = [b for b in part.base if b in self.model.ground]
+        if not isinstance(part, SpatialBody) or p not in grounded or len(grounded) != 2:
             return (ZERO,) * len(self.model.axes)
-        other = held[1 - held.index(p)]
+        other = grounded[1 - grounded.index(p)]
         line = _sum([self.model.position(other), _times(-1, self.model.position(p))])
         less = _sum([self._on_base(part, other), _times(-1, self._on_base(part, p))])
         return _times(dot(line, less) / (2 * dot(line, line)), line)
@@ -92,7 +94,7 @@ def _share(part: Part, carried: Place, base: str, force: Vector) -> Vector:
     return on_end if base == part.base[1] else _sum([force, _times(-1, on_end)])
 
 
-def _own(model: ConstrainedPoints, part: Part) -> dict[str, Vector]:
+def _forces_on_part(model: ConstrainedPoints, part: Part) -> dict[str, Vector]:
     """Return M_k a + J_k^T lambda - f_k of one link alone at its base points."""
     found: dict[str, list[Vector]] = {p: [] for p in part.base}
     forces = _of_body(model, part) if isinstance(part, SpatialBody) else _of_link(model, part)
@@ -170,17 +172,17 @@ def _on_along(model: ConstrainedPoints, link: RigidLink) -> Iterator[Vector]:
 
 def _on_point(model: ConstrainedPoints, point: str) -> Vector:
     """Return the loads on a point itself [N], the inertia of point masses and guides included."""
-    found = [(ZERO,) * len(model.axes), *model.loads.on_point(point)]
+    forces = [(ZERO,) * len(model.axes), *model.loads.on_point(point)]
     for mass in model.linkage.masses:
         if mass.point == point:
-            found += [
+            forces += [
                 _times(mass.mass, model.linkage.gravity),
                 _times(-mass.mass, model.acceleration(point)),
             ]
     for row in model.guides:
         if row.point == point:
-            found.append(_times(-model.multipliers[row.constraint.name].symbol, row.by_point))
-    return _sum(found)
+            forces.append(_times(-model.multipliers[row.constraint.name].symbol, row.by_point))
+    return _sum(forces)
 
 
 def _left(v: Vector) -> Vector:

@@ -104,10 +104,11 @@ def linearised(
     q = [x.symbol for x in model.coordinates]
     rates = [x.symbol for p in model.free for x in model.u[p]]
     by_rates = slopes_by(model, rates)
-    own = dict(zip(rates, q, strict=True))
+    coordinate_of = dict(zip(rates, q, strict=True))
     stiffness = {s: stiffness_row(model, s, bound) for s in q}
     damping = {
-        s: {own[u]: -slope for u, slope in by_rates(f).items()} for s, f in zip(q, model.applied, strict=True)
+        s: {coordinate_of[u]: -slope for u, slope in by_rates(f).items()}
+        for s, f in zip(q, model.applied, strict=True)
     }
     for name, rows, unit, about in (
         ("mass_matrix", model.mass_rows, "kg", "mass matrix, M"),
@@ -115,10 +116,17 @@ def linearised(
         ("damping", damping, "N*s/m", "damping C = -df/du"),
     ):
         entries = {(a, b): rows[a][b] for a in q if a in rows for b in q if rows[a].get(b, ZERO) != 0}
-        found = [(f"{a.name} {b.name}", e) for (a, b), e in entries.items()]
-        found += (more or {}).get(name, ())
-        if found:
-            yield named(model, name, [e for _, e in found], unit, about, rows=[label for label, _ in found])
+        named_entries = [(f"{a.name} {b.name}", e) for (a, b), e in entries.items()]
+        named_entries += (more or {}).get(name, ())
+        if named_entries:
+            yield named(
+                model,
+                name,
+                [e for _, e in named_entries],
+                unit,
+                about,
+                rows=[label for label, _ in named_entries],
+            )
 
 
 def analysis_of(
@@ -132,14 +140,14 @@ def analysis_of(
 
     ``names`` are further intermediates, over those of the model.
     """
-    own = names.definitions if names else ()
+    named_definitions = names.definitions if names else ()
     return System(
         name=f"{model.linkage.name}_{kind}",
         title=f"{model.linkage.title}: {kind}",
         groups=groups(model),
         matrices=tuple(matrices),
         exports=tuple(exports),
-        definitions=(*definitions(model), *with_ground(model, own)),
+        definitions=(*definitions(model), *with_ground(model, named_definitions)),
         references=(REFERENCE,),
     )
 
@@ -159,13 +167,13 @@ def drives(model: RodsModel) -> Iterator[NamedMatrix]:
 
 def stiffness_row(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) -> Gradient:
     """Return one row of K by coordinate: the slope of J^T lambda - f, of the constraints ``bound``."""
-    held = [(-ONE, model.force.get(row, ZERO))]
-    held += [
+    terms = [(-ONE, model.force.get(row, ZERO))]
+    terms += [
         (model.multipliers[c.name].symbol, gradient[row])
         for c, gradient in zip(model.constraints, model.jacobian, strict=True)
         if c in bound and row in gradient
     ]
-    return chained((factor, model.calculus.gradient(term)) for factor, term in held)
+    return chained((factor, model.calculus.gradient(term)) for factor, term in terms)
 
 
 def slopes_by(
@@ -189,7 +197,7 @@ def slopes_by(
         model.acceleration_rhs,
     )  # definitions added for them are needed below
     for definition in model.calculus.definitions if through is None else through:
-        found = gradient(definition.expression)
-        if found:
-            known[definition.quantity.symbol] = found
+        slopes = gradient(definition.expression)
+        if slopes:
+            known[definition.quantity.symbol] = slopes
     return gradient

@@ -38,11 +38,11 @@ class RodsModel(ConstrainedPoints):
     @cached_property
     def inertias(self) -> dict[tuple[str, str, str], sp.Expr]:
         """Masses of the kinetic energy: by two points, and ``dot`` or ``cross`` of their velocities [kg]."""
-        found: dict[tuple[str, str, str], sp.Expr] = {}
+        sums: dict[tuple[str, str, str], sp.Expr] = {}
 
         def add(a: str, b: str, kind: str, mass: sp.Expr) -> None:
             if mass != 0:
-                found[a, b, kind] = found.get((a, b, kind), ZERO) + mass
+                sums[a, b, kind] = sums.get((a, b, kind), ZERO) + mass
 
         for k in self.massive:
             parts = [end_mass(k.mass, k.length, k.centre, k.inertia, k.offset)]
@@ -60,7 +60,7 @@ class RodsModel(ConstrainedPoints):
                     add(a, b, "dot", body.masses[i][j])
         for m in self.linkage.masses:
             add(m.point, m.point, "dot", m.mass)
-        return found
+        return sums
 
     @cached_property
     def mass_entries(self) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
@@ -102,15 +102,15 @@ class RodsModel(ConstrainedPoints):
     @cached_property
     def momenta(self) -> list[tuple[str, Vector]]:
         """Derivative of the kinetic energy by the velocity of each point that carries mass [kg m/s]."""
-        found: dict[str, list[Vector]] = {}
+        terms: dict[str, list[Vector]] = {}
         for (a, b, kind), mass in self.inertias.items():
             va, vb = self.velocity(a), self.velocity(b)
             pairs = [(a, vb)] if a == b else [(a, vb), (b, va)]
             if kind == "cross":
                 pairs = [(a, (vb[1], -vb[0])), (b, (-va[1], va[0]))]
             for point, velocity in pairs:
-                found.setdefault(point, []).append(tuple(mass * c for c in velocity))
-        return [(p, tuple(sp.Add(*c) for c in zip(*each, strict=True))) for p, each in found.items()]
+                terms.setdefault(point, []).append(tuple(mass * c for c in velocity))
+        return [(p, tuple(sp.Add(*c) for c in zip(*each, strict=True))) for p, each in terms.items()]
 
     def angular_velocity(self, link: str) -> Vector:
         """Return the angular velocity of a link in space [rad/s]: for a rod d x d'/l^2, without spin."""
@@ -180,8 +180,8 @@ class RodsModel(ConstrainedPoints):
             if self.held[a.symbol] != 0
         ]
         return [
-            -own - sp.Add(*(row.get(q.symbol, ZERO) * a.symbol for q, a in ground))
-            for own, row in zip(second, self.jacobian, strict=True)
+            -acceleration - sp.Add(*(row.get(q.symbol, ZERO) * a.symbol for q, a in ground))
+            for acceleration, row in zip(second, self.jacobian, strict=True)
         ]
 
     @cached_property
@@ -214,10 +214,10 @@ class RodsModel(ConstrainedPoints):
     def residual(self, point: str) -> Vector:
         """Return M a + J^T lambda - f at a point's rows [N]: the reaction of its pin."""
         result = []
-        for own in self.symbols(self.q[point]):
-            terms = [m * self.acceleration_of[q] for q, m in self.mass_rows.get(own, {}).items()]
-            terms += self.constraint_forces.get(own, ())
-            result.append(sp.Add(*terms) - self.force.get(own, ZERO))
+        for coordinate in self.symbols(self.q[point]):
+            terms = [m * self.acceleration_of[q] for q, m in self.mass_rows.get(coordinate, {}).items()]
+            terms += self.constraint_forces.get(coordinate, ())
+            result.append(sp.Add(*terms) - self.force.get(coordinate, ZERO))
         return tuple(result)
 
     @cached_property
@@ -233,11 +233,11 @@ class RodsModel(ConstrainedPoints):
     @cached_property
     def constraint_forces(self) -> dict[sp.Symbol, list[sp.Expr]]:
         """Terms of J^T lambda by coordinate, ground included [N]."""
-        found: dict[sp.Symbol, list[sp.Expr]] = {}
+        terms: dict[sp.Symbol, list[sp.Expr]] = {}
         for c, row in zip(self.constraints, self.jacobian, strict=True):
             for q, slope in row.items():
-                found.setdefault(q, []).append(slope * self.multipliers[c.name].symbol)
-        return found
+                terms.setdefault(q, []).append(slope * self.multipliers[c.name].symbol)
+        return terms
 
     def reaction(self, point: str) -> Vector:
         """Return the force of the ground at a ground point [N].

@@ -40,8 +40,8 @@ class Loads:
 
     def link_ends(self, link: str) -> tuple[str, str]:
         """Return the first two points of a link."""
-        found = self.linkage.link(link)
-        return found.start, found.end
+        ends = self.linkage.link(link)
+        return ends.start, ends.end
 
     def line(self, name: str, start: str, end: str) -> Vector:
         """Return the vector from one end of a spring or an actuator to the other [m]."""
@@ -117,14 +117,14 @@ class Loads:
     @cached_property
     def wound(self) -> list[sp.Expr]:
         """Energies whose gradient is not that of the expression: those of angles in the plane [J]."""
-        found = (t for _, t in self.terms if t.energy != 0 and not t.on.integrable)
-        return [t.on.energy(self, t.energy) for t in found]
+        angles = (t for _, t in self.terms if t.energy != 0 and not t.on.integrable)
+        return [t.on.energy(self, t.energy) for t in angles]
 
     @cached_property
     def conservative(self) -> list[Work]:
         """Virtual work of the energies of ``wound``."""
-        found = (t for _, t in self.terms if t.energy != 0 and not t.on.integrable)
-        return [work for t in found for work in t.on.works(self, t.conservative)]
+        angles = (t for _, t in self.terms if t.energy != 0 and not t.on.integrable)
+        return [work for t in angles for work in t.on.works(self, t.conservative)]
 
     @cached_property
     def others(self) -> list[Work]:

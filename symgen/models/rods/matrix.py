@@ -48,9 +48,9 @@ def sparse(
     for i, row in enumerate(entries):
         within = sorted((columns[q], e) for q, e in row.items() if q in columns)
         replaced = {j: e if e.is_Number else e.xreplace(model.held) for j, e in within}
-        kept = {j: e for j, e in replaced.items() if e != 0}
-        if kept:
-            filled[i] = kept
+        nonzero = {j: e for j, e in replaced.items() if e != 0}
+        if nonzero:
+            filled[i] = nonzero
     shape = len(entries), len(columns)
     matrix = DomainMatrix(filled, shape, sp.EXRAW).to_Matrix().as_immutable()
     names = tuple(x.name for x in model.coordinates)

@@ -33,8 +33,8 @@ def _tension(model: RodsModel, name: str) -> Entries:
     rod = model.rod(name)
     if rod is None:
         body = name not in model.idle
-        why = "is a body in space" if body else "lies between two ground points"
-        raise SceneError(f"{name} {why}: its tension is not determined")
+        reason = "is a body in space" if body else "lies between two ground points"
+        raise SceneError(f"{name} {reason}: its tension is not determined")
     return (
         [model.multipliers[name].symbol * rod.length],
         "N",
@@ -140,7 +140,7 @@ def _of_loads(model: RodsModel) -> dict[str, Entries]:
 
     Loads of elastic linkages have none: they follow the deformed links, which these kernels do not know.
     """
-    found: dict[str, Entries] = {}
+    entries_of: dict[str, Entries] = {}
     for table, number, load in model.linkage.placed_loads if not model.linkage.elastic else ():
         for on, stated in (
             (t.on, t.force) for t in load.terms(len(model.axes)) if load.expressions and t.on.effort
@@ -151,8 +151,8 @@ def _of_loads(model: RodsModel) -> dict[str, Entries]:
             elif len(force) > 1:
                 force = model.shown(force)
             unit = "N*m" if on.effort == "torque" else "N"
-            found[f"{table}.{number}.{on.effort}"] = force, unit, f"{on.effort} of {load.noun} {number}"
-    return found
+            entries_of[f"{table}.{number}.{on.effort}"] = force, unit, f"{on.effort} of {load.noun} {number}"
+    return entries_of
 
 
 #: Outputs of a point, of a link, of a point of a link, and of the whole linkage, by word.
@@ -221,7 +221,7 @@ KINEMATIC = (
 OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force}
 
 
-def asked(model: RodsModel) -> list[NamedMatrix]:
+def requested_outputs(model: RodsModel) -> list[NamedMatrix]:
     """Return one matrix for each requested output; positions, velocities and energy by default."""
     names = model.linkage.outputs
     if names is None:
@@ -234,7 +234,7 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
             ),
             *(() if model.linkage.kinematic else ("energy",)),
         )
-    found = []
+    matrices = []
     for i, name in enumerate(names):
         try:
             if name in names[:i]:
@@ -245,8 +245,8 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
         except SceneError as error:
             raise error.located(where=f"analysis.outputs.{i}") from None
         rows = model.shown_axes if len(scalars) > 1 else ()
-        found.append(named(model, name, scalars, unit, description, rows=rows))
-    return found
+        matrices.append(named(model, name, scalars, unit, description, rows=rows))
+    return matrices
 
 
 def entries(model: RodsModel, name: str) -> Entries:
@@ -267,8 +267,8 @@ def entries(model: RodsModel, name: str) -> Entries:
         owners += ["A.B.C." + word] if word in OF_CORNERS else []
         acting = [
             f
-            for f, (own, *_) in _of_loads(model).items()
-            if any(str(s) == word for e in own for s in e.free_symbols)
+            for f, (entry, *_) in _of_loads(model).items()
+            if any(str(s) == word for e in entry for s in e.free_symbols)
         ]
         words = (
             OF_POINTS if word in model.points else OF_LINKS if word in (k.name for k in model.parts) else ()

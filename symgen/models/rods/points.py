@@ -45,17 +45,19 @@ class Points:
             [x for p in names for x in self.q[p]], [x for p in names for x in self.u[p]], TIME.symbol
         )
         fixed = [self.is_fixed(k.start) and self.is_fixed(k.end) for k in linkage.links]
-        self.rods = [k for k, held in zip(linkage.links, fixed, strict=True) if not held]
-        self.idle = [k.name for k, held in zip(linkage.links, fixed, strict=True) if held]
+        self.rods = [k for k, is_fixed in zip(linkage.links, fixed, strict=True) if not is_fixed]
+        self.idle = [k.name for k, is_fixed in zip(linkage.links, fixed, strict=True) if is_fixed]
         #: Moving links, and those between fixed points that have weight.
-        self.massive = [k for k, held in zip(linkage.links, fixed, strict=True) if not held or k.mass != 0]
+        self.massive = [
+            k for k, is_fixed in zip(linkage.links, fixed, strict=True) if not is_fixed or k.mass != 0
+        ]
         self._along: dict[str, Vector] = {}
 
     def _per_point(
-        self, names: Sequence[str], infix: str, unit: str, what: str
+        self, names: Sequence[str], infix: str, unit: str, noun: str
     ) -> dict[str, tuple[Quantity, ...]]:
         return {
-            p: tuple(quantity(f"{p}{infix}{axis}", unit, f"{axis} {what} of {p}") for axis in self.axes)
+            p: tuple(quantity(f"{p}{infix}{axis}", unit, f"{axis} {noun} of {p}") for axis in self.axes)
             for p in names
         }
 
@@ -203,8 +205,8 @@ def _carriers(
     for part in parts:
         for point in part.carried:
             joined = isinstance(point, CarriedPoint) and point.joined
-            taken = joined or point.name in ground or point.name in carrier
-            if taken or _rests_on(part, point.name, carrier):
+            has_carrier = joined or point.name in ground or point.name in carrier
+            if has_carrier or _rests_on(part, point.name, carrier):
                 shared.append((part, point))
             else:
                 carrier[point.name] = (part, point)

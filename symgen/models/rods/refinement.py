@@ -34,8 +34,10 @@ def residual(model: RodsModel) -> list[sp.Expr]:
     q = [x.symbol for x in model.coordinates]
     above = [f - sp.Add(*model.constraint_forces.get(s, ())) for s, f in zip(q, model.balance, strict=True)]
     rows = zip(model.acceleration_rhs, model.jacobian, strict=True)
-    own = model.acceleration_of
-    return above + [gamma - sp.Add(*(row[s] * own[s] for s in q if s in row)) for gamma, row in rows]
+    acceleration_of = model.acceleration_of
+    return above + [
+        gamma - sp.Add(*(row[s] * acceleration_of[s] for s in q if s in row)) for gamma, row in rows
+    ]
 
 
 def _spread(model: RodsModel) -> bool:

@@ -84,8 +84,8 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
     for name, angle in angles:
         x, y = model.along[name]
         drawn_angle = sp.atan2(y.xreplace(drawn), x.xreplace(drawn))
-        wanted = angle - drawn_angle
-        now = drawn_angle + s * sp.atan2(sp.sin(wanted), sp.cos(wanted))
+        correction = angle - drawn_angle
+        now = drawn_angle + s * sp.atan2(sp.sin(correction), sp.cos(correction))
         residuals.append(y * sp.cos(now) - x * sp.sin(now))
         rows.append(f"{name} angle")
     for point in _bases(model):
@@ -114,12 +114,12 @@ def _bases(model: RodsModel) -> Iterator[str]:
     for constraint in model.constraints:
         together = set[str]().union(*(tied[owner[q]] for q in model.calculus.gradient(constraint.expression)))
         tied.update(dict.fromkeys(together, together))
-    seen: set[str] = set(model.ground)
+    based: set[str] = set(model.ground)
     for link in model.parts:
         part = set[str]().union(*(tied[p] for p in model.supports(link.base[0])))
-        if not part & seen:
+        if not part & based:
             yield link.base[0]
-        seen |= part
+        based |= part
 
 
 def _as_drawn(model: RodsModel) -> dict[sp.Symbol, sp.Expr]:
@@ -139,27 +139,27 @@ def _as_drawn(model: RodsModel) -> dict[sp.Symbol, sp.Expr]:
 
 def _velocity(model: RodsModel) -> list[NamedMatrix]:
     rows: list[str] = []
-    wanted: list[sp.Expr] = []
+    targets: list[sp.Expr] = []
     gradients: list[dict[sp.Symbol, sp.Expr]] = []
     for name, rate in model.linkage.start.rates:
         if len(rate) == 1:
             length = model.linkage.link(name).length
             turning, _ = model.turning(name)
             rows.append(f"{name} rate")
-            wanted.append(rate[0] * length)
+            targets.append(rate[0] * length)
             gradients.append({q: slope * length for q, slope in turning.items()})
             continue
         body = model.linkage.body(name)
         for edge in model.loads.edges(body) if body else [model.along[name]]:
             rows.extend(f"{name} rate {axis}" for axis in model.axes)
-            wanted.extend(product(rate, edge))
+            targets.extend(product(rate, edge))
             gradients.extend(model.calculus.gradient(c) for c in edge)
     for name, velocity in model.linkage.start.velocities:
         rows.extend(f"{name} velocity {axis}" for axis in model.axes)
-        wanted.extend(velocity)
+        targets.extend(velocity)
         gradients.extend(model.calculus.gradient(c) for c in model.position(name))
     about = "their derivative by the velocities, K"
     return [
-        named(model, "start_rates", wanted, "m/s", "prescribed initial velocities, k", rows=rows),
+        named(model, "start_rates", targets, "m/s", "prescribed initial velocities, k", rows=rows),
         sparse(model, "start_jacobian", gradients, "1", about, rows=rows),
     ]

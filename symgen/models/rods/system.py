@@ -29,7 +29,7 @@ def linkage_system(linkage: Linkage) -> System:
     """
     model = RodsModel(linkage)
     model.check_masses()
-    asked = outputs.asked(model)
+    requested = outputs.requested_outputs(model)
     start, start_kernels = start_exports(model)
     equations, exports = _equations(model), _exports(model)
     order, costs = order_of(
@@ -45,7 +45,7 @@ def linkage_system(linkage: Linkage) -> System:
         matrices=(
             *equations,
             *points,
-            *(m for m in asked if m.name not in derived),
+            *(m for m in requested if m.name not in derived),
             *start,
             *residual,
             *events,
@@ -53,7 +53,7 @@ def linkage_system(linkage: Linkage) -> System:
         ),
         exports=(
             *exports,
-            Export("outputs", "outputs of the scene", tuple(m.name for m in asked)),
+            Export("outputs", "outputs of the scene", tuple(m.name for m in requested)),
             *start_kernels,
             *refining,
             *_events_kernel(events),
@@ -102,9 +102,9 @@ def definitions(model: RodsModel) -> tuple[Definition, ...]:
     return with_ground(model, model.calculus.definitions)
 
 
-def with_ground(model: RodsModel, own: Iterable[Definition]) -> tuple[Definition, ...]:
+def with_ground(model: RodsModel, definitions: Iterable[Definition]) -> tuple[Definition, ...]:
     """Return subexpressions with the motion of the ground substituted."""
-    return tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in own)
+    return tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in definitions)
 
 
 #: Exponents of the pivots that rounding may leave: of one that should vanish for an instant, and of one that
@@ -237,13 +237,13 @@ def places(model: RodsModel) -> list[NamedMatrix]:
 
 
 def _points(model: RodsModel) -> list[NamedMatrix]:
-    made = places(model)
+    positions = places(model)
     if model.loads.divided:
         rows, lengths = zip(*model.loads.divided, strict=True)
         about = "length of every spring and actuator whose force has a direction"
-        made.append(named(model, "line_lengths", lengths, "m", about, rows=rows))
+        positions.append(named(model, "line_lengths", lengths, "m", about, rows=rows))
     if model.ground:
-        made.append(
+        positions.append(
             named(
                 model,
                 "reactions",
@@ -254,12 +254,12 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
                 columns=model.shown_axes,
             )
         )
-    return made
+    return positions
 
 
 def _events(model: RodsModel) -> list[NamedMatrix]:
     """Return zero-crossing functions of events and load switches, and angles: one column each."""
-    return [*_events_asked(model), *_switches(model), *_windings(model), *_turns(model)]
+    return [*_events_of_scene(model), *_switches(model), *_windings(model), *_turns(model)]
 
 
 def _windings(model: RodsModel) -> list[NamedMatrix]:
@@ -293,7 +293,7 @@ def _switches(model: RodsModel) -> list[NamedMatrix]:
     return [named(model, "switches", gaps, "1", about, rows=[s.branch.name for s in switches])]
 
 
-def _events_asked(model: RodsModel) -> list[NamedMatrix]:
+def _events_of_scene(model: RodsModel) -> list[NamedMatrix]:
     events = model.linkage.events
     if not events:
         return []

@@ -138,12 +138,12 @@ def _motor(read: Reader, table: Table) -> tuple[sp.Expr, sp.Expr]:
             hint='Write torque = "2 N*m", or an expression that uses t, this.angle and this.rate.',
         )
     names = dict(read.with_time)
-    for word, own, dim in (
+    for word, value, dim in (
         ("angle", "angle", units.NUMBER),
         ("rate", "angular_velocity", units.ANGULAR_RATE),
     ):
         for owner in ("this", table.link):
-            names[f"{owner}.{word}"] = state_symbol(f"{table.link}.{own}"), dim
+            names[f"{owner}.{word}"] = state_symbol(f"{table.link}.{value}"), dim
     torque = read.value(table.torque, units.TORQUE, "crank.torque", names)
     flywheel = read.not_negative(table.flywheel or 0, units.INERTIA, "crank.flywheel")
     return torque, flywheel

@@ -30,15 +30,15 @@ def with_joints(linkage: Linkage) -> Linkage:
         return linkage
     named = {k.name: {*k.base, *(c.name for c in k.carried)} for k in linkage.links}
     bent = {p for name in elastic for p in named[name]}
-    held = {p for guide in linkage.guides for p in guide.points}
+    constrained = {p for guide in linkage.guides for p in guide.points}
     for _, _, load in linkage.placed_loads:
         terms = load.terms(linkage.dimension)
         others = [t for t in terms if not any(carries(linkage.link(k), t) for k in elastic)]
-        held |= {p for term in others for _, p in term.on.points}
+        constrained |= {p for term in others for _, p in term.on.points}
 
     def joined(link: RigidLink, point: CarriedPoint) -> bool:
         others = any(point.name in named[name] for name in named if name != link.name)
-        return (others or point.name in held) if link.name in elastic else point.name in bent
+        return (others or point.name in constrained) if link.name in elastic else point.name in bent
 
     links = []
     for link in linkage.links:
@@ -76,7 +76,7 @@ def with_welds(read: Reader, linkage: Linkage) -> Linkage:
             where="joints.0",
             hint="Links that share a point have a joint there: leave the table out.",
         )
-    kept: list[KeptAngle] = []
+    angles: list[KeptAngle] = []
     for i, weld in enumerate(read.scene.welds):
         where = f"welds.{i}"
         _check_weld(read, linkage, weld, where)
@@ -87,8 +87,8 @@ def with_welds(read: Reader, linkage: Linkage) -> Linkage:
         else:
             first, *others = (*rigid, *elastic)
             pairs = [(name, first) for name in others]
-        kept += [_kept(linkage, weld.point, *pair) for pair in pairs]
-    return replace(linkage, kept_angles=tuple(kept))
+        angles += [_kept_angle(linkage, weld.point, *pair) for pair in pairs]
+    return replace(linkage, kept_angles=tuple(angles))
 
 
 def _check_weld(read: Reader, linkage: Linkage, weld: Weld, where: str) -> None:
@@ -130,7 +130,7 @@ def _check_weld(read: Reader, linkage: Linkage, weld: Weld, where: str) -> None:
         )
 
 
-def _kept(linkage: Linkage, point: str, link: str, other: str) -> KeptAngle:
+def _kept_angle(linkage: Linkage, point: str, link: str, other: str) -> KeptAngle:
     """Return the drawn angle between two links, or between a link and the x axis."""
     (ax, ay), (bx, by) = (_drawn(linkage, name) if name else (sp.S.One, sp.S.Zero) for name in (link, other))
     size = sp.sqrt((ax**2 + ay**2) * (bx**2 + by**2))

@@ -57,8 +57,8 @@ def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticL
     for rigid in links:
         elastic = read.scene.links[rigid.name].elastic
         if elastic is not None:
-            made = _elastic_link if read.dimension == 2 else spatial_link
-            yield made(read, rigid, elastic, f"links.{rigid.name}")
+            link_of = _elastic_link if read.dimension == 2 else spatial_link
+            yield link_of(read, rigid, elastic, f"links.{rigid.name}")
 
 
 def _elastic_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -> ElasticLink:
@@ -121,10 +121,10 @@ def modal_damping(read: Reader) -> ModalDamping | None:
             where="modal_damping",
             hint="Make a link elastic, or leave the table out.",
         )
-    given = table.ratio if isinstance(table.ratio, list) else [table.ratio]
-    if not given:
+    values = table.ratio if isinstance(table.ratio, list) else [table.ratio]
+    if not values:
         raise SceneError("expected one damping ratio or more, got an empty list", where=where)
-    ratios = (_ratio(read, read.not_negative(ratio, units.NUMBER, where), where) for ratio in given)
+    ratios = (_ratio(read, read.not_negative(ratio, units.NUMBER, where), where) for ratio in values)
     return ModalDamping(tuple(ratios), not isinstance(table.ratio, list))
 
 
@@ -295,7 +295,7 @@ def stations(read: Reader, links: Sequence[RigidLink], elastic: Sequence[Elastic
         yield from (Station(link.link, link.link, sp.Rational(1, 2), None) for link in elastic)
     by_name = {link.link: link for link in elastic}
     length = {link.name: link.length for link in links}
-    taken: set[str] = set()
+    names: set[str] = set()
     for i, station in enumerate(read.scene.stations):
         where = f"stations.{i}"
         read.known_link(station.link, f"{where}.link")
@@ -312,14 +312,14 @@ def stations(read: Reader, links: Sequence[RigidLink], elastic: Sequence[Elastic
             )
         name = station.name or f"{station.link}_{100 * fraction:.6g}".replace(".", "_")
         others = {*read.scene.links, *read.scene.points} - {station.link}
-        if name in taken or name in others:
+        if name in names or name in others:
             owner = "a link or a point" if name in others else "another station"
             raise SceneError(
                 f"{name!r} is {owner} already",
                 where=f"{where}.name",
                 hint="Give the station a name of its own.",
             )
-        taken.add(name)
+        names.add(name)
         fibre = None
         if station.fibre is not None and read.dimension == 3:
             raise SceneError(

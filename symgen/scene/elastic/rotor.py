@@ -203,11 +203,11 @@ def _link(read: Reader, name: str, link: Link, welds: dict[str, tuple[str, ...]]
             where=where,
             hint="Write elastic = { E, shear }, or make its points ground, which is rigid.",
         )
-    for keys, given, place in (
+    for keys, keys_present, place in (
         (_LINK, link.model_fields_set, where),
         (_ELASTIC, elastic.model_fields_set, f"{where}.elastic"),
     ):
-        for key in sorted(given - keys):
+        for key in sorted(keys_present - keys):
             raise SceneError(
                 f"a link of a rotor has no {key}",
                 where=f"{place}.{key}",
@@ -224,5 +224,5 @@ def _link(read: Reader, name: str, link: Link, welds: dict[str, tuple[str, ...]]
             where=f"{where}.elastic.elements",
         )
     width, of_section = section_in_space(read, link, elastic, length, where)
-    own = tuple(p for p in link.points[:2] if name in welds.get(p, ()))
-    return RotorLink(name, link.points[0], link.points[1], elements, own, width, of_section)
+    welded = tuple(p for p in link.points[:2] if name in welds.get(p, ()))
+    return RotorLink(name, link.points[0], link.points[1], elements, welded, width, of_section)

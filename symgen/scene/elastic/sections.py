@@ -90,15 +90,15 @@ def line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool =
             hint='Write density = "7850 kg/m^3" instead of the mass, or leave the section out.',
         )
     shape = _shape(read, link.section, length, f"{where}.section", in_space)
-    given = [key for key in ("density", "mass", "mass_per_length") if getattr(link, key) is not None]
-    if len(given) != 1:
-        problem = f"give one of {', '.join(given)}, not all" if given else "this link has no mass"
+    mass_keys = [key for key in ("density", "mass", "mass_per_length") if getattr(link, key) is not None]
+    if len(mass_keys) != 1:
+        problem = f"give one of {', '.join(mass_keys)}, not all" if mass_keys else "this link has no mass"
         raise SceneError(
             problem,
-            where=f"{where}.{given[-1]}" if given else where,
+            where=f"{where}.{mass_keys[-1]}" if mass_keys else where,
             hint='Write density = "7850 kg/m^3"; the mass follows from it and the section.',
         )
-    return _line(read, link, given[0], shape, length, where)
+    return _line(read, link, mass_keys[0], shape, length, where)
 
 
 _NEEDED = "stiffness and mass follow from it"
@@ -148,10 +148,10 @@ def rigid(line: Line, length: sp.Expr, rotary: bool) -> tuple[sp.Expr, sp.Expr, 
 def _shape(read: Reader, section: Section, length: sp.Expr, where: str, in_space: bool) -> Shape:
     """Return the properties of a section of one of the kinds."""
     written = {key for key in section.model_fields_set if getattr(section, key) is not None}
-    found = next(((keys, factor) for keys, factor in _KINDS if written & set(keys)), None)
-    if found is None:
+    kind = next(((keys, factor) for keys, factor in _KINDS if written & set(keys)), None)
+    if kind is None:
         raise SceneError("this section has no size", where=where, hint=_HINT)
-    keys, factor = found
+    keys, factor = kind
     placed = {"width_along"} if in_space and "width" in keys else set()
     for key in sorted(written - set(keys) - placed):
         raise SceneError(f"a section by its {keys[0]} has no {key}", where=f"{where}.{key}", hint=_HINT)
@@ -194,11 +194,11 @@ def _linear(
 
 
 def _product(a: Polynomial, b: Polynomial) -> Polynomial:
-    found = [_ZERO] * (len(a) + len(b) - 1)
+    product = [_ZERO] * (len(a) + len(b) - 1)
     for i, x in enumerate(a):
         for k, y in enumerate(b):
-            found[i + k] += x * y
-    return tuple(found)
+            product[i + k] += x * y
+    return tuple(product)
 
 
 def _times(factor: sp.Expr, polynomial: Polynomial) -> Polynomial:

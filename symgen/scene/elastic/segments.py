@@ -117,7 +117,7 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     points = [replace(p, at=_at(places[p.name])) if p.name in places else p for p in linkage.points]
     known = {p.name: tuple(linkage.number(c) for c in p.motion) for p in linkage.points} | dict(places)
     points += [point for part in parts for point in _inner_points(part, known)]
-    made = replace(
+    linkage_of_segments = replace(
         linkage,
         points=tuple(points),
         links=tuple(links),
@@ -134,7 +134,7 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     )
     # Springs between rods of one link never turn by half a revolution.
     inner = (s for part in parts for s in _springs(part))
-    return replace(with_windings(made), loads=(*made.loads, *inner))
+    return replace(with_windings(linkage_of_segments), loads=(*linkage_of_segments.loads, *inner))
 
 
 def remade(linkage: Linkage, segments: int | None, places: Places) -> Linkage:

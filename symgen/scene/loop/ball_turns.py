@@ -19,18 +19,18 @@ def with_ball_turns(loop: Loop) -> Loop:
     """
     if not loop.having("free"):
         return loop
-    taken = {p.quantity.name for p in loop.parameters}
-    names = (name for name in map("ball_{}".format, count(1)) if name not in taken)
+    used_names = {p.quantity.name for p in loop.parameters}
+    names = (name for name in map("ball_{}".format, count(1)) if name not in used_names)
     angles = [_angles(loop, row) for row in loop.rows]
     balls = []
-    for k, own in enumerate(angles):
+    for k, numbers in enumerate(angles):
         behind = angles[k + 1] if k + 1 < len(angles) else ()
-        if own and own[2] >= 0:
+        if numbers and numbers[2] >= 0:
             behind = ()
-        elif not (own and behind and behind[2] >= 0):
+        elif not (numbers and behind and behind[2] >= 0):
             continue
         turn = quantity(next(names), "rad", f"leading rotation of the ball of row {k + 1}, held by runs")
-        balls.append(Ball(k, (own[0], own[1], own[2]), behind, turn))
+        balls.append(Ball(k, (numbers[0], numbers[1], numbers[2]), behind, turn))
     rows = list(loop.rows)
     for ball in balls:
         rows[ball.row] = replace(rows[ball.row], ahead=ball.turn.symbol)
@@ -47,16 +47,20 @@ def _angles(loop: Loop, row: Row) -> tuple[int, ...]:
         return ()
     symbols = [v.quantity.symbol for v in loop.variables]
     moving = [j for j, v in enumerate(loop.variables) if v.role == "input"]
-    found = [symbols.index(x) if x in symbols else -1 for x in (row.theta, row.eta, row.alpha)]
+    numbers = [symbols.index(x) if x in symbols else -1 for x in (row.theta, row.eta, row.alpha)]
     entries = [x for r in loop.rows for x in (r.theta, r.S, r.eta, r.alpha, r.a)]
     loads = [v.effort for v in loop.variables if v.effort is not None]
     loads += [x for load in loop.loads for x in (*load.force, *load.torque)]
-    own = [loop.variables[j] for j in found if j >= 0]
+    variables = [loop.variables[j] for j in numbers if j >= 0]
     alone = all(
         sum(x.has(v.quantity.symbol) for x in entries) == 1
         and not v.effort
         and not any(x.has(v.quantity.symbol, v.rate.symbol) for x in loads)
-        for v in own
+        for v in variables
     )
-    held = found[2] >= 0 or not row.alpha.has(*symbols)
-    return tuple(found) if min(found[:2]) >= 0 and held and alone and not set(found) & set(moving) else ()
+    has_alpha = numbers[2] >= 0 or not row.alpha.has(*symbols)
+    return (
+        tuple(numbers)
+        if min(numbers[:2]) >= 0 and has_alpha and alone and not set(numbers) & set(moving)
+        else ()
+    )

@@ -74,7 +74,7 @@ def loads(read: LoopReader, table: Rows, names: Names) -> Iterator[LoopLoad]:
 def efforts(read: LoopReader, table: Rows, names: Names) -> Mapping[str, sp.Expr | None]:
     """Return the effort of the drive at each variable, None where it is to be found."""
     places = {p.name: p for p in table.places}
-    found: dict[str, sp.Expr | None] = {
+    by_variable: dict[str, sp.Expr | None] = {
         p.name: None if p.named is not None and p.named.role == "input" else ZERO for p in table.places
     }
     for name, text in read.loop.drives.items():
@@ -83,9 +83,9 @@ def efforts(read: LoopReader, table: Rows, names: Names) -> Mapping[str, sp.Expr
         _check_not_idle(table, places[name], where)
         dim = units.FORCE if places[name].dimension == units.LENGTH else units.TORQUE
         unknown = isinstance(text, str) and text.strip() == UNKNOWN
-        found[name] = None if unknown else read.value(text, dim, where, names)
+        by_variable[name] = None if unknown else read.value(text, dim, where, names)
     inputs = [v.name for v in read.named.values() if v.role == "input"]
-    wrong = [name for name in read.loop.drives if (found[name] is None) != (name in inputs)]
+    wrong = [name for name in read.loop.drives if (by_variable[name] is None) != (name in inputs)]
     if read.free and wrong:
         raise SceneError(
             "where variables are free, the motion follows from the known efforts: only an input's drive can "
@@ -95,7 +95,7 @@ def efforts(read: LoopReader, table: Rows, names: Names) -> Mapping[str, sp.Expr
             if wrong[0] in inputs
             else "Give the effort; it is 0 if absent.",
         )
-    unknown_ = [name for name, effort in found.items() if effort is None]
+    unknown_ = [name for name, effort in by_variable.items() if effort is None]
     if len(unknown_) != len(inputs):
         raise SceneError(
             f"expected as many unknown drives as inputs, {len(inputs)} ({', '.join(inputs) or 'none'}), "
@@ -104,7 +104,7 @@ def efforts(read: LoopReader, table: Rows, names: Names) -> Mapping[str, sp.Expr
             hint=f'Where the drive of an input is given, another one is "{UNKNOWN}"; every input has an '
             "unknown drive until it is given.",
         )
-    return found
+    return by_variable
 
 
 def _rows_by_link(table: Rows) -> dict[str, int]:

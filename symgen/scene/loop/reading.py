@@ -107,12 +107,12 @@ class LoopReader(Values):
 
     def folded(self, expression: sp.Expr, where: str) -> sp.Expr:
         """Return a value of which the model keeps the number alone: it may hold no tunable parameter."""
-        held = sorted(s.name for s in expression.free_symbols if s in self.defaults)
-        if held:
+        tunable = sorted(s.name for s in expression.free_symbols if s in self.defaults)
+        if tunable:
             raise SceneError(
-                f"expected a value that stays as it is, got one by the tunable parameter {held[0]}",
+                f"expected a value that stays as it is, got one by the tunable parameter {tunable[0]}",
                 where=where,
-                hint=f"It is folded: make {held[0]} not tunable, or give a plain value.",
+                hint=f"It is folded: make {tunable[0]} not tunable, or give a plain value.",
             )
         return expression
 
@@ -123,10 +123,10 @@ class LoopReader(Values):
 
     def _check_name(self, name: str, where: str) -> None:
         check_word(name, where)
-        for what, table in (("a parameter", self.scene.parameters), ("an input", self.scene.inputs)):
+        for noun, table in (("a parameter", self.scene.parameters), ("an input", self.scene.inputs)):
             if name in table:
                 raise SceneError(
-                    f"{name!r} is {what} already", where=where, hint="Choose another name for the variable."
+                    f"{name!r} is {noun} already", where=where, hint="Choose another name for the variable."
                 )
 
     def _dimension(self, name: str, text: str | int | float, where: str, names: Names) -> Dimension:
@@ -147,37 +147,37 @@ class LoopReader(Values):
 
     def with_variables(self, places: Iterable[Place]) -> Names:
         """Names for drives and loads: time, the scene's inputs, variables, and rates as ``NAME.rate``."""
-        found = {**self.with_time, **self.signals}
+        names = {**self.with_time, **self.signals}
         for place in places:
             value, rate, _ = symbols(place.name, place.dimension, place.entry)
-            found[place.name] = value.symbol, place.dimension
-            found[f"{place.name}.rate"] = rate.symbol, rate_of(place.dimension)
-        return found
+            names[place.name] = value.symbol, place.dimension
+            names[f"{place.name}.rate"] = rate.symbol, rate_of(place.dimension)
+        return names
 
     def entry(self, text: str | int | float, dim: Dimension, where: str) -> tuple[sp.Expr, Named | None]:
         """Return an entry of a row, and the variable it holds; it must be linear in it."""
         with at(where):
             expression = parse_value(text, self.with_named, dim)
-            held = [v for v in self.named.values() if v.symbol in expression.free_symbols]
-            if not held:
+            variables = [v for v in self.named.values() if v.symbol in expression.free_symbols]
+            if not variables:
                 self.number(expression)
                 return expression, None
-            if len(held) > 1:
-                both = " and ".join(v.name for v in held[:2])
+            if len(variables) > 1:
+                both = " and ".join(v.name for v in variables[:2])
                 raise SceneError(
                     f"an entry holds one variable, got {text!r} with {both}",
                     hint="Make an input of the sum, and name that.",
                 )
-            slope = sp.diff(expression, held[0].symbol)
-            if held[0].symbol in slope.free_symbols:
+            slope = sp.diff(expression, variables[0].symbol)
+            if variables[0].symbol in slope.free_symbols:
                 raise SceneError(
                     f"an entry is linear in its variable, got {text!r}",
                     hint="Make an input of the expression, and name that.",
                 )
-            self.number(expression.xreplace({held[0].symbol: ZERO}))
+            self.number(expression.xreplace({variables[0].symbol: ZERO}))
             if self.number(slope) == 0:
-                raise SceneError(f"{held[0].name} has no effect in {text!r}")
-        return expression, held[0]
+                raise SceneError(f"{variables[0].name} has no effect in {text!r}")
+        return expression, variables[0]
 
 
 def rate_of(dim: Dimension) -> Dimension:

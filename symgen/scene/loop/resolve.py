@@ -98,8 +98,8 @@ def _variables(read: LoopReader, rows: Rows, drives: Mapping[str, sp.Expr | None
 def _check_names(scene: Scene, rows: Rows) -> None:
     """Refuse names that stand for something of the loop already."""
     variables = {p.name for p in rows.places}
-    made = {f"{name}_{what}" for name in variables for what in ("rate", "acceleration")}
-    for name in sorted(variables & made):
+    derived = {f"{name}_{derivative}" for name in variables for derivative in ("rate", "acceleration")}
+    for name in sorted(variables & derived):
         raise SceneError(f"{name!r} is what symgen calls the rate of a variable", where=f"loop.inputs.{name}")
     plain = {name for name, parameter in scene.parameters.items() if not parameter.tunable}
     for table, names in (("parameters", scene.parameters), ("inputs", scene.inputs)):
@@ -107,7 +107,7 @@ def _check_names(scene: Scene, rows: Rows) -> None:
             problem = ""
             if name in variables:
                 problem = f"{name!r} is a variable of the loop"
-            elif name not in plain and (name in made or _OF_LOOP.fullmatch(name)):
+            elif name not in plain and (name in derived or _OF_LOOP.fullmatch(name)):
                 problem = f"{name!r} is what symgen calls a quantity of the loop"
             if problem:
                 raise SceneError(problem, where=f"{table}.{name}", hint="Choose another name.")
@@ -164,8 +164,8 @@ def _size(
     read: LoopReader, rows: Sequence[Row], variables: Sequence[Variable], masses: Sequence[LoopBody]
 ) -> float:
     """Return the largest length of the table, or of its first guesses; that of the links, or 1 m, if none."""
-    held = {v.quantity.symbol: ZERO for v in variables}
-    table = [getattr(row, key).xreplace(held) for row in rows for key in ("a", "S")]
+    zeros = {v.quantity.symbol: ZERO for v in variables}
+    table = [getattr(row, key).xreplace(zeros) for row in rows for key in ("a", "S")]
     guesses = [v.start for v in variables if v.quantity.unit == "m"]
     largest = 0.0
     for lengths in ((*table, *guesses), [c for body in masses for c in body.centre]):
@@ -175,14 +175,14 @@ def _size(
 
 def _assembly_tolerance(read: LoopReader, size: float) -> sp.Expr:
     """Return the defect of closure [m] that is tolerated."""
-    asked, where = read.scene.analysis.assembly_tolerance, "analysis.assembly_tolerance"
-    if asked is None:
+    text, where = read.scene.analysis.assembly_tolerance, "analysis.assembly_tolerance"
+    if text is None:
         return ZERO
-    tolerance = read.folded(read.positive(asked, units.LENGTH, where), where)
+    tolerance = read.folded(read.positive(text, units.LENGTH, where), where)
     if read.number(tolerance) > _MOST_OPEN * size:
         raise SceneError(
             f"expected an assembly tolerance of at most {_MOST_OPEN * size:.3g} m for a loop of "
-            f"{size:.3g} m, got {asked!r}",
+            f"{size:.3g} m, got {text!r}",
             where=where,
             hint="Larger errors are not of manufacture: check the lengths and twists of the table.",
         )

@@ -44,7 +44,7 @@ def rows_of(read: LoopReader) -> Rows:
     _check_links(read)
     rows: list[Row] = []
     places: list[Place] = []
-    held: dict[int, list[str]] = {}
+    links_of_variable: dict[int, list[str]] = {}
     for i, written in enumerate(read.loop.rows):
         where = f"loop.rows.{i}"
         joint = _joint(written, where)
@@ -52,17 +52,17 @@ def rows_of(read: LoopReader) -> Rows:
         for key in ENTRIES:
             entries[key], place = _entry(read, written, joint, i, key)
             if place is None and key in joint.varies:
-                held.setdefault(i, []).append(key)
+                links_of_variable.setdefault(i, []).append(key)
             if place is not None and all(p.name != place.name or p.row != i for p in places):
                 places.append(place)
         for key, freedom in joint.coupled:
             pitch = read.value(written.pitch or 0, units.LENGTH, f"{where}.pitch")
             entries[key] += pitch * entries[freedom]
         rows.append(Row(written.joint, written.link, **entries))
-    found = Rows(tuple(rows), tuple(places), _idle(read, rows, held))
+    result = Rows(tuple(rows), tuple(places), _idle(read, rows, links_of_variable))
     _check_named(read, places)
-    _check_count(read, found)
-    return found
+    _check_count(read, result)
+    return result
 
 
 def _check_links(read: LoopReader) -> None:
@@ -140,9 +140,9 @@ def _between_balls(rows: Sequence[Row]) -> Iterator[int]:
             yield i
 
 
-def _idle(read: LoopReader, rows: Sequence[Row], held: dict[int, list[str]]) -> frozenset[int]:
+def _idle(read: LoopReader, rows: Sequence[Row], links_of_variable: dict[int, list[str]]) -> frozenset[int]:
     """Return the rows of links whose idle spin a constant alpha holds; refuse all other held freedoms."""
-    left, idle = dict(held), set()
+    left, idle = dict(links_of_variable), set()
     for i in _between_balls(rows):
         for row in (i, i + 1):
             if left.get(row) == ["alpha"]:
@@ -172,15 +172,15 @@ def _check_named(read: LoopReader, places: Sequence[Place]) -> None:
     for named in read.named.values():
         table = "inputs" if named.role == "input" else "free"
         where = f"loop.{table}.{named.name}"
-        found = [p for p in places if p.named is named]
-        if not found:
+        matching = [p for p in places if p.named is named]
+        if not matching:
             raise SceneError(
                 f"no row holds the variable {named.name}",
                 where=where,
                 hint=f'Name it in a row, as in theta = "{named.name}".',
             )
-        if len(found) > 1:
-            rows = " and ".join(str(p.row + 1) for p in found[:2])
+        if len(matching) > 1:
+            rows = " and ".join(str(p.row + 1) for p in matching[:2])
             raise SceneError(f"{named.name} may occur in one row only, got rows {rows}", where=where)
         if any(p.name == named.name and p.named is None for p in places):
             raise SceneError(
@@ -214,10 +214,10 @@ def _check_count(read: LoopReader, table: Rows) -> None:
             hint=f'Write "{UNKNOWN}" for the variables that the loop decides.',
         )
     if len(dependent) > EQUATIONS:
-        given = ", ".join(read.named)
+        listed = ", ".join(read.named)
         raise SceneError(
             f"{len(dependent)} dependent variables for the {EQUATIONS} equations of closure: {names} "
-            f"(given are {given})",
+            f"(given are {listed})",
             where=where,
             hint="Make inputs or free variables of the surplus ones, or take joints with fewer freedoms.",
         )

@@ -120,7 +120,7 @@ def _drawn(read: Reader, name: str, point: Point, place: list[str | int | float]
     return PlacedPoint(name, at, True, tuple(a + b for a, b in zip(at, moved, strict=True)))
 
 
-def own_points(read: Reader, link: Link, where: str) -> list[PlacedPoint]:
+def points_of_body(read: Reader, link: Link, where: str) -> list[PlacedPoint]:
     """Return the points a link names, each once."""
     named = [read.known_point(p, f"{where}.points") for p in link.points]
     if len({p.name for p in named}) < len(named):
@@ -134,7 +134,7 @@ def own_points(read: Reader, link: Link, where: str) -> list[PlacedPoint]:
 def link(read: Reader, name: str, link: Link) -> RigidLink:
     """Return a link with its length, mass and inertia, and the further points that it carries."""
     where = f"links.{name}"
-    named = own_points(read, link, where)
+    named = points_of_body(read, link, where)
     start, end, *others = named
     drawn = tuple(b - a for a, b in zip(start.at, end.at, strict=True))
     squared = sp.Add(*(c**2 for c in drawn))

@@ -28,13 +28,13 @@ def guides(read: Reader) -> Iterator[Guide]:
 
 def drivers(read: Reader) -> Iterator[Driver]:
     """Yield the drivers: one at most for each link."""
-    seen: set[str] = set()
+    driven: set[str] = set()
     for i, driver in enumerate(read.scene.drivers):
         where = f"drivers.{i}"
         read.turning_link(driver.link, f"{where}.link")
-        if driver.link in seen:
+        if driver.link in driven:
             raise SceneError(f"the link {driver.link} is driven twice", where=f"{where}.link")
-        seen.add(driver.link)
+        driven.add(driver.link)
         angle = read.value(driver.angle, units.NUMBER, f"{where}.angle", read.with_time)
         read.moving(angle, f"{where}.angle")
         yield Driver(driver.link, angle)

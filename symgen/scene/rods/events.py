@@ -17,14 +17,14 @@ _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 
 def events(read: Reader) -> Iterator[Event]:
     """Yield the events: an expression of the state, less the value it passes."""
-    seen: set[str] = set()
+    names: set[str] = set()
     if read.scene.events and any(link.elastic for link in read.scene.links.values()):
         raise SceneError("a scene with elastic links has no events", where="events")
     for i, event in enumerate(read.scene.events):
         where = f"events.{i}"
-        if event.name in seen:
+        if event.name in names:
             raise SceneError(f"two events are called {event.name!r}", where=f"{where}.name")
-        seen.add(event.name)
+        names.add(event.name)
         with at(f"{where}.of"):
             gap, dimension = parse_any(event.of, _names(read))
             if TIME.symbol not in gap.free_symbols and not state_of(gap):
@@ -51,12 +51,12 @@ def revolves(gap: sp.Expr) -> bool:
 
 def _names(read: Reader) -> Names:
     """Names of the state as loads have them, and as outputs call them."""
-    found = dict(read.with_state())
+    names = dict(read.with_state())
     for point in read.scene.points:
         for axis in AXES[: read.dimension]:
-            found[f"{point}.position.{axis}"] = found[f"{point}.{axis}"]
-            found[f"{point}.velocity.{axis}"] = found[f"{point}.v{axis}"]
+            names[f"{point}.position.{axis}"] = names[f"{point}.{axis}"]
+            names[f"{point}.velocity.{axis}"] = names[f"{point}.v{axis}"]
     if read.dimension == 2:
         for link in read.scene.links:
-            found[f"{link}.angular_velocity"] = found[f"{link}.rate"]
-    return found
+            names[f"{link}.angular_velocity"] = names[f"{link}.rate"]
+    return names

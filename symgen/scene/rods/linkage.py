@@ -325,9 +325,9 @@ class Linkage:
     @property
     def moves(self) -> bool:
         """Whether ground, drives or a motor move it in the rigid motion of its elastic links."""
-        given = [c for p in self.points if p.ground for c in p.motion] + [d.angle for d in self.drivers]
+        prescribed = [c for p in self.points if p.ground for c in p.motion] + [d.angle for d in self.drivers]
         driven = self.crank is not None and self.crank.mode == "motor"
-        return driven or any(TIME.symbol in e.free_symbols for e in given)
+        return driven or any(TIME.symbol in e.free_symbols for e in prescribed)
 
     def number(self, expression: sp.Expr) -> float:
         """Return the value of an expression at the scene's own parameters and t = 0."""

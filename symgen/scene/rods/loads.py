@@ -21,13 +21,13 @@ def masses(read: Reader, links: Sequence[RigidLink]) -> Iterator[PlacedMass]:
     for i, mass in enumerate(read.scene.masses):
         where = f"masses.{i}"
         point = read.known_point(mass.point, f"{where}.point").name
-        own = read.not_negative(mass.mass, units.MASS, f"{where}.mass")
+        value = read.not_negative(mass.mass, units.MASS, f"{where}.mass")
         if mass.inertia is None:
             if mass.link is not None:
                 raise SceneError(
                     "a mass without a moment of inertia rotates with no link", where=f"{where}.link"
                 )
-            yield PlacedMass(point, own)
+            yield PlacedMass(point, value)
             continue
         if read.dimension == 3 or isinstance(mass.inertia, list):
             raise SceneError(
@@ -36,14 +36,14 @@ def masses(read: Reader, links: Sequence[RigidLink]) -> Iterator[PlacedMass]:
                 hint="In the plane write one moment; in space give the inertia to a body.",
             )
         inertia = read.not_negative(mass.inertia, units.INERTIA, f"{where}.inertia")
-        yield PlacedMass(point, own, inertia, _turned(read, links, mass, where))
+        yield PlacedMass(point, value, inertia, _turned(read, links, mass, where))
 
 
 def with_inertias(links: Iterable[RigidLink], masses: Sequence[PlacedMass]) -> Iterator[RigidLink]:
     """Yield the links, with the moments of inertia of masses that rotate with them."""
     for link in links:
-        own = [mass.inertia for mass in masses if mass.link == link.name]
-        yield replace(link, inertia=sp.Add(link.inertia, *own)) if own else link
+        inertias = [mass.inertia for mass in masses if mass.link == link.name]
+        yield replace(link, inertia=sp.Add(link.inertia, *inertias)) if inertias else link
 
 
 def loads(read: Reader) -> Iterator[Load]:
@@ -66,9 +66,9 @@ def _turned(read: Reader, links: Sequence[RigidLink], mass: PointMass, where: st
         where_not = f"the link {mass.link}" if mass.link else "any link"
         raise SceneError(f"{mass.point} is not on {where_not}", where=f"{where}.inertia")
     if len(there) > 1:
-        found = ", ".join(k.name for k in there)
+        names = ", ".join(k.name for k in there)
         raise SceneError(
-            f"{mass.point} is on the links {found}: a mass with inertia rotates with one of them",
+            f"{mass.point} is on the links {names}: a mass with inertia rotates with one of them",
             where=f"{where}.inertia",
             hint=f'Write link = "{there[0].name}", or weld the links there.',
         )

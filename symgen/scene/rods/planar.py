@@ -35,18 +35,18 @@ def in_its_plane(linkage: Linkage) -> Linkage:
     if linkage.dimension == 2:
         return linkage
     whole = next(_turning_in_space(linkage), None)
-    found: list[str] = [whole] if whole else []
+    obstacles: list[str] = [whole] if whole else []
     for across in () if whole else (2, 1, 0):
         level = linkage.points[0].at[across]
         if level.free_symbols or any(p.at[across] != level for p in linkage.points):
             continue
         plane = Plane(across, level, linkage)
-        values = _held(linkage, plane)
+        values = _values_of_constants(linkage, plane)
         leaves = next(_leaving(linkage, plane, values), None)
         if leaves is None:
             return _projected(linkage, plane, values)
-        found.append(f"{leaves}, across the plane {plane}")
-    return replace(linkage, leaves_plane="; ".join(found) or "its points lie in no plane across an axis")
+        obstacles.append(f"{leaves}, across the plane {plane}")
+    return replace(linkage, leaves_plane="; ".join(obstacles) or "its points lie in no plane across an axis")
 
 
 def _turning_in_space(linkage: Linkage) -> Iterator[str]:
@@ -54,7 +54,7 @@ def _turning_in_space(linkage: Linkage) -> Iterator[str]:
     yield from (f"the body {body.name} turns about any axis" for body in linkage.bodies)
 
 
-def _held(linkage: Linkage, plane: Plane) -> Values:
+def _values_of_constants(linkage: Linkage, plane: Plane) -> Values:
     """Return the quantities of the motion across the plane in loads: the constant coordinate, and no rate."""
     axis = AXES[plane.across]
     return {
@@ -107,8 +107,8 @@ def _lost(expression: sp.Expr, values: Values) -> bool:
     """Return whether an expression of the state has no value in a plane, such as 1/A.z at zero."""
     if not state_of(expression):
         return False
-    put: sp.Expr = expression.xreplace(values)
-    return bool(put.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I))
+    value: sp.Expr = expression.xreplace(values)
+    return bool(value.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I))
 
 
 def _projected(linkage: Linkage, plane: Plane, values: Values) -> Linkage:

@@ -65,12 +65,12 @@ def _joined(linkage: Linkage) -> list[set[str]]:
 def _of_hertz(scene: Scene) -> Iterator[str]:
     """Yield the angular velocities that are written in Hz and are no multiple of pi."""
     frequencies = {name for name, p in scene.parameters.items() if _HERTZ.search(str(p.value))}
-    given: list[tuple[str, object]] = [
+    quantities: list[tuple[str, object]] = [
         (f"drivers.{k}.angle", driver.angle) for k, driver in enumerate(scene.drivers)
     ]
-    given += [("crank.speed", scene.crank.speed)] if scene.crank else []
-    given += [(f"start.rates.{name}", rate) for name, rate in scene.start.rates.items()]
-    for where, text in given:
+    quantities += [("crank.speed", scene.crank.speed)] if scene.crank else []
+    quantities += [(f"start.rates.{name}", rate) for name, rate in scene.start.rates.items()]
+    for where, text in quantities:
         names = {*_NAME.findall(str(text))}
         if "pi" not in names and (names & frequencies or _HERTZ.search(str(text))):
             yield (
@@ -101,12 +101,14 @@ def _of_reactions(linkage: Linkage) -> Iterator[str]:
     """Yield the reactions that statics does not determine."""
     ground = {p.name for p in linkage.points if p.ground}
     for body in linkage.bodies:
-        held = [p for p in body.base if p in ground]
-        if len(held) > 1:
-            shares = "equal parts are given" if len(held) == 2 else "the parts given are one choice of many"
+        grounded = [p for p in body.base if p in ground]
+        if len(grounded) > 1:
+            shares = (
+                "equal parts are given" if len(grounded) == 2 else "the parts given are one choice of many"
+            )
             yield (
-                f"body {body.name} is held at the ground points {' and '.join(held)}: of the reactions along "
-                f"the line between them only the sum is determined; {shares}"
+                f"body {body.name} is held at the ground points {' and '.join(grounded)}: of the reactions "
+                f"along the line between them only the sum is determined; {shares}"
             )
     for link in linkage.links:
         if link.mass != 0 and ground.issuperset(link.base):
@@ -114,11 +116,11 @@ def _of_reactions(linkage: Linkage) -> Iterator[str]:
                 f"link {link.name} lies between the ground points {link.start} and {link.end}: of the "
                 "reactions along it only the sum is determined; parts by the lever rule are given"
             )
-    wanted = linkage.outputs or ()
+    requested = linkage.outputs or ()
     for a, b in combinations(_parts(linkage) if linkage.dimension == 3 else (), 2):
         shared = sorted(_points(a) & _points(b))
         forces = (f"{part.name}.{p}.force" for part in (a, b) for p in shared)
-        if len(shared) > 1 and not ground.issuperset(shared) and any(f in wanted for f in forces):
+        if len(shared) > 1 and not ground.issuperset(shared) and any(f in requested for f in forces):
             yield (
                 f"links {a.name} and {b.name} share the points {' and '.join(shared)}: of the forces along "
                 "the line between them only the sum is determined; the parts given are one choice of many"

@@ -39,16 +39,16 @@ def spatial_bodies(read: Reader, links: Sequence[RigidLink]) -> tuple[SpatialBod
         if link.as_drawn:
             rigid |= _pairs([link.start, link.end, *(p.name for p in link.carried)])
     rigid |= _pairs([p.name for p in read.points.values() if p.ground])
-    found = []
+    bodies_in_space = []
     for name, written in read.scene.links.items():
         if read.is_spatial_body(name):
-            found.append(_body(read, name, written, rigid))
-    return tuple(found)
+            bodies_in_space.append(_body(read, name, written, rigid))
+    return tuple(bodies_in_space)
 
 
 def _body(read: Reader, name: str, link: Link, rigid: Pairs) -> SpatialBody:
     where = f"links.{name}"
-    own = bodies.own_points(read, link, where)
+    points = bodies.points_of_body(read, link, where)
     for key in ("length", "mass_per_length", "density", "section", "elastic"):
         if getattr(link, key) is not None:
             raise SceneError("only a rod has this", where=f"{where}.{key}")
@@ -61,8 +61,8 @@ def _body(read: Reader, name: str, link: Link, rigid: Pairs) -> SpatialBody:
     mass = read.positive(link.mass, units.MASS, f"{where}.mass")
     centre = _exact(read.vector(link.centre, units.LENGTH, f"{where}.centre"), f"{where}.centre")
     second = _spread(read, link.inertia, f"{where}.inertia")
-    base = _base(read, name, own, centre, _radius(read, mass, second))
-    places = {p.name: _exact(p.at, f"points.{p.name}.at") for p in (*own, *base)}
+    base = _base(read, name, points, centre, _radius(read, mass, second))
+    places = {p.name: _exact(p.at, f"points.{p.name}.at") for p in (*points, *base)}
     _same_motion(base, where)
     columns = sp.Matrix([[1, 1, 1, 1], *zip(*(places[p.name] for p in base), strict=True)])
     inverse = columns.inv()
@@ -86,7 +86,7 @@ def _body(read: Reader, name: str, link: Link, rigid: Pairs) -> SpatialBody:
         for a, b in combinations(names, 2)
         if frozenset((a, b)) not in rigid
     )
-    carried = [WeightedPoint(p.name, weights(places[p.name])) for p in own if p.name not in names]
+    carried = [WeightedPoint(p.name, weights(places[p.name])) for p in points if p.name not in names]
     carried += [
         WeightedPoint(p, weights(_exact(read.points[p].at, f"points.{p}.fraction")))
         for p in bodies.on_link(read, name)
@@ -145,7 +145,7 @@ def _radius(read: Reader, mass: sp.Expr, spread: sp.Matrix) -> float:
 
 
 def _base(
-    read: Reader, name: str, own: Sequence[PlacedPoint], centre: Vector, radius: float
+    read: Reader, name: str, points: Sequence[PlacedPoint], centre: Vector, radius: float
 ) -> list[PlacedPoint]:
     """Choose four base points, well spread: points of the body, hidden ones where those do not suffice.
 
@@ -155,11 +155,11 @@ def _base(
     def shared(p: PlacedPoint) -> bool:
         return any(p.name in k.points for other, k in read.scene.links.items() if other != name)
 
-    ranked = sorted(own, key=lambda p: (not p.ground, not shared(p)))
-    places = {p.name: [read.number(c) for c in p.at] for p in own}
+    ranked = sorted(points, key=lambda p: (not p.ground, not shared(p)))
+    places = {p.name: [read.number(c) for c in p.at] for p in points}
     first = ranked[0]
     start = places[first.name]
-    arms = {p.name: [a - b for a, b in zip(places[p.name], start, strict=True)] for p in own}
+    arms = {p.name: [a - b for a, b in zip(places[p.name], start, strict=True)] for p in points}
     middle = [float(c) - s for c, s in zip(centre, start, strict=True)]
     size = max(radius, *(math.hypot(*arm) for arm in arms.values()))
     chosen: list[PlacedPoint] = [first]

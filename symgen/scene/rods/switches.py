@@ -30,25 +30,25 @@ def with_switches(linkage: Linkage) -> Linkage:
     if linkage.kinematic:
         return linkage
     linkage = _without_switches(linkage)
-    found, crank = _Switches(linkage.parameters), linkage.crank
+    switches, crank = _Switches(linkage.parameters), linkage.crank
     changed = replace(
         linkage,
         loads=tuple(
-            load.with_expressions(partial(found.held, _place(table, i), own=load.name))
+            load.with_expressions(partial(switches.with_branches, _place(table, i), this=load.name))
             for table, i, load in linkage.placed_loads
         ),
-        crank=crank and replace(crank, torque=found.held("[crank]", crank.torque, crank.link)),
+        crank=crank and replace(crank, torque=switches.with_branches("[crank]", crank.torque, crank.link)),
     )
-    for where, expressions, own in loads_of(linkage):
-        found.stop_at_pulses(where, expressions, own)
+    for where, expressions, variable in loads_of(linkage):
+        switches.stop_at_pulses(where, expressions, variable)
     if crank:
-        found.stop_at_pulses("[crank]", (crank.torque,), crank.link)
-    if not found.switches:
+        switches.stop_at_pulses("[crank]", (crank.torque,), crank.link)
+    if not switches.switches:
         return linkage
     return replace(
         changed,
-        parameters=(*linkage.parameters, *found.branches),
-        switches=tuple(found.switches),
+        parameters=(*linkage.parameters, *switches.branches),
+        switches=tuple(switches.switches),
     )
 
 
@@ -59,27 +59,33 @@ def with_switches_of_loop(loop: Loop) -> Loop:
     """
     if not loop.having("free"):
         return loop
-    found = _Switches(loop.parameters, {v.rate.symbol: sp.Symbol(f"{v.name}.rate") for v in loop.variables})
+    switches = _Switches(
+        loop.parameters, {v.rate.symbol: sp.Symbol(f"{v.name}.rate") for v in loop.variables}
+    )
 
     def loaded(index: int, load: LoopLoad) -> LoopLoad:
         where = _place("loop.loads", index)
-        found.stop_at_pulses(where, (*load.force, *load.torque))
-        force, torque = (tuple(found.held(where, x) for x in v) for v in (load.force, load.torque))
+        switches.stop_at_pulses(where, (*load.force, *load.torque))
+        force, torque = (
+            tuple(switches.with_branches(where, x) for x in v) for v in (load.force, load.torque)
+        )
         return replace(load, force=force, torque=torque)
 
     def driven(variable: Variable) -> Variable:
         if variable.effort is None:
             return variable
         where = f"the drive of {variable.name}"
-        found.stop_at_pulses(where, (variable.effort,))
-        return replace(variable, effort=found.held(where, variable.effort))
+        switches.stop_at_pulses(where, (variable.effort,))
+        return replace(variable, effort=switches.with_branches(where, variable.effort))
 
     changed = replace(
         loop,
         loads=tuple(loaded(i, load) for i, load in enumerate(loop.loads)),
         variables=tuple(driven(v) for v in loop.variables),
     )
-    return replace(changed, parameters=(*loop.parameters, *found.branches), switches=tuple(found.switches))
+    return replace(
+        changed, parameters=(*loop.parameters, *switches.branches), switches=tuple(switches.switches)
+    )
 
 
 def _without_switches(linkage: Linkage) -> Linkage:
@@ -117,7 +123,7 @@ class _Switches:
         self._constant = {p.quantity.symbol for p in parameters}
         self._taken = {str(s.name) for s in self._constant}
         self._words = words or {}
-        self._own = ""
+        self._this = ""
         self._branches: dict[sp.Expr, sp.Expr] = {}
         self.switches: list[Switch] = []
 
@@ -126,17 +132,17 @@ class _Switches:
         """The parameters to add: a branch of each switching point, 0 outside runs."""
         return tuple(Parameter(s.branch, sp.Integer(0)) for s in self.switches)
 
-    def held(self, where: str, expression: sp.Expr, own: str = "") -> sp.Expr:
+    def with_branches(self, where: str, expression: sp.Expr, this: str = "") -> sp.Expr:
         """Return an expression with the branches of its jumps put in, from the inside out.
 
-        ``own`` is the owner of the state that the scene calls ``this``.
+        ``this`` is the owner of the state that the scene calls ``this``.
         """
-        self._own = own
+        self._this = this
         return self._of(where, expression)
 
-    def stop_at_pulses(self, where: str, expressions: Vector, own: str = "") -> None:
+    def stop_at_pulses(self, where: str, expressions: Vector, this: str = "") -> None:
         """Add a switching point in the middle of every smooth pulse and edge in the time alone."""
-        self._own = own
+        self._this = this
         for node in (n for e in expressions for n in sp.preorder_traversal(e)):
             gap = _middle(node, self._constant)
             if gap is not None:
@@ -159,7 +165,7 @@ class _Switches:
         if gap not in self._branches:
             name = next(n for n in map("switch_{}".format, count()) if n not in self._taken)
             self._taken.add(name)
-            text = f"{_written(written.xreplace(self._words), self._own)} in {where}"
+            text = f"{_written(written.xreplace(self._words), self._this)} in {where}"
             b = quantity(name, "1", f"branch of {text}: 0, or 1 and -1 while a run holds it")
             self.switches.append(Switch(gap, b, text, smooth))
             self._branches[gap] = b.symbol + (1 - b.symbol**2) * Sign(gap)
@@ -182,10 +188,10 @@ def _middle(node: sp.Basic, constant: Set[sp.Symbol]) -> sp.Expr | None:
     return slope if t in slope.free_symbols else u if isinstance(node, _EDGES) else None
 
 
-def _written(expression: sp.Expr, own: str) -> str:
+def _written(expression: sp.Expr, variable: str) -> str:
     """Return a jump nearly as it is written in a scene, with numbers to six digits."""
     rounded = {x: sp.Float(x, 6) for x in expression.atoms(sp.Rational) if not x.is_Integer}
     text: str = sp.sstr(expression.xreplace(rounded))
-    if own:
-        text = re.sub(rf"(?<![\w.]){re.escape(own)}\.", "this.", text)
+    if variable:
+        text = re.sub(rf"(?<![\w.]){re.escape(variable)}\.", "this.", text)
     return text.replace("Abs(", "abs(").replace("Sign(", "sign(")

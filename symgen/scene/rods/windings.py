@@ -24,12 +24,12 @@ def with_windings(linkage: Linkage) -> Linkage:
     left out first. Kinematics have no runs that move a reference, and in space no link has one angle.
     """
     old = {w.reference for w in linkage.windings}
-    kept = tuple(p for p in linkage.parameters if p.quantity not in old)
-    linkage = replace(linkage, parameters=kept, windings=())
+    constants = tuple(p for p in linkage.parameters if p.quantity not in old)
+    linkage = replace(linkage, parameters=constants, windings=())
     if linkage.kinematic or len(linkage.axes) == 3:
         return linkage
-    taken = {p.quantity.name for p in linkage.parameters}
-    names = (name for name in map("turned_{}".format, count()) if name not in taken)
+    used_names = {p.quantity.name for p in linkage.parameters}
+    names = (name for name in map("turned_{}".format, count()) if name not in used_names)
     windings = tuple(
         Winding(
             link, against, free, quantity(name, "rad", f"reference of the angle of {link}, moved by runs")
@@ -44,9 +44,9 @@ def turning(linkage: Linkage) -> tuple[str, ...]:
     """Return the links whose angles are recorded, and whose revolutions runs count."""
     if linkage.elastic or linkage.kinematic or len(linkage.shown_axes) == 3:
         return ()
-    asked = (name.rpartition(".") for name in linkage.outputs or ())
+    requested = (name.rpartition(".") for name in linkage.outputs or ())
     links = {k.name for k in linkage.links}
-    return tuple(dict.fromkeys(link for link, _, word in asked if word == "angle" and link in links))
+    return tuple(dict.fromkeys(link for link, _, word in requested if word == "angle" and link in links))
 
 
 def _angles(linkage: Linkage) -> Iterator[tuple[str, str, sp.Expr]]:
