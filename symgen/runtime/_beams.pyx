@@ -3,12 +3,11 @@
 
 import numpy as np
 
-from cpython.bytes cimport PyBytes_FromStringAndSize
-from libc.stdlib cimport calloc, free
-from libc.string cimport memcpy
 
 
-from symgen.runtime._core cimport Core, Integrable, Reals, _DONE, at_least, equations, kernel_of, kernel_t
+from symgen.runtime._core cimport (
+    Core, Integrable, Memory, Reals, _DONE, at_least, equations, kernel_of, kernel_t, memory_of,
+)
 
 cdef extern from "core/elastic.h" nogil:
     enum:
@@ -158,14 +157,6 @@ cdef object _indices(const Py_ssize_t *raw, Py_ssize_t count):
     return found
 
 
-cdef int _fill(void *to, size_t bytes, const unsigned char[::1] memory) except -1:
-    """Copy the first `bytes` of a saved memory; ValueError if it is shorter."""
-    if <size_t>memory.shape[0] < bytes:
-        raise ValueError("expected the saved memory of a motion of the same size")
-    memcpy(to, &memory[0], bytes)
-    return 0
-
-
 cdef class RigidMotion:
     """The rigid reference motion, without free coordinates, and the kernels of elastic links along it.
 
@@ -187,8 +178,7 @@ cdef class RigidMotion:
     cdef readonly Integrable equations
     cdef const elastic_table *api
     cdef rigid_motion *core
-    cdef void *memory
-    cdef size_t bytes
+    cdef Memory memory
     cdef motion_sizes sizes
     cdef tuple libraries
     cdef Reals rows, references
@@ -207,12 +197,9 @@ cdef class RigidMotion:
         given.links, given.joints = kernel_of(moving, "links"), kernel_of(joining, "joints")
         given.shaft, given.loads = kernel_of(moving, "shaft"), kernel_of(moving, "loads")
         given.setup, given.joints_setup = kernel_of(moving, "setup"), kernel_of(joining, "setup")
-        self.core = <rigid_motion *>calloc(1, self.api.motion_struct)
-        self.bytes = self.api.motion_bytes(equations.core, &self.sizes)
-        self.memory = calloc(1, self.bytes)
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.api.motion_bind(self.core, equations.core, &given, &self.sizes, stride, self.memory)
+        self.memory = memory_of(self.api.motion_struct, self.api.motion_bytes(equations.core, &self.sizes))
+        self.core = <rigid_motion *>self.memory.structure
+        self.api.motion_bind(self.core, equations.core, &given, &self.sizes, stride, self.memory.at)
         self.api.motion_start(self.core, t, state.at)
         if path is not None:
             self.rows = Reals(equations.of, path.rows)
@@ -225,10 +212,6 @@ cdef class RigidMotion:
                 raise ValueError(f"expected a constraint number of at most {equations.m}, got {path.absent}")
             self.api.motion_follow(self.core, self.rows.at, self.references.at, len(path.rows), path.spacing, path.absent)
 
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
-
     @property
     def t(self):
         """The present time [s]."""
@@ -238,12 +221,12 @@ cdef class RigidMotion:
 
     def save(self):
         """Return the bytes of its memory, and of that of its equations."""
-        return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes) + self.equations.save()
+        return self.memory.saved() + self.equations.save()
 
     def restore(self, const unsigned char[::1] memory):
         """Restore the bytes of :meth:`save` for the same motion."""
-        _fill(self.memory, self.bytes, memory)
-        self.equations.restore(memory[self.bytes:])
+        self.memory.restore(memory)
+        self.equations.restore(memory[self.memory.bytes:])
 
     def evaluate(self, double t):
         """Return the status, the state, and the results of the kernels links, joints, shaft and loads at a time."""
@@ -395,24 +378,21 @@ cdef class BeamEquations(Integrable):
         self.motion, self.packed, self.thesis = motion, packed, thesis
         self.of, self.api = motion.equations.of, motion.api
         wanted.thesis = thesis
-        self.core = <equations *>calloc(1, self.api.beams_struct)
-        self.bytes = self.api.beams_bytes(&wanted)
-        self.memory = calloc(1, self.bytes)
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.api.beams_bind(<beams *>self.core, motion.core, &wanted, self.memory)
+        self.memory = memory_of(self.api.beams_struct, self.api.beams_bytes(&wanted))
+        self.core = <equations *>self.memory.structure
+        self.api.beams_bind(<beams *>self.core, motion.core, &wanted, self.memory.at)
         self.of.api.widen(wanted.counts.constant_count, &packed.constants[0], NULL, self.api.beams_constants(<beams *>self.core))
         self.bound(np.zeros(1))
         self.whole = layout.unknowns
 
     def save(self):
         """Return the bytes of its memory, and of that of the rigid motion."""
-        return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes) + self.motion.save()
+        return self.memory.saved() + self.motion.save()
 
     def restore(self, const unsigned char[::1] memory):
         """Restore the bytes of :meth:`save` for the same equations."""
-        _fill(self.memory, self.bytes, memory)
-        self.motion.restore(memory[self.bytes:])
+        self.memory.restore(memory)
+        self.motion.restore(memory[self.memory.bytes:])
 
     cdef object _array(self, const void *raw, shape):
         return _doubles(self.of, raw, shape)
@@ -536,8 +516,7 @@ cdef class BeamSteps:
 
     cdef BeamEquations equations
     cdef beam_steps *core
-    cdef void *memory
-    cdef size_t bytes
+    cdef Memory memory
     cdef Py_ssize_t columns
     cdef readonly long steps
 
@@ -554,16 +533,11 @@ cdef class BeamSteps:
         for i in range(2):
             scheme.inertia[i], scheme.rate[i], scheme.place[i] = method.inertia[i], method.rate[i], method.place[i]
         scheme.a, scheme.aa, scheme.b, scheme.ba, scheme.c = &a[0, 0], &aa[0, 0], &b[0], &ba[0], &c[0]
-        self.core = <beam_steps *>calloc(1, equations.api.steps_struct)
-        self.bytes = equations.api.steps_bytes(<beams *>equations.core, &scheme, columns)
-        self.memory = calloc(1, self.bytes)
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        equations.api.steps_bind(self.core, <beams *>equations.core, &scheme, columns, self.memory)
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
+        self.memory = memory_of(
+            equations.api.steps_struct, equations.api.steps_bytes(<beams *>equations.core, &scheme, columns)
+        )
+        self.core = <beam_steps *>self.memory.structure
+        equations.api.steps_bind(self.core, <beams *>equations.core, &scheme, columns, self.memory.at)
 
     def start(self, double t, s, v):
         """Start from states (S, S'), each (unknowns, columns), at a time; return a status."""
@@ -589,12 +563,12 @@ cdef class BeamSteps:
 
     def save(self):
         """Return the bytes of its memory, and of that of its equations."""
-        return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes) + self.equations.save()
+        return self.memory.saved() + self.equations.save()
 
     def restore(self, const unsigned char[::1] memory):
         """Restore the bytes of :meth:`save` for the same steps."""
-        _fill(self.memory, self.bytes, memory)
-        self.equations.restore(memory[self.bytes:])
+        self.memory.restore(memory)
+        self.equations.restore(memory[self.memory.bytes:])
 
     @property
     def displacements(self):

@@ -169,6 +169,19 @@ cdef extern from "core/core.h" nogil:
     cdef const core_api symgen_core
 
 
+cdef class Memory:
+    """A structure of the core and its memory: zero at first, each from a cache line on, freed with this."""
+
+    cdef void *block
+    cdef void *structure
+    cdef void *at
+    cdef size_t bytes
+
+    cdef object saved(self)
+    cdef int restore(self, const unsigned char[::1] saved) except -1
+
+
+cdef Memory memory_of(size_t structure, size_t bytes)
 cdef kernel_t kernel_of(object addresses, str name)
 cdef int at_least(str what, Py_ssize_t found, Py_ssize_t needed) except -1
 
@@ -183,15 +196,15 @@ cdef class Core:
 
 cdef class Scheme:
     cdef scheme filled
-    cdef void *memory
+    cdef Memory memory
     cdef long counts[MOST_COUNTS]
 
 
 cdef class Reals:
     cdef Core of
     cdef object doubles
+    cdef Memory own
     cdef void *at
-    cdef bint own
     cdef Py_ssize_t count
 
     cdef void back(self)
@@ -200,8 +213,7 @@ cdef class Reals:
 cdef class Integrable:
     cdef Core of
     cdef equations *core
-    cdef void *memory
-    cdef size_t bytes
+    cdef Memory memory
     cdef object libraries
     cdef readonly Py_ssize_t n, m, extra, dim
 

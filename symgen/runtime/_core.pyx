@@ -25,6 +25,37 @@ STABILISATIONS = {"projection": _PROJECTION, "baumgarte": _BAUMGARTE, "raw": _RA
 cdef long REMEMBERED = 64
 
 
+# Alignment of vectors.
+cdef size_t LINE = 64
+
+
+cdef class Memory:
+    def __dealloc__(self):
+        free(self.block)
+
+    cdef object saved(self):
+        """Return the bytes of the memory."""
+        return PyBytes_FromStringAndSize(<const char *>self.at, self.bytes)
+
+    cdef int restore(self, const unsigned char[::1] saved) except -1:
+        """Restore the memory from the first of saved bytes; raise ValueError if there are too few."""
+        if <size_t>saved.shape[0] < self.bytes:
+            raise ValueError("expected the saved memory of a motion of the same size")
+        memcpy(self.at, &saved[0], self.bytes)
+        return 0
+
+
+cdef Memory memory_of(size_t structure, size_t bytes):
+    cdef Memory made = Memory.__new__(Memory)
+    cdef size_t first = (structure + LINE - 1) // LINE * LINE
+    made.block, made.bytes = calloc(1, first + bytes + LINE), bytes
+    if made.block == NULL:
+        raise MemoryError
+    made.structure = <void *>((<size_t>made.block + LINE - 1) // LINE * LINE)
+    made.at = <char *>made.structure + first
+    return made
+
+
 cdef kernel_t kernel_of(object addresses, str name):
     """Return a kernel by name; NULL if the model lacks it."""
     return <kernel_t><uintptr_t>addresses.get(name, 0)
@@ -222,15 +253,10 @@ cdef class Scheme:
                 f"most {MOST_STAGES} stages and two estimates of its error, a composition an odd number of parts"
             )
         at_least(f"numbers of a method of kind {method.kind!r}", numbers.shape[0], needed)
-        self.memory = calloc(numbers.shape[0], core.api.real_bytes)
-        if self.memory == NULL:
-            raise MemoryError
-        core.api.widen(numbers.shape[0], &numbers[0], NULL, self.memory)
+        self.memory = memory_of(0, numbers.shape[0] * core.api.real_bytes)
+        core.api.widen(numbers.shape[0], &numbers[0], NULL, self.memory.at)
         self.filled.adaptive, self.filled.error_order = method.adaptive, method.error_order
-        self.filled.counts, self.filled.numbers = self.counts, <double *>self.memory
-
-    def __dealloc__(self):
-        free(self.memory)
+        self.filled.counts, self.filled.numbers = self.counts, <double *>self.memory.at
 
 
 #: The core of doubles.
@@ -248,24 +274,18 @@ cdef class Reals:
         self.of, self.doubles = of, np.ascontiguousarray(doubles, dtype=float).reshape(-1)
         given = self.doubles
         self.count = given.shape[0]
-        self.own = of.api.real_bytes != sizeof(double)
-        if not self.own:
+        if of.api.real_bytes == sizeof(double):
             self.at = <void *>&given[0] if self.count else NULL
             return
-        self.at = calloc(self.count + 1, of.api.real_bytes)
-        if self.at == NULL:
-            raise MemoryError
+        self.own = memory_of(0, self.count * of.api.real_bytes)
+        self.at = self.own.at
         if self.count:
             of.api.widen(self.count, &given[0], NULL, self.at)
-
-    def __dealloc__(self):
-        if self.own:
-            free(self.at)
 
     cdef void back(self):
         """Copy the core's results back."""
         cdef double[::1] to
-        if self.own and self.count:
+        if self.own is not None and self.count:
             to = self.doubles
             self.of.api.narrow(self.count, self.at, &to[0], NULL)
 
@@ -273,17 +293,10 @@ cdef class Reals:
 cdef class Integrable:
     """Equations that a run integrates: their memory, sizes and diagnosis."""
 
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
-
     cdef int make(self, const sizes *wanted, const kernels *given) except -1:
-        self.core = <equations *>calloc(1, self.of.api.equations_struct)
-        self.bytes = self.of.api.equations_bytes(wanted)
-        self.memory = calloc(1, self.bytes)
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.of.api.equations_bind(self.core, wanted, given, self.memory)
+        self.memory = memory_of(self.of.api.equations_struct, self.of.api.equations_bytes(wanted))
+        self.core = <equations *>self.memory.structure
+        self.of.api.equations_bind(self.core, wanted, given, self.memory.at)
         return 0
 
     cdef int bound(self, const double[::1] parameters) except -1:
@@ -369,13 +382,13 @@ cdef class Integrable:
 
     def save(self):
         """Return the bytes of its memory: all data that persist between steps."""
-        return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes)
+        return self.memory.saved()
 
     def restore(self, const unsigned char[::1] memory):
         """Restore the bytes of :meth:`save` for the same equations."""
-        if <size_t>memory.shape[0] != self.bytes:
+        if <size_t>memory.shape[0] != self.memory.bytes:
             raise ValueError("expected the saved memory of equations of the same sizes")
-        memcpy(self.memory, &memory[0], self.bytes)
+        self.memory.restore(memory)
 
     def lost_rows(self):
         """Return the numbers of the constraints that depend on others at the last factorisation."""
@@ -515,7 +528,7 @@ cdef class Run:
     cdef Scheme scheme
     cdef task asked
     cdef run *core
-    cdef void *memory
+    cdef Memory memory
     cdef readonly double t, t_end, h, position_drift, velocity_drift, energy_drift
     cdef readonly double kinetic_min, kinetic_max, potential_min, potential_max, t_stiff
     cdef readonly double t_blind
@@ -547,19 +560,15 @@ cdef class Run:
         self.asked.max_step = max_step
         self.asked.samples, self.asked.found = times.shape[0], REMEMBERED * len(directions)
         self.asked.places_only = places_only
-        self.core = <run *>calloc(1, self.of.api.run_struct)
-        self.memory = calloc(1, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.of.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory)
+        self.memory = memory_of(
+            self.of.api.run_struct, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked)
+        )
+        self.core = <run *>self.memory.structure
+        self.of.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory.at)
         self.dim = y0.shape[0]
         self.of.api.run_start(self.core, &y0[0], NULL, &times[0], way, end)
         self.passages, self.events = [], []
         self._look()
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
 
     cdef void _look(self):
         cdef report r
@@ -584,30 +593,26 @@ cdef class Run:
             self.passages.append((found[i].t, found[i].soundness, found[i].weakest))
 
     cdef void _take_events(self, long count):
-        cdef found_event *found = <found_event *>calloc(count, sizeof(found_event))
-        cdef void *raw = calloc(count * self.dim, self.of.api.real_bytes)
+        cdef Memory of_events = memory_of(count * sizeof(found_event), count * self.dim * self.of.api.real_bytes)
+        cdef found_event *found = <found_event *>of_events.structure
         cdef long i
-        if found == NULL or raw == NULL:
-            raise MemoryError
-        self.of.api.take_events(self.core, found, raw)
-        states = self._doubles(raw, count, self.dim)
+        self.of.api.take_events(self.core, found, of_events.at)
+        states = self._doubles(of_events.at, count, self.dim)
         for i in range(count):
             self.events.append((found[i].t, found[i].index, bool(found[i].rising), states[i]))
-        free(found)
-        free(raw)
 
     def save(self):
         """Return the bytes of equations and run: the complete state of the core between two steps."""
-        return self.equations.save(), PyBytes_FromStringAndSize(<const char *>self.memory, self.core.bytes)
+        return self.equations.save(), self.memory.saved()
 
     def restore(self, const unsigned char[::1] equations, const unsigned char[::1] memory):
         """Restore the bytes of :meth:`save` for the same equations and options."""
         cdef report r
-        if <size_t>memory.shape[0] != self.core.bytes:
+        if <size_t>memory.shape[0] != self.memory.bytes:
             raise ValueError("expected the saved memory of a run of the same sizes")
         self.equations.restore(equations)
-        memcpy(self.memory, &memory[0], self.core.bytes)
-        self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory)
+        self.memory.restore(memory)
+        self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory.at)
         self.of.api.run_report(self.core, &r)
         if not (0 <= r.recorded <= self.asked.samples and r.passages == 0 and r.events == 0
                 and -1 <= r.ended_by < len(self.ways)):

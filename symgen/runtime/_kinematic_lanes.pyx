@@ -3,9 +3,7 @@
 
 import numpy as np
 
-from libc.stdlib cimport calloc, free
-
-from symgen.runtime._core cimport Core, kernel_of, kernel_t
+from symgen.runtime._core cimport Core, Memory, kernel_of, kernel_t, memory_of
 from symgen.runtime._kinematics cimport Blocks, kinematic_groups, kinematics_table
 
 from symgen.runtime._core import DOUBLE
@@ -52,9 +50,6 @@ cdef extern from "core/kinematic_lanes.h" nogil:
         void (*bind)(kinematic_lanes *, const kinematic_lane_sizes *, const kinematic_lane_kernels *, const kinematic_groups *, void *) noexcept nogil
         void (*follow)(kinematic_lanes *, const kinematic_lane_task *) noexcept nogil
 
-# Alignment of vectors.
-cdef size_t LINE = 64
-
 
 cdef class KinematicLanes:
     """Variants of one driven linkage, followed in SIMD lanes; one object per thread.
@@ -73,7 +68,7 @@ cdef class KinematicLanes:
     """
 
     cdef kinematic_lanes *core
-    cdef void *memory
+    cdef Memory memory
     cdef const lanes_table *api
     cdef kinematic_lane_sizes sizes
     cdef readonly Py_ssize_t lanes
@@ -112,19 +107,9 @@ cdef class KinematicLanes:
         self.sizes.work = max([k.work_size for k in called] + [n + m])
         self.sizes.out = max([k.out_size for k in called] + [n])
         self.blocks = Blocks(groups, n, m, called[0].out_size)
-        self.core = <kinematic_lanes *>calloc(1, self.api.lanes_struct + LINE)
-        self.memory = calloc(1, self.api.bytes(&self.sizes, &self.blocks.of) + LINE)
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.api.bind(self.aligned(), &self.sizes, &given, &self.blocks.of,
-                      <void *>((<size_t>self.memory + LINE - 1) // LINE * LINE))
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
-
-    cdef kinematic_lanes *aligned(self) noexcept nogil:
-        return <kinematic_lanes *>((<size_t>self.core + LINE - 1) // LINE * LINE)
+        self.memory = memory_of(self.api.lanes_struct, self.api.bytes(&self.sizes, &self.blocks.of))
+        self.core = <kinematic_lanes *>self.memory.structure
+        self.api.bind(self.core, &self.sizes, &given, &self.blocks.of, self.memory.at)
 
     cdef tuple padded(self, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths, Py_ssize_t count):
         """Return parameters, coordinates and lengths for all lanes; idle lanes repeat the last run."""
@@ -170,7 +155,7 @@ cdef class KinematicLanes:
                 task.q, task.lengths = &all_q[first, 0], &all_lengths[first]
                 task.rows, task.forces = &to_states[first * count * 3 * n], &to_joints[first * count * forces]
                 task.reached = &to_reached[first]
-                self.api.follow(self.aligned(), &task)
+                self.api.follow(self.core, &task)
                 first += w
         return (
             states[:runs * count * 3 * n].reshape(runs, count, 3, n), joints[:runs * count * forces].reshape(runs, count, forces),
@@ -233,6 +218,6 @@ cdef class KinematicLanes:
                 task.parameters = &all_parameters[first, 0] if given else &none
                 task.q, task.lengths, task.reached = &all_q[first, 0], &all_lengths[first], &to_reached[first]
                 e.rows, e.closure, e.steady = &to_rows[first, 0, 0], &to_violation[first], &to_steady[first]
-                self.api.follow(self.aligned(), &task)
+                self.api.follow(self.core, &task)
                 first += w
         return rows[:runs], violation[:runs], reached[:runs] == count, steady[:runs].astype(bool)

@@ -1,6 +1,6 @@
 """The interface of driven linkages in C, and what their bindings share."""
 
-from symgen.runtime._core cimport kernel_t
+from symgen.runtime._core cimport Memory, kernel_t
 
 cdef extern from "core/kinematics.h" nogil:
     cdef struct kinematics:

@@ -4,9 +4,8 @@
 import numpy as np
 
 from libc.stdint cimport uintptr_t
-from libc.stdlib cimport calloc, free
 
-from symgen.runtime._core cimport Core, at_least, kernel_of
+from symgen.runtime._core cimport Core, at_least, kernel_of, memory_of
 
 from symgen.runtime._core import DOUBLE
 
@@ -57,7 +56,7 @@ cdef class Kinematics:
     """
 
     cdef kinematics *core
-    cdef void *memory
+    cdef Memory memory
     cdef const kinematics_table *api
     cdef readonly Py_ssize_t n, m
     cdef object libraries
@@ -88,15 +87,9 @@ cdef class Kinematics:
         wanted.out = max([k.out_size for k in called] + [wanted.n])
         self.blocks = Blocks(groups, wanted.n, wanted.m, evaluator.info("closure").out_size)
         self.api = <const kinematics_table *>core.api.kinematics
-        self.core = <kinematics *>calloc(1, self.api.kinematics_struct)
-        self.memory = calloc(1, self.api.bytes(&wanted, &self.blocks.of))
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.api.bind(self.core, &wanted, &given, &self.blocks.of, &self.p[0], &self.balance_p[0], self.memory)
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
+        self.memory = memory_of(self.api.kinematics_struct, self.api.bytes(&wanted, &self.blocks.of))
+        self.core = <kinematics *>self.memory.structure
+        self.api.bind(self.core, &wanted, &given, &self.blocks.of, &self.p[0], &self.balance_p[0], self.memory.at)
 
     def follow(self, double t, const double[::1] q, const double[::1] times):
         """Follow the linkage from a pose q at t through monotone times.

@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from libc.stdlib cimport calloc, free
-from libc.string cimport memset
 
-from symgen.runtime._core cimport Core, Integrable, Reals, at_least, equations, kernel_of, kernel_t, loops_api
+from symgen.runtime._core cimport (
+    Core, Integrable, Memory, Reals, at_least, equations, kernel_of, kernel_t, loops_api, memory_of,
+)
 
 from symgen.runtime._core import DOUBLE
 
@@ -87,9 +87,6 @@ cdef extern from "core/loops.h" nogil:
         int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
         void (*undetermined)(loop *, const void *, const void *, long, long, double, double, unsigned char *) noexcept nogil
         const loop_lanes_api *(*lanes)(Py_ssize_t) noexcept nogil
-
-# Alignment of vectors.
-cdef size_t LINE = 64
 
 #: Status of closing and moving a loop, in addition to the core's own.
 OPEN, INCONSISTENT, POLE, BLIND = _OPEN, _INCONSISTENT, _POLE, _BLIND
@@ -193,12 +190,9 @@ cdef class LoopEquations(Integrable):
         self.of, self.size, self.rank, self.told, self.sizes = core, size, rank, out_size, wanted
         self.libraries = (library,)
         self.api = <const loops_table *>core.api.loops
-        self.core = <equations *>calloc(1, self.api.loop_struct)
-        self.bytes = self.api.bytes(&wanted)
-        self.memory = calloc(1, self.bytes)
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.api.bind(<loop *>self.core, &wanted, &given, &self.numbers[0], &self.lengths[0], self.balls, self.memory)
+        self.memory = memory_of(self.api.loop_struct, self.api.bytes(&wanted))
+        self.core = <equations *>self.memory.structure
+        self.api.bind(<loop *>self.core, &wanted, &given, &self.numbers[0], &self.lengths[0], self.balls, self.memory.at)
         self.seen = self.api.seen(<loop *>self.core)
         self.bound(parameters)
 
@@ -351,7 +345,7 @@ cdef class LoopLanes:
     """
 
     cdef loop_lanes *core
-    cdef void *memory
+    cdef Memory memory
     cdef const loop_lanes_api *api
     cdef loop_sizes sizes
     cdef LoopEquations like
@@ -368,19 +362,9 @@ cdef class LoopLanes:
             raise ValueError("expected kernels of a driven loop with outputs")
         if self.sizes.rank != self.sizes.solved or not 0 < self.sizes.solved <= ROWS:
             raise ValueError(f"expected one to {ROWS} independent screws, got {self.sizes.solved} of rank {self.sizes.rank}")
-        self.core = <loop_lanes *>calloc(1, self.api.lanes_struct + LINE)
-        self.memory = calloc(1, self.api.bytes(&self.sizes) + LINE)
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.api.bind(self.aligned(), &self.sizes, &given, &like.numbers[0], &like.lengths[0],
-                      <void *>((<size_t>self.memory + LINE - 1) // LINE * LINE))
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
-
-    cdef loop_lanes *aligned(self) noexcept nogil:
-        return <loop_lanes *>((<size_t>self.core + LINE - 1) // LINE * LINE)
+        self.memory = memory_of(self.api.lanes_struct, self.api.bytes(&self.sizes))
+        self.core = <loop_lanes *>self.memory.structure
+        self.api.bind(self.core, &self.sizes, &given, &like.numbers[0], &like.lengths[0], self.memory.at)
 
     def follow(self, const double[::1] own, const double[:, ::1] parameters, const double[::1] start, const double[::1] stages,
                begin, Py_ssize_t lead, const double[::1] samples, bint of_input, double close, double longest, double apart, double least):
@@ -434,6 +418,6 @@ cdef class LoopLanes:
                 task.parameters = &all_parameters[first, 0] if given else &none
                 task.times, task.out, task.hold = &to_times[first, 0], &to_out[first, 0, 0], &to_hold[first, 0]
                 task.closure, task.reached = &to_closure[first], &to_reached[first]
-                self.api.follow(self.aligned(), &task)
+                self.api.follow(self.core, &task)
                 first += w
         return made[:runs], out[:runs], hold[:runs], closure[:runs], reached[:runs] == count

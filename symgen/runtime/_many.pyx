@@ -4,12 +4,11 @@
 import numpy as np
 
 from libc.math cimport fabs, fmax, fmin
-from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy, memset
 
 from symgen.runtime._core cimport (
-    Core, Equations, Scheme, _DONE, _MORE, at_least, core_api, equations, kernel_of, kernel_t, kernels, report, run,
-    scheme as scheme_t, task,
+    Core, Equations, Memory, Scheme, _DONE, _MORE, at_least, core_api, equations, kernel_of, kernel_t, kernels,
+    memory_of, report, run, scheme as scheme_t, task,
 )
 from symgen.runtime._start cimport (
     Starter, start, start_kernels, start_sizes, start_table, _ON_THE_WAY, _STARTED,
@@ -31,9 +30,6 @@ cdef extern from "core/lane_runs.h" nogil:
         size_t (*bytes)(const lane_sizes *, const scheme_t *) noexcept nogil
         void (*bind)(lane_runs *, const lane_sizes *, const kernels *, const scheme_t *, const task *, void *) noexcept nogil
         void (*run)(lane_runs *, const void *, const void *, const void *, void *, void *, char *) noexcept nogil
-
-# Alignment of vectors.
-cdef size_t LINE = 64
 
 
 def over_variants(evaluator, str kernel, const double[:, ::1] given, const double[::1] times, rows):
@@ -97,7 +93,7 @@ cdef class Lanes:
     cdef kernels given
     cdef const lane_table *api
     cdef lane_runs *core
-    cdef void *memory
+    cdef Memory memory
     cdef object library
     cdef double[::1] rows, states, samples, drifts
     cdef char[::1] failed, found
@@ -116,22 +112,13 @@ cdef class Lanes:
         self.sizes.derived, self.sizes.work = library.derived, equations.core.sizes.work
         self.sizes.first_pivot = equations.core.sizes.first_pivot
         self.sizes.rank_tolerance = equations.core.sizes.rank_tolerance
-        self.core = <lane_runs *>calloc(1, self.api.lane_struct)
-        if self.core == NULL:
-            raise MemoryError
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
 
     cdef int bound(self, const scheme_t *method, const task *asked) except -1:
         """Allocate memory for runs by a method."""
         cdef Py_ssize_t w = self.lanes, dim = 2 * self.sizes.n + self.sizes.extra
-        self.memory = calloc(1, self.api.bytes(&self.sizes, method) + LINE)
-        if self.memory == NULL:
-            raise MemoryError
-        self.api.bind(self.core, &self.sizes, &self.given, method, asked,
-                      <void *>(((<size_t>self.memory) + LINE - 1) // LINE * LINE))
+        self.memory = memory_of(self.api.lane_struct, self.api.bytes(&self.sizes, method))
+        self.core = <lane_runs *>self.memory.structure
+        self.api.bind(self.core, &self.sizes, &self.given, method, asked, self.memory.at)
         self.rows, self.states = np.zeros(w * self.sizes.parameters + 1), np.zeros(w * dim)
         self.samples, self.drifts = np.zeros(w * asked.samples * dim), np.zeros(2 * w)
         self.failed, self.found = np.zeros(w, dtype=np.int8), np.zeros(w, dtype=np.int8)
@@ -167,9 +154,8 @@ cdef class Starts:
     cdef const start_table *of_start
     cdef start_sizes sizes
     cdef start_kernels kernels
-    cdef size_t bytes
-    cdef void *fresh
-    cdef void *state
+    cdef Memory fresh
+    cdef Memory state
     cdef kernel_t drawn, lines
     cdef const double *ahead
     cdef Py_ssize_t n, m, springs
@@ -183,7 +169,7 @@ cdef class Starts:
                  double consistent, double near):
         d, addresses = evaluator.description, evaluator.library.addresses
         self.evaluator, self.equations, self.starter = evaluator, equations, starter
-        self.api, self.e, self.state, self.bytes = equations.of.api, equations.core, equations.memory, equations.bytes
+        self.api, self.e, self.state = equations.of.api, equations.core, equations.memory
         self.s, self.of_start, self.sizes, self.kernels = starter.core, starter.api, starter.sizes, starter.given
         self.n, self.m, self.ends = equations.n, equations.m, ends
         self.rounding, self.consistent, self.near = rounding, consistent, near
@@ -198,14 +184,9 @@ cdef class Starts:
             raise ValueError("expected work memory for the kernels of a start")
         self.row, self.result = np.zeros(2 * self.n + 2), np.zeros(self.springs + 1)
         self.none_dropped = np.zeros(self.m + 1, dtype=np.int8)
-        self.fresh = calloc(1, equations.bytes)
-        if self.fresh == NULL:
-            raise MemoryError
-        memcpy(self.fresh, equations.memory, equations.bytes)
-        starter.api.bind(starter.core, &starter.sizes, &starter.given, equations.core.p, starter.memory)
-
-    def __dealloc__(self):
-        free(self.fresh)
+        self.fresh = memory_of(0, self.state.bytes)
+        memcpy(self.fresh.at, self.state.at, self.state.bytes)
+        starter.api.bind(starter.core, &starter.sizes, &starter.given, equations.core.p, starter.memory.at)
 
     def poses(self, const double[:, ::1] given, ahead=None):
         """Assemble the linkage for every row of parameters.
@@ -239,7 +220,7 @@ cdef class Starts:
 
     cdef void renew(self, const double *given) noexcept nogil:
         """Set the parameters of equations and reset their memory."""
-        memcpy(self.state, self.fresh, self.bytes)
+        memcpy(self.state.at, self.fresh.at, self.state.bytes)
         self.api.set_parameters(self.e, given, NULL)
 
     cdef bint scaled(self) noexcept nogil:
@@ -360,7 +341,7 @@ cdef class Runs(Starts):
     cdef scheme_t filled
     cdef task asked
     cdef run *core
-    cdef void *memory
+    cdef Memory memory
     cdef kernel_t outputs
     cdef Py_ssize_t out, work, turns
     cdef const double[::1] times
@@ -403,15 +384,11 @@ cdef class Runs(Starts):
             self.lanes, self.width, self.of_lanes, self.in_lanes = lanes, lanes.lanes, lanes.api, lanes.core
             self.lane_given, self.lane_states, self.lane_samples = lanes.rows, lanes.states, lanes.samples
             self.lane_drifts, self.failed, self.found = lanes.drifts, lanes.failed, lanes.found
-        self.core = <run *>calloc(1, self.api.run_struct)
-        self.memory = calloc(1, self.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory)
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
+        self.memory = memory_of(
+            self.api.run_struct, self.api.run_bytes(equations.core, &self.scheme.filled, &self.asked)
+        )
+        self.core = <run *>self.memory.structure
+        self.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory.at)
 
     cdef bint ran(self, const double *given, const double *state, double *out, double *turns, double *drift) noexcept nogil:
         """Carry out one run; return whether it ended regularly."""
@@ -424,8 +401,8 @@ cdef class Runs(Starts):
         if state != NULL:
             memcpy(&self.row[0], state, 2 * self.n * sizeof(double))
         self.renew(given)
-        memset(self.memory, 0, self.core.bytes)
-        self.api.run_bind(self.core, self.e, &self.filled, &self.asked, self.memory)
+        memset(self.memory.at, 0, self.memory.bytes)
+        self.api.run_bind(self.core, self.e, &self.filled, &self.asked, self.memory.at)
         self.api.run_start(self.core, &self.row[0], NULL, &self.times[0], NULL, NULL)
         if self.api.run_begin(self.core) != _MORE or self.api.run_advance(self.core, self.most) != _DONE:
             return False

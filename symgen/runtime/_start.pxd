@@ -1,6 +1,6 @@
 """The interface of starts in C, and their binding."""
 
-from symgen.runtime._core cimport kernel_t
+from symgen.runtime._core cimport Memory, kernel_t
 
 cdef extern from "core/start_lanes.h" nogil:
     cdef struct start_kernels:
@@ -52,7 +52,7 @@ cdef extern from "core/start_lanes.h" nogil:
 
 cdef class Starter:
     cdef start *core
-    cdef void *memory
+    cdef Memory memory
     cdef const start_table *api
     cdef start_sizes sizes
     cdef start_kernels given

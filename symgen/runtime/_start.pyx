@@ -3,15 +3,11 @@
 
 import numpy as np
 
-from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
 
-from symgen.runtime._core cimport Core, at_least, kernel_of
+from symgen.runtime._core cimport Core, Memory, at_least, kernel_of, memory_of
 
 from symgen.runtime._core import DOUBLE
-
-# Alignment of vectors.
-cdef size_t LINE = 64
 
 #: Outcomes of a step of the assembly.
 STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT = _STARTED, _ON_THE_WAY, _UNASSEMBLED, _TOO_TOLERANT
@@ -60,17 +56,11 @@ cdef class Starter:
             elif name == "start_velocity":
                 self.sizes.prescribed = rows
         self.api = <const start_table *>core.api.start
-        self.core = <start *>calloc(1, self.api.start_struct)
-        self.memory = calloc(1, self.api.bytes(&self.sizes))
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.api.bind(self.core, &self.sizes, &self.given, &self.p[0], self.memory)
+        self.memory = memory_of(self.api.start_struct, self.api.bytes(&self.sizes))
+        self.core = <start *>self.memory.structure
+        self.api.bind(self.core, &self.sizes, &self.given, &self.p[0], self.memory.at)
         memcpy(self.core.q, &q[0], self.sizes.n * sizeof(double))
         self.api.begin(self.core)
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
 
     cdef object copied(self, const double *numbers, Py_ssize_t count):
         found = np.empty(count)
@@ -128,7 +118,7 @@ cdef class StartLanes:
     """
 
     cdef start_lanes *core
-    cdef void *memory
+    cdef Memory memory
     cdef const start_lanes_table *api
     cdef start_sizes sizes
     cdef Py_ssize_t parameters
@@ -148,16 +138,9 @@ cdef class StartLanes:
             raise ValueError("expected the kernels of an assembly")
         if not 0 < self.sizes.n <= self.sizes.rows:
             raise ValueError(f"expected {self.sizes.n} rows of the assembly or more, got {self.sizes.rows}")
-        self.core = <start_lanes *>calloc(1, self.api.lanes_struct)
-        self.memory = calloc(1, self.api.bytes(&self.sizes, every) + LINE)
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        self.api.bind(self.core, &self.sizes, &given, parameters, every,
-                      <void *>((<size_t>self.memory + LINE - 1) // LINE * LINE))
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
+        self.memory = memory_of(self.api.lanes_struct, self.api.bytes(&self.sizes, every))
+        self.core = <start_lanes *>self.memory.structure
+        self.api.bind(self.core, &self.sizes, &given, parameters, every, self.memory.at)
 
     def assembled(self, const double[:, ::1] given):
         """Assemble the linkage for each row of parameters; return coordinates (runs, n) and a flag (runs,).

@@ -3,12 +3,9 @@
 
 import numpy as np
 
-from libc.stdlib cimport calloc, free
-from libc.string cimport memcpy
-
 from symgen.calls import raise_failure
 from symgen.runtime._core cimport (
-    Equations, Integrable, Scheme, at_least, equations, kernel_of, kernel_t, held_parameters,
+    Equations, Integrable, Memory, Scheme, at_least, equations, kernel_of, kernel_t, held_parameters, memory_of,
     scheme as scheme_t,
 )
 
@@ -43,10 +40,6 @@ cdef extern from "core/variations.h" nogil:
         int (*backward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
 
 
-# Alignment of vectors.
-cdef size_t LINE = 64
-
-
 cdef class Variations:
     """Derivatives along steps by directions: parameters, and numbers on which the initial state depends."""
 
@@ -57,7 +50,7 @@ cdef class Variations:
     cdef variation_kernels given
     cdef const variation_table *api
     cdef variations *core
-    cdef void *memory
+    cdef Memory memory
     cdef bint is_explicit
 
     cdef int take(self, Integrable equations, method, description, library, Py_ssize_t parameters, Py_ssize_t columns) except -1:
@@ -83,17 +76,12 @@ cdef class Variations:
     cdef int made(self, const variation_table *api) except -1:
         """Set up the core."""
         self.api = api
-        self.core = <variations *>calloc(1, api.variations_struct)
-        self.memory = calloc(1, api.bytes(self.equations.core, &self.scheme.filled, &self.sizes) + LINE)
-        if self.core == NULL or self.memory == NULL:
-            raise MemoryError
-        api.bind(self.core, self.equations.core, &self.scheme.filled, &self.sizes, &self.given,
-                 <void *>((<size_t>self.memory + LINE - 1) // LINE * LINE))
+        self.memory = memory_of(
+            api.variations_struct, api.bytes(self.equations.core, &self.scheme.filled, &self.sizes)
+        )
+        self.core = <variations *>self.memory.structure
+        api.bind(self.core, self.equations.core, &self.scheme.filled, &self.sizes, &self.given, self.memory.at)
         return 0
-
-    def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
 
     cdef object array(self, double *at, shape):
         """Return an array over memory of the core."""
