@@ -52,11 +52,9 @@ def simulate(ctx: typer.Context) -> None:
 @analysis(
     "symgen kinematics crank_rocker --of rocker --plot rocker.svg",
     "start stop at samples of state through set_ out plot xy plot_over compare film as_json backend",
-    of=o.maybe(
-        list[str],
+    of=o.names(
         "--of",
-        "NAME",
-        "A point, link or corner A.B.C, or one output of it, to record; default: all that move.",
+        "Points, links or corners A.B.C, or outputs of them, to record; default: all that move.",
     ),
 )
 def kinematics(ctx: typer.Context) -> None:
@@ -75,7 +73,7 @@ def kinematics(ctx: typer.Context) -> None:
     "set_ out plot plot_of plot_over compare film as_json backend",
     elements=o.maybe(int, "--elements", "N", "Finite elements per link of a linkage (1)."),
     sections=o.maybe(
-        list[float], "--section", "PART", "Position of a section along the links of a linkage, 0 to 1 (0.5)."
+        list[float], "--sections", "PART", "Position of a section along the links of a linkage, 0 to 1 (0.5)."
     ),
 )
 def inverse_dynamics(ctx: typer.Context) -> None:
@@ -137,16 +135,14 @@ def modes(ctx: typer.Context) -> None:
 
 
 @analysis(
-    "symgen linearise four_bar --coordinate crank.angle --at equilibrium",
+    "symgen linearise four_bar --coordinates crank.angle --at equilibrium",
     "at stable inputs outputs coordinates set_ as_json backend",
     at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of the run, "0.3 s".'),
-    inputs=o.maybe(list[str], "--input", "NAME", "An input of the scene; default: all."),
-    outputs=o.maybe(list[str], "--of", "NAME", "An output, such as A.position.x; default: coordinates."),
-    coordinates=o.maybe(
-        list[str],
-        "--coordinate",
-        "NAME",
-        "An independent coordinate, such as crank.angle; default: positions of all moving points.",
+    inputs=o.names("--inputs", "Inputs of the scene; default: all."),
+    outputs=o.names("--outputs", "Outputs, such as A.position.x; default: coordinates."),
+    coordinates=o.names(
+        "--coordinates",
+        "Independent coordinates, such as crank.angle; default: positions of all moving points.",
     ),
 )
 def linearise(ctx: typer.Context) -> None:
@@ -160,20 +156,13 @@ def linearise(ctx: typer.Context) -> None:
 
 
 @analysis(
-    "symgen sensitivity peaucellier --at equilibrium --of O.reaction",
+    "symgen sensitivity peaucellier --at equilibrium --outputs O.reaction",
     "outputs parameters at stable coordinates set_ as_json backend",
     required="scene outputs",
-    outputs=Annotated[
-        list[str],
-        o.option(
-            "--of", metavar="NAME", help="Output, such as A.position.x, or frequencies. May be repeated."
-        ),
-    ],
-    parameters=o.maybe(list[str], "--parameter", "NAME", "Tunable parameter; default: all. May be repeated."),
+    outputs=o.names("--outputs", "Outputs, such as A.position.x, or frequencies.", list[str]),
+    parameters=o.names("--parameters", "Tunable parameters; default: all."),
     at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of a driven linkage, "0.3 s".'),
-    coordinates=o.maybe(
-        list[str], "--coordinate", "NAME", "Independent coordinate to hold, such as crank.angle."
-    ),
+    coordinates=o.names("--coordinates", "Independent coordinates to hold, such as crank.angle."),
 )
 def sensitivity(ctx: typer.Context) -> None:
     """Compute exact derivatives of outputs with respect to tunable parameters.

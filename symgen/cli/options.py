@@ -118,6 +118,18 @@ Samples = Annotated[
 ]
 
 
+def separated(texts: list[str] | None) -> list[str] | None:
+    """Return the names of a list that is repeated, or separated by commas."""
+    return [name.strip() for text in texts for name in text.split(",")] if texts else None
+
+
+def names(option_name: str, help: str, kind: Any = list[str] | None, group: str = "Run") -> Any:
+    """Return the annotation of an option that lists names."""
+    return Annotated[
+        kind, option(option_name, metavar="NAME,...", group=group, callback=separated, help=help)
+    ]
+
+
 def maybe(kind: Any, name: str, metavar: str, help: str, group: str = "Run", **more: Any) -> Any:
     """Return the annotation of an option that may be absent."""
     return Annotated[kind | None, option(name, metavar=metavar, help=help, group=group, **more)]
@@ -233,13 +245,7 @@ OF_ANALYSES: dict[str, Any] = {
         Path, "--out", "FILE", "Save the result: .nc, .npz or .csv.", _OUTPUT, callback=_result_file
     ),
     "plot": Plot,
-    "plot_of": maybe(
-        list[str],
-        "--of",
-        "NAME",
-        "An output, point or link in the plot; default: all outputs. May be repeated.",
-        _OUTPUT,
-    ),
+    "plot_of": names("--of", "Outputs, points or links in the plot; default: all outputs.", group=_OUTPUT),
     "xy": maybe(
         str,
         "--xy",

@@ -149,8 +149,9 @@ def draw(
     of: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME",
-            help="A point, or joint of a loop, whose path is drawn; default: all that move. May be repeated.",
+            metavar="NAME,...",
+            callback=o.separated,
+            help="Points, or joints of a loop, whose paths are drawn; default: all that move.",
         ),
     ] = None,
     no_paths: Annotated[bool, typer.Option("--no-paths", help="Draw no paths.")] = False,
@@ -186,11 +187,8 @@ def draw(
     with _status(f"drawing of {text.name}"):
         asked: dict[str, Any] = {} if t_end is None else {"t_end": t_end}
         poses = poses_of(at, "--at") if at else None
-        paths = () if no_paths else of or None
-        sheet = sheet_of(
-            text, poses, paths=paths, unit=unit, samples=FRAMES if samples is None else samples, **asked
-        )
-        sheet.save(file)
+        asked["samples"] = FRAMES if samples is None else samples
+        sheet_of(text, poses, of=() if no_paths else of or None, unit=unit, **asked).save(file)
     print(file)
 
 

@@ -96,7 +96,7 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
 
 
 @analysis(
-    "symgen sweep slider_crank --vary a4=0in:30in:7 --of theta1.drive --out offsets.zarr",
+    "symgen sweep slider_crank --vary a4=0in:30in:7 --outputs theta1.drive --out offsets.zarr",
     "vary list_ sobol latin_hypercube random seed analysis outputs reduce samples t_end chunk part threads "
     "processes dask dry_run set_ out plot page as_json backend",
     page=o.Page,
@@ -114,12 +114,9 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
     random=o.maybe(int, "--random", "N", "Sample ranges by random numbers.", _DESIGN),
     seed=o.maybe(int, "--seed", "N", "Seed of the samples (0).", _DESIGN),
     analysis=o.maybe(str, "--analysis", "NAME", "Analysis of each run, such as simulate or periodic."),
-    outputs=o.maybe(list[str], "--of", "NAME", "An output to keep; default: all."),
-    reduce=o.maybe(
-        list[str],
-        "--reduce",
-        "NAME",
-        "peak (default), greatest, least, range, mean, rms, final or history. May be repeated.",
+    outputs=o.names("--outputs", "Outputs to keep; default: all."),
+    reduce=o.names(
+        "--reduce", "Reductions: peak (default), greatest, least, range, mean, rms, final or history."
     ),
     chunk=o.maybe(int, "--chunk", "N", "Runs that are written at a time."),
     part=o.maybe(str, "--part", "I/N", "Only every N-th chunk from the I-th, for job arrays."),

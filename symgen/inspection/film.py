@@ -154,7 +154,7 @@ def sheet_of(
     text: SceneText,
     poses: Poses | None = None,
     *,
-    paths: Sequence[str] | None = None,
+    of: Sequence[str] | None = None,
     unit: str | None = None,
     parameters: Mapping[str, float] | None = None,
     samples: int = FRAMES,
@@ -168,7 +168,7 @@ def sheet_of(
         The scene.
     poses
         Gives the values of the input, or times [s], for a model; the beginning of the motion when absent.
-    paths
+    of
         Points, or joints of a loop, whose paths are drawn; all that move when absent.
     unit
         Unit of length of the drawing; that of ``[units]`` of the scene, otherwise metres, when absent.
@@ -187,21 +187,21 @@ def sheet_of(
         As for building and running the scene.
     """
     size = _unit(unit) if unit else None
-    of = drawn_scene(text)
-    model = _built(of, parameters)
+    scene = drawn_scene(text)
+    model = _built(scene, parameters)
 
     def sketches(result: Result) -> list[Sketch]:
-        return of.view.sketches(of.resolved, model, result)
+        return scene.view.sketches(scene.resolved, model, result)
 
     motion: list[Sketch] = []
-    if poses is None or paths is None or len(paths):
-        motion = sketches(of.view.moved(model, samples, **asked))
-    drawn = motion[:1] if poses is None else sketches(of.view.posed(model, *poses(model)))
+    if poses is None or of is None or len(of):
+        motion = sketches(scene.view.moved(model, samples, **asked))
+    drawn = motion[:1] if poses is None else sketches(scene.view.posed(model, *poses(model)))
     traces = traces_of(motion)
-    for name in paths or ():
+    for name in of or ():
         check_known(name, traces, f"{text.name} has no moving point")
-    chosen = traces if paths is None else {name: traces[name] for name in paths}
-    return Sheet(model.description.title, drawn, chosen, size or of.view.unit(of.resolved))
+    paths = traces if of is None else {name: traces[name] for name in of}
+    return Sheet(model.description.title, drawn, paths, size or scene.view.unit(scene.resolved))
 
 
 def _unit(text: str) -> tuple[str, float]:
@@ -232,14 +232,14 @@ def draw(
     model: Any,
     at: Any,
     over: str | None,
-    paths: Sequence[str] | None,
+    of: Sequence[str] | None,
     unit: str | None,
     file: str | os.PathLike[str] | None,
 ) -> Sheet:
     """Return a drawing of a model and write it to a file, if one is given; see ``Model.draw``."""
     over = over or ("input" if "kinematics" in model.capabilities else "time")
     poses = None if at is None else (lambda _: (reals(at, "at").tolist(), over))
-    sheet = sheet_of(_scene_of(model), poses, paths=paths, unit=unit, parameters=model.parameters)
+    sheet = sheet_of(_scene_of(model), poses, of=of, unit=unit, parameters=model.parameters)
     if file is not None:
         sheet.save(file)
     return sheet

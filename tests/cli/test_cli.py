@@ -190,7 +190,7 @@ def test_an_analysis_is_animated(tmp_path, entry):
 
 def test_a_plot_compares_with_a_saved_result(tmp_path):
     saved, file = tmp_path / "slow.nc", tmp_path / "both.svg"
-    given = "kinematics", "crank_rocker", "--samples", "5", "--of", "B", "--of", "A.B.C"
+    given = "kinematics", "crank_rocker", "--samples", "5", "--of", "B,A.B.C"
     call(*given, "--set", "speed=30 rpm", "--out", saved)
     over = "--over", "A.B.C.transmission_angle", "--compare", saved, "--plot", file
     assert call(*given, *over).splitlines()[-1] == f"wrote {file}"
@@ -354,14 +354,14 @@ def test_options_are_shown_in_groups():
     [
         (["run", "peaucellier", "--rtol", "1e-9"], "of their own: 'symgen simulate SCENE'"),
         (["run", "four_bar", "--samples", "1.5"], "expected a whole number after --samples, got '1.5'"),
-        (["linearise", "crank_rocker", "--coordinate", "X"], "crank, coupler, rocker"),
-        (["linearise", "crank_rocker", "--coordinate", "crank.angle"], "no degree of freedom"),
+        (["linearise", "crank_rocker", "--coordinates", "X"], "crank, coupler, rocker"),
+        (["linearise", "crank_rocker", "--coordinates", "crank.angle"], "no degree of freedom"),
         (["forces", "crank_rocker"], "See 'symgen --help'"),
         (["simulate", "thesis_four_bar", "--method", "quasi-static"], "'symgen quasi-static thesis_four_bar'"),
         (["run", "four_bar", "--at", "30"], "--at does not apply to simulate of four_bar"),
         (["modes", "four_bar", "--at", "30"], "--at does not apply to modes of four_bar"),
         (["simulate", "cssp", "--revolutions", "2"], "--revolutions does not apply to simulate of cssp"),
-        (["inverse-dynamics", "slider_crank", "--section", "0.5"], "--section does not apply"),
+        (["inverse-dynamics", "slider_crank", "--sections", "0.5"], "--sections does not apply"),
         (["inverse-dynamics", "crank_rocker", "--through"], "--through does not apply"),
         (["inverse-dynamics", "thesis_four_bar", "--through"], "--through does not apply"),
         (["kinematics", "slider_crank", "--branch", "2"], "--branch does not apply to kinematics of slider_crank"),
@@ -409,18 +409,20 @@ acceleration = [0, "-9.81 m/s^2"]
     falling = math.sqrt(3 * 9.81 / (2 * 0.5))
     (mode,) = json.loads(call("modes", str(file), "--any", "--json"))["modes"]
     assert mode["s"][0] == pytest.approx(falling, rel=1e-12)
-    about = ["--at", "equilibrium", "--any", "--coordinate", "rod.angle", "--json"]
+    about = ["--at", "equilibrium", "--any", "--coordinates", "rod.angle", "--json"]
     assert json.loads(call("linearise", str(file), *about))["A"][1][0] == pytest.approx(falling**2, rel=1e-12)
     refused = runner.invoke(app, ["linearise", str(file), "--any"])
     assert refused.exit_code and "--any is for --at equilibrium" in str(refused.exception)
 
 
 def test_tables_at_an_equilibrium_are_headed_so():
-    shown = call("linearise", "four_bar", "--coordinate", "crank.angle", "--at", "equilibrium").splitlines()
+    shown = call("linearise", "four_bar", "--coordinates", "crank.angle", "--at", "equilibrium").splitlines()
     assert shown[0] == "Four-bar linkage swinging freely: linearised at the equilibrium"
-    shown = call("sensitivity", "peaucellier", "--at", "equilibrium", "--of", "D.position.x").splitlines()
+    shown = call(
+        "sensitivity", "peaucellier", "--at", "equilibrium", "--outputs", "D.position.x"
+    ).splitlines()
     assert shown[0].endswith(": derivatives at the equilibrium")
-    shown = call("linearise", "four_bar", "--coordinate", "crank.angle").splitlines()
+    shown = call("linearise", "four_bar", "--coordinates", "crank.angle").splitlines()
     assert shown[0].endswith(": linearised at t = 0 s")
 
 

@@ -265,7 +265,7 @@ def test_the_page_has_extremes_and_a_plot_and_notes_are_of_what_is_there(scene, 
 
 def test_histories_are_drawn_as_curves_and_paths_as_an_atlas(tmp_path):
     page = tmp_path / "atlas.html"
-    paths = ["--analysis", "kinematics", "--of", "B.position", "--reduce", "history", "--reduce", "peak"]
+    paths = ["--analysis", "kinematics", "--outputs", "B.position", "--reduce", "history", "--reduce", "peak"]
     command(
         "crank_rocker", "--vary", "links.coupler.length=34 cm:36 cm:3", "--samples", 9, *paths, "--page", page
     )

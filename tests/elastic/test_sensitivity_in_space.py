@@ -36,7 +36,7 @@ def test_outputs_of_a_run_have_derivatives(model):
 
 
 def test_the_command_prints_frequencies(model):
-    asked = ["--of", "frequencies", "--at", "0.01 s", "--json"]
+    asked = ["--outputs", "frequencies", "--at", "0.01 s", "--json"]
     printed = json.loads(call("sensitivity", "spatial_slider_crank", *asked))
     found = model.sensitivity(["frequencies"], at=0.01)
     assert printed["parameters"] == {"rate": "1/s"} and [*printed["outputs"]] == [*found.outputs]

@@ -43,7 +43,7 @@ def four_bar(angle):
 def test_dxf_of_poses_has_the_joints_of_two_circles():
     """In millimetres, with a layer each for links, joints, ground and paths."""
     angles = np.radians([0.0, 60.0, 200.0])
-    sheet = symgen.build("crank_rocker").draw(angles, paths=["B"], unit="mm")
+    sheet = symgen.build("crank_rocker").draw(angles, of=["B"], unit="mm")
     layers, unit = read(sheet)
     assert unit == 4
     expected = [1e3 * point for angle in angles for point in four_bar(angle)]
@@ -74,7 +74,7 @@ def slider(angle, offset):
 @pytest.mark.parametrize("offset", [0.0, 4.0])
 def test_dxf_of_a_loop_has_the_unit_of_its_table_and_its_tuned_parameters(tmp_path, offset):
     file = tmp_path / "pose.dxf"
-    symgen.build("slider_crank").with_parameters(a4=offset * 0.0254).draw(0.7, paths=["S3"], file=file)
+    symgen.build("slider_crank").with_parameters(a4=offset * 0.0254).draw(0.7, of=["S3"], file=file)
     document = ezdxf.readfile(file)
     assert document.header["$INSUNITS"] == 1  # inches
     found = [np.array(p.dxf.location) for p in document.modelspace().query('POINT[layer=="JOINTS"]')]
@@ -90,7 +90,7 @@ def test_dxf_of_a_loop_has_the_unit_of_its_table_and_its_tuned_parameters(tmp_pa
 
 def test_a_pose_of_a_motion_under_forces_is_that_of_its_run():
     """Times are sorted, and the paths end where the run ends."""
-    sheet = symgen.build("four_bar").draw([0.3, 0.0], paths=["B"])
+    sheet = symgen.build("four_bar").draw([0.3, 0.0], of=["B"])
     assert not any(line.closed for line in read(sheet)[0]["PATHS"])
     start, later = ({n.name: n.at for n in pose.nodes} for pose in sheet.poses)
     run = symgen.build("four_bar", set={"analysis.outputs": ["B.position"]}).simulate(t_eval=[0.0, 0.3])
@@ -102,7 +102,7 @@ def test_poses_and_paths_end_at_a_dead_centre():
     """The path of the crank's end is an arc to where coupler and rocker are in line."""
     scene = read_scene("crank_rocker")
     long = override(scene, {"points.A.at": ["30 cm", "0 cm"], "links.crank.length": "30 cm"})
-    sheet = sheet_of(long, lambda _: ([0.0, 1.0], "input"), paths=["A"])
+    sheet = sheet_of(long, lambda _: ([0.0, 1.0], "input"), of=["A"])
     a = 0.3
     limit = math.acos((a**2 + BASE**2 - (COUPLER + ROCKER) ** 2) / (2 * a * BASE))
     path = sheet.paths["A"]
@@ -154,7 +154,7 @@ def test_nothing_of_the_mechanism_lies_on_the_scale_or_the_arrows():
 def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch):
     model = symgen.build("crank_rocker")
     with pytest.raises(ModelError, match="no moving point 'C'"):
-        model.draw(paths=["C"])
+        model.draw(of=["C"])
     with pytest.raises(ModelError, match="unit of length.*'kg', a mass"):
         model.draw(unit="kg")
     with pytest.raises(ResultError, match=r"\.svg or \.dxf for the drawing, got 'pose.png'"):

@@ -63,7 +63,7 @@ COMMANDS = [
     "modes triple_pendulum",
     "modes elastic_four_bar --at 0,60,120,180,240 --moving",
     "linearise four_bar",
-    "sensitivity peaucellier --at equilibrium --of O.reaction",
+    "sensitivity peaucellier --at equilibrium --outputs O.reaction",
     "assemblies rssr",
     "assemblies crank_rocker",
     "quasi-static elastic_four_bar --at 0,60,120,180",

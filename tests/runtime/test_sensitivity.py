@@ -301,7 +301,7 @@ def test_real_poles_have_the_derivatives_of_their_closed_forms():
 
 def test_the_command_prints_what_python_returns():
     """Reactions to weights alone are proportional to the mass per length."""
-    arguments = ["sensitivity", "peaucellier", "--at", "equilibrium", "--of", "O.reaction"]
+    arguments = ["sensitivity", "peaucellier", "--at", "equilibrium", "--outputs", "O.reaction"]
     printed = json.loads(call(*arguments, "--json"))
     model = build("peaucellier")
     found = model.sensitivity(["O.reaction"], at=model.equilibrium())

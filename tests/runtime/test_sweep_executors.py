@@ -248,7 +248,7 @@ def test_a_dask_cluster_writes_the_same_bytes_and_outlives_killed_workers(kills,
             file = tmp_path / f"dask_{number}.zarr"
             model.sweep(OF, file=file, chunk=1, executor=client, progress=killing, **WANTED)
             assert files(whole) == files(file)
-        done = CliRunner().invoke(app, ["sweep", "slider_crank", "--vary", "S1=0 in:9 in:4", "--of",
+        done = CliRunner().invoke(app, ["sweep", "slider_crank", "--vary", "S1=0 in:9 in:4", "--outputs",
             "theta1.drive", "--dask", cluster.scheduler_address, "--out", str(tmp_path / "cli.zarr")])  # fmt: skip
         assert done.exit_code == 0, done.exception
     assert (tmp_path / "cli.zarr").is_dir()

@@ -348,7 +348,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         at: ArrayLike | None = None,
         *,
         over: str | None = None,
-        paths: Sequence[str] | None = None,
+        of: Sequence[str] | None = None,
         unit: str | None = None,
         file: str | os.PathLike[str] | None = None,
     ) -> Any:
@@ -360,7 +360,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
             Values at which poses are drawn; by default the beginning of the motion.
         over
             Variable of the values: ``input`` (the default, if there is one) or ``time`` [s].
-        paths
+        of
             Points, or joints of a loop, whose paths over the motion are drawn; by default all that move.
         unit
             Unit of length of DXF and of the scale bar, such as ``mm``; that of ``[units]``, otherwise m.
@@ -374,7 +374,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         ResultError
             When the file cannot be written.
         """
-        return display("draw", self, at, over, paths, unit, file)
+        return display("draw", self, at, over, of, unit, file)
 
     @verb
     def accelerations(self, state: State | None = None) -> Accelerations:
