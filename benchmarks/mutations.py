@@ -57,6 +57,7 @@ EULER, ROWS = "tests/mechanics/test_dual_euler.py", "tests/mechanics/test_dual_r
 LOOPS = "tests/loop/test_loop_kernels.py"
 HAMILTON, WEIGHTS = "tests/mechanics/test_hamilton.py", "tests/elastic/test_weights.py"
 LARGE, ENERGIES = "tests/elastic/test_corotational.py", "tests/elastic/test_elastic_energies.py"
+LUGS = "tests/elastic/test_offset_points.py"
 ROTATING, SPACE = "tests/elastic/test_rotor.py", "tests/elastic/test_directors.py"
 JOINED = "tests/elastic/test_joints_in_space.py"
 SYNTHESIS, NINE = "tests/synthesis/test_four_bar_synthesis.py", "tests/synthesis/test_nine_points.py"
@@ -122,6 +123,7 @@ FAULTS = (
     Fault("coupling of end rotations", "elastic/corotational.py", "cosine[0] * cosine[1] + sine[0] * sine[1]", "cosine[0] * cosine[1] - sine[0] * sine[1]", "large", LARGE),
     Fault("rotary inertia between ends", "elastic/corotational.py", "rotary / (3 if i == j else 6)", "rotary / (3 if i == j else 3)", "large", LARGE),
     Fault("axial force of a link reversed", "elastic/nodes.py", "fixed = c * PX.symbol", "fixed = -c * PX.symbol", "large", LARGE),
+    Fault("angle of a weld reversed", "elastic/nodes.py", "along = c * x - s * y", "along = c * x + s * y", "lug", LUGS),
     Fault("direction of a line reversed", "elastic/nodes.py", "sp.atan2(_Y2 - _Y1", "sp.atan2(_Y1 - _Y2", "large", LARGE),
     Fault("twist that lengthens fibres", "elastic/spatial.py", '"phi_x": force *', '"phi_x": -force *', "rotor", ROTATING),
     Fault("principal axes exchanged", "elastic/spatial.py", "(0, 2, 0): JZ.symbol, (0, 0, 2): JY.symbol", "(0, 2, 0): JY.symbol, (0, 0, 2): JZ.symbol", "rotor", ROTATING),
@@ -324,7 +326,7 @@ def results(scene: str) -> dict[str, list[float]]:
         run = model.simulate(0.4, samples=5)
     elif scene == "space":
         run = model.simulate(0.0005, rtol=0.5, samples=3)
-    elif scene == "large":
+    elif scene in ("large", "lug"):
         run = model.large_rotation(elements=2, revolutions=0.02, rtol=0.5, samples=3)
     else:
         run = model.simulate(method="gauss", steps=90, samples=7, revolutions=0.25)

@@ -313,5 +313,6 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         rotations=rotations(linkage),
         welds=tuple(kept.name for kept in linkage.kept_angles),
         body_welds=tuple(kept.name for kept in welded_to_bodies(linkage)),
+        welded_bodies=tuple((kept.point, kept.other) for kept in welded_to_bodies(linkage)),
         damps_all=linkage.modal_damping is not None and linkage.modal_damping.all,
     )

@@ -35,6 +35,11 @@ class Directions(Part):
         curvature: Array,
     ) -> None: ...
 
+class Welds(Part):
+    def __init__(
+        self, kernel: int, places: Indices, properties: Array, acting: Array, first: int, unknowns: int
+    ) -> None: ...
+
 class Ties(Part):
     def __init__(self, rows: ArrayLike, places: ArrayLike, factors: ArrayLike) -> None: ...
 

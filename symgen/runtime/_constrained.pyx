@@ -31,6 +31,10 @@ cdef enum:
     # Number of the vectors and of the factors of a constraint on directions.
     _VECTORS = 21
     _FACTORS = 8
+    # Numbers of the state of a weld to a rigid link, of the properties of its kernel, and of its angle.
+    _OF_WELD = 6
+    _PROPERTIES = 6
+    _ACTING = 8
 
 #: Corrections that do not decrease are rounding below this part of the size of the unknowns.
 cdef double _ROUNDING = 1e-10
@@ -245,6 +249,74 @@ cdef class Directions(Part):
                 self.bind(to, k * _VECTORS + i, self.out[2 + i])
         for k in range(self.curvature.shape[0] - 1):
             to.of[2 * to.size + self.slots[k]] += self.curvature[k] * s.multipliers_of[self.first + self.owners[k]]
+        return 0
+
+
+cdef class Welds(Part):
+    """Welds of sections to rigid links: places of their states (rows, 6), properties and angles, the first row.
+
+    They are numbers of the kernel ``weld`` of ``corotational_node``, (rows, 6) and (rows, 8); the state is that
+    of ``symgen.mechanics.elastic.nodes.weld``.
+    """
+
+    cdef kernel_t row
+    cdef Py_ssize_t count, first
+    cdef Py_ssize_t[::1] places, owners
+    cdef double[::1] properties, acting, out
+
+    def __init__(self, uintptr_t kernel, places, properties, acting, Py_ssize_t first, Py_ssize_t unknowns):
+        self.row, self.count, self.first = <kernel_t>kernel, len(places), first
+        self.places, self.properties, self.acting = _places(places), _numbers(properties), _numbers(acting)
+        self.out = np.zeros(2 + _OF_WELD + _OF_WELD ** 2)
+        self.bound = np.array([np.repeat(first + np.arange(len(places)), _OF_WELD), places.ravel()])
+        pairs = np.stack(np.broadcast_arrays(places[:, :, None], places[:, None, :])).reshape(2, -1)
+        # Numbers of the slopes by unknowns.
+        inner = np.flatnonzero((pairs < unknowns).all(axis=0))
+        self.owners, self.pairs = _places(inner), pairs[:, inner]
+
+    cdef inline void call(self, const states *s, Py_ssize_t row, Py_ssize_t k) noexcept:
+        cdef Py_ssize_t i, place, n = s.unknowns
+        cdef double[3 * _OF_WELD] state
+        cdef double[_ACTING] acting
+        for i in range(_OF_WELD):
+            place = self.places[k * _OF_WELD + i]
+            state[i] = _of(s.q + row * n, n, s.known_of + row * s.known, place)
+            state[_OF_WELD + i] = _of(s.v + row * n, n, s.known_rates + row * s.known, place)
+            state[2 * _OF_WELD + i] = 0.0
+        memcpy(acting, &self.acting[k * _ACTING], _ACTING * sizeof(double))
+        self.row(s.t + row, state, state + _OF_WELD, &self.properties[k * _PROPERTIES], acting, &self.out[0])
+
+    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
+        cdef Py_ssize_t row, k, i, place, at
+        for row in range(s.count):
+            for k in range(self.count):
+                self.call(s, row, k)
+                at = row * s.multipliers + self.first + k
+                if errors != NULL:
+                    errors[at] += self.out[0]
+                if rates != NULL:
+                    rates[at] += self.out[1]
+                if forces == NULL:
+                    continue
+                for i in range(_OF_WELD):
+                    place = self.places[k * _OF_WELD + i]
+                    if place < s.unknowns:
+                        forces[row * s.unknowns + place] += self.out[2 + i] * s.multipliers_of[at]
+        return 0
+
+    cdef int add_slopes(self, const states *s, matrices *to) except -1:
+        cdef Py_ssize_t k, i, last = -1, entry, square = _OF_WELD * _OF_WELD
+        for k in range(self.count):
+            self.call(s, 0, k)
+            for i in range(_OF_WELD):
+                self.bind(to, k * _OF_WELD + i, self.out[2 + i])
+        for i in range(self.owners.shape[0] - 1):
+            entry = self.owners[i]
+            k = entry // square
+            if k != last:
+                self.call(s, 0, k)
+                last = k
+            to.of[2 * to.size + self.slots[i]] += self.out[2 + _OF_WELD + entry % square] * s.multipliers_of[self.first + k]
         return 0
 
 

@@ -15,10 +15,12 @@ _RESERVED = {"t", "pi", *FUNCTIONS}
 _OWN = "this"
 #: Name prefixes of guides, switching points and angles in loads, and of most kinds of loads.
 _OTHERS = ("guide", "switch", "turned")
-#: Names of the components of points and of links in the derivation, and of points added to bodies.
+#: Names of the components of points and of links in the derivation, of points added to bodies, and of lugs of
+#: points off the line of an elastic link.
 _OF_POINT = re.compile(r"(?P<owner>.+)_[va]?[xyz]")
 _OF_LINK = re.compile(r"(?P<owner>.+)_d[xyz](_rate)?")
 _ADDED = re.compile(r"(?P<owner>.+)_base[1-3]")
+_OF_LUG = re.compile(r"(?P<owner>.+)_(lug|foot)")
 
 
 def check_names(scene: Scene) -> None:
@@ -30,12 +32,12 @@ def check_names(scene: Scene) -> None:
         twice = f"{name!r} is a parameter already" if name in scene.parameters else ""
         _refuse(_word(name) or _quantity(name, scene) or twice, f"inputs.{name}")
     for name in scene.points:
-        _refuse(_owner(name) or (_added(name, scene) if _ADDED.fullmatch(name) else ""), f"points.{name}")
+        _refuse(_owner(name) or _added(name, scene), f"points.{name}")
     rows = _rows(scene)
     for name in scene.links:
         row = _numbered(name) or name in rows
         of_symgen = f"{name!r} is what symgen calls a spring or another load, a guide, a drive or a joint"
-        _refuse(_owner(name) or (of_symgen if row else ""), f"links.{name}")
+        _refuse(_owner(name) or _added(name, scene) or (of_symgen if row else ""), f"links.{name}")
 
 
 def check_word(name: str, where: str) -> None:
@@ -66,10 +68,12 @@ def _owner(name: str) -> str:
 
 
 def _added(name: str, scene: Scene) -> str:
-    """Return a complaint if a name is that of a point that symgen may add to a body in space."""
-    added = _ADDED.fullmatch(name)
+    """Return a complaint if a name is that of a point or link that symgen may add."""
+    added, lug = _ADDED.fullmatch(name), _OF_LUG.fullmatch(name)
     if added and added["owner"] in scene.links:
         return f"{name!r} is what symgen calls a point of the link {added['owner']}"
+    if lug and lug["owner"] in scene.points and any(k.elastic for k in scene.links.values()):
+        return f"{name!r} is what symgen calls a part of the rigid joint of {lug['owner']}"
     return ""
 
 

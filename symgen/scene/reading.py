@@ -195,10 +195,15 @@ class Reader(Values):
             raise SceneError("no point says where it is drawn", where="points", hint="Give some of them at.")
         self.dimension = dims.pop()
         self.points: dict[str, PlacedPoint] = {}
+        self.take(scene)
+        self.read_signals()
+
+    def take(self, scene: Scene) -> None:
+        """Read further tables from this scene, which differs in points, links and welds alone."""
+        self.scene = scene
         self.placed_on: dict[str, list[str]] = {}  # points by the link that they are placed on
         for name, point in scene.points.items():
             self.placed_on.setdefault(point.on or "", []).append(name)
-        self.read_signals()
 
     def with_state(self, body: str = "", words: Mapping[str, Dimension] | None = None) -> Names:
         """Names for loads: time, inputs, and the state as ``owner.word``; ``this.word`` of the load ``own``.

@@ -14,6 +14,7 @@ from symgen.scene.elastic.crank import crank, driver_of, with_flywheel
 from symgen.scene.elastic.in_space import joints_in_space
 from symgen.scene.elastic.joints import with_joints, with_welds
 from symgen.scene.elastic.links import Crank
+from symgen.scene.elastic.offsets import with_lugs
 from symgen.scene.elastic.reading import check_loads, elastic_links, modal_damping, stations
 from symgen.scene.loop.loop import Loop
 from symgen.scene.loop.resolve import loop_of
@@ -84,6 +85,8 @@ def _method(scene: Scene) -> Method:
 def _linkage(scene: Scene) -> Linkage:
     read = Reader(scene)
     bodies.points(read)
+    with_lugs(read)
+    scene = read.scene
     links = tuple(
         bodies.link(read, name, link) for name, link in scene.links.items() if not read.is_spatial_body(name)
     )

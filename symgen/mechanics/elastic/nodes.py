@@ -100,3 +100,18 @@ def chord() -> Sequence[sp.Expr]:
     """Return the direction of the line from the first node to the second, and its rate."""
     direction = sp.atan2(_Y2 - _Y1, _X2 - _X1)
     return direction, _rate(direction)
+
+
+def weld() -> tuple[list[sp.Expr], list[sp.Expr], list[list[sp.Expr]]]:
+    """Return the constraint of a section that is welded to a rigid link: error and rate, slopes, curvature.
+
+    The section has the rotation of the first node. The line from the first place to the second, of the
+    length of the link, is that of the link, and makes a fixed angle with the section, by its cosine and sine.
+    The error is the sine of the difference of both angles; slopes and their slopes are by the state.
+    """
+    (c, s), (x, y) = (COSINE.symbol, SINE.symbol), _direction(_T1)
+    along = c * x - s * y, s * x + c * y
+    error = (along[0] * (_Y2 - _Y1) - along[1] * (_X2 - _X1)) / LENGTH.symbol
+    places = _STATE[: len(PLACES)]
+    slopes = [sp.diff(error, x) for x in places]
+    return [error, _rate(error)], slopes, [[sp.diff(e, x) for x in places] for e in slopes]

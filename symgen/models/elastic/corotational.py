@@ -75,6 +75,7 @@ def corotational_node_system() -> System:
         return NamedMatrix(name, sp.ImmutableMatrix(list(entries)), unit, about)
 
     residual, masses, energies = nodes.body()
+    error, slopes, curvature = nodes.weld()
     matrices = (
         column("residual", residual, "N, N, N*m", "inertia of a body less gravity"),
         column("masses", masses, "kg, kg, kg*m^2", "slopes of the residual by second rates"),
@@ -83,6 +84,11 @@ def corotational_node_system() -> System:
         column("force", nodes.force(), "N, N, N*m", "forces on a node by a force along the link"),
         column("far_end", nodes.far_end(), "m, m/s, m/s^2", "place of the far end, and its rates"),
         column("chord", nodes.chord(), "rad, rad/s", "direction of the line between the nodes, and its rate"),
+    )
+    welded = (
+        column("weld_error", error, "1, 1/s", "error of a weld to a rigid link, and its rate"),
+        column("weld_slopes", slopes, "1/m, 1", "slopes of the error by the state"),
+        NamedMatrix("weld_curvature", sp.ImmutableMatrix(curvature), "SI", "slopes of these", _ROWS, _ROWS),
     )
     return System(
         "corotational_node",
@@ -93,9 +99,10 @@ def corotational_node_system() -> System:
             Group("p", "length, gravity and a force along the link", nodes.PROPERTIES),
             Group("work", "a body, or shares of a force and the force in the axes of a link", nodes.ACTING),
         ),
-        matrices,
+        (*matrices, *welded),
         (
             Export("body", "a body at the first node", ("residual", "masses", "energies")),
             *(Export(m.name, m.description, (m.name,)) for m in matrices[3:]),
+            Export("weld", "a section that is welded to a rigid link", tuple(m.name for m in welded)),
         ),
     )

@@ -32,7 +32,9 @@ class RodsModel(ConstrainedPoints):
             mass = self.mass_entries.get((self.q[point][0].symbol,) * 2, ZERO)
             if mass.is_number and vanishes(mass):
                 raise SceneError(
-                    "this point carries no mass: its acceleration is not determined", where=f"points.{point}"
+                    f"{point} carries no mass: its acceleration is not determined",
+                    where=f"points.{point}",
+                    hint=f'Join a link with mass there, or write [[masses]] with point = "{point}".',
                 )
 
     @cached_property

@@ -33,7 +33,8 @@ class ElasticInfo:
     ``couples`` has for each couple on sections of elastic links the rotations on which it acts, one or two;
     ``rotations`` are these, each once, in the order of the kernel ``joints``.
     ``welds`` are the names of the constraints that keep the angles of welded links; ``body_welds`` those of
-    them that weld elastic links to rigid ones, in the elastic motion.
+    them that weld elastic links to rigid ones, in the elastic motion, and ``welded_bodies`` the points and
+    the rigid links of these.
     ``joints_in_space`` are those that restrict rotations, in the order of the kernel ``axes``.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
     """
@@ -53,4 +54,5 @@ class ElasticInfo:
     rotations: tuple[str, ...] = ()
     welds: tuple[str, ...] = ()
     body_welds: tuple[str, ...] = ()
+    welded_bodies: tuple[tuple[str, str], ...] = ()
     joints_in_space: tuple[JointInfo, ...] = ()

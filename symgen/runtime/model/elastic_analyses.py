@@ -87,7 +87,7 @@ class ElasticAnalyses:
         elements
             Number of beam elements of each elastic link, in place of rods. Links stretch, and the result has
             forces, torque, deflections, energies, and error estimates by time steps and by elements. Torsion
-            springs, welds to rigid links and forces that rotate with sections are refused.
+            springs and forces that rotate with sections are refused.
         rtol
             For rods, relative tolerance of the local error (1e-7); for elements, error by time steps over the
             peak stress of each station (2e-3).

@@ -69,7 +69,6 @@ def _length(read: Reader, name: str, drawn: Vector) -> sp.Expr:
 def _on_line(read: Reader, name: str, length: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
     """Return the place of a point along the line of its link and to the left of it, over the length [m]."""
     point, where = read.scene.points[name], f"points.{name}"
-    link = read.scene.links[point.on or ""]
     along = read.value(point.fraction or 0, units.NUMBER, f"{where}.fraction")
     if point.offset is None:
         return along, _ZERO
@@ -81,12 +80,6 @@ def _on_line(read: Reader, name: str, length: sp.Expr) -> tuple[sp.Expr, sp.Expr
             f"a line in space has no left side, to which {name} could be set off",
             where=where,
             hint="Write at = [x, y, z], and name it among the link's points: the link is a body then.",
-        )
-    if link.elastic is not None:
-        raise SceneError(
-            f"{point.on} is elastic: a point off its line would be rigidly joined to one section of it",
-            where=where,
-            hint="Leave the offset out, or use a rigid link.",
         )
     if TIME.symbol in length.free_symbols:
         raise SceneError(

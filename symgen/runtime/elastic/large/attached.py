@@ -28,7 +28,7 @@ _PROPERTIES = ("length", "g_x", "g_y", "start", "even", "slope")
 _WRITTEN = {"body": 8, "shares": 4, "force": 3, "far_end": 6, "chord": 2}
 #: Columns of their states, x, y and theta of two nodes with first and second rates, and of bodies and forces.
 PLACE, ANGLE, OTHER, VELOCITY, SPEED, MOVING, SECOND = 0, 2, 3, 6, 8, 9, 12
-BODY, FORCE = 0, 2
+BODY, FORCE, DIRECTION = 0, 2, 4
 
 
 def at_nodes(

@@ -20,7 +20,14 @@ from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.attached import Posed, Section, direction_of, forces_along, lumps_of
 from symgen.runtime.elastic.large.collocation import Moment, System
 from symgen.runtime.elastic.large.links import BLOCK
-from symgen.runtime.elastic.large.supports import Supports, divided, gravity_of, section_of
+from symgen.runtime.elastic.large.supports import (
+    Supports,
+    divided,
+    gravity_of,
+    rotation_of,
+    section_of,
+    welds_to_bodies,
+)
 from symgen.runtime.elastic.motion import ElasticMotion
 
 Array = NDArray[np.float64]
@@ -53,8 +60,13 @@ class LargeLinkage(System):
         self.links, pins, size = divided(motion, count, gravity)
         self._lumps = lumps_of(motion, self.links, gravity)
         self._along = [(x, self._chord(x.link)) for x in forces_along(motion, self.links)]
-        self._sections = {name: section_of(self.links, *name.split(".")) for name in motion.info.rotations}
-        self._couples = [Posed(motion, self._acting(name)) for name in motion.info.rotations]
+        self._sections = {name: rotation_of(self.links, name) for name in motion.info.rotations}
+        acted = {name for couple in motion.info.couples for name in couple}
+        self._couples = [
+            (k, self._sections[name], Posed(motion, self._acting(name)))
+            for k, name in enumerate(motion.info.rotations)
+            if name in acted
+        ]
         crank = next((k for k in self.links if k.beam.info.link == motion.info.crank), None)
         self._motor: Posed | None = None
         if motion.info.mode == "motor" and crank:
@@ -81,10 +93,16 @@ class LargeLinkage(System):
         )
         parts: list[Part] = [self._elements, Rigid(self._rigid, self._joints, rows, kept, sizes, entries)]
         supported, (row, column) = len(self._supports.rows), np.nonzero(self._supports.rows)
-        # Values of supports are known numbers behind the unknowns.
+        # Values of supports, then places of points that welds to rigid links need, are known numbers behind
+        # the unknowns.
+        welds = welds_to_bodies(motion, self.links, self._start[0], len(rows), size + supported)
+        if welds:
+            parts.append(welds)
+        welded = len(motion.info.welded_bodies)
+        self._known = len(d.points) if welds else 0
         parts.append(
             Ties(
-                len(rows) + np.append(row, np.arange(supported)),
+                len(rows) + welded + np.append(row, np.arange(supported)),
                 np.append(column, size + np.arange(supported)),
                 np.append(self._supports.rows[row, column], np.full(supported, -1.0)),
             )
@@ -94,7 +112,8 @@ class LargeLinkage(System):
         scale = np.full(size, max(link.beam.properties.length for link in self.links))
         for link in self.links:
             scale[link.places[:, 2]] = 1.0
-        super().__init__(motion.rigid.name, parts, scale, len(rows) + supported, supported)
+        multipliers, known = len(rows) + welded + supported, supported + 2 * self._known
+        super().__init__(motion.rigid.name, parts, scale, multipliers, known)
 
     def _chord(self, number: int) -> Posed:
         """Return the calls of kernels with a link of undeformed length along the line between its ends."""
@@ -145,8 +164,13 @@ class LargeLinkage(System):
         return self.motion.info.shaft_alone and not self.loaded
 
     def prescribed(self, t: Array) -> tuple[Array, Array]:
-        """Return the values of supports [m, rad] and their rates, (times, rows) each."""
-        return self._supports.values(t)
+        """Return values of supports and places of the ground [m, rad], and rates, (times, numbers) each."""
+        values = self._supports.values(t)
+        if not self._known:
+            return values
+        places = self._supports.points(t)
+        held, rates = (np.hstack(pair) for pair in zip(values, places, strict=True))
+        return held, rates
 
     def _added(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return inertia of masses on links and of a motor less loads on links, (times, unknowns)."""
@@ -154,10 +178,10 @@ class LargeLinkage(System):
         if self._lumps:
             self._lumps.add(found, q, v, a)
         self._add_along(found, t, q, v)
-        for k, (name, posed) in enumerate(zip(self._sections, self._couples, strict=True)):
+        for k, section, posed in self._couples:
             moved = posed(partial(self._ground, t), q, v)[:2]
             loads = self._joints.many_blocks("joints", t, *moved)["load"]
-            found[:, self._sections[name].place] -= loads[:, n + k]
+            found[:, section.place] -= loads[:, n + k]
         if self._motor:
             place = self._motor.moves[0][0].place
             terms = self._shaft_terms(self._motor, t, q, v)
@@ -243,9 +267,7 @@ def _check(motion: ElasticMotion) -> None:
     name, info = motion.rigid.name, motion.info
     following = [p for beam in info.beams for p in motion.profiles(beam.link) if p.follows]
     refused = {
-        "welds to rigid links": bool(info.body_welds),
         "forces that rotate with sections": bool(following),
-        "couples on welds": any("." not in name for name in info.rotations),
         "loads by angles counted over revolutions": bool(motion.rigid.description.windings),
     }
     of_sections = info.welds or info.body_welds or info.rotations or any(p.is_point for p in following)

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams.elements import meshed
-from symgen.runtime.elastic.large.attached import FORCE, Section, at_nodes
+from symgen.errors import ModelError
+from symgen.runtime._constrained import Welds
+from symgen.runtime.beams.elements import kernels, meshed
+from symgen.runtime.elastic.large.attached import DIRECTION, FORCE, Section, at_nodes
 from symgen.runtime.elastic.large.links import LargeLink, element_properties
 from symgen.runtime.elastic.motion import ElasticMotion
 
@@ -67,6 +69,54 @@ def section_of(links: Sequence[LargeLink], link: str, point: str) -> Section:
     return Section(link, info.start, info.end, own.beam.properties.length, place)
 
 
+def rotation_of(links: Sequence[LargeLink], name: str) -> Section:
+    """Return the section with a rotation of the linkage: of a link at a point, or of links welded there."""
+    link, _, point = name.rpartition(".")
+    welded = (k.beam.info.link for k in links if point in k.beam.info.welds)
+    return section_of(links, link or next(welded), point)
+
+
+def welds_to_bodies(
+    motion: ElasticMotion, links: Sequence[LargeLink], start: Array, first: int, known: int
+) -> Welds | None:
+    """Return the welds of sections to rigid links, constraints from the row ``first`` on; None without.
+
+    The angles are those at the start. Numbers from ``known`` on are the coordinates of points on the ground.
+
+    Raises
+    ------
+    ModelError
+        Where an end of a rigid link is a further point of another one.
+    """
+    d, welded = motion.rigid.description, motion.info.welded_bodies
+    if not welded:
+        return None
+    # Points without coordinates that move with any of these are further points of links.
+    moved = motion.rigid.evaluator.blocks("points", 0.0, start[: d.coordinates], np.ones(d.coordinates))
+    points = moved["positions"]
+    places = np.zeros((len(welded), 6), dtype=np.intp)
+    properties, acting = np.zeros((len(welded), 6)), np.zeros((len(welded), 8))
+    for row, of_kernel, turned, (point, body) in zip(places, properties, acting, welded, strict=True):
+        ends = d.links[body][:2]
+        moving = [p for p in ends if p not in d.free and np.any(moved["velocities"][d.points.index(p)])]
+        if moving:
+            raise ModelError(
+                f"{motion.rigid.name}: elements in large rotation do not support a weld to {body}, whose end "
+                f"{moving[0]} is a further point of another link\n"
+                f"  Make {body} and that link one body."
+            )
+        at = [2 * d.free.index(p) if p in d.free else known + 2 * d.points.index(p) for p in ends]
+        own = rotation_of(links, point).place
+        row[:] = at[0], at[0] + 1, own, at[1], at[1] + 1, own
+        first_end, second_end = (points[d.points.index(p)] for p in ends)
+        along, angle = second_end - first_end, start[own]
+        of_kernel[0] = length = float(np.hypot(*along))
+        c, s = np.cos(angle), np.sin(angle)
+        turned[DIRECTION : DIRECTION + 2] = np.array([[c, s], [-s, c]]) @ along / length
+    kernel = kernels("corotational_node").ADDRESSES["weld"]
+    return Welds(kernel, places, properties, acting, first, len(start))
+
+
 class Supports:
     """Linear constraints of nodes: ends on the ground, welds, and the direction of a held crank.
 
@@ -111,15 +161,20 @@ class Supports:
         values, rates = np.zeros((2, len(t), len(self.rows)))
         count = 2 * len(self._pins)
         if count:
-            start = self._motion._start
-            y = np.broadcast_to(start[: len(start) // 2], (len(t), len(start) // 2))
-            points = self._motion.rigid.evaluator.many_blocks("points", t, y, np.zeros_like(y))
-            values[:, :count] = points["positions"][:, self._pins].reshape(len(t), -1)
-            rates[:, :count] = points["velocities"][:, self._pins].reshape(len(t), -1)
+            own = (2 * np.array(self._pins)[:, None] + np.arange(2)).ravel()
+            values[:, :count], rates[:, :count] = (x[:, own] for x in self.points(t))
         values[:, count : count + len(self._drawn)] = self._drawn
         if self._held:
             values[:, -1], rates[:, -1] = self._motion.angle_at(t), self._speed(t)
         return values, rates
+
+    def points(self, t: Array) -> tuple[Array, Array]:
+        """Return places and velocities of all points, (times, 2 points) each: those of the ground hold."""
+        start = self._motion._start
+        y = np.broadcast_to(start[: len(start) // 2], (len(t), len(start) // 2))
+        points = self._motion.rigid.evaluator.many_blocks("points", t, y, np.zeros_like(y))
+        places, velocities = (points[name].reshape(len(t), -1) for name in ("positions", "velocities"))
+        return places, velocities
 
     def _speed(self, t: Array) -> Array:
         """Return the rate of the direction of a held crank [rad/s]."""
