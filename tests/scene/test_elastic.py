@@ -139,7 +139,7 @@ CASES = {
         '[links.rail]\npoints = ["O", "M"]\ndensity = "1 kg/m^3"\n' + f"{SECTION}\n{ELASTIC}")],
         ["[links.rail] elastic", "cannot turn"]),
     "third point": ([with_point('X = { at = ["1 m", "1 m"] }'), ('["A", "B"]', '["A", "B", "X"]')],
-        ["[points] X", "carries no mass", "[[masses]]"]),
+        ["[points] X", "lies between its ends", "0 to 1"]),
     "joint along an inextensible link": (
         [with_point('X = { on = "coupler", fraction = 0.5 }'), ('["B", "Q"]', '["X", "Q"]'), with_keys("axial = false")],
         ["[points.X] fraction", "coupler, which keeps its length", "axial = false"],

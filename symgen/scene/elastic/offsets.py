@@ -58,6 +58,7 @@ def with_lugs(read: Reader) -> None:
         if table.length is None:
             links[link] = table.model_copy(update={"points": table.points[:2]})
         for name, along, text in off:
+            check_fraction(read, link, along, f"points.{name}")
             foot = feet.at.setdefault(along, FOOT.format(name))
             _check_foot(read, name, foot, link)
             if foot not in points:
@@ -95,6 +96,16 @@ def _place(read: Reader, name: str, link: str) -> tuple[sp.Expr, sp.Expr, str | 
 def _on(link: str, along: sp.Expr) -> Point:
     """Return the table of a point on the line of a link."""
     return Point.model_validate({"on": link, "fraction": str(along)})
+
+
+def check_fraction(read: Reader, link: str | None, fraction: sp.Expr, where: str) -> None:
+    """Check that a point of an elastic link is beside it, and not beyond its ends."""
+    if not 0 <= read.number(fraction) <= 1:
+        raise SceneError(
+            f"a point of the elastic link {link} lies between its ends: expected a fraction of its length from "
+            f"0 to 1, got {read.number(fraction):g}",
+            where=where,
+        )
 
 
 def _check_foot(read: Reader, name: str, foot: str, link: str) -> None:

@@ -14,6 +14,7 @@ from symgen.scene.elastic import sections
 from symgen.scene.elastic.in_space import spatial_link
 from symgen.scene.elastic.joints import carries
 from symgen.scene.elastic.links import AREA_POWER, ElasticLink, ModalDamping, Polynomial, Section, Station
+from symgen.scene.elastic.offsets import check_fraction
 from symgen.scene.elastic.schema import Elastic
 from symgen.scene.elastic.spatial_section import shear_modulus
 from symgen.scene.reading import Reader
@@ -209,12 +210,7 @@ def _check_neighbours(read: Reader) -> None:
     between = {name: point.on for name, point in scene.points.items() if point.on in elastic}
     for name, on in between.items():
         where = f"points.{name}.fraction"
-        fraction = read.value(scene.points[name].fraction or 0, units.NUMBER, where)
-        if not 0 <= read.number(fraction) <= 1:
-            raise SceneError(
-                f"a point of the elastic link {on} lies between its ends: a fraction from 0 to 1",
-                where=where,
-            )
+        check_fraction(read, on, read.value(scene.points[name].fraction or 0, units.NUMBER, where), where)
     turned = [(f"guides.{i}.along", guide.along) for i, guide in enumerate(scene.guides)]
     turned += [(f"drivers.{i}.link", driver.link) for i, driver in enumerate(scene.drivers)]
     for where, link in turned:
