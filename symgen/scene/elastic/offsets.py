@@ -102,8 +102,8 @@ def check_fraction(read: Reader, link: str | None, fraction: sp.Expr, where: str
     """Check that a point of an elastic link is beside it, and not beyond its ends."""
     if not 0 <= read.number(fraction) <= 1:
         raise SceneError(
-            f"a point of the elastic link {link} lies between its ends: expected a fraction of its length from "
-            f"0 to 1, got {read.number(fraction):g}",
+            f"a point of the elastic link {link} lies between its ends: expected a fraction from 0 to 1, "
+            f"got {read.number(fraction):g}",
             where=where,
         )
 
