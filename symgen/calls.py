@@ -49,13 +49,17 @@ def checked(target: Target) -> Target:
 
 def _checked(function: FunctionType) -> Callable[..., Any]:
     interface: list[_Interface] = []
+    unchanged: set[tuple[type, ...]] = set()
 
     @wraps(function)
     def call(*values: Any, **named: Any) -> Any:
-        if not interface:  # built at the first call, so that imports stay light
-            interface.append(_interface(function))
-        if named or len(values) != interface[0].alone:
+        types = (*map(type, values),)
+        if named or types not in unchanged:
+            if not interface:  # built at the first call, so that imports stay light
+                interface.append(_interface(function))
             values, named = interface[0].taken(values, named)
+            if not named and interface[0].by_type(len(values)):
+                unchanged.add(types)
         try:
             return function(*values, **named)
         finally:
@@ -80,10 +84,14 @@ _ELSEWHERE = {
 
 
 class _Kind(NamedTuple):
-    """Values that an annotation permits: ``take`` converts one, or raises an exception."""
+    """Values that an annotation permits: ``take`` converts one, or raises an exception.
+
+    ``by_type`` states that all values of a type are permitted and unchanged, or none.
+    """
 
     take: Callable[[Any], Any]
     words: str
+    by_type: bool = False
 
 
 class _Interface(NamedTuple):
@@ -95,8 +103,12 @@ class _Interface(NamedTuple):
     kinds: Mapping[str, _Kind]
     further: tuple[str, _Kind] | None
     others: _Kind | None
-    #: Number of arguments of a call without any: ``self`` of a method; -1 if others are required.
-    alone: int
+
+    def by_type(self, count: int) -> bool:
+        """Return whether the types of this number of arguments by position determine the answer."""
+        kinds = [self.kinds[place] for place in self.ordered[:count]]
+        kinds += [self.further[1]] if self.further else []
+        return all(kind.by_type for kind in kinds)
 
     def taken(
         self, values: tuple[Any, ...], named: Mapping[str, Any]
@@ -153,9 +165,7 @@ def _interface(function: FunctionType) -> _Interface:
             ordered += [place] if p.kind is not Parameter.KEYWORD_ONLY else []
             required += [place] if p.default is Parameter.empty else []
     name = function.__qualname__.removesuffix(".__init__")
-    own = [place for place in ordered[:1] if place.strip("/") == "self"]
-    alone = len(own) if required == own else -1
-    return _Interface(name, tuple(ordered), tuple(required), kinds, further, others, alone)
+    return _Interface(name, tuple(ordered), tuple(required), kinds, further, others)
 
 
 def _of_annotation(annotation: str) -> _Kind:
@@ -163,7 +173,8 @@ def _of_annotation(annotation: str) -> _Kind:
 
     parts = [_of_part(node) for node in _alternatives(ast.parse(annotation, mode="eval").body)]
     words = " or ".join(dict.fromkeys(part.words for part in parts if part is not _KINDS["None"]))
-    return parts[0] if len(parts) == 1 else _Kind(lambda value: _first(value, parts), words)
+    by_type = all(part.by_type for part in parts)
+    return parts[0] if len(parts) == 1 else _Kind(lambda value: _first(value, parts), words, by_type)
 
 
 def _first(value: Any, kinds: list[_Kind]) -> Any:
@@ -192,7 +203,7 @@ def _of_part(node: ast.expr) -> _Kind:
         return _Kind(lambda v: _table(v, of_value), f"a mapping from names to {of_value.words}")
     if name == "Sequence":
         return _LISTS[inner[0]]
-    return _that(lambda v: any(c.__name__ == name for c in type(v).__mro__), f"an object of type {name}")
+    return _typed(lambda v: any(c.__name__ == name for c in type(v).__mro__), f"an object of type {name}")
 
 
 def _inner(node: ast.expr) -> list[ast.expr]:
@@ -209,6 +220,11 @@ def _that(holds: Callable[[Any], bool], words: str) -> _Kind:
         return value
 
     return _Kind(take, words)
+
+
+def _typed(holds: Callable[[Any], bool], words: str) -> _Kind:
+    """Return the kind of values for which a test holds that looks at their type alone."""
+    return _that(holds, words)._replace(by_type=True)
 
 
 def _number(value: Any) -> float:
@@ -259,23 +275,23 @@ def _table(value: Any, of_value: _Kind) -> Any:
     return value
 
 
-_ANY = _Kind(lambda value: value, "a value")
+_ANY = _Kind(lambda value: value, "a value", by_type=True)
 #: Kinds of annotations, by their last word.
 _KINDS = {
     "Any": _ANY,
     "object": _ANY,
-    "None": _that(lambda value: value is None, "None"),
+    "None": _typed(lambda value: value is None, "None"),
     "float": _Kind(_number, "a finite number"),
     "int": _Kind(_whole, "a whole number"),
-    "bool": _that(_is_flag, "True or False"),
-    "str": _that(lambda value: isinstance(value, str), "text"),
+    "bool": _typed(_is_flag, "True or False"),
+    "str": _typed(lambda value: isinstance(value, str), "text"),
     "PathLike": _that(lambda value: isinstance(value.__fspath__(), str), "a path"),
     "ArrayLike": _that(_is_array, "numbers"),
     "NDArray": _that(_is_array, "numbers"),
-    "Callable": _that(callable, "a function"),
+    "Callable": _typed(callable, "a function"),
 }
 _LISTS = {
     "float": _that(_is_list_of_numbers, "a list of numbers"),
     "int": _that(_is_list_of_numbers, "a list of numbers"),
-    "str": _that(_is_list_of_names, "a list of names"),
+    "str": _typed(_is_list_of_names, "a list of names"),
 }

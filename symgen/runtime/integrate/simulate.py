@@ -58,12 +58,13 @@ def run(
     keeping: Keeping | None = None,
     tangent: Evaluator | None = None,
     t_eval: ArrayLike | None = None,
+    given: bool = False,
 ) -> Result:
     """Integrate from y = (q, u) and return the result; ``redundant`` constraints follow from the others.
 
     ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
     kernels of the analysis of that name, for methods that need it; ``t_eval`` the times to record instead of
-    equally spaced ones.
+    equally spaced ones. A ``given`` y may violate the constraints; the start of a model meets them.
 
     Raises
     ------
@@ -77,7 +78,10 @@ def run(
     equations = evaluator.equations(
         len(redundant), allowed, stabilisation=chosen.rate, typed=typed, tangent=tangent
     )
-    y0 = np.append(y, 0.0) if equations.extra else y
+    y0 = y
+    if equations.extra:
+        y0 = np.zeros(equations.dim)
+        y0[:-1] = y
     events = evaluator.description.events
     stepper = stepper_of(
         equations,
@@ -97,9 +101,8 @@ def run(
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     if evaluator.description.switches or evaluator.description.windings:
         equations.set_parameters(evaluator.given)  # samples are evaluated with the loads' own branches
-    result = Result._later(
-        Recording(evaluator, equations, stepper, redundant, chosen, wall, library, (t0, y))
-    )
+    start = (t0, y) if given else None
+    result = Result._later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library, start))
     if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(

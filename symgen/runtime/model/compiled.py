@@ -80,6 +80,8 @@ class Compiled:
             values[name] = real(value, f"{name}, in SI units")
         self._parameters = Parameters(values)
         self._equations: Any = None
+        #: Names of analyses that are known to be supported.
+        self._supported = set[str]()
 
     @property
     def _more(self) -> dict[str, Any]:

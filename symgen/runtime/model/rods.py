@@ -345,5 +345,13 @@ class RodModel(LinkageModel):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
             found = self._found()
             t, y = (0.0, found.y) if asked.state is None else finite(asked.state)
-            how = (chosen, asked.progress, self._typed, kept_in, tangent, asked.t_eval)
+            how = (
+                chosen,
+                asked.progress,
+                self._typed,
+                kept_in,
+                tangent,
+                asked.t_eval,
+                asked.state is not None,
+            )
             return run(self._evaluator, t, y, found.redundant, *how)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import fields
-from functools import cache, partial, wraps
+from functools import cache, wraps
 from inspect import Parameter, signature
 from types import MethodType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -38,9 +38,11 @@ class Verb:
         """Return the bound analysis; raise CapabilityError where the model does not support it."""
         if model is None:
             return self.call
-        reason = model._refused(self.name)
-        if reason is not None:
-            raise CapabilityError(f"{model.name} does not support {self.name}: {reason}")
+        if self.name not in model._supported:
+            reason = model._refused(self.name)
+            if reason is not None:
+                raise CapabilityError(f"{model.name} does not support {self.name}: {reason}")
+            model._supported.add(self.name)
         return MethodType(self.call, model)
 
 
@@ -57,9 +59,9 @@ else:
 def _carry_out(
     model: Any, declared: Callable[..., Any], values: tuple[Any, ...], named: dict[str, Any]
 ) -> Any:
-    name, defaults = declared.__name__, _defaults(declared)
-    carrier, given = model._carrier(name), dict[str, Any]()
+    name, given = declared.__name__, dict[str, Any]()
     if values or named:
+        defaults = _defaults(declared)
         given |= {n: v for n, v in zip(defaults, values, strict=False) if v is not defaults[n]}
         given |= {n: v for n, v in named.items() if v is not defaults[n]}
     if given:
@@ -70,14 +72,11 @@ def _carry_out(
                 f"{name} of {model.name} does not accept {', '.join(refused)}\n"
                 f"  It accepts {', '.join(sorted(known)) or 'no arguments'}."
             )
-    carried_out: Callable[..., Any] = getattr(carrier, f"_{name}")
-    made = _call(carried_out, given)
+    made = _call(getattr(model._carrier(name), f"_{name}"), given)
     if name in _MOVING:
         # The caller may change arrays and states.
         given = {n: v if callable(v) else deepcopy(v) for n, v in given.items() if n not in _OUTSIDE}
         made._of_analysis(model, name, given)
-    if name == "simulate" and "t_eval" in accepted(model, name):
-        made._repeat_by(partial(_at_times, carried_out, given))
     return made
 
 
@@ -92,13 +91,6 @@ _MOVING = (
     "large_rotation",
 )
 _OUTSIDE = frozenset(("checkpoint", "checkpoint_every", "resume", "progress"))
-#: Arguments that are replaced by other recorded times.
-_RECORDED = frozenset(("samples", "t_eval", "at"))
-
-
-def _at_times(simulate: Callable[..., Any], given: dict[str, Any], times: Any) -> Any:
-    """Return the run with the same arguments at other times [s]."""
-    return _call(simulate, {n: v for n, v in given.items() if n not in _RECORDED} | {"t_eval": times})
 
 
 def _call(carried_out: Callable[..., Any], given: dict[str, Any]) -> Any:

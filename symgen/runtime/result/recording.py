@@ -29,8 +29,8 @@ _LONGEST = 80
 class Recording:
     """A run that has ended, complete or not; its methods return the fields of its :class:`Result`.
 
-    ``library`` has the kernels of the run, ``wall`` is its wall time [s], ``given`` the requested initial
-    time and state (q, u).
+    ``library`` has the kernels of the run, ``wall`` is its wall time [s], ``given`` the initial time and
+    state (q, u) if the caller gave them.
     """
 
     evaluator: Evaluator
@@ -40,7 +40,7 @@ class Recording:
     chosen: Options
     wall: float
     library: Library
-    given: tuple[float, Array]
+    given: tuple[float, Array] | None
 
     def name(self) -> str:
         """Return the scene's name."""
@@ -116,7 +116,7 @@ class Recording:
         """Return the notes on the run: redundancy, losses of rank, stiffness, events."""
         return (
             *self.evaluator.description.remarks,
-            *_of_the_start(self.evaluator, *self.given, self.chosen.t_end, self.redundant),
+            *_of_the_start(self.evaluator, self.given, self.chosen.t_end, self.redundant),
             *_of_redundancy(self.evaluator, self.stepper, self.redundant),
             *_of_passages(self.evaluator, self.stepper),
             *_of_stiffness(self.stepper, self.chosen),
@@ -135,12 +135,12 @@ class Recording:
 
 
 def _of_the_start(
-    evaluator: Evaluator, t: float, y: Array, t_end: float, redundant: tuple[int, ...]
+    evaluator: Evaluator, given: tuple[float, Array] | None, t_end: float, redundant: tuple[int, ...]
 ) -> Iterator[str]:
-    """Yield the note on a start that violates the constraints, which the first step of a run projects."""
-    q, u = np.split(y, 2)
-    if not evaluator.description.constraints:
+    """Yield the note on a given start that violates the constraints: the first step of a run projects it."""
+    if given is None or not evaluator.description.constraints:
         return
+    t, (q, u) = given[0], np.split(given[1], 2)
     size = extent(evaluator, q)
     allowed = max(CLOSED * size, slack(evaluator, q) if redundant else 0.0)
     error, rate = violation(evaluator, t, q, u)
@@ -164,16 +164,25 @@ def drift_of(stepper: _core.Run) -> Drift:
 def counts_of(stepper: _core.Run, equations: Any) -> dict[str, Any]:
     """Return the last time [s] of a run, and the numbers of its steps and evaluations."""
     return {
-        **{name: getattr(stepper, name) for name in ("t", "steps", "rejected")},
-        **{name: getattr(equations, name) for name in ("evaluations", "factorisations")},
+        "t": stepper.t,
+        "steps": stepper.steps,
+        "rejected": stepper.rejected,
+        "evaluations": equations.evaluations,
+        "factorisations": equations.factorisations,
     }
 
 
 def options_of(chosen: Options) -> dict[str, Any]:
     """Return the options of a run by name."""
-    names = ("rtol", "atol", "step", "t_end", "stabilisation")
-    found = {"method": chosen.method.name, **{name: getattr(chosen, name) for name in names}}
-    return found | ({"stabilisation_rate": chosen.rate} if chosen.rate else {})
+    return {
+        "method": chosen.method.name,
+        "rtol": chosen.rtol,
+        "atol": chosen.atol,
+        "step": chosen.step,
+        "t_end": chosen.t_end,
+        "stabilisation": chosen.stabilisation,
+        **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
+    }
 
 
 def losses_of_rank(stepper: _core.Run, of: str, names: Iterable[str]) -> str:

@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
@@ -137,11 +137,11 @@ class Result(Findings, Pictures):
 
     def _find(self, name: str) -> tuple[Variable, str]:
         """Return an output, or the coordinate, and the component of it that has the name; else raise."""
+        known = self.__dict__.get("variables")
+        if known is None:  # outputs of one kind are computed only when they are reached
+            known = getattr(self.__dict__["_source"], "outputs", lambda: self.variables)()
         owner, _, component = name.rpartition(".")
-        computed = (
-            None if "variables" in self.__dict__ else getattr(self.__dict__["_source"], "outputs", None)
-        )
-        for v in computed() if computed else self.variables:  # of one kind only when they are reached
+        for v in known:
             if v.name == name:
                 return v, ""
             if v.name == owner and component in v.components:
@@ -226,10 +226,6 @@ class Result(Findings, Pictures):
             facts.append(("constraint drift", f"{drift['constraint']:.1e} m"))
         return tuple(facts)
 
-    def _repeat_by(self, again: Callable[[Array], Result]) -> None:
-        """Set the function that repeats the run at other times; see :meth:`at`."""
-        self._cache["again"] = again
-
     def at(self, times: ArrayLike) -> Result:
         """Return the run at other times [s]: dense output.
 
@@ -251,12 +247,15 @@ class Result(Findings, Pictures):
             For results that were not returned by ``simulate`` in this process, for runs of elastic links in
             space, and for times beyond an event that ended the run.
         """
-        again = self._cache.get("again")
-        if again is None:
+        from symgen.runtime.model.verbs import accepted
+
+        model, verb, given = self.origin or (None, "", {})
+        if model is None or verb != "simulate" or "t_eval" not in accepted(model, verb):
             raise ResultError(
                 "only runs by simulate() of this process, if it accepts t_eval, have values at other times"
             )
-        found: Result = again(np.atleast_1d(np.asarray(times, dtype=float)))
+        same = {name: value for name, value in given.items() if name not in ("samples", "t_eval", "at")}
+        found: Result = model.simulate(**same, t_eval=np.atleast_1d(np.asarray(times, dtype=float)))
         if found.count < np.size(times):
             raise ResultError(
                 f"the run ended at t = {self.statistics['t']:.9g} s, before the last of these times"
