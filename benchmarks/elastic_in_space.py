@@ -48,7 +48,8 @@ FASTER, ORDER = 10.0, 1.7
 
 def ball_jointed() -> symgen.Scene:
     """Return the scene without its universal joint and its damping."""
-    tables = {k: v for k, v in read_scene("spatial_slider_crank").data.items() if k != "joints"}
+    tables = dict(read_scene("spatial_slider_crank").data)
+    tables["joints"] = [joint for joint in tables["joints"] if joint["links"] == ["crank"]]
     rod = tables["links"]["rod"]
     elastic = {k: v for k, v in rod["elastic"].items() if k != "damping"}
     links = {**tables["links"], "rod": {**rod, "elastic": elastic}}

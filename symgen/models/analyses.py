@@ -61,7 +61,9 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "elastic_motion": _later(_ELASTIC_MOTION),
     "elastic_joints": _later(_ELASTIC_JOINTS),
     "elastic_motion_tangents": _tangents(_ELASTIC_MOTION, "constants", "links", "loads", "shaft"),
-    "elastic_joints_tangents": _tangents(_ELASTIC_JOINTS, "joints", "constants", "energy"),
+    "elastic_joints_tangents": _tangents(
+        _ELASTIC_JOINTS, "joints", "constants", "energy", "driven", "drives"
+    ),
 }
 #: The same of loops.
 OF_LOOPS: dict[str, Callable[[Loop], System]] = {

@@ -274,6 +274,7 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
             outputs=linkage.outputs,
             shaft_alone=alone,
             joints_in_space=joints,
+            driven=tuple(d.link for d in linkage.drivers),
         )
     acting = list(couples(linkage))
     on_sections = [

@@ -92,6 +92,7 @@ def _quantity(name: str, scene: Scene) -> str:
 def _rows(scene: Scene) -> set[str]:
     """Return the names of constraints that are not made from the name of one link alone."""
     rows = {f"{link}_drive" for link in scene.driven}
+    rows |= {f"{link}_hinge" for joint in scene.joints for link in joint.links}
     placed: dict[str, list[str]] = {}
     for name, point in scene.points.items():
         placed.setdefault(point.on or "", []).append(name)

@@ -112,6 +112,7 @@ def _linkage(scene: Scene) -> Linkage:
         loads=tuple(loads.loads(read)),
         guides=tuple(constraints.guides(read)),
         drivers=(*constraints.drivers(read), *((driver_of(turned),) if turned else ())),
+        hinges=tuple(constraints.hinges(read)),
         start=constraints.start(read),
         t_end=_end(read, turned),
         assembly_tolerance=_assembly_tolerance(read),

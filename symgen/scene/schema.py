@@ -142,7 +142,7 @@ class Guide(Table):
 
 
 class Driver(Table):
-    """A link whose direction in the plane is prescribed, from its first point to its second."""
+    """A link whose direction is prescribed, from its first point to its second; in space its rotation."""
 
     link: Name
     angle: Value = Field(description="May use the time t.")

@@ -15,8 +15,9 @@ from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linearised import analysis_of, linearised
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
+from symgen.models.rods.outputs import OF_LINKS
 from symgen.scene.elastic.links import ElasticLink
-from symgen.scene.rods.linkage import Linkage, RigidLink
+from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.quantity import AXES
 from symgen.symbolic.system import Export, NamedMatrix, System
@@ -26,6 +27,8 @@ IN_SPACE = (
     *(q.name for q in (*SECTION, *FIBRES)),
     *(f"width_{axis}" for axis in AXES),
 )
+#: Columns of axes fixed in driven links.
+_FRAME = tuple(f"{vector}_{axis}" for vector in ("axis", "across", "third") for axis in AXES)
 
 
 def joints_system(linkage: Linkage) -> System:
@@ -70,7 +73,36 @@ def joints_system(linkage: Linkage) -> System:
             labels = [f"{joint.kind}_{k}" for k, joint in enumerate(linkage.joints)]
             matrices.append(named(model, "axes", axes, "1", "axes of joints", rows=labels, columns=AXES))
         exports.append(Export("constants", about, ("sections", "stations", *(("axes",) if axes else ()))))
+        found, more_exports = _drives(model, linkage)
+        matrices, exports = [*matrices, *found], [*exports, *more_exports]
     return analysis_of(model, "elastic_joints", matrices, exports)
+
+
+def _drives(model: RodsModel, linkage: Linkage) -> tuple[list[NamedMatrix], list[Export]]:
+    """Return axes fixed in driven links, their slopes by the angles, speeds and torques of drives."""
+    if not linkage.drivers:
+        return [], []
+    names, axes, slopes = [d.link for d in linkage.drivers], list[sp.Expr](), list[sp.Expr]()
+    for driver in linkage.drivers:
+        frame = model.hinges[driver.link]
+        for vector in frame.rotated(driver.angle):
+            axes += vector
+            slopes += frame.slope(vector)
+    speeds = [sp.diff(d.angle, TIME.symbol) for d in linkage.drivers]
+    torques = [OF_LINKS["torque"](model, name)[0][0] for name in names]
+    found = [
+        named(model, "driven_axes", axes, "1", "axes fixed in driven links", rows=names, columns=_FRAME),
+        named(
+            model, "driven_slopes", slopes, "1", "slopes of these by the angles", rows=names, columns=_FRAME
+        ),
+        named(model, "drive_speeds", speeds, "rad/s", "angular velocities of driven links", rows=names),
+        named(model, "drive_torques", torques, "N*m", "torques of drives", rows=names),
+    ]
+    exports = [
+        Export("driven", "axes fixed in driven links", ("driven_axes", "driven_slopes", "drive_speeds")),
+        Export("drives", "torques of drives without those on axes of their links", ("drive_torques",)),
+    ]
+    return found, exports
 
 
 def _in_space(linkage: Linkage, beam: ElasticLink) -> list[sp.Expr]:

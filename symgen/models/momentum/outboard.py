@@ -42,6 +42,8 @@ class Outboard:
     def __init__(self, model: RodsModel) -> None:
         self.model = model
         self.linkage = model.linkage
+        if self.linkage.hinges:
+            raise DerivationError(f"{self.linkage.name}: the momentum rows of revolute joints are not known")
         self.link = {k.name: k for k in model.rods}
         self.tree: OpenTree = open_tree(
             [p for p in model.points if model.is_fixed(p)],

@@ -184,22 +184,27 @@ def _constrained_components(model: Points, start: str, end: str) -> list[int]:
     return [i for i in range(3) if i != drawn.index(max(drawn))]
 
 
-def _drivers(model: Points) -> Iterator[Constraint]:
-    """n.d = 0 with n across the prescribed direction of the link."""
-    for driver in model.linkage.drivers:
-        across = (-sp.sin(driver.angle), sp.cos(driver.angle))
-        along = model.along[driver.link]
-        yield Constraint(
-            f"{driver.link}_drive", f"the drive of link {driver.link}", dot(across, along), ONE, "m"
-        )
-
-
 @dataclass(frozen=True, slots=True)
 class AngleRow:
-    """A row of a kept angle, with its derivatives by the vectors along its links."""
+    """A row on directions of links, with its derivatives by the vectors along them."""
 
     constraint: Constraint
     by_along: dict[str, Vector]
+
+
+def turning_rows(model: Points) -> Iterator[AngleRow]:
+    """n.d = 0 with n across the prescribed direction of a link; a.d = a.d0 of a revolute joint in space."""
+    for hinge in model.linkage.hinges:
+        own, label = model.hinges[hinge.link], f"the revolute joint of {hinge.link} at {hinge.point}"
+        row = Constraint(f"{hinge.link}_hinge", label, own.error(model.along[hinge.link]), ONE, "m")
+        yield AngleRow(row, {hinge.link: own.axis})
+    for driver in model.linkage.drivers:
+        name, frame = driver.link, model.hinges.get(driver.link)
+        across = frame.tangent(driver.angle) if frame else (-sp.sin(driver.angle), sp.cos(driver.angle))
+        row = Constraint(
+            f"{name}_drive", f"the drive of link {name}", dot(across, model.along[name]), ONE, "m"
+        )
+        yield AngleRow(row, {name: across})
 
 
 def angle_rows(model: Points) -> Iterator[AngleRow]:
@@ -232,7 +237,8 @@ class ConstrainedPoints(Points):
     def constraints(self) -> list[Constraint]:
         """All constraint rows: rod lengths first, in the order of the links."""
         rows = [*_lengths(self), *_shapes(self), *_shared_joints(self)]
-        rows += [*(row.constraint for row in self.guides), *_drivers(self)]
+        rows += [row.constraint for row in self.guides]
+        rows += [row.constraint for row in self.turned]
         angles = [row.constraint for row in self.kept_angles]
         # At rest hinges determine the pose of a frame as far as they can, and welds the remaining freedoms.
         return [*rows, *(angles if self.linkage.moves else self._holding(rows, angles))]
@@ -264,6 +270,11 @@ class ConstrainedPoints(Points):
     def guides(self) -> tuple[GuideRow, ...]:
         """The rows of guides."""
         return tuple(guide_rows(self))
+
+    @cached_property
+    def turned(self) -> tuple[AngleRow, ...]:
+        """The rows of revolute joints in space, and of drives."""
+        return tuple(turning_rows(self))
 
     @cached_property
     def kept_angles(self) -> tuple[AngleRow, ...]:

@@ -157,11 +157,7 @@ def _on_along(model: ConstrainedPoints, link: RigidLink) -> Iterator[Vector]:
         else:
             ((_, force),) = model.loads.couple_in_space(link.name, torque)
             yield _times(-1, force)
-    for driver in model.linkage.drivers:
-        if driver.link == link.name:
-            row = model.multipliers[f"{link.name}_drive"].symbol
-            yield (-row * sp.sin(driver.angle), row * sp.cos(driver.angle))
-    for row in model.kept_angles:
+    for row in (*model.turned, *model.kept_angles):
         multiplier = model.multipliers.get(row.constraint.name)
         if multiplier and link.name in row.by_along:
             yield _times(multiplier.symbol, row.by_along[link.name])

@@ -132,6 +132,12 @@ def _torque(model: RodsModel, name: str) -> Entries:
             f"{name} has no driver, so no drive torque",
             hint="Applied torques are outputs by their number from 0: record torques.0.torque.",
         )
+    if name in model.hinges:
+        return (
+            [-multiplier.symbol * model.hinges[name].arm],
+            "N*m",
+            f"torque of the drive on {name} about its axis",
+        )
     return [-multiplier.symbol * rod.length], "N*m", f"torque of the drive on {name}, counter-clockwise"
 
 

@@ -9,6 +9,7 @@ import sympy as sp
 
 from symgen.loads.measure import Gradient
 from symgen.mechanics.rods import loads
+from symgen.mechanics.rods.hinge import HingeFrame, hinge_frame
 from symgen.mechanics.rods.particles import Vector, cross, end_mass, joint_mass
 from symgen.mechanics.rods.topology import Tree, spanning_tree
 from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
@@ -111,6 +112,16 @@ class Points:
     def along(self) -> dict[str, Vector]:
         """Vector along each link, from its start to its end [m]."""
         return {k.name: self.vector_along(k.name) for k in self.linkage.links}
+
+    @cached_property
+    def hinges(self) -> dict[str, HingeFrame]:
+        """Frame of the revolute joint with the ground of each rod in space that has one."""
+        found = {}
+        for hinge in self.linkage.hinges:
+            ends = (self.linkage.point(p).at for p in self.linkage.link(hinge.link).base)
+            drawn = tuple(b - a for a, b in zip(*ends, strict=True))
+            found[hinge.link] = hinge_frame(hinge.axis, drawn)
+        return found
 
     def vector_along(self, link: str) -> Vector:
         """Return the vector along one link, which other links may need before theirs [m]."""

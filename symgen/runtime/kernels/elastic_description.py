@@ -36,6 +36,7 @@ class ElasticInfo:
     them that weld elastic links to rigid ones, in the elastic motion, and ``welded_bodies`` the points and
     the rigid links of these.
     ``joints_in_space`` are those that restrict rotations, in the order of the kernel ``axes``.
+    ``driven`` are the links in space that drives rotate, in the order of the kernel ``driven``.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
     """
 
@@ -56,3 +57,4 @@ class ElasticInfo:
     body_welds: tuple[str, ...] = ()
     welded_bodies: tuple[tuple[str, str], ...] = ()
     joints_in_space: tuple[JointInfo, ...] = ()
+    driven: tuple[str, ...] = ()

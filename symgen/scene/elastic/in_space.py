@@ -12,6 +12,7 @@ from symgen.scene.elastic.links import ElasticLink, JointInSpace, Section, Secti
 from symgen.scene.elastic.schema import Elastic, Joint, Weld
 from symgen.scene.elastic.spatial_section import section_in_space
 from symgen.scene.reading import Reader
+from symgen.scene.rods.constraints import is_hinge
 from symgen.scene.rods.linkage import RigidLink
 
 #: Keys of the elasticity of such a link.
@@ -102,6 +103,8 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
     for table, joints in tables:
         for i, joint in enumerate(joints):
             where = f"{table}.{i}"
+            if is_hinge(scene, joint):
+                continue
             read.known_point(joint.point, f"{where}.point")
             for name in joint.links:
                 read.known_link(name, f"{where}.links")
@@ -113,7 +116,7 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
                     "expected an elastic link, alone or with others that it joins, got "
                     + " and ".join(joint.links),
                     where=f"{where}.links",
-                    hint="Without another link the joint is with the ground.",
+                    hint="Without another link it is with the ground; that of a rigid link is revolute.",
                 )
             if isinstance(joint, Weld):
                 # Without another link, with the ground.

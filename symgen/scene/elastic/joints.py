@@ -12,6 +12,7 @@ from symgen.loads.measure import Measure, Term
 from symgen.scene.elastic.links import ElasticLink
 from symgen.scene.elastic.schema import Weld
 from symgen.scene.reading import Reader
+from symgen.scene.rods.constraints import is_hinge
 from symgen.scene.rods.linkage import CarriedPoint, KeptAngle, Linkage, RigidLink
 
 
@@ -70,10 +71,12 @@ def with_welds(read: Reader, linkage: Linkage) -> Linkage:
     SceneError
         For welds of links that do not meet there, and of several rigid links.
     """
-    if read.scene.joints:
+    for i, joint in enumerate(read.scene.joints):
+        if read.dimension == 3 and is_hinge(read.scene, joint):
+            continue
         raise SceneError(
-            "revolute and universal joints are those of elastic links in space",
-            where="joints.0",
+            "revolute and universal joints are those of elastic links in space, and of rods with the ground",
+            where=f"joints.{i}",
             hint="Links that share a point have a joint there: leave the table out.",
         )
     angles: list[KeptAngle] = []

@@ -279,7 +279,7 @@ _NO_COUPLE = "{} is elastic and has no one angle"
 
 def _hint(where: str) -> str:
     if where.startswith("drivers"):
-        return "Prescribe the input motion in [crank]; other drivers act on rigid links."
+        return "Prescribe the input motion in [crank], in space by a rigid link that is welded to it."
     if where.startswith("guides"):
         return "Leave the elastic of this link out, or guide the other link."
     return "Name the point at whose section it acts, or a rigid link; a motor's torque belongs in [crank]."

@@ -1,13 +1,20 @@
-"""Guides, drivers and the start of a scene."""
+"""Guides, revolute joints with the ground, drivers and the start of a scene."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from symgen.errors import SceneError
 from symgen.scene import units
+from symgen.scene.elastic.schema import Joint, Weld
 from symgen.scene.reading import Reader
+from symgen.scene.rods.hinges import Hinge
 from symgen.scene.rods.linkage import Driver, Guide, StartConditions, Vector
+from symgen.scene.schema import Scene
+
+#: Sine of the angle between an axis and a rod that counts as zero.
+_ALONG = 1e-6
 
 
 def guides(read: Reader) -> Iterator[Guide]:
@@ -31,13 +38,69 @@ def drivers(read: Reader) -> Iterator[Driver]:
     driven: set[str] = set()
     for i, driver in enumerate(read.scene.drivers):
         where = f"drivers.{i}"
-        read.turning_link(driver.link, f"{where}.link")
+        _check_driven(read, driver.link, f"{where}.link")
         if driver.link in driven:
             raise SceneError(f"the link {driver.link} is driven twice", where=f"{where}.link")
         driven.add(driver.link)
         angle = read.value(driver.angle, units.NUMBER, f"{where}.angle", read.with_time)
         read.moving(angle, f"{where}.angle")
         yield Driver(driver.link, angle)
+
+
+def is_hinge(scene: Scene, joint: Joint | Weld) -> bool:
+    """Return whether a joint is revolute, between one rigid link and the ground."""
+    rigid = [name for name in joint.links if name in scene.links and scene.links[name].elastic is None]
+    return isinstance(joint, Joint) and joint.kind == "revolute" and len(rigid) == len(joint.links) == 1
+
+
+def hinges(read: Reader) -> Iterator[Hinge]:
+    """Yield the revolute joints between rods in space and the ground: one at most for each link."""
+    seen: set[str] = set()
+    for i, joint in enumerate(read.scene.joints if read.dimension == 3 else ()):
+        where, name = f"joints.{i}", joint.links[0]
+        if not is_hinge(read.scene, joint):
+            continue
+        read.moving_link(name, f"{where}.links")
+        link = read.scene.links[name]
+        if not read.known_point(joint.point, f"{where}.point").ground or joint.point not in link.points:
+            raise SceneError(
+                f"expected a ground point of {name}, got {joint.point}: the revolute joint of a rigid link "
+                "alone is with the ground",
+                where=f"{where}.point",
+            )
+        if read.is_spatial_body(name) or link.length is not None:
+            raise SceneError(
+                f"expected a rod of two points with its drawn length, got {name}",
+                where=f"{where}.links",
+                hint="A body rotates about an axis if two of its points are ground points.",
+            )
+        if name in seen:
+            raise SceneError(f"{name} has two revolute joints with the ground", where=where)
+        seen.add(name)
+        axis = read.vector(joint.axis, units.NUMBER, f"{where}.axis")
+        a = [read.number(c) for c in axis]
+        first, second = (read.points[p].at for p in link.points)
+        d = [read.number(y - x) for x, y in zip(first, second, strict=True)]
+        across = [a[k - 2] * d[k - 1] - a[k - 1] * d[k - 2] for k in range(3)]
+        if math.hypot(*across) <= _ALONG * math.hypot(*a) * math.hypot(*d):
+            raise SceneError(
+                f"expected an axis across {name}, got one along it, or zero", where=f"{where}.axis"
+            )
+        yield Hinge(name, joint.point, axis)
+
+
+def _check_driven(read: Reader, name: str, where: str) -> None:
+    """Check that a link has one angle: its direction in the plane, or its rotation about an axis in space."""
+    if read.dimension == 2:
+        read.turning_link(name, where)
+        return
+    read.known_link(name, where)
+    if not any(is_hinge(read.scene, joint) and joint.links == [name] for joint in read.scene.joints):
+        raise SceneError(
+            f"{name} has no revolute joint with the ground, about whose axis it could be driven",
+            where=where,
+            hint=f'Write [[joints]] with point, links = ["{name}"], kind = "revolute" and axis.',
+        )
 
 
 def start(read: Reader) -> StartConditions:

@@ -16,6 +16,7 @@ from symgen.loads.load import Load
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.rods.held import Switch, Winding
+from symgen.scene.rods.hinges import Hinge
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
 from symgen.symbolic.quantity import AXES, Quantity, quantity
@@ -42,10 +43,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class PlacedPoint:
-    """A point where it is drawn [m]; ``motion`` is where a ground point is at the time t.
-
-    ``hidden`` points are those that symgen adds to a body in space.
-    """
+    """A point as drawn [m], of the ground at ``motion``; symgen adds ``hidden`` ones to bodies in space."""
 
     name: str
     at: Vector
@@ -176,7 +174,7 @@ class Guide:
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """A link whose direction [rad] is prescribed by the time t."""
+    """A link whose direction [rad] is prescribed by the time t; in space its rotation from the drawing."""
 
     link: str
     angle: sp.Expr
@@ -276,6 +274,7 @@ class Linkage:
     loads: tuple[Load, ...]
     guides: tuple[Guide, ...]
     drivers: tuple[Driver, ...]
+    hinges: tuple[Hinge, ...]
     start: StartConditions
     t_end: sp.Expr
     assembly_tolerance: sp.Expr

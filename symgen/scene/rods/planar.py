@@ -52,6 +52,7 @@ def in_its_plane(linkage: Linkage) -> Linkage:
 def _turning_in_space(linkage: Linkage) -> Iterator[str]:
     """Yield the components that have another meaning in the plane."""
     yield from (f"the body {body.name} turns about any axis" for body in linkage.bodies)
+    yield from (f"{hinge.link} has a revolute joint with an axis in space" for hinge in linkage.hinges)
 
 
 def _values_of_constants(linkage: Linkage, plane: Plane) -> Values:

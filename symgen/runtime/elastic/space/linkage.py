@@ -40,6 +40,8 @@ _WRITTEN = {"residual": 24, "tangent": 3 * 576, "energies": 4, "section": 14}
 _SLOPES = ("mass_matrix", "damping", "stiffness")
 #: Column of the damping among those of sections.
 _DAMPING = 8
+#: Numbers of three axes.
+AXES = 9
 #: First column of the direction of the width among them.
 _WIDTH = 16
 
@@ -193,7 +195,8 @@ class LinkageInSpace(System):
         ]
         rigid_parts = Rigid(*evaluators, rows, range(len(rows)), sizes, entries)
         parts = [*beams, rigid_parts, ties, directions(on_directions, size, first)]
-        super().__init__(rigid.name, parts, scale, first + len(on_directions), 3 * len(d.points) + 9)
+        known = 3 * len(d.points) + AXES * (1 + len(d.elastic.driven))
+        super().__init__(rigid.name, parts, scale, first + len(on_directions), known)
         self.rows, self.sizes, self.pins = rows, sizes, pins
         #: Unknowns of the entries of mass and stiffness of rigid components, (entries, 2) each.
         self.entries = {name: np.reshape(of, (-1, 2)) for name, of in zip(_SLOPES, entries, strict=True)}
@@ -218,6 +221,12 @@ class LinkageInSpace(System):
                     )
         found[: self._points] = [f"{p}.{axis}" for p in d.free for axis in d.axes]
         return tuple(found)
+
+    @property
+    def has_drives(self) -> bool:
+        """Whether drives rotate rigid links."""
+        info = self.rigid.description.elastic
+        return info is not None and bool(info.driven)
 
     @property
     def conservative(self) -> bool:
@@ -292,23 +301,39 @@ class LinkageInSpace(System):
             if link.info.link == name:
                 places = link.places[0 if joint.point == link.info.start else -1, 3:].reshape(3, 3)
                 return Frame(places, start[places])
-        if not name:
-            places = given + 3 * len(d.points) + np.arange(9).reshape(3, 3)
+        turned = ("", *d.elastic.driven) if d.elastic else ("",)
+        if name in turned:
+            places = given + 3 * len(d.points) + AXES * turned.index(name) + np.arange(AXES).reshape(3, 3)
             return Frame(places, start[places])
         first = [3 * d.free.index(p) if p in d.free else given + 3 * d.points.index(p) for p in joint.base]
         places = np.array(first)[:, None] + np.arange(3)
         return Frame(places, start[places], between=True)
 
     def prescribed(self, t: Array) -> tuple[Array, Array]:
-        """Return places and rates of points, valid of those of the ground, and the axes, (times, numbers)."""
+        """Return places and rates of points, valid of those of the ground, and of axes, (times, numbers).
+
+        The axes are those of the ground, and those fixed in each driven link.
+        """
         places, rates = self.given(t)
         return np.ascontiguousarray(places.real), np.ascontiguousarray(rates.real)
 
     def given(self, t: Array) -> tuple[Array, Array]:
         """Return the same with their tangents."""
         places, rates = (x.reshape(len(t), -1) for x in self._ground(t))
-        axes = np.broadcast_to(np.eye(3).ravel(), (len(t), 9))
-        return np.hstack([places, axes]), np.hstack([rates, np.zeros_like(axes)])
+        axes = np.broadcast_to(np.eye(3).ravel(), (len(t), AXES))
+        turned, turning = self._driven(t)
+        return np.hstack([places, axes, turned]), np.hstack([rates, np.zeros_like(axes), turning])
+
+    def _driven(self, t: Array) -> tuple[Array, Array]:
+        """Return the axes fixed in driven links and their rates, (times, numbers)."""
+        if not self.has_drives:
+            return np.zeros((len(t), 0)), np.zeros((len(t), 0))
+        y = np.broadcast_to(self._q, (len(t), self._points))
+        found = self.of_joints("driven", t, y, np.zeros_like(y))
+        shape = len(t), -1, AXES
+        axes, slopes = (found[name].reshape(shape) for name in ("driven_axes", "driven_slopes"))
+        rates = slopes * found["drive_speeds"].reshape(len(t), -1, 1)
+        return axes.reshape(len(t), -1), rates.reshape(len(t), -1)
 
     def _ground(self, t: Array) -> tuple[Array, Array]:
         """Return places and rates of all points, valid of those of the ground, (times, points, 3)."""

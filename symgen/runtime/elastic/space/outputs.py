@@ -9,6 +9,7 @@ import numpy as np
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.elastic.large.collocation import Moment, stacked
 from symgen.runtime.elastic.outputs import length_change
+from symgen.runtime.elastic.space.drives import drives
 from symgen.runtime.elastic.space.joints import length_of
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.result.records import Variable
@@ -53,6 +54,7 @@ def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
             made.append(Variable(f"{name}.{point}.moment", "N*m", about, axes, moments))
         chord = q[:, link.places[-1, :3]] - q[:, link.places[0, :3]]
         made.append(length_change(name, length_of(chord) - link.length))
+    made += drives(linkage, found)
     for point, place in linkage.positions(t, q).items():
         made.append(Variable(f"{point}.position", "m", f"position of {point}", axes, place))
     kinetic, strain, potential, dissipated = linkage.energies(t, q, v, a)
