@@ -34,7 +34,7 @@ from symgen.symbolic.system import Definition, Export, NamedMatrix, System
 
 
 def kinematics_system(linkage: Linkage) -> System:
-    """Return the System of a kinematic analysis: ``acceleration_rhs`` and, where there are any, ``drives``.
+    """Return the System of a kinematic analysis: ``acceleration_rhs``, ``rotations`` of links, ``drives``.
 
     Each drive is a matrix of one entry: ``LINK.angle`` [rad], ``LINK.length`` [m] or, for moving ground,
     ``POINT.x`` [m], as a function of time.
@@ -59,7 +59,24 @@ def driven_motion(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
         exports.append(Export("closure", about, of_closure))
         about = "right-hand side gamma of J a = gamma"
         exports.append(Export("acceleration_rhs", about, ("acceleration_rhs",)))
+    if rotations := _rotations(model):
+        matrices += rotations
+        about = "rates of links in the plane"
+        exports.append(Export("rotations", about, tuple(m.name for m in rotations)))
     return matrices, exports
+
+
+def _rotations(model: RodsModel) -> list[NamedMatrix]:
+    """Return angular velocities and accelerations of links in the plane that do not join ground points."""
+    links = [k.name for k in model.linkage.links if not {k.start, k.end} <= set(model.ground)]
+    if len(model.axes) == 3 or not links:
+        return []
+    rates = [model.turning(link)[1] for link in links]
+    second = [model.turning_acceleration(link) for link in links]
+    return [
+        named(model, "angular_velocities", rates, "rad/s", "angular velocities of links", rows=links),
+        named(model, "angular_accelerations", second, "rad/s^2", "angular accelerations", rows=links),
+    ]
 
 
 def constraint_slopes(model: RodsModel) -> NamedMatrix:

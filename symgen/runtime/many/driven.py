@@ -22,6 +22,7 @@ from symgen.runtime.many.starts import given_of, is_stored, start_of
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
 from symgen.runtime.result.recorded_motion import Along, chosen_names, coordinate_of, of_names
 from symgen.runtime.result.records import Variable
+from symgen.runtime.rods.constraints import rotations_of
 from symgen.runtime.rods.following.branch import TURN, nodes_of, turned
 from symgen.runtime.rods.following.groups import Groups, groups_of
 from symgen.runtime.rods.forces.analysis import driving, of_drive, of_unknown
@@ -252,7 +253,11 @@ class Driven:
         def counted(link: str, angles: Array) -> Array:
             return along.counted(link, angles.reshape(size)).ravel()
 
-        stacked = [v for v in of_names(d, self.chosen, counted, *moving) if v.name not in taken]
+        turning = {}
+        if {*self.chosen} & {*d.links}:
+            out = over_variants(kinematics, "rotations", given, times, states)
+            turning = rotations_of(kinematics, out.reshape(-1, out.shape[2]))
+        stacked = [v for v in of_names(d, self.chosen, counted, turning, *moving) if v.name not in taken]
         return made + [replace(v, values=v.values.reshape(*size, *v.values.shape[1:])) for v in stacked]
 
 

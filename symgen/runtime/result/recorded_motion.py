@@ -114,7 +114,8 @@ def recorded(
     taken = {x.name for x in variables}
     if not chosen and d.kinematic:
         variables += [x for x in _asked(constraints, samples, along) if x.name not in taken]
-    variables += [x for x in of_names(d, chosen, along.counted, r, v, a) if x.name not in taken]
+    turning = constraints.turning(samples) if {*chosen} & {*d.links} else {}
+    variables += [x for x in of_names(d, chosen, along.counted, turning, r, v, a) if x.name not in taken]
     coordinate, variables = coordinate_of(
         samples.times, variables, next(iter(units), "") if over == "input" else ""
     )
@@ -160,14 +161,27 @@ def _asked(constraints: Constraints, samples: Poses, along: Along) -> list[Varia
 
 
 def of_names(
-    d: Description, chosen: Mapping[str, Sequence[str]], counted: Counted, r: Array, v: Array, a: Array
+    d: Description,
+    chosen: Mapping[str, Sequence[str]],
+    counted: Counted,
+    turning: Mapping[str, tuple[Array, Array]],
+    r: Array,
+    v: Array,
+    a: Array,
 ) -> Iterator[Variable]:
-    """Yield the records of names, from the motion of all points, (samples, points, axes)."""
+    """Yield the records of names, from the motion of all points, (samples, points, axes).
+
+    ``turning`` are angular velocity and acceleration of links, (samples,) each.
+    """
     for name, wanted in chosen.items():
         if name in d.points:
             found = _of_point(d.points.index(name), name, d.axes, r, v, a)
         elif name in d.links:
-            found = _of_link(d, counted, name, r, v, a)
+            i, j = (d.points.index(p) for p in d.links[name][:2])
+            line = r[:, j] - r[:, i]
+            angle = counted(name, np.arctan2(line[:, 1], line[:, 0]))
+            rows = zip(_OF_LINK, ("rad", "rad/s", "rad/s^2"), (angle, *turning[name]), strict=True)
+            found = [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in rows]
         else:
             found = _of_corner([d.points.index(p) for p in name.split(".")], name, r)
         yield from (x for x in found if x.name.rpartition(".")[2] in wanted)
@@ -189,15 +203,3 @@ def _of_corner(points: list[int], name: str, r: Array) -> list[Variable]:
         Variable(f"{name}.{w}", "rad", text.format(*name.split(".")), (), np.arctan2(area, x))
         for w, text, x in rows
     ]
-
-
-def _of_link(d: Description, counted: Counted, name: str, r: Array, v: Array, a: Array) -> list[Variable]:
-    """Return direction, angular velocity and angular acceleration of a link in the plane."""
-    i, j = (d.points.index(p) for p in d.links[name][:2])
-    c, e, f = (x[:, j] - x[:, i] for x in (r, v, a))
-    squared = np.sum(c * c, axis=1)
-    rate = (c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]) / squared
-    second = (c[:, 0] * f[:, 1] - c[:, 1] * f[:, 0] - 2 * rate * np.sum(c * e, axis=1)) / squared
-    angle = counted(name, np.arctan2(c[:, 1], c[:, 0]))
-    rows = zip(_OF_LINK, ("rad", "rad/s", "rad/s^2"), (angle, rate, second), strict=True)
-    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in rows]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _core
-from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.redundancy import extent
 
@@ -117,6 +117,11 @@ class Constraints:
         given = poses.times, poses.q, poses.u, poses.accelerations
         return self.evaluator.many_blocks("point_accelerations", *given)["point_accelerations"]
 
+    def turning(self, poses: Poses) -> dict[str, tuple[Array, Array]]:
+        """Return angular velocity [rad/s] and acceleration [rad/s^2] of links in the plane, (poses,) each."""
+        given = poses.times, poses.q, poses.u, poses.accelerations
+        return rotations_of(self.kinematics, self.kinematics.many("rotations", *given))
+
     def driving(self, times: Array) -> dict[str, Array]:
         """Return the values of every drive [rad or m] at many times, by name."""
         if not self.kinematics.has("drives"):
@@ -136,3 +141,10 @@ class Constraints:
                 if along[0] * np.cos(angle) + along[1] * np.sin(angle) < 0:
                     return True
         return False
+
+
+def rotations_of(kinematics: Evaluator, out: Array) -> dict[str, tuple[Array, Array]]:
+    """Return angular velocity and acceleration of each link from rows of the kernel ``rotations``."""
+    rates, second = (part(out, block) for block in kinematics.info("rotations").blocks)
+    links = kinematics.info("rotations").blocks[0].rows
+    return {link: (rates[..., i], second[..., i]) for i, link in enumerate(links)}
