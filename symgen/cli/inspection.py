@@ -103,10 +103,6 @@ def show(
         list[str] | None,
         typer.Option("--with", metavar="NAME=NUMBER", help="Numeric value of a symbol, in SI units."),
     ] = None,
-    digits: Annotated[
-        bool,
-        typer.Option("--digits", help="Rank the sums of a matrix, or of all matrices, by cancelled digits."),
-    ] = False,
     set_: o.Set = None,
 ) -> None:
     """Show the derived equations in a selected format.
@@ -116,9 +112,6 @@ def show(
     from symgen.report.mathematics.equations import check_form
 
     check_form(form)
-    if digits:
-        _show_digits(model, matrix, set_)
-        return
     from symgen.inspection.subject import RECORD, Subject
 
     subject = Subject(model, changes(set_))
@@ -196,14 +189,6 @@ def _numbers(options: list[str] | None) -> dict[str, float]:
     return found
 
 
-def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None:
-    """Print the sums with the largest cancellation."""
-    from symgen.study.accuracy import accuracy
-    from symgen.study.accuracy.page import print_cancelling
-
-    print_cancelling(accuracy.digits(scene, matrix, set=changes(set_)), console())
-
-
 @command("symgen explain peaucellier")
 def explain(scene: o.Scene, set_: o.Set = None) -> None:
     """Explain topology, degrees of freedom and cost of the equations.
@@ -234,7 +219,6 @@ def diff(
     before: Annotated[str, typer.Argument(help=_SOURCE)],
     after: Annotated[str, typer.Argument(help="The second source, or the first one changed by --set.")],
     set_: o.Set = None,
-    form: o.Difference = "text",
     as_json: o.Json = False,
 ) -> None:
     """Show the differences between the equations of two models.
@@ -244,14 +228,11 @@ def diff(
     from dataclasses import asdict
 
     from symgen.regeneration.sources import compare
-    from symgen.report.mathematics.difference import check_form, difference_lines
-
-    check_form(form)
+    from symgen.report.mathematics.difference import difference_lines
 
     old, new, found = compare(before, after, changes(set_))
     if as_json:
         print_json({"before": old.name, "after": new.name, **asdict(found)})
         return
-    words = "% " if form == "latex" else ""
-    lines = (f"{words}- {old.name}: {old.title}", f"{words}+ {new.name}: {new.title}")
-    console().print(*lines, *difference_lines(found, form=form), sep="\n", soft_wrap=form == "latex" or None)
+    lines = (f"- {old.name}: {old.title}", f"+ {new.name}: {new.title}")
+    console().print(*lines, *difference_lines(found), sep="\n")

@@ -31,31 +31,28 @@ def generate(
         typer.Option("--check", help="Derive all of generated/ without writing; fail if it differs."),
     ] = False,
     every: Annotated[bool, typer.Option("--all", help="Print every changed entry.")] = False,
-    form: o.Difference = "text",
 ) -> None:
     """Regenerate outdated kernels and report the changes.
 
     Changed matrix entries are shown before and after.
     """
     from symgen.errors import GenerationError, ModelError
-    from symgen.report.mathematics.difference import check_form
     from symgen.report.mathematics.regeneration import generated_lines, regenerated_lines
 
-    check_form(form)
     shown = None if every else _SHOWN
     if source is not None:
         if check:
             raise ModelError("--check applies to generated/ and cannot be combined with a scene or a file")
         from symgen.regeneration.sources import generate as generate_source
 
-        print(*generated_lines(generate_source(source), shown, form), sep="\n")
+        print(*generated_lines(generate_source(source), shown), sep="\n")
         return
     from symgen.regeneration.generate import not_current, regenerate
 
     if not check:
         with progress_bar("generated/", as_json=False) as progress:
             found = regenerate(progress)
-        print(*regenerated_lines(found, shown, form), sep="\n")
+        print(*regenerated_lines(found, shown), sep="\n")
         return
     with progress_bar("generated/", as_json=False) as progress:
         differing = not_current(progress)

@@ -80,9 +80,6 @@ Page = Annotated[
     option("--page", metavar="FILE", group=_OUTPUT, help="Write an HTML page with the results."),
 ]
 Json = Annotated[bool, option("--json", group=_OUTPUT, help="Print one JSON object and nothing else.")]
-Difference = Annotated[
-    str, option("--format", metavar="FORMAT", group=_OUTPUT, help="Matrix entries as text, or latex.")
-]
 Backend = Annotated[
     str, option("--backend", metavar="NAME", group=_COMPILATION, help="auto, c, numpy or mpmath.")
 ]

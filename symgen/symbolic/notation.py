@@ -105,11 +105,6 @@ def latex_name(name: str) -> str:
     return base + (rf"_{{{','.join(map(_below, n.below))}}}" if n.below else "")
 
 
-def latex_text(text: str) -> str:
-    """Return words as text inside LaTeX mathematics."""
-    return rf"\text{{{_plain(text)}}}"
-
-
 def mathml_name(name: str) -> str:
     """Return a name in MathML."""
     n = notation(name)

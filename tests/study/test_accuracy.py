@@ -17,7 +17,7 @@ from shared.shipped import derived
 from symgen.errors import BuildError, ModelError, ResultError, SceneError
 from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
-from symgen.study.accuracy.accuracy import Accuracy, accuracy, all_names, digits, report
+from symgen.study.accuracy.accuracy import Accuracy, accuracy, all_names, report
 from symgen.study.accuracy.kernels import Kernels
 from symgen.study.accuracy.page import COLUMNS, summary_row
 from symgen.study.accuracy.states import At, States
@@ -231,14 +231,6 @@ def test_assembly_leads_from_the_drawing():
         assert rows and not any(expanded[i, :].has(way) for i in range(len(rows))), scene
 
 
-def test_digits_of_one_matrix():
-    found = digits("four_bar", "constraints", states=2)
-    assert found and all(c.output == "constraints" for c in found)
-    assert found[0].digits > 10 and all(c.needless < 1.5 for c in found)
-    with pytest.raises(ModelError, match="Did you mean 'constraints'"):
-        digits("four_bar", "constraint", states=2)
-
-
 def page_text() -> str:
     """The page docs/accuracy.md."""
     return (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text()
@@ -278,7 +270,6 @@ def test_command(tmp_path):
     text = call("accuracy", "rod", "--states", "2", "--no-run", "--out", tmp_path / "row.md")
     assert "against 40 digits, at 2 states" in text
     assert (tmp_path / "row.md").read_text().splitlines()[2].startswith("| rod |")
-    assert "B_y - A_y" in call("show", "four_bar", "constraints", "--digits")
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-
 import pytest
 import sympy as sp
 
-from symgen.errors import ModelError
-from symgen.regeneration.sources import compare
-from symgen.report.mathematics.difference import check_form, difference_lines
+from symgen.report.mathematics.difference import difference_lines
 from symgen.symbolic.difference import difference
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.record import places, read_record, record
@@ -89,44 +84,6 @@ def test_shape_unit_and_operations():
         "  old               2      -",
         "  all kernels       7      8",
     ]
-
-
-def test_in_latex_words_are_comments_and_entries_on_display():
-    found = difference(recorded(PLAIN), recorded([x / 2, z, 0, shared], definition=x - y, unit="m^2"))
-    assert "\n".join(difference_lines(found, 3, form="latex")).splitlines() == [
-        "% k (2 x 2): 1 added, 1 removed, 3 changed",
-        r"\begin{align*}",
-        r"\left(\mathrm{unit}\right) &= m \quad\text{(before)} \\",
-        r" &= \text{m\textasciicircum{}2} \quad\text{(after)} \\",
-        r"\left(r, 0\right) &= a \quad\text{(before)} \\",
-        r" &= \frac{a}{2} \quad\text{(after)} \\",
-        r"\left(r, 1\right) &= c \quad\text{(added)}",
-        r"\end{align*}",
-        "% ... and 2 entries more",
-        "% shared terms:",
-        r"\begin{align*}",
-        r"\left(d\right) &= a + b \quad\text{(before)} \\",
-        r" &= a - b \quad\text{(after)}",
-        r"\end{align*}",
-    ]
-    unchanged = difference(recorded(PLAIN), recorded(PLAIN))
-    assert list(difference_lines(unchanged, form="latex")) == ["% no change in the mathematics"]
-    with pytest.raises(ModelError, match="Did you mean 'latex'"):
-        check_form("latx")
-
-
-@pytest.mark.skipif(
-    shutil.which("pdflatex") is None, reason="needs pdflatex (apt install texlive-latex-base)"
-)
-def test_the_latex_of_a_difference_compiles(tmp_path):
-    _, _, found = compare("rod", "rod_spatial")
-    head = [r"\documentclass{article}", r"\usepackage{amsmath}", r"\begin{document}"]
-    lines = [*head, *difference_lines(found, form="latex"), r"\end{document}"]
-    (tmp_path / "d.tex").write_text("\n".join(lines), encoding="utf-8")
-    done = subprocess.run(
-        ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "d.tex"], cwd=tmp_path, capture_output=True
-    )
-    assert done.returncode == 0, done.stdout.decode(errors="replace")[-1500:]
 
 
 def test_only_so_many_entries_are_shown():

@@ -1,23 +1,16 @@
-"""Changes in the mathematics, as text or LaTeX."""
+"""Changes in the mathematics as text."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from symgen.errors import check_known
 from symgen.symbolic.difference import Change, Difference, MatrixDifference
 
-FORMATS = ("text", "latex")
 _ALL = "all kernels"
 _KINDS = ("added", "removed", "changed", "rewritten")
 
 
-def check_form(form: str) -> None:
-    """Raise ModelError if the format does not exist."""
-    check_known(form, FORMATS, "there is no format")
-
-
-def difference_lines(found: Difference, shown: int | None = None, form: str = "text") -> Iterator[str]:
+def difference_lines(found: Difference, shown: int | None = None) -> Iterator[str]:
     """Yield the changes: matrices with entries before and after, shared terms, operation counts, values.
 
     Parameters
@@ -26,23 +19,19 @@ def difference_lines(found: Difference, shown: int | None = None, form: str = "t
         The difference.
     shown
         Maximum number of printed entries per matrix, and of shared terms; None for all.
-    form
-        One of ``FORMATS``. The LaTeX output requires the package amsmath; its text is commented out and the
-        changes are displayed equations.
     """
-    words = "% " if form == "latex" else ""
     if not found:
-        yield f"{words}no change in the mathematics"
+        yield "no change in the mathematics"
     for matrix in found.matrices:
-        yield f"{words}{matrix.name}{_shape(matrix)}: {_summary(matrix)}"
-        yield from _changes(matrix.changes, shown, "entries", form)
+        yield f"{matrix.name}{_shape(matrix)}: {_summary(matrix)}"
+        yield from _changes(matrix.changes, shown, "entries")
     if found.definitions:
-        yield f"{words}shared terms:"
-        yield from _changes(found.definitions, shown, "terms", form)
-    yield from (words + line for line in _operations(found))
+        yield "shared terms:"
+        yield from _changes(found.definitions, shown, "terms")
+    yield from _operations(found)
     if found.values:
-        yield f"{words}tunable parameters, which are arguments of the kernels:"
-        yield from _changes(found.values, shown, "parameters", form)
+        yield "tunable parameters, which are arguments of the kernels:"
+        yield from _changes(found.values, shown, "parameters")
 
 
 def _shape(matrix: MatrixDifference) -> str:
@@ -60,15 +49,10 @@ def _summary(matrix: MatrixDifference) -> str:
     return f"{words} (the same values, written otherwise)" if matrix.kind == "rewritten" else words
 
 
-def _changes(changes: tuple[Change, ...], shown: int | None, what: str, form: str) -> Iterator[str]:
-    if form == "latex":
-        from symgen.report.mathematics.latex import changes_in_latex
-
-        yield from changes_in_latex(changes[:shown])
-    else:
-        yield from (line for change in changes[:shown] for line in _in_text(change))
+def _changes(changes: tuple[Change, ...], shown: int | None, what: str) -> Iterator[str]:
+    yield from (line for change in changes[:shown] for line in _in_text(change))
     if shown is not None and len(changes) > shown:
-        yield f"{'%' if form == 'latex' else ' '} ... and {len(changes) - shown} {what} more"
+        yield f"  ... and {len(changes) - shown} {what} more"
 
 
 def _in_text(change: Change) -> Iterator[str]:

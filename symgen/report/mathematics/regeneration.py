@@ -13,40 +13,33 @@ if TYPE_CHECKING:
 
 #: Maximum number of files named as the reason for a derivation; further ones are counted.
 _REASONS = 3
-#: Prefixes of text lines and of mathematics, by format.
-_WORDS = {"text": ("", "  "), "latex": ("% ", "")}
 
 
-def regenerated_lines(found: Regenerated, shown: int | None, form: str = "text") -> Iterator[str]:
-    """Yield derived models with reasons, changes in the mathematics of each model, and written files.
-
-    ``form`` is the format of the mathematics, as in ``difference_lines``; in LaTeX other text is a comment.
-    """
-    words, indent = _WORDS[form]
+def regenerated_lines(found: Regenerated, shown: int | None) -> Iterator[str]:
+    """Yield derived models with reasons, changes in the mathematics of each model, and written files."""
     for name, because in found.derived.items():
-        yield f"{words}derived {name}: {_reason(because)}"
+        yield f"derived {name}: {_reason(because)}"
     for name, change in found.changes.items():
         if change is None:
-            yield f"{words}{name}: no record of its mathematics before"
+            yield f"{name}: no record of its mathematics before"
             continue
-        yield f"{words}{name}:"
-        yield from (f"{indent}{line}" for line in difference_lines(change, shown, form))
-    yield from (f"{words}generated/{name}" for name in found.written)
+        yield f"{name}:"
+        yield from (f"  {line}" for line in difference_lines(change, shown))
+    yield from (f"generated/{name}" for name in found.written)
     if not found.written:
-        yield f"{words}generated/ is current"
+        yield "generated/ is current"
 
 
-def generated_lines(found: Generated, shown: int | None, form: str = "text") -> Iterator[str]:
+def generated_lines(found: Generated, shown: int | None) -> Iterator[str]:
     """Yield the reason for generating the kernels of a scene or file, and the changes in the mathematics."""
-    words, indent = _WORDS[form]
-    yield f"{words}{found.name}: {found.title}"
+    yield f"{found.name}: {found.title}"
     if found.change is None:
-        yield f"{words}  generated for the first time"
+        yield "  generated for the first time"
     elif not found.because:
-        yield f"{words}  nothing changed"
+        yield "  nothing changed"
     else:
-        yield f"{words}  regenerated: {_reason(found.because)}"
-        yield from (f"{indent}{line}" for line in difference_lines(found.change, shown, form))
+        yield f"  regenerated: {_reason(found.because)}"
+        yield from (f"  {line}" for line in difference_lines(found.change, shown))
 
 
 def _reason(because: tuple[str, ...]) -> str:

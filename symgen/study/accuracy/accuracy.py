@@ -15,7 +15,7 @@ from symgen.models import BLOCKS
 from symgen.precision import precision as precision_named
 from symgen.scene.loading import shipped_scenes
 from symgen.study.accuracy.cancelling import Cancelling, cancelling
-from symgen.study.accuracy.kernel_errors import SOLVED, Errors, OutputAccuracy, entries
+from symgen.study.accuracy.kernel_errors import Errors, OutputAccuracy
 from symgen.study.accuracy.kernels import Kernels, kernels_of
 from symgen.symbolic.exact import DIGITS
 
@@ -166,28 +166,6 @@ def report(
         tuple(ranked[:top]),
         tuple(dict.fromkeys(notes)),
     )
-
-
-def digits(
-    scene: str | os.PathLike[str],
-    matrix: str | None = None,
-    *,
-    set: Mapping[str, Any] | None = None,
-    states: int = 5,
-    seed: int = 0,
-    top: int = 20,
-) -> tuple[Cancelling, ...]:
-    """Return the sums with the largest loss of digits in one matrix, or in all kernels, of a scene or block.
-
-    Raises the errors of :func:`accuracy`, and DerivationError if there is no such matrix.
-    """
-    if matrix is None or matrix in SOLVED:
-        found = accuracy(scene, set=set, states=states, seed=seed, top=10**6).cancelling
-        return tuple(c for c in found if matrix in (None, c.output))[:top]
-    _, parts = kernels_of(scene, set=set, count=states, seed=seed, run=True, precision="float64")
-    part = next((p for p in parts if p.prefix and matrix.startswith(p.prefix)), parts[0])
-    own = part.of_matrix(matrix.removeprefix(part.prefix))
-    return tuple(cancelling(own, entries(own))[:top])
 
 
 def _finite(value: Any) -> Any:

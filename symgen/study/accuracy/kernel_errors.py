@@ -25,7 +25,6 @@ SOUND = 30.0
 _SINGULAR = 0.01
 #: The kernels that solve the equations of motion, and their outputs.
 _SOLVERS = {"accelerations": ("accelerations", "multipliers"), "solve": ("solution",)}
-SOLVED = _SOLVERS["accelerations"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,17 +209,6 @@ class Errors:
         for o in self._in_order():
             if o.kernel != "solve":  # 'accelerations' includes its operations
                 yield from o.places()
-
-
-def entries(part: Kernels) -> Iterator[Place]:
-    """Yield all nonzero entries at all states."""
-    for at in part.states.all:
-        for kernel, tape in part.tapes.items():
-            values = tape.values(at.arrays)
-            for entry, spread in tape.conditions(values).items():
-                size = float(abs(values[tape.out[entry]]))
-                if size > _ZERO * spread:
-                    yield Place(kernel, kernel, at, entry, spread / size)
 
 
 class _Output:

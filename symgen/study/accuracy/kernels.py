@@ -40,7 +40,7 @@ from symgen.scene.resolve import resolve_linkage
 from symgen.study.accuracy.loop_states import of_loop
 from symgen.study.accuracy.states import At, States, of_beams, of_block, of_linkage
 from symgen.symbolic.exact import Exact, number
-from symgen.symbolic.system import Export, System
+from symgen.symbolic.system import System
 
 Array = NDArray[np.float64]
 #: Outputs by kernel and argument arrays.
@@ -94,19 +94,6 @@ class Kernels:
     def exports(self) -> dict[str, tuple[str, ...]]:
         """The matrices written by each kernel, except for 'solve'."""
         return {e.kernel: e.matrices for e in self.system.exports if e.kernel in self.tapes}
-
-    def of_matrix(self, name: str) -> Kernels:
-        """Return a copy with a single kernel that writes one matrix; it cannot be called.
-
-        Raises
-        ------
-        DerivationError
-            If there is no such matrix.
-        """
-        matrix = self.system[name]
-        export = Export(name, matrix.description, (name,))
-        system = replace(self.system, exports=(export,), saddle_point=None)
-        return Kernels(self.prefix, system, self.call, self.states)
 
     def exports_at(self, at: At) -> dict[str, tuple[str, ...]]:
         """Return the kernels that are meaningful at a state, with the matrices that they write."""
