@@ -17,6 +17,8 @@ from symgen.runtime.kernels.typed import Typed
 
 Array = NDArray[np.float64]
 
+#: Address and sizes of a kernel, and name, part of ``out`` and shape of each of its results.
+_Call = tuple[int, "_core.Sizes", tuple[tuple[str, slice, tuple[int, ...]], ...]]
 #: Unit of tangents as imaginary parts: their products are below every number of a mechanism.
 UNIT = 1e-80
 
@@ -29,7 +31,7 @@ class Evaluator:
         self.given = np.array(parameters, dtype=float)
         self.work_size = description.work_size
         self._infos = {k.name: k for k in description.kernels}
-        self._sizes = description.sizes
+        self._calls: dict[str, _Call] = {}
         outputs = self._infos.get("outputs")
         #: Whether the places of the points are all that the scene's outputs depend on.
         self.outputs_by_places = outputs is not None and not (outputs.reads_rates or outputs.work_size)
@@ -54,10 +56,22 @@ class Evaluator:
             raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
         return info
 
+    def call(self, kernel: str) -> tuple[int, _core.Sizes]:
+        """Return address and sizes of a kernel; raise ModelError if the model has no such kernel."""
+        return self._call(kernel)[:2]
+
+    def _call(self, kernel: str) -> _Call:
+        found = self._calls.get(kernel)
+        if found is None:
+            info = self.info(kernel)
+            sizes = (*self.description.sizes, info.work_size, info.out_size)
+            blocks = tuple((b.name, *_place(b)) for b in info.blocks)
+            found = self._calls[kernel] = self.library.addresses[kernel], sizes, blocks
+        return found
+
     def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
         """Return the ``out`` array of a kernel."""
-        info, address = self.info(kernel), self.library.addresses[kernel]
-        sizes = (*self._sizes, info.work_size, info.out_size)
+        address, sizes, _ = self._call(kernel)
         q, u = np.ascontiguousarray(q, dtype=float), np.ascontiguousarray(u, dtype=float)
         return _core.evaluate(address, sizes, t, q, u, self.parameters, work)
 
@@ -66,7 +80,7 @@ class Evaluator:
     ) -> dict[str, Array]:
         """Return the results of a kernel by name, shaped."""
         out = self(kernel, t, q, u, work)
-        return {b.name: part(out, b) for b in self.info(kernel).blocks}
+        return {name: out[where].reshape(shape) for name, where, shape in self._call(kernel)[2]}
 
     def many(self, kernel: str, times: Array, q: Array, u: Array, work: Array | None = None) -> Array:
         """Return the ``out`` arrays of a kernel at many states, (states, entries), given ``work`` of each."""
@@ -80,10 +94,10 @@ class Evaluator:
 
     def along(self, kernel: str, times: Array, rows: Array, work: Array) -> Array:
         """Return the same for rows (q, u, ...) and of work memory, which the kernel may change."""
-        info, n = self.info(kernel), self.description.coordinates
-        sizes = (*self._sizes, info.work_size, info.out_size)
-        out = np.zeros((len(times), info.out_size + 1))
-        _core.call_many(self.library.addresses[kernel], sizes, times, rows, n, self.parameters, work, out)
+        address, sizes, _ = self._call(kernel)
+        out = np.zeros((len(times), sizes[-1] + 1))
+        n = self.description.coordinates
+        _core.call_many(address, sizes, times, rows, n, self.parameters, work, out)
         return out[:, :-1]
 
     def many_blocks(
@@ -195,6 +209,12 @@ def at_rows(address: int, y: Array, n: int, p: Array, width: int, work: Array | 
 
 def part(out: Array, block: BlockInfo) -> Array:
     """Return one block of an ``out`` array (or of rows of them), shaped; single columns lose that axis."""
+    where, shape = _place(block)
+    return out[..., where].reshape((*out.shape[:-1], *shape))
+
+
+def _place(block: BlockInfo) -> tuple[slice, tuple[int, ...]]:
+    """Return the part of ``out`` that a block takes, and its shape; a single column is no axis."""
     rows, columns = block.shape
-    flat = out[..., block.offset : block.offset + rows * columns]
-    return flat if columns == 1 else flat.reshape((*out.shape[:-1], rows, columns))
+    where = slice(block.offset, block.offset + rows * columns)
+    return where, (rows,) if columns == 1 else (rows, columns)

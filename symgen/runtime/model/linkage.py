@@ -46,6 +46,10 @@ class LinkageModel(Model):
             self.description = replace(self.description, t_end=float(end))
 
     @cached_property
+    def _of_analyses(self) -> dict[tuple[str, bool, tuple[str, ...]], Evaluator]:
+        return {}
+
+    @cached_property
     def _evaluator(self) -> Evaluator:
         return Evaluator(self.description, self._library, np.array(self.given))
 
@@ -136,7 +140,10 @@ class LinkageModel(Model):
 
         ``stepping`` selects the number type of runs, else doubles; ``outputs`` are those of the analysis.
         """
-        return Evaluator(*self._kernels_of(kind, stepping, outputs), self._evaluator.given)
+        what = kind, stepping, outputs
+        if what not in self._of_analyses:
+            self._of_analyses[what] = Evaluator(*self._kernels_of(*what), self._evaluator.given)
+        return self._of_analyses[what]
 
     def in_lanes(self, kind: str) -> tuple[Description, Library]:
         """Return the kernels of a kind of analysis that take vectors, in doubles; see :meth:`analysis`."""

@@ -23,7 +23,7 @@ from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State, finite, reactions_at
-from symgen.runtime.rods.redundancy import least_norm, not_unique
+from symgen.runtime.rods.redundancy import SelfStress
 from symgen.runtime.rods.start import Start, start
 
 if TYPE_CHECKING:
@@ -83,41 +83,46 @@ class RodModel(LinkageModel):
         """Labels of the constraints that follow from the others in every pose."""
         return tuple(self.description.labels[i] for i in self._found().redundant)
 
-    def _solution(self, state: State, typed: bool = False) -> Array:
-        """Return accelerations and multipliers at a state; raise ModelError if it is singular.
+    def _solution(self, t: float, q: Array, u: Array, typed: bool = False) -> tuple[Array, tuple[int, ...]]:
+        """Return accelerations and multipliers at a state, and the numbers of those that are not unique.
+
+        Raises ModelError if the state is singular.
 
         ``typed`` selects the number type of the model, otherwise doubles.
         """
         d = self.description
         redundant = self._found().redundant
         equations = self._evaluator.equations(len(redundant))
-        row = np.concatenate([state.q, state.u, [0.0, 0.0]])
-        status = equations.check(state.t, row)
-        line = without_direction(self._evaluator, state.t, state.q, state.u)
+        row = np.concatenate([q, u, [0.0, 0.0]])
+        status = equations.check(t, row)
+        line = without_direction(self._evaluator, t, q, u)
         if line:
-            raise ModelError(f"no finite accelerations at t = {state.t:g} s: {line}")
+            raise ModelError(f"no finite accelerations at t = {t:g} s: {line}")
         if status != _core.DONE:
             name = "a redundant constraint is independent of the others there"
             if equations.lost == equations.redundant:
                 name = f"{d.unknown(equations.weakest)} is not independent of the others"
             raise ModelError(
-                f"the equations of motion are singular at t = {state.t:g} s, so accelerations are not "
+                f"the equations of motion are singular at t = {t:g} s, so accelerations are not "
                 f"determined: {name}"
             )
-        work = equations.solutions(np.array([state.t]), row[None, :])[0]
+        times = np.array([t])
+        work = equations.solutions(times, row[None, :])
         if typed:
-            work[:-1] = self._in_type(state.t, state.q, state.u, work[:-1])
-        return least_norm(self._evaluator, state.t, state.q, work, len(redundant)) if redundant else work
+            work[0, :-1] = self._in_type(t, q, u, work[0, :-1])
+        if not redundant:
+            return work[0], ()
+        stress = SelfStress(self._evaluator, times, q[None], len(redundant))
+        return stress.least_norm(work)[0], stress.not_unique()
 
     def _accelerations(self, state: State | None = None) -> Accelerations:
-        d = self.description
-        state = self.initial_state() if state is None else state
-        work, n, redundant = self._solution(state, typed=True), d.coordinates, self._found().redundant
-        of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
+        d, begin = self.description, self._found()
+        at = (0.0, begin.q, begin.u) if state is None else (state.t, state.q, state.u)
+        work, open_rows = self._solution(*at, typed=True)
+        of_points = self._evaluator.blocks("point_accelerations", *at, work)
         points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
-        reactions = reactions_at(self._evaluator, state.t, state.q, state.u, work)
-        open_rows = not_unique(self._evaluator, state.t, state.q, len(redundant))
-        multipliers = dict(zip(d.constraints, work[n:-1].tolist(), strict=True))
+        reactions = reactions_at(self._evaluator, *at, work)
+        multipliers = dict(zip(d.constraints, work[d.coordinates : -1].tolist(), strict=True))
         return Accelerations(points, multipliers, reactions, tuple(d.constraints[i] for i in open_rows))
 
     @property
@@ -152,7 +157,7 @@ class RodModel(LinkageModel):
         d = self.description
         if at is None or isinstance(at, State):
             state = self.initial_state() if at is None else at
-            solution = self._solution(state)[:-1]
+            solution = self._solution(state.t, state.q, state.u)[0][:-1]
         else:
             state, still = at.state, np.zeros(d.coordinates)
             if lacking := [name for name in d.constraints if name not in at.multipliers]:
@@ -321,12 +326,12 @@ class RodModel(LinkageModel):
         from symgen.runtime.rods.equilibrium import at_rest, describe, find
         from symgen.runtime.rods.linear import Statics
 
-        begin = self.initial_state() if state is None else state
-        when = begin.t if t is None else float(t)
+        begin, q = (0.0, self._found().q) if state is None else (state.t, state.q)
+        when = begin if t is None else float(t)
         constraints = self._constraints()
-        at_rest(constraints, begin.q, when)
+        at_rest(constraints, q, when)
         statics = Statics(constraints, self.analysis("statics"), when)
-        return describe(statics, *find(statics, begin.q, stable))
+        return describe(statics, *find(statics, q, stable))
 
     def _modes(self, at: Equilibrium | float | None = None) -> Modes:
         from symgen.runtime.rods.equilibrium import Equilibrium

@@ -15,7 +15,7 @@ from symgen.runtime.kernels.description import Description, KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, converters, over_time
-from symgen.runtime.rods.redundancy import CLOSED, extent, least_norm, not_unique, slack, violation
+from symgen.runtime.rods.redundancy import CLOSED, SelfStress, extent, not_unique, slack, violation
 
 Array = NDArray[np.float64]
 
@@ -220,12 +220,7 @@ def outputs(
     if info.work_size:
         work = equations.solutions(times, states if n else np.zeros((len(times), 1)))
     if work is not None and redundant:
-        work = np.array(
-            [
-                least_norm(evaluator, t, y[:n], solution, redundant)
-                for t, y, solution in zip(times, states, work, strict=True)
-            ]
-        )
+        work = SelfStress(evaluator, times, states[:, :n], redundant).least_norm(work)
     if work is None or not n:
         return shaped(info, evaluator.many("outputs", times, states[:, :n], states[:, n : 2 * n], work))
     return shaped(info, evaluator.along("outputs", times, states, work))

@@ -70,9 +70,8 @@ class Constraints:
         """Call a kernel with arrays that are kept: a curve takes thousands of calls."""
         if kernel not in self._kept:
             source = self.kinematics if kernel == "acceleration_rhs" else self.evaluator
-            out = np.zeros(source.info(kernel).out_size + 1)
-            address, sizes = source.library.addresses[kernel], source.description.sizes_of(kernel)
-            self._kept[kernel] = address, sizes, source.parameters, out
+            address, sizes = source.call(kernel)
+            self._kept[kernel] = address, sizes, source.parameters, np.zeros(sizes[-1] + 1)
         address, sizes, parameters, out = self._kept[kernel]
         self._arguments[0][0] = t
         self._arguments[1][: self.n] = q

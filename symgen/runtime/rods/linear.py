@@ -63,7 +63,7 @@ class Statics:
     def __init__(self, constraints: Constraints, statics: Evaluator, t: float) -> None:
         self.constraints, self.t, self._statics = constraints, t, statics
         self._rest = np.zeros(constraints.n)
-        self._names = constraints.description.of_coordinates()
+        self._entries: dict[str, tuple[NDArray[np.intp], ...]] = {}
 
     def force(self, q: Array) -> Array:
         """Return the applied forces on the coordinates at rest [N]."""
@@ -79,8 +79,12 @@ class Statics:
         work = np.zeros(self._statics.work_size + n + self.constraints.m + 1)
         work[n : n + self.constraints.m] = multipliers
         entries = self._statics(name, self.t, q, self._rest, work)
-        for row, column, place in info.blocks[0].places(self._names, self._names):
-            whole[row, column] = entries[place]
+        if name not in self._entries:
+            names = self.constraints.description.of_coordinates()
+            places = np.array(info.blocks[0].places(names, names), dtype=np.intp).reshape(-1, 3)
+            self._entries[name] = tuple(places.T)
+        rows, columns, where = self._entries[name]
+        whole[rows, columns] = entries[where]
         return whole
 
     def at(self, q: Array) -> Linearised:

@@ -146,32 +146,44 @@ def _scaled_jacobian(evaluator: Evaluator, t: float, q: Array) -> tuple[Array, A
     return jacobian.reshape(-1, len(q)) / scale[:, None], scale
 
 
-def least_norm(evaluator: Evaluator, t: float, q: Array, solution: Array, redundant: int) -> Array:
-    """Return a solution (accelerations, multipliers, ...) with the constraint forces of least norm.
+class SelfStress:
+    """Constraint forces of redundant constraints that do nothing, at many poses.
 
-    Accelerations and J^T lambda are unique, single multipliers of redundant constraints are not. The forces
-    (multiplier times the scale of its row [N]) of least norm do not depend on how a constraint is written.
+    Accelerations and J^T lambda are unique, single multipliers of redundant constraints are not.
+
+    Attributes
+    ----------
+    basis
+        Orthonormal constraint forces, (poses, constraints, redundant).
+    scale
+        Scale of every constraint, (poses, constraints); a force is a multiplier times its scale [N].
     """
-    n = len(q)
-    self_stress, scale = _self_stress(evaluator, t, q, redundant)
-    forces = solution[n : n + len(scale)] * scale
-    forces = forces - self_stress @ (self_stress.T @ forces)
-    return np.concatenate([solution[:n], forces / scale, solution[n + len(scale) :]])
+
+    def __init__(self, evaluator: Evaluator, times: Array, q: Array, redundant: int) -> None:
+        still = np.zeros_like(q)
+        self.scale = evaluator.many_blocks("constraints", times, q, still)["constraint_scale"]
+        slopes = evaluator.many_blocks("constraint_jacobian", times, q, still)["constraint_jacobian"]
+        left = np.linalg.svd(slopes.reshape(*self.scale.shape, -1) / self.scale[..., None])[0]
+        self.basis = left[..., self.scale.shape[1] - redundant :]
+
+    def least_norm(self, solutions: Array) -> Array:
+        """Return solutions (accelerations, multipliers, one number) with the constraint forces of least norm.
+
+        These do not depend on how a constraint is written.
+        """
+        n = solutions.shape[1] - self.scale.shape[1] - 1
+        forces = (solutions[:, n:-1] * self.scale)[..., None]
+        forces = forces - self.basis @ (self.basis.swapaxes(1, 2) @ forces)
+        return np.hstack([solutions[:, :n], forces[..., 0] / self.scale, solutions[:, -1:]])
+
+    def not_unique(self, pose: int = 0) -> tuple[int, ...]:
+        """Return the numbers of the constraints whose multipliers are not unique at a pose."""
+        return tuple(np.flatnonzero(np.max(np.abs(self.basis[pose]), axis=1) > _TAKES_PART).tolist())
 
 
 def not_unique(evaluator: Evaluator, t: float, q: Array, redundant: int) -> tuple[int, ...]:
     """Return the numbers of the constraints whose multipliers the redundant constraints leave open."""
-    if not redundant:
-        return ()
-    self_stress, _ = _self_stress(evaluator, t, q, redundant)
-    return tuple(np.flatnonzero(np.max(np.abs(self_stress), axis=1) > _TAKES_PART).tolist())
-
-
-def _self_stress(evaluator: Evaluator, t: float, q: Array, redundant: int) -> tuple[Array, Array]:
-    """Return an orthonormal basis of the constraint forces that do nothing, and the scales of the rows."""
-    jacobian, scale = _scaled_jacobian(evaluator, t, q)
-    left = np.linalg.svd(jacobian)[0]
-    return left[:, len(scale) - redundant :], scale
+    return SelfStress(evaluator, np.array([t]), q[None], redundant).not_unique() if redundant else ()
 
 
 def not_positive(evaluator: Evaluator) -> InitialStateError:
