@@ -1789,13 +1789,13 @@ def hanging_bar_axial_force(end, steps=2000):
 def test_24_coordinates_that_the_crank_does_not_determine():
     """Joint forces of a hanging elastic bar came to four times its weight, with an error estimate of 1e-6."""
     model = symgen.build(CASES / "elastic_hanging_bar.toml")
-    for analysis in (model.simulate, model.periodic):
+    for analysis in (lambda: model.simulate(method="newmark"), model.periodic):
         with pytest.raises(
             ModelError, match="does not determine the rigid motion of B.*\n.*symgen large-rotation"
         ):
             analysis()
     with pytest.raises(ModelError, match="rigid motion of B"):
-        symgen.build(CASES / "elastic_chain.toml").simulate()
+        symgen.build(CASES / "elastic_chain.toml").quasi_static()
     run = model.large_rotation(4, revolutions=0.5, samples=201, rtol=1e-6)
     force = run["bar.axial_strain"].values * 210e9 * 0.015 * 0.003
     expected = hanging_bar_axial_force(float(run.time[-1]))[::10]

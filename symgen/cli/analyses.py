@@ -244,7 +244,7 @@ def quasi_static(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen large-rotation elastic_four_bar --segments 8",
-    "segments elements revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
+    "segments elements t_end revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
     f"{_SHOWN} backend",
     elements=o.maybe(int, "--elements", "N", "Number of elements per elastic link, not rods."),
 )

@@ -13,12 +13,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import SimulationError
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, displacement, length_change, selected, strains
 from symgen.runtime.elastic.steps import check_revolutions, turn
+from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
@@ -82,6 +83,25 @@ class Cut:
         return found
 
 
+def end_of_run(motion: ElasticMotion, task: LargeRotation) -> float:
+    """Return the end of a run in large rotation [s]: that given, or after one revolution or so many.
+
+    Raises
+    ------
+    ModelError
+        For both, or one that is out of range.
+    """
+    if task.t_end is None:
+        revolutions = 1.0 if task.revolutions is None else task.revolutions
+        check_revolutions(motion, revolutions)
+        return turn(motion) * revolutions
+    if task.revolutions is not None:
+        raise ModelError("give t_end or revolutions, not both")
+    if not real(task.t_end, "t_end") > 0.0:
+        raise ModelError(f"expected t_end above zero, got {task.t_end!r}")
+    return task.t_end
+
+
 def exact_run(motion: ElasticMotion, rods: RodModel, task: LargeRotation) -> ElasticResult:
     """Return strains and displacements of a linkage whose elastic links are the rods of another model.
 
@@ -92,13 +112,13 @@ def exact_run(motion: ElasticMotion, rods: RodModel, task: LargeRotation) -> Ela
     SimulationError
         If the run cannot continue.
     """
-    check_revolutions(motion, task.revolutions)
+    end = end_of_run(motion, task)
     rtol = RTOL if task.rtol is None else task.rtol
     cuts = _cuts(motion, rods)
     state = _state(motion.rigid, rods, cuts)
     try:
         result = rods.simulate(
-            turn(motion) * task.revolutions,
+            end,
             rtol=rtol,
             samples=task.samples,
             state=state,

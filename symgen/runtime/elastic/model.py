@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -38,6 +38,11 @@ if TYPE_CHECKING:
 #: Integration methods of elastic motions.
 METHODS = (*BEAM_METHODS, "dop853", "rk4")
 FORMS = ("exact", "thesis")
+#: Error over the peak stress, if none is given.
+_RTOL = 1e-4
+#: Elements of a link in large rotation, where none are given.
+_ELEMENTS = 4
+_KEPT = ("checkpoint", "checkpoint_every", "resume")
 #: Initial states of motions in time.
 INITIAL = ("undeformed", "quasi-static")
 
@@ -242,6 +247,8 @@ class ElasticModel(Model):
                 hint = f"It is model.{own[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
         initial = _initial(asked.initial)
+        if self._motion(True).undetermined and (large := _in_large_rotation(asked)):
+            return self._large_rotation(replace(large, elements=self._elements))
         if t_end is not None:
             if revolutions is not None:
                 raise ModelError("give t_end or revolutions, not both")
@@ -258,7 +265,7 @@ class ElasticModel(Model):
             asked.keeping(),
             revolutions=1.0 if revolutions is None else revolutions,
             steps=asked.steps,
-            rtol=asked.rtol,
+            rtol=_RTOL if asked.rtol is None else asked.rtol,
             samples=sample_count(asked.samples, asked.t_eval, 361),
             max_step=asked.max_step,
             t_end=t_end,
@@ -268,7 +275,8 @@ class ElasticModel(Model):
 
     @takes(Periodic)
     def _periodic(self, asked: Periodic) -> ElasticResult:
-        own: dict[str, Any] = {"steps": asked.steps, "rtol": asked.rtol, "max_step": asked.max_step}
+        rtol = _RTOL if asked.rtol is None else asked.rtol
+        own: dict[str, Any] = {"steps": asked.steps, "rtol": rtol, "max_step": asked.max_step}
         return self._run(asked, "periodic", samples=asked.samples, **own)
 
     @takes(QuasiStatic)
@@ -305,6 +313,12 @@ class ElasticModel(Model):
     def _equilibrium(self, segments: int = 12, t: float | None = None, stable: bool = True) -> Equilibrium:
         return self._in_segments(segments)._equilibrium(t=t, stable=stable)
 
+    @property
+    def _elements(self) -> int:
+        """Elements of each link in large rotation if none are given: the most of the scene, if any."""
+        info = self.description.elastic
+        return max((b.elements for b in info.beams), default=0) or _ELEMENTS if info else _ELEMENTS
+
     @takes(LargeRotation)
     def _large_rotation(self, asked: LargeRotation) -> ElasticResult:
         self._refuse_types("runs in large rotation are")
@@ -321,6 +335,18 @@ class ElasticModel(Model):
         with limited(asked.max_wall):
             rods = self._in_segments(segments)
             return exact_run(self._motion(True), rods, replace(asked, segments=segments))
+
+
+def _in_large_rotation(asked: ElasticRun) -> LargeRotation | None:
+    """Return a run in large rotation in place of one by linear theory; None for options that it lacks."""
+    shared = ("t_end", "revolutions", "rtol", "max_step", "samples", "max_wall", "progress", *_KEPT)
+    plain = ElasticRun()
+    own = (f.name for f in fields(asked) if f.name not in shared)
+    if any(getattr(asked, name) != getattr(plain, name) for name in own):
+        return None
+    given = {name: getattr(asked, name) for name in shared}
+    samples = sample_count(asked.samples, None, 361)
+    return LargeRotation(**given | {"samples": samples})
 
 
 def _initial(given: str | Sequence[float]) -> str | tuple[float, ...]:

@@ -346,9 +346,9 @@ class ElasticMotion(ABC):
             raise ModelError(
                 f"{self.rigid.name}: the crank, {self.info.crank}, does not determine the rigid motion of "
                 f"{', '.join(self.undetermined)}: linear theory needs a rigid motion that crank and drivers "
-                "prescribe\n"
-                "  Run it in large rotation (symgen large-rotation), which integrates free coordinates, or "
-                "drive the free motions: rigid links by [[drivers]], elastic ones by guides or more links."
+                "prescribe\n  Large rotation integrates free coordinates: model.large_rotation(elements=4), "
+                f"'symgen large-rotation {self.rigid.name} --elements 4'; or drive the free motions: rigid "
+                "links by [[drivers]], elastic ones by guides or more links."
             )
 
     def check(self, equations: _beams.BeamEquations, status: int, t: float) -> None:

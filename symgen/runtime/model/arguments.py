@@ -211,7 +211,7 @@ class QuasiStatic(Elastic):
 @dataclass(frozen=True, kw_only=True)
 class _InSteps(Elastic):
     steps: int | None = None
-    rtol: float = 1e-4
+    rtol: float | None = None
     max_step: float | None = None
 
 
@@ -251,7 +251,8 @@ class LargeRotation(Kept, Refined):
 
     segments: int | None = None
     elements: int | None = None
-    revolutions: float = 1.0
+    t_end: float | None = None
+    revolutions: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -63,6 +63,7 @@ class ElasticAnalyses:
         segments: int | None = None,
         *,
         elements: int | None = None,
+        t_end: float | None = None,
         revolutions: float | None = None,
         rtol: float | None = None,
         samples: int | None = None,
@@ -88,6 +89,8 @@ class ElasticAnalyses:
             Number of beam elements of each elastic link, in place of rods. Links stretch, and the result has
             forces, torque, deflections, energies, and error estimates by time steps and by elements. Torsion
             springs and forces that rotate with sections are refused.
+        t_end, revolutions
+            End of the run [s], or revolutions of the crank (1).
         rtol
             For rods, relative tolerance of the local error (1e-7); for elements, error by time steps over the
             peak stress of each station (2e-3).

@@ -33,7 +33,8 @@ def crank(read: Reader) -> Crank | None:
             raise SceneError(
                 f"the link {elastic[0]} is elastic, and the motion of the input is not prescribed",
                 where="crank",
-                hint='Write [crank] with link = "..." and speed = "300 rpm".',
+                hint='Write [crank] with link = "..." and speed = "300 rpm"; for a link that nothing drives '
+                'with mode = "free" and speed = "0 rpm".',
             )
         return None
     if not elastic:

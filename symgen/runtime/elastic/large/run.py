@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.forces import joint_force, torque
-from symgen.runtime.elastic.exact import rigid_places, stiffness_damped
+from symgen.runtime.elastic.exact import end_of_run, rigid_places, stiffness_damped
 from symgen.runtime.elastic.large.collocation import Moment, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import bow, coordinate_of, displacement, length_change, strains
-from symgen.runtime.elastic.steps import check_revolutions, turn
+from symgen.runtime.elastic.steps import turn
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.result.elastic import ElasticResult
@@ -51,8 +51,7 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
             "there are no checkpoints of runs in elements of large rotation\n"
             "  Leave checkpoint and resume out, or run in segments."
         )
-    check_revolutions(motion, task.revolutions)
-    end = turn(motion) * task.revolutions
+    end = end_of_run(motion, task)
     large = LargeMotion(
         motion.rigid,
         LargeLinkage(motion, elements),
@@ -60,9 +59,18 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
         partial(_outputs, motion),
         partial(coordinate_of, motion),
         f"{elements} elements a link",
-        (*stiffness_damped(motion, "elements in large rotation"), *_stretching(motion)),
+        (*stiffness_damped(motion, "elements in large rotation"), *_stretching(motion), *_free(motion)),
     )
-    return refined_run(large, task, end, max(_STEPS * task.revolutions, end / (_STRIDES * motion.stride)))
+    return refined_run(large, task, end, max(_STEPS * end / turn(motion), end / (_STRIDES * motion.stride)))
+
+
+def _free(motion: ElasticMotion) -> Iterator[str]:
+    """Yield a note on free coordinates, for which linear theory has no rigid motion."""
+    if motion.undetermined:
+        yield (
+            f"the crank, {motion.info.crank}, does not determine the rigid motion of "
+            f"{', '.join(motion.undetermined)}: rigid and elastic coordinates are integrated together"
+        )
 
 
 def _outputs(motion: ElasticMotion, linkage: LargeLinkage, found: Sequence[Moment]) -> list[Variable]:
