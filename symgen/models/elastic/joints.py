@@ -58,7 +58,17 @@ def joints_system(linkage: Linkage) -> System:
     exports = [Export("joints", about, tuple(m.name for m in matrices))]
     energies = {"kinetic_energy": model.kinetic_energy, "potential_energy": model.potential_energy}
     matrices += [named(model, name, [e], "J", f"{name.replace('_', ' ')}") for name, e in energies.items()]
-    exports.append(Export("energy", "energies of the linkage without its elastic links", tuple(energies)))
+    motor = _motor(linkage)
+    if motor:
+        works = (
+            work
+            for term in motor.terms(linkage.dimension)
+            for work in term.on.works(model.loads, model.loads.with_state(term.force))
+        )
+        power = sp.Add(*(force * rate for force, _, rate in works))
+        matrices.append(named(model, "motor_power", [power], "W", "power of the motor on a rigid crank"))
+    of_energies = (*energies, *(["motor_power"] if motor else []))
+    exports.append(Export("energy", "energies of the linkage without its elastic links", of_energies))
     rows_in_space = [_in_space(linkage, b) for b in linkage.elastic if b.in_space]
     if rows_in_space:
         about = "lengths and sections of elastic links in space, and gravity"
@@ -116,12 +126,12 @@ def _in_space(linkage: Linkage, beam: ElasticLink) -> list[sp.Expr]:
 
 def _without_beams(linkage: Linkage) -> Linkage:
     """Return the linkage with its elastic links massless, and the motor on a crank that is rigid."""
-    beams, crank = {b.link for b in linkage.elastic}, linkage.crank
+    beams = {b.link for b in linkage.elastic}
     carried = {c.name for b in beams for c in linkage.link(b).carried if not c.joined}
     loads = [x for x in linkage.loads if not any(any(profiles_of(linkage, b, x)) for b in beams)]
     loads = [x for x in loads if not any(m.section for m in x.measures(linkage.dimension))]
-    if crank and crank.link not in beams and crank.mode == "motor":
-        loads.append(AppliedTorque("motor", crank.link, (crank.torque,)))
+    motor = _motor(linkage)
+    loads += [motor] if motor else []
 
     def left(link: RigidLink) -> RigidLink:
         return replace(link, mass=ZERO, inertia=ZERO) if link.name in beams else link
@@ -132,6 +142,14 @@ def _without_beams(linkage: Linkage) -> Linkage:
         masses=tuple(m for m in linkage.masses if m.point not in carried),
         loads=tuple(loads),
     )
+
+
+def _motor(linkage: Linkage) -> AppliedTorque | None:
+    """Return the torque of the motor on a rigid crank, if any."""
+    crank = linkage.crank
+    if not crank or crank.mode != "motor" or crank.link in {b.link for b in linkage.elastic}:
+        return None
+    return AppliedTorque("motor", crank.link, (crank.torque,))
 
 
 def _bound(model: RodsModel, linkage: Linkage) -> list[Constraint]:

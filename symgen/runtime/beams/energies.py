@@ -181,7 +181,7 @@ def energies(
     dissipated += np.sum(modal_rates(motion, found) ** 2, axis=1)
     still = np.zeros_like(found.displacements) if found.rates is None else found.rates
     moved = found.displacements, still, accelerations
-    kinetic, potential, power, _ = of_joints(motion, found.times, rigid, moved)
+    kinetic, potential, power, motor, _ = of_joints(motion, found.times, rigid, moved)
     summed["kinetic"] += kinetic
     summed["potential"] += potential
     if second is not None:
@@ -190,6 +190,8 @@ def energies(
         summed["potential"] += second.lifted[0]
         rates += rate + second.lifted[1]
     shaft = omitted = imbalance = None
+    if motion.has_motor and of_shaft is None:  # of a rigid crank, among the loads
+        shaft, power = motor, power - motor
     if of_shaft is not None:
         kinetic, rate, shaft = _of_shaft(motion, of_shaft, *moved)
         summed["kinetic"] += kinetic
@@ -243,7 +245,7 @@ def torque_of_second_degree(
             work["moment"] = work["moment"] - (s[:, 0] * force_y - s[:, 1] * force_x)
         torque += sum(by[velocity] * work[force] for force, velocity in _VELOCITIES.items())
     moved = found.displacements, still if found.rates is None else found.rates, accelerations
-    load = of_joints(motion, found.times, rigid, moved)[3]
+    load = of_joints(motion, found.times, rigid, moved)[-1]
     torque -= np.sum(load * unit, axis=1)
     torque += rows_work(motion, rigid, found, acting.constraints, unit)
     return torque + second.torque(motion, rigid, found.times)
@@ -268,7 +270,8 @@ def of_joints(
 ) -> tuple[Array, ...]:
     """Return energies and loads of all but elastic links, to the second degree in the displacements.
 
-    Kinetic and potential energy [J], power of the loads less inertia [W], and these loads [N] by coordinate.
+    Kinetic and potential energy [J], power of the loads less inertia [W], that of the motor on a rigid crank,
+    which it includes, and these loads [N] by coordinate.
 
     Parameters
     ----------
@@ -287,7 +290,8 @@ def of_joints(
         energy = kernels.many_blocks("energy", times, q, u, solutions)
         load = kernels.many_blocks("joints", times, q, u, solutions)["load"][:, : u.shape[1]]
         kinetic, potential = (energy[f"{name}_energy"][:, 0] for name in ("kinetic", "potential"))
-        return kinetic, potential, np.sum(load * u, axis=1), load
+        motor = energy["motor_power"][:, 0] if "motor_power" in energy else np.zeros(len(times))
+        return kinetic, potential, np.sum(load * u, axis=1), motor, load
 
     sides = zip(at(-_STEP), at(0.0), at(_STEP), strict=True)
     return tuple(

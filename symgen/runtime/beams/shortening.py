@@ -24,8 +24,9 @@ Array = NDArray[np.float64]
 _STENCIL = np.arange(-2.0, 3.0)
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
-#: Step of the angle of the crank [rad].
-_STEP = 0.01
+#: Step of the angle of the crank [rad], and step in time over that in which a pose is a good guess of the
+#: next: the error falls with its fourth power, and was up to 3e-4 of the powers where links are rigid at 1/2.
+_STEP, _STRIDES = 0.01, 1 / 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +116,7 @@ def shortening(
     def along(step: float, *rates: Array) -> Array:
         return np.tensordot([1.0, step, step**2 / 2], np.stack(rates), axes=1)
 
-    step = motion.stride / 2 if np.isfinite(motion.stride) else 1.0
+    step = motion.stride * _STRIDES if np.isfinite(motion.stride) else 1.0
     times = (step * _STENCIL).tolist()
     places = [along(t, q, u, a) for t in times]
     moved = np.stack(
