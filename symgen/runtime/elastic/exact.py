@@ -221,13 +221,8 @@ def rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
         return {p: rigid.variable(f"{p}.position").values for p in d.free}
     if motion.has_motor:
         motion = motion.about(motion.machine.path(float(times[-1])))
-    equations = motion.equations()
-    found = np.zeros((len(times), d.coordinates))
-    for i, t in enumerate(times.tolist()):
-        status, y = equations.motion.evaluate(t)[:2]
-        motion.check(equations, status, t)
-        found[i] = y[: d.coordinates]
-    return {p: found[:, 2 * k : 2 * k + 2] for k, p in enumerate(d.free)}
+    (q, _, _), _, _ = motion.rigid_motion(motion.equations(), times)
+    return {p: q[:, 2 * k : 2 * k + 2] for k, p in enumerate(d.free)}
 
 
 def _of_stretch(cuts: tuple[Cut, ...], result: Result) -> list[str]:

@@ -86,7 +86,7 @@ class FreePose(LoopPose):
         found: Array = -np.linalg.lstsq(self.matrix, left.T, rcond=RANK)[0].T @ self.unknowns
         return found
 
-    def _direction(self, order: int, variable: int) -> Array:
+    def started(self, order: int, variable: int) -> Array:
         """Return the direction of everything by a free variable (order 0) or its rate (1)."""
         direction = np.zeros(self.size)
         direction[order * len(self.q) + variable] = 1.0
@@ -95,18 +95,9 @@ class FreePose(LoopPose):
             self.carry(direction, k, name)
         return direction + self._solved(self._equations(direction))
 
-    def started(self, of: tuple[int, int]) -> Array:
-        """Return the direction by a free variable or its rate: (order, number of the variable)."""
-        return self._direction(*of)
-
     def by_parameter(self, name: str) -> Array:
         """Return the direction of places and rates by a parameter; free variables keep theirs."""
-        d = self.loop.description
-        place = [p.name for p in d.parameters].index(name)
-        direction = np.zeros(self.size)
-        direction[self.places[-1] + place] = 1.0
-        length = d.parameters[place].unit == "m"
-        change = d.size if length else max(1.0, abs(float(self.loop.given[place])))
+        direction, change = self.of_parameter(name)
         self._prescribe(direction)
         for order in range(2):
             self.carry(direction, order, name, change)
@@ -138,8 +129,7 @@ class FreePose(LoopPose):
 
     def _driven(self, name: str) -> Array:
         """Return the direction of accelerations and wrench by an input of the scene."""
-        direction = np.zeros(self.size)
-        direction[self.places[-1] + [p.name for p in self.loop.description.parameters].index(name)] = 1.0
+        direction, _ = self.of_parameter(name)
         return direction + self._solved(self._equations(direction))
 
     def _chosen(self, coordinates: Sequence[str] | None) -> tuple[list[int], Array]:
@@ -198,7 +188,7 @@ class FreePose(LoopPose):
         """
         d, n, count = self.loop.description, len(self.q), len(self.free)
         chosen, _ = self._chosen(coordinates)
-        by_free = np.array([self._direction(order, i) for order in (0, 1) for i in self.free])
+        by_free = np.array([self.started(order, i) for order in (0, 1) for i in self.free])
         places = [*chosen, *(n + i for i in chosen)]
         directions = np.linalg.solve(by_free[:, places].T, by_free)
         driven = np.array([self._driven(name) for name in inputs]).reshape(len(inputs), self.size)

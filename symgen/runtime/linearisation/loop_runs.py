@@ -92,7 +92,7 @@ def at_run(
     own = [p.name for p in d.parameters]
     begin = pose(state_of(path, 0))
     initial = {d.variables[i].name + mark: (k, i) for k, mark in enumerate(("", "'")) for i in begin.free}
-    first = np.array([begin.started(initial[x]) if x in initial else begin.by_parameter(x) for x in by]).T
+    first = np.array([begin.started(*initial[x]) if x in initial else begin.by_parameter(x) for x in by]).T
     first = first[: 2 * d.coordinates]
     parameters = list(dict.fromkeys(name for name in by if name not in initial))
     seeds = np.array([[float(name == x) for x in by] for name in parameters]).reshape(

@@ -115,6 +115,15 @@ class LoopPose:
         work = np.concatenate([self.acceleration, self.wrench, direction])
         return self.tangents(kernel, self.t, self.q, self.u, work)
 
+    def of_parameter(self, name: str) -> tuple[Array, float]:
+        """Return the direction of a parameter alone, and a change of it that is not small."""
+        d = self.loop.description
+        place = [p.name for p in d.parameters].index(name)
+        direction = np.zeros(self.size)
+        direction[self.places[-1] + place] = 1.0
+        size = d.size if d.parameters[place].unit == "m" else max(1.0, abs(float(self.loop.given[place])))
+        return direction, size
+
     @cached_property
     def by_wrench(self) -> Array:
         """Slopes of the known efforts by the closing wrench (known, 6), all in units of moments."""
@@ -202,12 +211,7 @@ class _Driven(LoopPose):
 
     def _direction(self, parameter: str) -> Array:
         """Return the direction of variables, rates, accelerations and wrench by a parameter."""
-        names, n = [p.name for p in self.loop.description.parameters], len(self.q)
-        direction, place = np.zeros(self.size), names.index(parameter)
-        direction[self.places[-1] + place] = 1.0
-        d = self.loop.description
-        length = d.parameters[place].unit == "m"
-        change = d.size if length else max(1.0, abs(float(self.loop.given[place])))
+        (direction, change), n = self.of_parameter(parameter), len(self.q)
         prescribed = self.along("prescribed", direction).reshape(-1, 3)
         for order in range(3):
             direction[order * n + np.array(self.inputs)] = prescribed[:, order]

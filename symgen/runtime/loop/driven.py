@@ -200,14 +200,18 @@ def moving_at(kernels: LoopKernels, begin: Closed, t: float) -> Array:
 
 def driven(d: LoopDescription) -> None:
     """Check that inputs alone move the loop; raise ModelError otherwise."""
-    free = [v.name for v in d.variables if v.role == "free"]
-    if free:
-        raise ModelError(
-            f"{d.name} has free variables ({', '.join(free)}): its motion follows from forces\n"
+    if problem := not_driven(d):
+        raise ModelError(f"{d.name} {problem}")
+
+
+def not_driven(d: LoopDescription) -> str | None:
+    """Return the reason why inputs alone do not move the loop, if any."""
+    if free := [v.name for v in d.variables if v.role == "free"]:
+        return (
+            f"has free variables ({', '.join(free)}): its motion follows from forces\n"
             "  Run it in time ('symgen simulate SCENE', model.simulate()), or make them inputs."
         )
-    if not d.having("input"):
-        raise ModelError(f"{d.name} has no input: nothing moves. Give one under loop.inputs")
+    return None if d.having("input") else "has no input: nothing moves. Give one under loop.inputs"
 
 
 def _recorded(

@@ -19,7 +19,7 @@ from symgen.runtime.closure.start import Closed, close_near, counted
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import LoopDescription
-from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed
+from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed, not_driven
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.motion import rates_at_start
 from symgen.runtime.model.arguments import Derivatives, Poses, Run, takes
@@ -120,7 +120,7 @@ class LoopModel(Model):
 
     def _refused(self, name: str) -> str | None:
         d = self.description
-        free = [v.name for v in d.variables if v.role == "free"]
+        free = d.having("free")
         if name == "simulate" and not free:
             return (
                 "it has no free variable: its inputs move it\n"
@@ -132,13 +132,8 @@ class LoopModel(Model):
                 "its inputs prescribe its motion, so that no state is free to deviate\n"
                 "  Move a variable from loop.inputs to loop.free to let forces move it."
             )
-        if name in ("kinematics", "inverse_dynamics") and free:
-            return (
-                f"it has free variables ({', '.join(free)}): its motion follows from forces\n"
-                "  Run it in time ('symgen simulate SCENE', model.simulate()), or make them inputs."
-            )
-        if name in ("kinematics", "inverse_dynamics") and not d.having("input"):
-            return "it has no input: nothing moves. Give one under loop.inputs"
+        if name in ("kinematics", "inverse_dynamics") and (problem := not_driven(d)):
+            return f"it {problem}"
         return super()._refused(name)
 
     @takes(Poses)

@@ -122,21 +122,17 @@ def _drift(evaluator: Evaluator, times: Array, states: Array) -> Drift:
     """Return the drift of the recorded states from the constraints and the energy balance."""
     n = evaluator.description.coordinates
     accounted = states.shape[1] > 2 * n or not evaluator.description.work_of_loads
-    position = velocity = 0.0
-    energies = []
-    for t, y in zip(times, states, strict=True):
-        q, u = y[:n], y[n : 2 * n]
-        kinetic, potential = evaluator("energy", t, q, u)[:2]
-        energies.append((kinetic, potential, kinetic + potential - sum(y[2 * n :])))
-        if evaluator.has("constraints"):
-            found = evaluator.blocks("constraints", t, q, u)
-            rates = evaluator("velocity_constraints", t, q, u)
-            position = max(position, float(np.max(np.abs(found["constraints"] / found["constraint_scale"]))))
-            velocity = max(velocity, float(np.max(np.abs(rates / found["constraint_scale"]))))
-    kinetic, potential, total = np.array(energies).T
+    q, u, work = np.split(states, [n, 2 * n], axis=1)
+    kinetic, potential = evaluator.many("energy", times, q, u)[:, :2].T
+    total = kinetic + potential - np.sum(work, axis=1)
+    errors, rates = np.zeros(1), np.zeros(1)
+    if evaluator.has("constraints"):
+        found = evaluator.many_blocks("constraints", times, q, u)
+        errors = found["constraints"] / found["constraint_scale"]
+        rates = evaluator.many("velocity_constraints", times, q, u) / found["constraint_scale"]
     return Drift(
-        constraint=position,
-        velocity=velocity,
+        constraint=float(np.max(np.abs(errors))),
+        velocity=float(np.max(np.abs(rates))),
         energy=float(np.max(np.abs(total - total[0]))) if accounted else np.nan,
         energy_exchanged=float(max(np.ptp(kinetic), np.ptp(potential))),
     )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Constraints
-from symgen.runtime.rods.forces.chain import Attachment, Chain, Distribution, ElementKernels, even
+from symgen.runtime.rods.forces.chain import Attachment, Chain, Distribution, even
 from symgen.runtime.rods.poses import Poses
 
 Array = NDArray[np.float64]
@@ -137,15 +137,13 @@ class Assembly:
     @cached_property
     def chains(self) -> tuple[Chain, ...]:
         """Every link that moves, cut into elements."""
-        kernels, gravity = ElementKernels(), self._values("gravity")[0, :, 0]
-        made = []
+        gravity, made = self._values("gravity")[0, :, 0], []
         for link in self.names:
             ends = [self.index(p) for p in self.points_of(link)[:2]]
             made.append(
                 Chain(
                     link, self.cuts(link), self.places[:, ends], self.accelerations[:, ends], gravity,
                     self._bodies[link], self.distribution(link), tuple(self._attached(link)), self.size,
-                    kernels,
                 )
             )  # fmt: skip
         return tuple(made)

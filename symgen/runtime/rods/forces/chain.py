@@ -9,32 +9,24 @@ beyond the last node is zero. The section force beyond the first node, the other
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime.beams.elements import kernels
 from symgen.runtime.kernels.evaluate import at_rows
-from symgen.runtime.kernels.library import shipped_module
 
 Array = NDArray[np.float64]
 #: How far from even a rod may be by rounding: of its mass, length and moment of inertia.
 _ROUNDING = 1e-9
 
 
-class ElementKernels:
-    """The shipped kernels of one rigid element, called for many poses."""
-
-    def __init__(self) -> None:
-        self._addresses = shipped_module("rigid_element").ADDRESSES
-
-    def __call__(
-        self, kernel: str, q: Array, u: Array, p: tuple[float, ...], shape: tuple[int, ...]
-    ) -> Array:
-        """Return the output of a kernel for each pose, (poses, *shape): q and u of shape (poses, 6)."""
-        given = self._addresses[kernel], np.hstack([q, u]), 6, np.array(p)
-        return at_rows(*given, math.prod(shape)).reshape(len(q), *shape)
+def of_element(kernel: str, q: Array, u: Array, p: tuple[float, ...], shape: tuple[int, ...]) -> Array:
+    """Return the output of a kernel of a rigid element, (poses, *shape): q and u of shape (poses, 6)."""
+    address = kernels("rigid_element").ADDRESSES[kernel]
+    return at_rows(address, np.hstack([q, u]), 6, np.array(p), math.prod(shape)).reshape(len(q), *shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +84,6 @@ class Chain:
     distribution: Distribution | None
     attached: tuple[Attachment, ...]
     unknowns: int
-    kernels: ElementKernels
 
     @cached_property
     def length(self) -> float:
@@ -116,8 +107,8 @@ class Chain:
         moved = np.hstack([*(e[1] for e in ends), np.broadcast_to(self.gravity, (len(nodes), 2))])
         p = self.mass_of(low, high)
         q = np.hstack([nodes, nodes[:, :2]])
-        d = self.kernels("nodal_matrix", q, moved, p, (3, 6))
-        right = self.kernels("inertia", q, moved, p, (3,)) - np.einsum("kij,kj->ki", d[:, :, :3], constant)
+        d = of_element("nodal_matrix", q, moved, p, (3, 6))
+        right = of_element("inertia", q, moved, p, (3,)) - np.einsum("kij,kj->ki", d[:, :, :3], constant)
         left = -d[:, :, :3] @ section
         for a in self.attached:
             inside = ((a.share >= low) & (a.share < high)) | ((high == 1.0) & (a.share >= 1.0))
@@ -128,7 +119,7 @@ class Chain:
                 acting = np.zeros((len(nodes), 3, 1))
                 acting[inside, 2, 0] = 1.0
             else:
-                lever = self.kernels("point_matrix", np.hstack([nodes, a.at]), moved, p, (3, 2))
+                lever = of_element("point_matrix", np.hstack([nodes, a.at]), moved, p, (3, 2))
                 acting = lever * inside[:, None, None]
             if a.direction is not None:
                 acting = acting @ a.direction[:, :, None]
@@ -178,11 +169,8 @@ class Chain:
         for a in self.attached:
             width = 1 if a.is_couple or a.direction is not None else 2
             values = a.values if a.values is not None else x[:, a.column : a.column + width]
-            attached.append(Attachment(a.at, a.share, -1, values, a.direction, a.is_couple))
-        return Chain(
-            self.name, self.elements, self.places, self.accelerations, self.gravity, self.body,
-            self.distribution, tuple(attached), 0, self.kernels,
-        )  # fmt: skip
+            attached.append(replace(a, column=-1, values=values))
+        return replace(self, attached=tuple(attached), unknowns=0)
 
 
 def even(body: tuple[float, float, float, float], length: float) -> Distribution | None:
