@@ -269,6 +269,12 @@ class Scene(Table):
                 hint="A scene has points and links, or a loop with links and loads of its own.",
             )
 
+    def __repr__(self) -> str:
+        kind = f"{len(self.points)} points, {len(self.links)} links" if self.loop is None else "loop"
+        return f"<Scene {self.name!r}: {self.title or 'without a title'}, {kind}>"
+
+    __str__ = __repr__
+
     @property
     def driven(self) -> tuple[str, ...]:
         """The links whose direction is prescribed, by drivers and as the crank."""

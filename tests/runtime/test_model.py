@@ -350,3 +350,24 @@ def test_equations_of_a_model():
         model.equations["mass_matrx"]
     assert "x" in model.equations["constraints"]._repr_latex_()
     assert "four_bar" in repr(model)
+
+
+@pytest.mark.parametrize(
+    "shown, words",
+    [
+        (lambda: symgen.load_scene("four_bar"), "<Scene 'four_bar': Four-bar linkage"),
+        (lambda: symgen.build("four_bar").accelerations(), "<Accelerations of O, A, B, C"),
+        (lambda: symgen.build("crank_rocker").assemblies(), "<AssemblyModes: 2, complete>"),
+        (lambda: symgen.build("crank_rocker").assemblies()[0], "<State at t = 0 s"),
+    ],
+)
+def test_records_are_shown_in_one_line(shown, words):
+    text = repr(shown())
+    assert text.startswith(words) and len(text) < 100 and "\n" not in text
+
+
+def test_statistics_of_elastic_links_are_json():
+    statistics = symgen.build("elastic_four_bar").simulate(revolutions=0.01).statistics
+    plain = json.loads(json.dumps(statistics))
+    assert plain == dict(statistics) == statistics and isinstance(plain["error"], float)
+    assert statistics.get("error") == plain["error"] and statistics.get("none") is None

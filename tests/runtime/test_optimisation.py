@@ -40,6 +40,7 @@ def grid(count=160):
 
 def test_the_least_peak_torque_is_that_of_a_dense_grid(model):
     found = model.optimise(RANGE, "arm.torque.peak", samples=16)
+    assert repr(found).startswith(f"<Optimum {found.objective:.6g} at ")
     k, h = grid()
     peaks = np.max(np.abs(torque(k, h)), axis=-1)
     at = np.unravel_index(np.argmin(peaks), peaks.shape)

@@ -69,23 +69,32 @@ def columns(variables: Sequence[Variable]) -> tuple[Variable, ...]:
     )
 
 
-class Later(Mapping[str, Any]):
+class Later(dict[str, Any]):  # noqa: PLW1641 - dicts have no hash
     """Statistics of a run; values that are functions are called, without arguments, when they are read."""
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        self._values = dict(values)
-
     def __getitem__(self, name: str) -> Any:
-        value = self._values[name]
+        value = super().__getitem__(name)
         if callable(value):
-            value = self._values[name] = value()
+            value = self[name] = value()
         return value
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
+        return iter(self.keys())  # dict(...) and ** read subclasses with an iterator of their own by key
 
-    def __len__(self) -> int:
-        return len(self._values)
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a value, or the default for a name that is not there."""
+        return self[name] if name in self else default  # noqa: SIM401 - dict.get does not call functions
+
+    def items(self) -> Any:
+        """Return names and values."""
+        return dict(self).items()
+
+    def values(self) -> Any:
+        """Return the values."""
+        return dict(self).values()
+
+    def __eq__(self, other: object) -> bool:
+        return dict(self) == other
 
     def __repr__(self) -> str:
         return repr(dict(self))

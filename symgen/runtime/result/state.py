@@ -35,6 +35,9 @@ class State:
     positions: dict[str, Array]
     velocities: dict[str, Array]
 
+    def __repr__(self) -> str:
+        return f"<State at t = {self.t:g} s: positions and velocities of {', '.join(self.positions)}>"
+
 
 def state_at(evaluator: Evaluator, t: float, q: Array, u: Array) -> State:
     """Return the state of a linkage by its coordinates and their rates."""
@@ -76,6 +79,9 @@ class AssemblyModes(tuple[Pose, ...]):
         """Whether the list is complete."""
         return not self.incomplete
 
+    def __repr__(self) -> str:
+        return f"<AssemblyModes: {len(self)}, {self.incomplete or 'complete'}>"
+
 
 def finite(state: State) -> tuple[float, Array]:
     """Return a time and (q, u) to start from; raise ModelError when a number is not finite."""
@@ -109,6 +115,9 @@ class Accelerations:
     multipliers: dict[str, float]
     reactions: dict[str, Array]
     not_unique: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Accelerations of {', '.join(self.points)}; multipliers, reactions>"
 
     def __getitem__(self, point: str) -> Array:
         """Return the acceleration of a point [m/s^2]."""

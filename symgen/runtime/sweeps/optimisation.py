@@ -53,6 +53,11 @@ class Optimum:
     runs: int
     model: Any
 
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else "not converged"
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items())
+        return f"<Optimum {self.objective:.6g} at {values}: {state}, {self.runs} runs>"
+
     def summary(self) -> dict[str, Any]:
         """Return all but the model as plain data."""
         return {name: getattr(self, name) for name in self.__slots__ if name != "model"}
