@@ -255,7 +255,15 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
     crank, along = linkage.crank, list(loads_along(linkage))
     if linkage.dimension == 3:
         beams = tuple(
-            BeamInfo(b.link, link.start, link.end, b.element, (), elements=b.elements)
+            BeamInfo(
+                b.link,
+                link.start,
+                link.end,
+                b.element,
+                (),
+                elements=b.elements,
+                between=tuple((c.name, linkage.number(c.along)) for c in link.carried),
+            )
             for b, link in ((b, linkage.link(b.link)) for b in linkage.elastic)
         )
         terms = [term for load in linkage.loads for term in load.terms(3)]

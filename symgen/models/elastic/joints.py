@@ -78,11 +78,18 @@ def joints_system(linkage: Linkage) -> System:
         stations = [station.at for station in linkage.stations]
         labels = [station.name for station in linkage.stations]
         matrices.append(named(model, "stations", stations, "1", "fractions of links", rows=labels))
+        between = [(c.name, c.along) for b in linkage.elastic for c in linkage.link(b.link).carried]
+        constants = ["sections", "stations"]
+        if between:
+            labels, fractions = [name for name, _ in between], [at for _, at in between]
+            matrices.append(named(model, "fractions", fractions, "1", "points on links", rows=labels))
+            constants.append("fractions")
         axes = [e for joint in linkage.joints for e in joint.axis]
         if axes:
             labels = [f"{joint.kind}_{k}" for k, joint in enumerate(linkage.joints)]
             matrices.append(named(model, "axes", axes, "1", "axes of joints", rows=labels, columns=AXES))
-        exports.append(Export("constants", about, ("sections", "stations", *(("axes",) if axes else ()))))
+            constants.append("axes")
+        exports.append(Export("constants", about, tuple(constants)))
         found, more_exports = _drives(model, linkage)
         matrices, exports = [*matrices, *found], [*exports, *more_exports]
     return analysis_of(model, "elastic_joints", matrices, exports)

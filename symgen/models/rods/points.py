@@ -215,7 +215,7 @@ def _carriers(
     shared: list[tuple[Part, Place]] = []
     for part in parts:
         for point in part.carried:
-            joined = isinstance(point, CarriedPoint) and point.joined
+            joined = point.joined
             has_carrier = joined or point.name in ground or point.name in carrier
             if has_carrier or _rests_on(part, point.name, carrier):
                 shared.append((part, point))

@@ -22,12 +22,12 @@ _ZERO, _HALF = sp.Integer(0), sp.Rational(1, 2)
 
 
 def spatial_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -> ElasticLink:
-    """Return an elastic link between two ball joints in space.
+    """Return an elastic link in space.
 
     Raises
     ------
     SceneError
-        For keys that it does not have, points between its ends, and values that are not physical.
+        For keys that it does not have, more than two ends, and values that are not physical.
     """
     scene, where = read.scene, f"{place}.elastic"
     for key in sorted(elastic.model_fields_set - _ELASTIC):
@@ -36,8 +36,12 @@ def spatial_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -
             where=f"{where}.{key}",
             hint=f"It has {', '.join(sorted(_ELASTIC))}, and is computed in large rotation.",
         )
-    if len(scene.links[rigid.name].points) > 2 or any(p.on == rigid.name for p in scene.points.values()):
-        raise SceneError("an elastic link in space has no points but its two ends", where=place)
+    if len(scene.links[rigid.name].points) > 2:
+        raise SceneError(
+            "an elastic link in space has two ends",
+            where=f"{place}.points",
+            hint='Place further points on it: P = { on = "link", fraction = 0.5 }.',
+        )
     for key in ("crank", "modal_damping"):
         if getattr(scene, key):
             raise SceneError(
@@ -108,7 +112,7 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
             read.known_point(joint.point, f"{where}.point")
             for name in joint.links:
                 read.known_link(name, f"{where}.links")
-                if joint.point not in scene.links[name].points:
+                if joint.point not in scene.links[name].points and scene.points[joint.point].on != name:
                     raise SceneError(f"{joint.point} is no joint of {name}", where=f"{where}.point")
             names = sorted(joint.links, key=lambda name: name not in elastic)
             if names[0] not in elastic or len(set(names)) < len(names):

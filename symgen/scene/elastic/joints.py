@@ -39,7 +39,9 @@ def with_joints(linkage: Linkage) -> Linkage:
 
     def joined(link: RigidLink, point: CarriedPoint) -> bool:
         others = any(point.name in named[name] for name in named if name != link.name)
-        return (others or point.name in constrained) if link.name in elastic else point.name in bent
+        # In space every point of an elastic link is at a node.
+        own = others or point.name in constrained or linkage.dimension == 3
+        return own if link.name in elastic else point.name in bent
 
     links = []
     for link in linkage.links:
@@ -47,7 +49,11 @@ def with_joints(linkage: Linkage) -> Linkage:
         if link.name in elastic:
             _check_joints(linkage, link, elastic[link.name], [c for c in carried if c.joined])
         links.append(replace(link, carried=carried))
-    return replace(linkage, links=tuple(links))
+    bodies = tuple(
+        replace(body, carried=tuple(replace(c, joined=c.name in bent) for c in body.carried))
+        for body in linkage.bodies
+    )
+    return replace(linkage, links=tuple(links), bodies=bodies)
 
 
 def _check_joints(

@@ -112,6 +112,7 @@ class WeightedPoint:
 
     name: str
     weights: Vector
+    joined: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,20 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime._constrained import Elements, Rigid, Ties
-from symgen.runtime.beams.data import BeamInfo
 from symgen.runtime.beams.elements import kernels, rows_at
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.collocation import Moment, System
 from symgen.runtime.elastic.space.directions import Row, directions, orthonormal
 from symgen.runtime.elastic.space.joints import Frame, check_independent, length_of, rows_of
-from symgen.runtime.kernels.description import Description
+from symgen.runtime.elastic.space.links import BLOCK, DAMPING, links_in_space
 from symgen.runtime.kernels.elastic_description import JointInfo
 from symgen.runtime.kernels.evaluate import UNIT, Duals
 from symgen.runtime.model.rods import RodModel
@@ -33,17 +31,10 @@ from symgen.runtime.model.rods import RodModel
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_BLOCK = "director_beam"
-#: Numbers that each of the kernels writes.
-_WRITTEN = {"residual": 24, "tangent": 3 * 576, "energies": 4, "section": 14}
 #: Matrices that the kernel ``joints`` gives: M, C, K.
 _SLOPES = ("mass_matrix", "damping", "stiffness")
-#: Column of the damping among those of sections.
-_DAMPING = 8
 #: Numbers of three axes.
 AXES = 9
-#: First column of the direction of the width among them.
-_WIDTH = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,79 +44,6 @@ class Along:
     parameters: Array
     q: Array
     u: Array
-
-
-@dataclass(frozen=True, slots=True)
-class LinkInSpace:
-    """One elastic link: unknowns of its nodes (nodes, 12), numbers its elements read, and its section.
-
-    ``section`` is the row of the kernel ``constants``.
-    """
-
-    info: BeamInfo
-    places: Indices
-    arguments: Array
-    section: Array
-
-    @property
-    def elements(self) -> Indices:
-        """Unknowns of each element, (elements, 24)."""
-        return np.hstack([self.places[:-1], self.places[1:]])
-
-    @property
-    def length(self) -> Any:
-        """Undeformed length [m]."""
-        return self.section[0]
-
-    def values(
-        self, kernel: str, q: Array, v: Array, a: Array, of: slice = slice(None), fraction: Any = 0.0
-    ) -> Array:
-        """Return the output of a kernel at states (times, unknowns), (times, elements, numbers)."""
-        properties, at, width = np.append(self.arguments, fraction), self.elements[of], _WRITTEN[kernel]
-        if np.iscomplexobj(q):
-            rows = np.concatenate([x[:, at] for x in (q, v, a)], axis=2).reshape(-1, 72)
-            return rows_at(_BLOCK, kernel, rows, 24, properties, width).reshape(len(q), len(at), width)
-        elements = Elements(kernels(_BLOCK).ADDRESSES, at, properties.real[None], damped=False)
-        return elements.values(kernel, width, q, v, a)
-
-    def resultants(self, q: Array, v: Array, a: Array, fraction: Any) -> Array:
-        """Return the results of the kernel ``section`` at a fraction of the length, (times, 14)."""
-        count = len(self.places) - 1
-        k = min(int(np.real(fraction) * count), count - 1)
-        return self.values("section", q, v, a, slice(k, k + 1), fraction * count - k)[:, 0]
-
-    def end_forces(self, q: Array, v: Array, a: Array) -> Array:
-        """Return the forces on both ends [N], (times, 2, 3)."""
-        forces = self.values("residual", q, v, a)
-        return np.stack([forces[:, 0, :3], forces[:, -1, 12:15]], axis=1)
-
-
-def _divided(
-    d: Description, sections: Array, divided: int, elements: int | None
-) -> tuple[list[LinkInSpace], list[tuple[Indices, int]], int]:
-    """Return the links in elements, ends on the ground with their points, and the number of all unknowns.
-
-    The first unknowns are the coordinates of free points, which nodes there share.
-    """
-    links, pins, size = list[LinkInSpace](), list[tuple[Indices, int]](), d.coordinates
-    for info, row in zip(d.elastic.beams if d.elastic else (), np.atleast_2d(sections), strict=True):
-        count = (elements or info.elements) * divided
-        places = np.zeros((count + 1, 12), dtype=np.intp)
-        for node, own in enumerate(places):
-            point = {0: info.start, count: info.end}.get(node)
-            shared = point is not None and point in d.free
-            if point is not None and shared:
-                first = 3 * d.free.index(point)
-                own[:3] = range(first, first + 3)
-            else:
-                own[:3] = range(size, size + 3)
-                size += 3
-            own[3:] = range(size, size + 9)
-            size += 9
-            if point is not None and not shared:
-                pins.append((own[:3], d.points.index(point)))
-        links.append(LinkInSpace(info, places, np.append(row[0] / count, row[1:_WIDTH]), row))
-    return links, pins, size
 
 
 class LinkageInSpace(System):
@@ -165,7 +83,7 @@ class LinkageInSpace(System):
         self.stations = [
             (*of, at) for of, at in zip(d.elastic.stations, constants["stations"].ravel(), strict=True)
         ]
-        self.links, pins, size = _divided(d, constants["sections"], divided, elements)
+        self.links, pins, size = links_in_space(d, constants, divided, elements)
         of_joints = {b.name: b for b in evaluators[1].info("joints").blocks}
         place = {f"{p}_{axis}": 3 * k + i for k, p in enumerate(d.free) for i, axis in enumerate("xyz")}
         entries = [entries_of(of_joints, name, place) for name in _SLOPES]
@@ -190,8 +108,8 @@ class LinkageInSpace(System):
             np.repeat([1.0, -1.0], pinned),
         )
         beams = [
-            Elements(kernels(_BLOCK).ADDRESSES, k.elements, own[None], bool(own[_DAMPING]))
-            for k, own in ((k, k.arguments.real) for k in self.links)
+            Elements(kernels(BLOCK).ADDRESSES, k.elements, k.arguments.real, bool(k.section[DAMPING]))
+            for k in self.links
         ]
         rigid_parts = Rigid(*evaluators, rows, range(len(rows)), sizes, entries)
         parts = [*beams, rigid_parts, ties, directions(on_directions, size, first)]
@@ -247,8 +165,8 @@ class LinkageInSpace(System):
         (q, v), n = self.straight.real, self.unknowns
         none = np.zeros(n), np.zeros(self.multipliers)
         slopes = self.slopes(0.0, q, v, *none)
-        # Constraints of inner nodes are those of their directors alone.
-        ends = np.delete(np.arange(n), np.concatenate([link.places[1:-1].ravel() for link in self.links]))
+        # Constraints of nodes without a point are those of their directors alone.
+        ends = np.delete(np.arange(n), np.concatenate([link.between.ravel() for link in self.links]))
         jacobian = self.pattern.matrix(slopes.jacobian)[n:, ends].toarray()
         check_independent(self.name, jacobian, self.labels)
         over = np.append(np.zeros(n), self.rates(np.zeros(1), q[None], v[None])[0])
@@ -268,14 +186,14 @@ class LinkageInSpace(System):
             length = length_of(apart[0])
             along = apart[0] / length
             turning = np.cross(along, apart[1]) / length
-            width = link.section[_WIDTH : _WIDTH + 3] - (link.section[_WIDTH : _WIDTH + 3] @ along) * along
-            if not np.linalg.norm(width) > 1e-6 * np.linalg.norm(link.section[_WIDTH : _WIDTH + 3]):
+            width = link.width - (link.width @ along) * along
+            if not np.linalg.norm(width) > 1e-6 * np.linalg.norm(link.width):
                 raise ModelError(
                     f"{name}: the width of {link.info.link} lies along the link: expected it across"
                 )
             width = width / length_of(width)
             directors = np.array([along, width, np.cross(along, width)])
-            for node, share in zip(link.places, np.linspace(0.0, 1.0, len(link.places)), strict=True):
+            for node, share in zip(link.places, link.fractions, strict=True):
                 found[:, node[:3]] = (1 - share) * first + share * last
                 found[0, node[3:]] = directors.ravel()
                 found[1, node[3:]] = np.cross(turning, directors).ravel()
@@ -299,7 +217,7 @@ class LinkageInSpace(System):
         start = np.concatenate([self.straight[0], self.given(np.zeros(1))[0][0]])
         for link in self.links:
             if link.info.link == name:
-                places = link.places[0 if joint.point == link.info.start else -1, 3:].reshape(3, 3)
+                places = link.places[link.nodes[joint.point], 3:].reshape(3, 3)
                 return Frame(places, start[places])
         turned = ("", *d.elastic.driven) if d.elastic else ("",)
         if name in turned:
@@ -343,11 +261,9 @@ class LinkageInSpace(System):
 
     def positions(self, t: Array, q: Array) -> dict[str, Array]:
         """Return the places of all points (times, 3) by name."""
-        d, ground = self.rigid.description, self._ground(t)[0]
-        return {
-            p: q[:, 3 * d.free.index(p) :][:, :3] if p in d.free else ground[:, k]
-            for k, p in enumerate(d.points)
-        }
+        own = q[:, : self._points]
+        found = self.of_rigid("points", t, own, np.zeros_like(own))["positions"]
+        return {p: found[:, k] for k, p in enumerate(self.rigid.description.points)}
 
     def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""

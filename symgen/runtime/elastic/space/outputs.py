@@ -45,10 +45,9 @@ def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
         made.append(Variable(f"{name}.deflection", "m", about, axes, place - (1 - at) * first - at * last))
         made.append(Variable(f"{name}.position", "m", f"position of {where}", axes, place))
     for name, link in links.items():
-        info, forces = link.info, link.end_forces(q, v, a)
-        for k, (point, sign) in enumerate(((info.start, -1.0), (info.end, 1.0))):
-            about = f"force on {name} at {point}"
-            made.append(Variable(f"{name}.{point}.force", "N", about, axes, forces[:, k]))
+        for point, force in link.forces(q, v, a).items():
+            made.append(Variable(f"{name}.{point}.force", "N", f"force on {name} at {point}", axes, force))
+        for k, (point, sign) in enumerate(((link.info.start, -1.0), (link.info.end, 1.0))):
             about = f"moment on {name} at {point} about its line, width and thickness"
             moments = sign * link.resultants(q, v, a, float(k))[:, _MOMENTS]
             made.append(Variable(f"{name}.{point}.moment", "N*m", about, axes, moments))
