@@ -23,7 +23,6 @@ from symgen.cli import (
     inspection,
     making,
     reporting,
-    stability,
     studying,
 )
 from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app, console
@@ -50,7 +49,6 @@ __all__ = [
     "main",
     "making",
     "reporting",
-    "stability",
     "studying",
 ]
 
@@ -62,7 +60,7 @@ _GROUPS = {
     "Pages and drawings": "report animate live draw",
     "Equations": "show explain diff",
     "Kernels": "build generate export",
-    "Checks": "accuracy stability bench",
+    "Checks": "accuracy bench",
 }
 
 

@@ -1,4 +1,4 @@
-"""Accuracy, speed and stability of compiled models."""
+"""Accuracy and speed of compiled models."""
 
 from symgen.study.speed.reference import SOLVERS, reference
 

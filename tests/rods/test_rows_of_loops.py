@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared.stability_truths import compound_pendulum
 
 import symgen
 from symgen.errors import SceneError
-from symgen.study.stability.truths import compound_pendulum
 
 RATE = 10.0
 

@@ -11,13 +11,13 @@ import sympy as sp
 from shared.full import full
 from shared.oracle import Oracle, relative_error
 from shared.shipped import derived
+from shared.stability_truths import compound_pendulum, peaucellier_arm
 
 import symgen
 from symgen.errors import SceneError, SimulationError
 from symgen.runtime.integrate.options import options
 from symgen.runtime.integrate.simulate import run
 from symgen.scene.loading import read_scene
-from symgen.study.stability.truths import compound_pendulum, peaucellier_arm
 
 G = 9.81
 

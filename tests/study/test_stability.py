@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 from shared.exact_accelerations import exact_accelerations
 from shared.full import full_unless
-from typer.testing import CliRunner
+from shared.stability_case import go_through
+from shared.stability_cases import CASES
+from shared.stability_truths import compound_pendulum, four_bar, hanging_chain, spatial_double_pendulum
 
 import symgen
-from symgen.cli import app
-from symgen.errors import ModelError
 from symgen.runtime.elastic.model import METHODS
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve_linkage
-from symgen.study import stability
-from symgen.study.stability import CASES, Trial, chosen, go_through, run_suite
-from symgen.study.stability.case import Found
-from symgen.study.stability.page import page
-from symgen.study.stability.truths import compound_pendulum, four_bar, hanging_chain, spatial_double_pendulum
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
 TRIALS = [(case, trial) for case in CASES for trial in case.trials]
 
 
@@ -104,63 +96,6 @@ def test_the_suite_can_fail():
     assert not go_through(replace(case, most_drift=0.0), trial).holds
     assert not go_through(case, replace(trial, options={"rtol": 1e-10, "max_steps": 1})).holds
     assert go_through(case, replace(trial, bound=None)).holds
-
-
-def test_choosing():
-    assert chosen([]) == CASES
-    assert {c.family for c in chosen(["loops"])} == {"loops"}
-    assert [c.name for c in chosen(["double_four_bar all round"])] == ["double_four_bar all round"]
-    assert len(chosen(["double_four_bar"])) == 4
-    with pytest.raises(ModelError, match="there is no hard case 'bennet'.*Did you mean 'bennett'"):
-        chosen(["bennet"])
-
-
-def test_the_page_is_of_these_cases():
-    """Names, methods and bounds; numbers may differ in the last place between machines."""
-    text = (DOCS / "stability.md").read_text(encoding="utf-8")
-    assert [line[4:] for line in text.splitlines() if line.startswith("### ")] == [c.name for c in CASES]
-    rows = [line.split("|") for line in text.splitlines() if line.startswith("| ") and "method" not in line]
-    assert [row[1].strip() for row in rows] == [t.label for _, t in TRIALS]
-    assert not any("NOT" in line for line in text.splitlines())
-
-
-def test_numbers_on_the_page():
-    """Rounded up to powers of ten, so that what did not change stays."""
-    case = next(c for c in CASES if c.name == "mass_ratios")
-    made = stability.Outcome(case, Trial("dop853", {"rtol": 1e-9}, 1e-6), Found(2.1e-9, 3e-16, 1234, 1.0), "")
-    row = next(line for line in page([made]).splitlines() if line.startswith("| dop853"))
-    assert row == "| dop853, rtol 1e-09 | yes | 1e-08 | round-off | 1200 | <= 1e-06 |"
-    failed = stability.Outcome(case, Trial("rk4"), None, "it broke")
-    assert "| rk4 | **no** | - | - | - |  |" in page([failed])
-    assert "*rk4*: it broke." in page([failed])
-
-
-def test_command(tmp_path):
-    file = tmp_path / "page.md"
-    done = CliRunner().invoke(app, ["stability", "--cases", "bennett,bricard", "--json", "--out", str(file)])
-    assert done.exit_code == 0, done.output
-    data = json.loads(done.stdout)
-    assert data["holds"] is True
-    assert [(o["case"], o["survived"]) for o in data["outcomes"]] == [("bennett", True), ("bricard", True)]
-    assert "### bricard" in file.read_text()
-    shown = CliRunner().invoke(app, ["stability", "--cases", "planar_4r"])
-    assert shown.exit_code == 0
-    assert "cannot be followed beyond theta1 = -41.40962" in shown.stdout.replace("\n", " ")
-    assert "1 of 2 rows have a bound" in shown.stdout
-
-
-def test_command_fails_where_something_does_not_hold(monkeypatch):
-    case = next(c for c in CASES if c.name == "bennett")
-    monkeypatch.setattr(stability, "CASES", (replace(case, bound=1e-30),))
-    done = CliRunner().invoke(app, ["stability"])
-    assert done.exit_code == 1
-    assert "Does not hold: bennett, pose by pose." in done.stdout
-
-
-def test_progress():
-    seen = []
-    run_suite(chosen(["bennett", "bricard"]), seen.append)
-    assert seen == [0.5, 1.0]
 
 
 @pytest.mark.parametrize(

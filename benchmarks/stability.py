@@ -1,30 +1,67 @@
-"""Results of the stability suite: table on the terminal and page of the documentation."""
+"""Hard cases by every method: errors against independent solutions, and their bounds.
+
+The cases are in ``stability_rods.py``, ``stability_loops.py`` and ``stability_elastic.py`` of ``tests/shared``.
+``--out`` writes docs/stability.md. The exit code is 1 if an error exceeds its bound.
+"""
 
 from __future__ import annotations
 
+import argparse
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from itertools import groupby
+from pathlib import Path
 
 from rich.console import Console
 
+from symgen.errors import check_known
 from symgen.report.tables import table
-from symgen.study.stability.case import Outcome
+
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
+
+from shared.stability_case import Case, Outcome, go_through
+from shared.stability_cases import CASES
 
 _ABOUT = """# Hard cases, method by method
 
-This page is written by `symgen stability --out docs/stability.md`. Every case is a shipped scene, or one
-with modified values, run by every suitable integrator and method. *Bound* is the limit on the error against
-an independent reference (a closed form, a motion in minimal coordinates, or a method of another
-kind); the drift off the constraints is bounded too. Rows without a bound show the behaviour of a method
-that is not intended for the case, or of too long a step.
+This page is written by `python benchmarks/stability.py --out docs/stability.md`. Every case is a shipped
+scene, or one with modified values, run by every suitable integrator and method. *Bound* is the limit on the
+error against an independent reference (a closed form, a motion in minimal coordinates, or a method of
+another kind); the drift off the constraints is bounded too. Rows without a bound show the behaviour of a
+method that is not intended for the case, or of too long a step.
 
 Errors and drifts are rounded up to the next power of ten and steps to two digits, and times are omitted,
-so that the page is reproducible: `symgen stability` prints all numbers.
+so that the page is reproducible: without `--out`, the command prints all numbers.
 [Hard cases](hard_cases.md) describes how symgen treats these cases.
 """
 #: Errors below this are round-off and differ between machines.
 _ROUND_OFF = 1e-15
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the cases, print or write their results, and return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help="cases, scenes or families; default: all")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the page of the documentation")
+    options = parser.parse_args(arguments)
+    outcomes = [go_through(case, trial) for case in chosen(options.names) for trial in case.trials]
+    if options.out:
+        options.out.write_text(page(outcomes), encoding="utf-8")
+    print_suite(outcomes, Console(highlight=False))
+    return 0 if all(o.holds for o in outcomes) else 1
+
+
+def chosen(names: Sequence[str]) -> tuple[Case, ...]:
+    """Return the cases with these names, families or scenes; all cases if none is given."""
+    known = {word for case in CASES for word in _words(case)}
+    for name in names:
+        check_known(name, known, "there is no hard case")
+    return tuple(case for case in CASES if not names or set(names) & set(_words(case)))
+
+
+def _words(case: Case) -> tuple[str, ...]:
+    return case.name, case.family, case.name.split(",")[0].split(" ")[0]
 
 
 def print_suite(outcomes: Sequence[Outcome], console: Console) -> None:
@@ -106,3 +143,7 @@ def _rounded(number: str) -> str:
     if value <= _ROUND_OFF:
         return "round-off"
     return f"1e{math.ceil(math.log10(value) - 1e-9):+03d}".replace("e+00", "e0")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, cast
 
+from shared.stability_case import Case, Found, Trial, largest, model_of
+
 from symgen.errors import SimulationError
 from symgen.runtime.elastic.model import METHODS
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.study.stability.case import Case, Found, Trial, largest, model_of
 
 #: Adaptive methods; all others have a number of steps.
 _BY_TOLERANCE = ("gauss", "gauss4", "dop853")

@@ -9,13 +9,13 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from shared.stability_case import Case, Found, Trial, integrations, largest
 
 from symgen.errors import SimulationError
 from symgen.pipeline.build import build
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.result.turn import Turn
-from symgen.study.stability.case import Case, Found, Trial, integrations, largest
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -135,23 +135,6 @@ class Outcome:
             return False
         return self.found.error <= self.trial.bound and self.found.drift <= self.case.most_drift
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        found = self.found if self.survived else None
-        return {
-            "case": self.case.name,
-            "family": self.case.family,
-            "method": self.trial.label,
-            "survived": self.survived,
-            "error": found.error if found else None,
-            "drift": found.drift if found else None,
-            "steps": found.steps if found else None,
-            "seconds": found.seconds if found else None,
-            "bound": self.trial.bound,
-            "holds": self.holds,
-            "said": self.said,
-        }
-
 
 def go_through(case: Case, trial: Trial) -> Outcome:
     """Run one trial and return its outcome."""
@@ -163,18 +146,3 @@ def go_through(case: Case, trial: Trial) -> Outcome:
     except SimulationError as error:
         said = str(error).partition("\n")[0]
     return Outcome(case, trial, found, said)
-
-
-#: Callback that receives the completed fraction.
-Progress = Callable[[float], None]
-
-
-def run_suite(cases: tuple[Case, ...], progress: Progress | None = None) -> tuple[Outcome, ...]:
-    """Run every trial of every case, in order."""
-    todo = [(case, trial) for case in cases for trial in case.trials]
-    outcomes = []
-    for i, (case, trial) in enumerate(todo):
-        outcomes.append(go_through(case, trial))
-        if progress:
-            progress((i + 1) / len(todo))
-    return tuple(outcomes)

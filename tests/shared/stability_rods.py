@@ -6,12 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-
-from symgen.runtime.model.rods import RodModel
-from symgen.runtime.result.result import Result
-from symgen.runtime.result.state import State
-from symgen.study.stability.case import Case, Found, Trial, integrations, largest, model_of
-from symgen.study.stability.truths import (
+from shared.stability_case import Case, Found, Trial, integrations, largest, model_of
+from shared.stability_truths import (
     compound_pendulum,
     four_bar,
     hanging_chain,
@@ -19,6 +15,10 @@ from symgen.study.stability.truths import (
     peaucellier_arm,
     spatial_double_pendulum,
 )
+
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.result import Result
+from symgen.runtime.result.state import State
 
 #: Integrators in the order of bounds of their errors.
 _METHODS = (
