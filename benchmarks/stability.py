@@ -1,7 +1,7 @@
 """Hard cases by every method: errors against independent solutions, and their bounds.
 
-The cases are in ``stability_rods.py``, ``stability_loops.py`` and ``stability_elastic.py`` of ``tests/shared``.
-``--out`` writes docs/stability.md. The exit code is 1 if an error exceeds its bound.
+The cases are in ``stability_rods.py``, ``_loops.py`` and ``_elastic.py`` of ``tests/shared``. ``--out``
+writes docs/stability.md. The exit code is 1 if an error exceeds its bound.
 """
 
 from __future__ import annotations
