@@ -170,4 +170,9 @@ def _check_every_point_used(scene: Scene, linkage: Linkage) -> None:
                 hint="Name it in a link's points, make it ground, or remove it.",
             )
     if all(point.ground for point in linkage.points):
-        raise SceneError("every point is ground: nothing can move", where="points")
+        hint = (
+            'Place a point on an elastic link: P = { on = "link", fraction = 0.5 }.'
+            if linkage.elastic
+            else ""
+        )
+        raise SceneError("every point is ground: nothing can move", where="points", hint=hint)

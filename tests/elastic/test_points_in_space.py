@@ -173,6 +173,150 @@ def test_a_link_at_a_further_point_of_a_body():
     assert np.max(np.abs(s - s[0])) > 1e-4
 
 
+@pytest.mark.parametrize(
+    ("welded", "roots"), [("AB", (4.7300407449, 7.8532046241)), ("A", (3.9266023121, 7.0685827456))]
+)
+def test_frequencies_between_two_ground_points(welded, roots):
+    """Clamped, and clamped and pinned, by Euler and Bernoulli; rotary inertia and elements take 2e-3."""
+    scene = symgen.Scene(
+        points={"A": at(0, 0, 0, **GROUND), "B": at(LENGTH, 0, 0, **GROUND), "C": on("beam", 0.4)},
+        links={"beam": elastic(["A", "B"], elements=10)},
+        welds=[{"point": p, "links": ["beam"]} for p in welded],
+    )
+    found = build(scene).modes().frequencies
+    mu = DENSITY * WIDTH * THICKNESS
+    exact = [
+        (k / LENGTH) ** 2 * math.sqrt(stiffness / mu) / (2 * math.pi)
+        for k in roots
+        for stiffness in (EI_Y, EI_Z)
+    ]
+    # A pinned end spins about its line only with the whole link, which its other end holds.
+    np.testing.assert_allclose(found[:3], np.sort(exact)[:3], rtol=3e-3)
+
+
+def test_a_moved_ground_point_stretches_a_link():
+    """EA e/L between two ground points, of which one moves along the link; half of it at the middle."""
+    moved = 1e-4
+    scene = symgen.Scene(
+        parameters={"e": f"{moved} m", "T": "1 s"},
+        points={
+            "A": at(0, 0, 0, **GROUND),
+            "B": at(LENGTH, 0, 0, **GROUND, motion=["e*t/T", "0 m", "0 m"]),
+            "C": on("beam", 0.5),
+        },
+        links={"beam": elastic(["A", "B"])},
+        welds=[{"point": "A", "links": ["beam"]}],
+    )
+    linkage = LinkageInSpace(build(scene).rigid)
+    q = equilibrium(linkage, 1.0).q[None]
+    force = linkage.links[0].forces(q, 0 * q, 0 * q)["B"][0, 0]
+    strain = moved / LENGTH
+    # Green's strain of the line between the nodes.
+    assert force == pytest.approx(E * WIDTH * THICKNESS * strain * (1 + 1.5 * strain), rel=1e-6)
+    middle = linkage.positions(np.ones(1), q)["C"][0]
+    np.testing.assert_allclose(middle, [(LENGTH + moved) / 2, 0, 0], atol=1e-12)
+
+
+def test_sway_of_a_portal_frame():
+    """H h^3 (3 k + 2)/(12 EI (6 k + 1)), k = h/L of equal sections; columns stretch by less than 1e-3 of it."""
+    height, span, load = 0.3, 0.4, 0.05
+    points = {
+        "A": at(0, 0, 0, **GROUND), "B": at(0, height, 0), "C": at(span, height, 0), "D": at(span, 0, 0, **GROUND),
+    }  # fmt: skip
+    members = {"left": ["A", "B"], "beam": ["B", "C"], "right": ["D", "C"]}
+    scene = symgen.Scene(
+        points=points,
+        links={name: elastic(ends, density="1e-3 kg/m^3") for name, ends in members.items()},
+        welds=[
+            {"point": "A", "links": ["left"]}, {"point": "B", "links": ["left", "beam"]},
+            {"point": "C", "links": ["beam", "right"]}, {"point": "D", "links": ["right"]},
+        ],
+        forces=[force("B", load / 2, 0, 0), force("C", load / 2, 0, 0)],
+    )  # fmt: skip
+    _, _, (left, right) = displaced(scene, "B", "C")
+    k = height / span
+    expected = load * height**3 * (3 * k + 2) / (12 * EI_Y * (6 * k + 1))
+    assert left[0] == pytest.approx(expected, rel=1e-3)
+    assert right[0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_rigid_offset_welded_to_the_tip():
+    """A side load on a rigid arm across the tip of a cantilever bends and twists it."""
+    arm, load = 0.05, 0.02
+    scene = symgen.Scene(
+        points={"A": at(0, 0, 0, **GROUND), "B": at(LENGTH, 0, 0), "P": at(LENGTH, arm, 0)},
+        links={
+            "beam": elastic(["A", "B"], density="1e-3 kg/m^3"),
+            "lug": {"points": ["B", "P"], "mass": "1e-6 kg"},
+        },
+        welds=[{"point": "A", "links": ["beam"]}, {"point": "B", "links": ["beam", "lug"]}],
+        forces=[force("P", 0, 0, load)],
+    )
+    linkage, _, (end,) = displaced(scene, "P")
+    torsion = linkage.links[0].section[7]
+    expected = load * (LENGTH**3 / (3 * EI_Z) + arm**2 * LENGTH / torsion)
+    assert end[2] == pytest.approx(expected, rel=1e-5)
+
+
+def with_tip(mass, inertia, **more):
+    """Return a cantilever without mass that has a body at its tip, the centre of which is there."""
+    points = {"A": at(0, 0, 0, **GROUND), "B": at(LENGTH, 0, 0)}
+    points |= {"P": at(LENGTH, 0.02, 0), "Q": at(LENGTH, 0, 0.02)}
+    centre = [f"{LENGTH} m", "0 m", "0 m"]
+    body = {"points": ["B", "P", "Q"], "mass": f"{mass} kg", "centre": centre}
+    body["inertia"] = [f"{inertia} kg*m^2"] * 3
+    links = {"beam": elastic(["A", "B"], density="1e-2 kg/m^3"), "body": body}
+    welds = [{"point": "A", "links": ["beam"]}, {"point": "B", "links": ["beam", "body"]}]
+    return symgen.Scene(points=points, links=links, welds=welds, **more)
+
+
+def test_tip_inertia_of_a_body():
+    """K of a cantilever's end, EI/L^3 [12, -6 L; -6 L, 4 L^2], with M = diag(m, J), in both planes."""
+    mass, inertia = 0.5, 2e-3
+    found = build(with_tip(mass, inertia)).modes().frequencies
+    exact = []
+    for stiffness in (EI_Y, EI_Z):
+        k = stiffness / LENGTH**3 * np.array([[12, -6 * LENGTH], [-6 * LENGTH, 4 * LENGTH**2]])
+        exact += [*np.sqrt(np.linalg.eigvals(k / np.array([[mass], [inertia]])).real) / (2 * math.pi)]
+    linkage = LinkageInSpace(build(with_tip(mass, inertia)).rigid)
+    exact.append(math.sqrt(linkage.links[0].section[7] / LENGTH / inertia) / (2 * math.pi))
+    np.testing.assert_allclose(found[:5], np.sort(exact), rtol=1e-4)
+
+
+def test_an_end_moment_by_a_body():
+    """The tip of a cantilever under a moment is on a circle: (1 - cos k)/k and sin(k)/k of the length."""
+    moment = 8.0
+    scene = with_tip(0.5, 2e-3, torques=[{"link": "body", "torque": ["0 N*m", "0 N*m", f"{moment} N*m"]}])
+    found = []
+    for divided in (1, 2):
+        linkage = LinkageInSpace(build(scene).rigid, divided=divided)
+        q = equilibrium(linkage, 0.0).q[None]
+        found.append(linkage.positions(np.zeros(1), q)["B"][0])
+    bend = moment * LENGTH / EI_Y
+    exact = LENGTH * np.array([math.sin(bend) / bend, (1 - math.cos(bend)) / bend, 0.0])
+    errors = [np.max(np.abs(x - exact)) for x in found]
+    assert errors[1] < 2e-4 * LENGTH
+    assert errors[0] / errors[1] > 3
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"torques": [{"link": "beam", "point": "B", "torque": ["0 N*m", "0 N*m", "1 N*m"]}]}, "beam is elastic"),
+        ({"welds": [{"point": "B", "links": ["beam", "rod"]}, {"point": "D", "links": ["rod", "tail"]}]}, "welded twice"),
+        ({"joints": [{"point": "K", "links": ["rod"], "kind": "revolute", "axis": [0, 0, 1]}],
+          "welds": [{"point": "D", "links": ["rod", "tail"]}]}, "revolute joint with the ground and no drive"),
+    ],
+)  # fmt: skip
+def test_refused(change, words):
+    points = {"A": at(0, 0, 0, **GROUND), "B": at(0.2, 0, 0), "D": at(0.3, 0.1, 0), "E": at(0.4, 0.1, 0)}
+    points["K"] = at(0.2, 0, 0, **GROUND)
+    rod = {"points": ["K" if "joints" in change else "B", "D"], "mass": "0.1 kg"}
+    links = {"beam": elastic(["A", "B"]), "rod": rod, "tail": elastic(["D", "E"])}
+    with pytest.raises(SceneError, match=words):
+        symgen.build(symgen.Scene(points=points, links=links, **change))
+
+
 def test_points_at_the_same_place_are_refused():
     points = {
         "A": at(0, 0, 0, **GROUND),

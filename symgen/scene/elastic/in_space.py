@@ -104,6 +104,7 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
         ("welds", scene.welds),
         ("joints", scene.joints),
     )
+    welded_rods: list[str] = []
     for table, joints in tables:
         for i, joint in enumerate(joints):
             where = f"{table}.{i}"
@@ -123,6 +124,14 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
                     hint="Without another link it is with the ground; that of a rigid link is revolute.",
                 )
             if isinstance(joint, Weld):
+                welded_rods += _rods(read, names, where)
+                again = sorted({name for name in welded_rods if welded_rods.count(name) > 1})
+                if again:
+                    raise SceneError(
+                        f"{again[0]} is welded twice, and a rod carries no torsion",
+                        where=f"{where}.links",
+                        hint="Give it a third point, mass, centre and inertia: it is a body then.",
+                    )
                 # Without another link, with the ground.
                 for k in range(1, max(2, len(names))):
                     yield JointInSpace("weld", joint.point, (names[0], *names[k : k + 1]), (_ZERO,) * 3)
@@ -131,3 +140,19 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
             if all(read.number(c) == 0 for c in axis):
                 raise SceneError("expected the direction of the axis, got zero", where=f"{where}.axis")
             yield JointInSpace(joint.kind, joint.point, tuple(names), axis)
+
+
+def _rods(read: Reader, names: Sequence[str], where: str) -> list[str]:
+    """Return the rods without a drive among welded links."""
+    scene = read.scene
+    rigid = [name for name in names if scene.links[name].elastic is None and not read.is_spatial_body(name)]
+    rods = [name for name in rigid if name not in scene.driven]
+    for joint in scene.joints:
+        if is_hinge(scene, joint) and joint.links[0] in rods:
+            raise SceneError(
+                f"{joint.links[0]} has a revolute joint with the ground and no drive: the weld would leave a "
+                "rotation about its line",
+                where=f"{where}.links",
+                hint="Give it a third point and a second ground point: it is a body then, with an axis.",
+            )
+    return rods

@@ -51,8 +51,8 @@ def _element(elastic: Elastic, where: str) -> Element:
 def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticLink]:
     """Yield the elastic links, each checked against the components joined to it."""
     for name, link in read.scene.links.items():
-        moved = read.dimension == 3 or any(read.scene.points[p].motion for p in link.points[:2])
-        if link.elastic is not None and moved:
+        moved = any(read.scene.points[p].motion for p in link.points[:2])
+        if link.elastic is not None and moved and read.dimension == 2:
             read.moving_link(name, f"links.{name}.elastic")
     _check_neighbours(read)
     for rigid in links:
@@ -232,6 +232,13 @@ def check_loads(linkage: Linkage) -> None:
                 hint="Leave the elastic of the link out.",
             )
         for measure in (t.on for t in terms if t not in carried):
+            bent = next((name for _, name in measure.links if name in elastic), "")
+            if linkage.dimension == 3 and bent:
+                raise SceneError(
+                    f"in space a {load.noun} acts on rigid links, and {bent} is elastic",
+                    where=f"{table}.{i}",
+                    hint="Weld a small body with three points to the elastic link, and name it.",
+                )
             if measure.section:
                 _check_section(linkage, measure, f"{table}.{i}")
                 continue

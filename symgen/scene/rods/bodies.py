@@ -163,7 +163,8 @@ def link(read: Reader, name: str, link: Link) -> RigidLink:
     carried += [CarriedPoint(p, *_on_line(read, p, length)) for p in on_link(read, name)]
     mass, centre, offset, inertia = body(read, link, length, drawn, start.at, bool(others), where)
     moving = start.ground and end.ground and (start.motion, end.motion) != (start.at, end.at)
-    if moving and mass != 0:
+    # Elements of an elastic link have its inertia.
+    if moving and mass != 0 and link.elastic is None:
         raise SceneError(
             "the motion of a link between ground points that move is prescribed, and reactions do not "
             "include its inertia",

@@ -68,10 +68,12 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
         Where the second part has no such direction, or the axis of a universal joint is along the link.
     """
     own = first.vectors
-    if kind == "weld":
-        if len(second.span) < 2:
-            raise ModelError(f"{about}: a rod has no rotation about its line\n  {_REMEDY}")
-        one, two = second.span[:2]
+    span = second.span
+    if kind == "weld" and len(span) == 1:
+        # A rod has no rotation about its line.
+        products = [(n, span[0]) for n in _normals(span[0])]
+    elif kind == "weld":
+        one, two = span[:2]
         two = two - (one @ two) * one
         three = np.cross(one, two)
         products = [(three, one), (three, two), (one, two)]
@@ -83,11 +85,9 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
                 raise ModelError(f"{about}: expected an axis across the link, got one along it")
             products = [(across / length_of(across), axis)]
         else:
-            normals = np.linalg.svd(axis.real[None])[2][1:]
-            normals = normals - np.outer(normals @ axis, axis)
-            products = [(n, axis) for n in normals]
+            products = [(n, axis) for n in _normals(axis)]
             if second.factors(axis) is None:
-                products = [(axis, n) for n in normals]
+                products = [(axis, n) for n, _ in products]
     for a, b in products:
         factors = second.factors(b)
         if factors is None:
@@ -95,6 +95,13 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
         missing = 4 - len(factors)
         places = np.concatenate([first.places, second.places, second.places[:1].repeat(missing, axis=0)])
         yield Row(places, np.concatenate([own @ a, factors, np.zeros(missing)]))
+
+
+def _normals(axis: Array) -> Array:
+    """Return two directions across a unit vector, (2, 3), with its tangents."""
+    normals = np.linalg.svd(axis.real[None])[2][1:]
+    found: Array = normals - np.outer(normals @ axis, axis)
+    return found
 
 
 def length_of(vectors: Array) -> Array:
