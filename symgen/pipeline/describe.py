@@ -266,8 +266,6 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
             )
             for b, link in ((b, linkage.link(b.link)) for b in linkage.elastic)
         )
-        terms = [term for load in linkage.loads for term in load.terms(3)]
-        alone = not any(term.force or not term.on.integrable for term in terms)
         base = {x.name: x.base for x in linkage.links} | {x.name: x.base for x in linkage.bodies}
         base |= dict.fromkeys((b.link for b in linkage.elastic), ())
         joints = tuple(JointInfo(j.kind, j.point, j.links, base[j.links[-1]]) for j in linkage.joints)
@@ -280,7 +278,6 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
             (),
             (),
             outputs=linkage.outputs,
-            shaft_alone=alone,
             joints_in_space=joints,
             driven=tuple(d.link for d in linkage.drivers),
         )

@@ -104,7 +104,9 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
         shaft, damping = powers
         console.print(f"mean power of the shaft {shaft:.4g} W, of damping {damping:.4g} W")
     if (balance := result.statistics.get("power_balance")) is not None:
-        console.print(f"power of the shaft, damping, and rate of the energies balance within {balance:.1e}")
+        console.print(
+            f"powers of input and damping and the rate of the energies balance within {balance:.1e}"
+        )
     if (share := result.statistics.get("omitted_power")) is not None:
         console.print(f"power of the torque that linear theory omits: {share:.1e} of the largest power")
     if result.floquet:

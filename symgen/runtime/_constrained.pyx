@@ -87,6 +87,8 @@ cdef class Part:
 
     cdef readonly object pairs, bound
     cdef Py_ssize_t[::1] slots, below, right
+    #: Whether it has an input power.
+    cdef bint loaded
 
     def take(self, pattern, Py_ssize_t unknowns):
         """Set the slots of the entries in a pattern; -1 for slopes by prescribed numbers."""
@@ -106,6 +108,10 @@ cdef class Part:
 
     cdef double dissipation(self, const states *s, Py_ssize_t row):
         """Return the power dissipated by damping at a state [W]."""
+        return 0.0
+
+    cdef double input(self, const states *s, Py_ssize_t row):
+        """Return the power of loads without potential, and of inertia and loads at moving ground, at a state [W]."""
         return 0.0
 
     cdef inline void bind(self, matrices *to, Py_ssize_t entry, double slope) noexcept:
@@ -365,8 +371,8 @@ cdef class Rigid(Part):
     """
 
     cdef object owners
-    cdef kernel_t joints, rates, constraints
-    cdef Py_ssize_t n, count, load, jacobian, columns
+    cdef kernel_t joints, rates, constraints, energy
+    cdef Py_ssize_t n, count, load, jacobian, columns, power
     cdef Py_ssize_t[::1] in_jacobian, of_rows
     cdef Py_ssize_t[3] at, entries
     cdef double[::1] p_joints, p, sizes, work, spare, out
@@ -385,7 +391,13 @@ cdef class Rigid(Part):
             self.rates = <kernel_t><uintptr_t>rigid.library.addresses["velocity_constraints"]
             self.constraints = <kernel_t><uintptr_t>rigid.library.addresses["constraints"]
             self.jacobian, self.columns = blocks["jacobian"].offset, blocks["jacobian"].shape[1]
-        self.load = blocks["load"].offset
+        self.load, self.power = blocks["load"].offset, -1
+        other = joints.info("energy")
+        powers = [block.offset for block in other.blocks if block.name == "power"]
+        if powers:
+            (self.power,), self.loaded = powers, True
+            widest, work = max(widest, other.out_size), max(work, other.work_size)
+            self.energy = <kernel_t><uintptr_t>joints.library.addresses["energy"]
         self.p_joints, self.p = _numbers(joints.parameters), _numbers(rigid.parameters)
         self.of_rows, self.in_jacobian, self.sizes = _places(rows), _places(in_jacobian), _numbers(sizes)
         self.work = np.zeros(max(work, self.n + len(rigid.description.constraints)) + 1)
@@ -408,6 +420,13 @@ cdef class Rigid(Part):
         kernel(s.t + row, s.q + at, s.v + at, &self.p[0], &self.spare[0], &self.out[0])
         for k in range(self.count):
             to[row * s.multipliers + k] += self.out[self.of_rows[k]] / self.sizes[k]
+
+    cdef double input(self, const states *s, Py_ssize_t row):
+        if self.power < 0:
+            return 0.0
+        memcpy(&self.work[0], s.a + row * s.unknowns, self.n * sizeof(double))
+        self.energy(s.t + row, s.q + row * s.unknowns, s.v + row * s.unknowns, &self.p_joints[0], &self.work[0], &self.out[0])
+        return self.out[self.power]
 
     cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
         cdef Py_ssize_t row, k, i, at
@@ -489,6 +508,7 @@ cdef class Constrained:
     """
 
     cdef tuple parts
+    cdef bint loaded
     cdef envelope envelope
     cdef states at
     cdef matrices to
@@ -502,6 +522,7 @@ cdef class Constrained:
         self.at.unknowns, self.at.multipliers, self.at.known = unknowns, multipliers, known
         self.first, self.starts, self.position = _places(pattern.first), _places(pattern.starts), _places(pattern.position)
         self.envelope.n, self.envelope.first, self.envelope.at = unknowns + multipliers, &self.first[0], &self.starts[0]
+        self.loaded = any([(<Part>part).loaded for part in self.parts])
         for part in self.parts:
             _within("unknowns", part.pairs, 0, unknowns)
             _within("rows of constraints", part.bound[0], 0, multipliers)
@@ -752,29 +773,47 @@ cdef class Steps:
             size = max(size, fabs(self.x[self.of.position[k]]) / self.scale[k])
         return size
 
+    cdef double work_of_loads(self, t, q, v, change, known, known_rates) except *:
+        """Return the work of inertia at moving ground by a change of the rates at the end of a step [J]."""
+        cdef double work = 0.0
+        cdef Part part
+        none = np.zeros((1, self.of.at.multipliers))
+        # Power is linear in second rates.
+        for sign, second in ((1.0, change), (-1.0, np.zeros_like(change))):
+            kept = self.of._take(t, q[None], v[None], second[None], none, known, known_rates)
+            for part in self.of.parts:
+                work += sign * part.input(&self.of.at, 0)
+        return work
+
     cdef object ended(self, times, q, v, double[:, ::1] a, double[:, ::1] multipliers, known, known_rates):
         """Return the end of a step, on the constraints."""
-        cdef Py_ssize_t i, k, stages = self.stages, m = self.of.at.multipliers
+        cdef Py_ssize_t i, n = self.of.at.unknowns, stages = self.stages
         cdef double work = 0.0, power
         cdef Part part
         h, second = self.h, a.base
         for i in range(stages):
             power = 0.0
             for part in self.of.parts:
-                power -= part.dissipation(&self.of.at, i)
+                power += part.input(&self.of.at, i) - part.dissipation(&self.of.at, i)
             work += h * self.b[i] * power
         end = q + h * v + h * h * (self.ba.base @ second)
         rate = v + h * (self.b.base @ second)
-        if m:
-            at = slice(1, 1 + stages)
-            none = np.zeros_like(second)
-            moved = self.of.rows(times[at], self.q.base, none, known[at], known_rates[at])[1]
-            work += h * float(self.b.base @ np.sum(multipliers.base * moved, axis=1))
+        if self.of.at.multipliers:
             last = slice(1 + stages, 2 + stages)
             for _ in range(_MOST):
                 errors, _ = self.of.rows(times[last], end[None], rate[None], known[last], known_rates[last])
                 if not self.project(np.ascontiguousarray(errors), end) > self.close:
                     break
+            at = slice(1, 2 + stages)
+            places = np.vstack([self.q.base, end])
+            moved = self.of.rows(times[at], places, np.zeros_like(places), known[at], known_rates[at])[1]
+            work += h * float(self.b.base @ np.sum(multipliers.base * moved[:stages], axis=1))
+            before = rate.copy()
             _, rates = self.of.rows(times[last], end[None], rate[None], known[last], known_rates[last])
             self.project(np.ascontiguousarray(rates), rate)
+            # Impulses that put the rates on the constraints do work too; the power of the multipliers of the
+            # stages alone has the fourth order.
+            work -= float(moved[stages] @ self.x.base[self.of.position.base[n:n + self.of.at.multipliers]])
+            if self.of.loaded:
+                work += self.work_of_loads(times[last], end, rate, rate - before, known[last], known_rates[last])
         return end, rate, second, multipliers.base, work

@@ -359,6 +359,7 @@ def test_abrupt_start_against_rods():
         assert np.max(np.abs(strain)) == pytest.approx(peak, rel=1e-2)
     assert result.statistics["error"] < 2e-2
     assert result.drift.energy < 1e-5 * result.drift.energy_exchanged
+    assert result.statistics["power_balance"] < 1e-5  # 2e-6
 
 
 def test_motor_on_an_elastic_crank_against_rods():

@@ -14,6 +14,7 @@ from scipy.integrate import cumulative_simpson, simpson
 from scipy.interpolate import make_interp_spline
 from shared.elastic_linkages import FT, LBF
 from shared.elastic_reference import RIG
+from shared.shipped import ELASTIC, IN_SPACE
 
 import symgen
 from symgen.mechanics.elastic import hamilton
@@ -40,6 +41,11 @@ BALANCES = {
 LINKS = {"crank": (["M", "A"], "a"), "coupler": (["A", "B"], "b"), "output": (["B", "Q"], "c")}
 #: Torque [N m] at 0 degrees of the four-bar of rigid links at 373 rpm, with bearings.
 TORQUE = RIG.motion(0.0).forces["torque"][0] * FT * LBF
+
+
+def test_every_shipped_scene_is_among_those_whose_powers_balance():
+    """``test_power_in_space.py`` has those in space."""
+    assert {scene for scene, _ in BALANCES} | {*IN_SPACE} == {*ELASTIC}
 
 
 def test_energies_of_a_point_of_a_link_are_those_of_a_particle():

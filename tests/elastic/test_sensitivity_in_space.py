@@ -24,8 +24,9 @@ def test_outputs_of_a_run_have_derivatives(model):
     asked = {"samples": 3, "max_step": 2e-5, "rtol": 0.5}
     run = model.simulate(1e-3, **asked)
     names = ["rod.A.force", "rod.stress", "rod.torque", "kinetic_energy", "strain_energy"]
+    names += ["dissipated_power", "input_power"]
     found = run.gradient(names)
-    assert found.derivatives.shape == (3, 7, 1) and found.t.tolist() == run.time.tolist()
+    assert found.derivatives.shape == (3, 9, 1) and found.t.tolist() == run.time.tolist()
     step = 1e-4
     moved = [model.with_parameters(rate=60.0 + s * step).simulate(1e-3, **asked) for s in (1, -1)]
     differences = [(a - b) / (2 * step) for a, b in zip(*(_columns(x, names) for x in moved), strict=True)]

@@ -58,17 +58,12 @@ def joints_system(linkage: Linkage) -> System:
     exports = [Export("joints", about, tuple(m.name for m in matrices))]
     energies = {"kinetic_energy": model.kinetic_energy, "potential_energy": model.potential_energy}
     matrices += [named(model, name, [e], "J", f"{name.replace('_', ' ')}") for name, e in energies.items()]
-    motor = _motor(linkage)
-    if motor:
-        works = (
-            work
-            for term in motor.terms(linkage.dimension)
-            for work in term.on.works(model.loads, model.loads.with_state(term.force))
-        )
-        power = sp.Add(*(force * rate for force, _, rate in works))
-        matrices.append(named(model, "motor_power", [power], "W", "power of the motor on a rigid crank"))
-    of_energies = (*energies, *(["motor_power"] if motor else []))
-    exports.append(Export("energy", "energies of the linkage without its elastic links", of_energies))
+    powers = list(_powers(model, linkage))
+    of_energies = (*energies, *(m.name for m in powers))
+    exports.append(
+        Export("energy", "energies and powers of the linkage without its elastic links", of_energies)
+    )
+    matrices += powers
     rows_in_space = [_in_space(linkage, b) for b in linkage.elastic if b.in_space]
     if rows_in_space:
         about = "lengths and sections of elastic links in space, and gravity"
@@ -93,6 +88,25 @@ def joints_system(linkage: Linkage) -> System:
         found, more_exports = _drives(model, linkage)
         matrices, exports = [*matrices, *found], [*exports, *more_exports]
     return analysis_of(model, "elastic_joints", matrices, exports)
+
+
+def _powers(model: RodsModel, linkage: Linkage) -> Iterator[NamedMatrix]:
+    """Yield the power of a motor in the plane; in space that of loads, and of inertia at moving ground."""
+    if linkage.dimension == 2:
+        if motor := _motor(linkage):
+            works = (
+                work
+                for term in motor.terms(linkage.dimension)
+                for work in term.on.works(model.loads, model.loads.with_state(term.force))
+            )
+            power = sp.Add(*(force * rate for force, _, rate in works))
+            yield named(model, "motor_power", [power], "W", "power of the motor on a rigid crank")
+        return
+    # Multipliers do work on the prescribed rates of their constraints, which are not all among these.
+    power = model.power.xreplace({x.symbol: ZERO for x in model.multipliers.values()})
+    if power != 0:
+        about = "power of the loads without potential, and of inertia and loads at the moving ground"
+        yield named(model, "power", [power], "W", about)
 
 
 def _drives(model: RodsModel, linkage: Linkage) -> tuple[list[NamedMatrix], list[Export]]:

@@ -43,7 +43,8 @@ PART = 1e-3
 class Moment:
     """Places, rates, second rates (unknowns,) and multipliers at a time [s].
 
-    ``work`` is that of the moving constraints less what damping dissipates, from the start on [J].
+    ``work`` is that of moving constraints and of loads without potential less what damping dissipates, from
+    the start on [J].
     """
 
     t: float
@@ -186,9 +187,9 @@ class System:
         raise NotImplementedError
 
     @property
-    def conservative(self) -> bool:
-        """Whether drives and damping alone do work that is no change of these energies."""
-        raise NotImplementedError
+    def accounted(self) -> bool:
+        """Whether the work of motions is that of all forces without potential."""
+        return True
 
     def residual(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
         """Return M a + internal forces - f + J^T lambda, (times, unknowns), of states (times, unknowns)."""

@@ -159,7 +159,7 @@ class LargeLinkage(System):
         return bool(self._along or self._couples or self._motor)
 
     @property
-    def conservative(self) -> bool:
+    def accounted(self) -> bool:
         """Whether the drive and the damping of links alone do work that is no potential energy."""
         return self.motion.info.shaft_alone and not self.loaded
 

@@ -146,12 +146,6 @@ class LinkageInSpace(System):
         info = self.rigid.description.elastic
         return info is not None and bool(info.driven)
 
-    @property
-    def conservative(self) -> bool:
-        """Whether the drive and the damping of links alone do work that is no potential energy."""
-        info = self.rigid.description.elastic
-        return info is not None and info.shaft_alone
-
     def start(self) -> Moment:
         """Return places and rates at t = 0: straight links that move as rigid ones.
 

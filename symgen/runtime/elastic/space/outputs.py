@@ -12,6 +12,7 @@ from symgen.runtime.elastic.outputs import length_change
 from symgen.runtime.elastic.space.drives import drives
 from symgen.runtime.elastic.space.joints import length_of
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.elastic.space.tangents import input_power
 from symgen.runtime.result.records import Variable
 
 #: What the kernel ``section`` gives, in order, with units; moments are its columns 3 to 5.
@@ -30,7 +31,7 @@ _MOMENTS = slice(3, 6)
 
 def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
     """Return strains and stresses at stations, joint forces and moments of links, places, energies."""
-    t, q, v, a, _ = stacked(found)
+    t, q, v, a, multipliers = stacked(found)
     links, made, axes = {k.info.link: k for k in linkage.links}, list[Variable](), ("x", "y", "z")
     for name, owner, at in linkage.stations:
         where, link = f"{name}, at {np.real(at):g} of {owner}", links[owner]
@@ -57,4 +58,7 @@ def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
     for point, place in linkage.positions(t, q).items():
         made.append(Variable(f"{point}.position", "m", f"position of {point}", axes, place))
     kinetic, strain, potential, dissipated = linkage.energies(t, q, v, a)
-    return [*made, *Energies(kinetic, strain, potential, dissipated, None, None, None).variables()]
+    power = input_power(linkage, t, q, v, a, multipliers)
+    about = "power of prescribed motions and of loads without potential"
+    made += Energies(kinetic, strain, potential, dissipated, None, None, None).variables()
+    return [*made, Variable("input_power", "W", about, (), power)]

@@ -32,14 +32,46 @@ class ByParameters:
     rates: Array
 
 
+def constraints(of: LinkageInSpace, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
+    """Return errors and rates of the constraints (times, multipliers), and slopes of those on directions.
+
+    They have tangents where places and rates (times, unknowns) or prescribed motions have them.
+    """
+    (places, moving), rigid = of.given(t), len(of.rows)
+    errors, rates = np.zeros((2, len(t), of.multipliers), np.result_type(q, v, places, moving))
+    if rigid:
+        state = t, *(x[:, : of.rigid.description.coordinates] for x in (q, v))
+        for to, name in ((errors, "constraints"), (rates, "velocity_constraints")):
+            to[:, :rigid] = of.of_rigid(name, *state)[name][:, of.rows] / of.sizes
+    for k, (own, point) in enumerate(of.pins):
+        pinned, ground = slice(rigid + 3 * k, rigid + 3 * k + 3), slice(3 * point, 3 * point + 3)
+        errors[:, pinned], rates[:, pinned] = q[:, own] - places[:, ground], v[:, own] - moving[:, ground]
+    found = of.directed(np.hstack([q, places]), np.hstack([v, moving]))
+    first = rigid + 3 * len(of.pins)
+    errors[:, first:], rates[:, first:] = found[..., 0], found[..., 1]
+    return errors, rates, found[..., 2:]
+
+
+def input_power(of: LinkageInSpace, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
+    """Return the power of prescribed motions and of loads without potential [W], (times,), with tangents.
+
+    The multipliers do work on the prescribed rates of their constraints, the other forces at moving ground
+    on its velocity.
+    """
+    points, d = of.rigid.description.coordinates, of.rigid.description
+    found: Array = np.sum(multipliers * constraints(of, t, q, np.zeros_like(v))[1], axis=1)
+    work = np.pad(a[:, :points], ((0, 0), (0, len(d.constraints))))
+    of_rigid = of.of_joints("energy", t, q[:, :points], v[:, :points], work)
+    return found + of_rigid["power"].reshape(len(t)) if "power" in of_rigid else found
+
+
 def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters:
     """Return the tangents along the direction of a linkage with its motion held at each of the moments."""
     n, rigid = of.unknowns, len(of.rows)
     t, *moved, multipliers = stacked(moments)
     q, v, a = (x.astype(complex) for x in moved)
-    (places, rates), first = of.given(t), rigid + 3 * len(of.pins)
-    forces = np.zeros((len(t), n + places.shape[1]), complex)
-    errors, speeds = np.zeros((2, len(t), of.multipliers), complex)
+    errors, speeds, slopes = constraints(of, t, q, v)
+    forces = np.zeros((len(t), n + of.given(t)[0].shape[1]), complex)
     for link in of.links:
         np.add.at(forces.T, link.elements, np.moveaxis(link.values("residual", q, v, a), 0, -1))
     d = of.rigid.description
@@ -47,20 +79,11 @@ def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters
     work = np.zeros((len(t), points + len(d.constraints)))
     work[:, :points] = moved[2][:, :points]
     work[:, [points + row for row in of.rows]] = multipliers[:, :rigid] / of.sizes
-    state = t, q[:, :points], v[:, :points]
-    joints = of.of_joints("joints", *state, work)
+    joints = of.of_joints("joints", t, q[:, :points], v[:, :points], work)
     forces[:, :points] -= joints["load"]
     if rigid:
         forces[:, :points] += np.einsum("tr,trn->tn", multipliers[:, :rigid], joints["jacobian"])
-        errors[:, :rigid] = of.of_rigid("constraints", *state)["constraints"][:, of.rows] / of.sizes
-        found = of.of_rigid("velocity_constraints", *state)["velocity_constraints"]
-        speeds[:, :rigid] = found[:, of.rows] / of.sizes
-    for k, (_, point) in enumerate(of.pins):
-        pinned = slice(rigid + 3 * k, rigid + 3 * k + 3)
-        errors[:, pinned], speeds[:, pinned] = (-x[:, 3 * point : 3 * point + 3] for x in (places, rates))
-    found = of.directed(np.hstack([q, places]), np.hstack([v, rates]))
-    errors[:, first:], speeds[:, first:] = found[..., 0], found[..., 1]
-    pushed = found[..., 2:] * multipliers[:, first:, None]
+    pushed = slopes * multipliers[:, rigid + 3 * len(of.pins) :, None]
     np.add.at(forces.T, of.vectors, np.moveaxis(pushed, 0, -1))
     return ByParameters(*(x.imag / UNIT for x in (forces[:, :n], errors, speeds)))
 
