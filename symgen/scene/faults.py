@@ -86,15 +86,15 @@ def table_at(scene: type[Table], place: Sequence[str]) -> type[Table]:
     for part in parts:
         if part in table.model_fields:
             annotation = table.model_fields[part].annotation
-            table = next(_models(annotation), table)
+            table = next(tables_in(annotation), table)
             if get_origin(annotation) is dict:
                 next(parts, None)  # a name that the user gave
     return table
 
 
-def _models(annotation: Any) -> Iterator[type[Table]]:
+def tables_in(annotation: Any) -> Iterator[type[Table]]:
     """Yield the tables in an annotation, in tables of tables and lists of them as well."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         yield annotation
     for inner in get_args(annotation):
-        yield from _models(inner)
+        yield from tables_in(inner)

@@ -298,14 +298,8 @@ class Scene(Table):
         return copy
 
 
-#: The table model behind each top-level key, to name the nearest known key in errors.
-TABLES: dict[str, type[Table]] = {
-    "units": Units,
-    "parameters": Parameter, "inputs": Input, "points": Point, "links": Link, "gravity": Gravity,
-    "masses": PointMass, "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
-    "welds": Weld, "joints": Joint, "stations": Station, "start": Start, "events": Event,
-    "analysis": Analysis, "loop": SpatialLoop, "sweep": Sweep, "optimise": Optimise,
-}  # fmt: skip
+#: The tables of loads and methods that the scene has.
+_ADDED: dict[str, type[Table]] = {}
 
 
 def _of_methods() -> dict[str, type[Table]]:
@@ -336,13 +330,11 @@ def _add_tables() -> None:
     """Give the scene lists of tables of loads, and tables of methods, including those registered since."""
     loads = {name: kind.schema for name, kind in LOADS.items()}
     kinds = loads | _of_methods()
-    if {name: TABLES.get(name) for name in _ADDED} == kinds:
+    if kinds == _ADDED:
         return
     for name in loads:
         _check_new(name, f"the load kind {LOADS[name].noun!r}", ())
     fields, others = Scene.model_fields, {n: f for n, f in Scene.model_fields.items() if n not in _ADDED}
-    for name in _ADDED:
-        TABLES.pop(name, None)
     fields.clear()
     for name, info in others.items():
         fields[name] = info
@@ -351,11 +343,9 @@ def _add_tables() -> None:
                 annotation: Any = list[table] if key in loads else table | None  # type: ignore[valid-type]
                 default: Any = Field(default_factory=list) if key in loads else Field(default=None)
                 fields[key] = FieldInfo.from_annotated_attribute(annotation, default)
-    TABLES.update(kinds)
-    _ADDED[:] = kinds
+    _ADDED.clear()
+    _ADDED.update(kinds)
     Scene.model_rebuild(force=True)
 
 
-#: The tables of loads and methods that the scene has.
-_ADDED: list[str] = []
 _add_tables()

@@ -9,8 +9,9 @@ import pytest
 
 import symgen
 from symgen.errors import SceneError
+from symgen.scene.faults import tables_in
 from symgen.scene.loading import SHIPPED, SceneText, check_scene, override
-from symgen.scene.schema import TABLES, Scene
+from symgen.scene.schema import Scene
 
 SCHEMA = Scene.model_json_schema()
 TYPES = {
@@ -219,7 +220,10 @@ def test_a_file_says_its_version_and_python_need_not():
         check_scene(SceneText("x", "x.toml", without))
 
 
-@pytest.mark.parametrize("name, table", TABLES.items())
+TABLES = [(name, table) for name, f in Scene.model_fields.items() for table in [*tables_in(f.annotation)][:1]]
+
+
+@pytest.mark.parametrize("name, table", TABLES)
 def test_a_misspelled_key_names_the_nearest(name, table):
     key = max(table.model_fields, key=len)
     wrong = {key[:-1] + "X": "1"}
