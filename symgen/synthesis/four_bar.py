@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from symgen.synthesis.linkage import (
     PlanarLinkage,
     angle,
     fixed_place,
-    longer_than_zero,
+    of_places,
     place_on_coupler,
     tunable,
 )
@@ -57,27 +57,14 @@ class FourBar(PlanarLinkage):
         When joints of a link coincide.
     """
 
+    JOINTS: ClassVar[str] = "OABC"
+
     O: Array
     A: Array
     B: Array
     C: Array
     P: Array
     error: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in "OABCP":
-            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
-        longer_than_zero(self.lengths)
-
-    def scaled(self, factor: float) -> FourBar:
-        """Return the four-bar with all places, and its error, multiplied by a factor."""
-        places = {name: factor * getattr(self, name) for name in "OABCP"}
-        return replace(self, **places, error=factor * self.error)
-
-    @property
-    def places(self) -> Array:
-        """Coordinates that distinguish the linkage from others."""
-        return np.concatenate([getattr(self, name) for name in "OABC"])
 
     @property
     def lengths(self) -> dict[str, float]:
@@ -147,13 +134,4 @@ class FourBar(PlanarLinkage):
     def template() -> dict[str, Any]:
         """Return the tables of a four-bar whose places of points are tunable."""
         drawn = FourBar(*np.array([[0.0, 0.0], [0.0, 1.0], [2.0, 2.0], [3.0, 0.0], [1.0, 2.0]]))
-        return {
-            "symgen": 1,
-            "title": "Planar four-bar",
-            "parameters": tunable(
-                {n: (x, "rad" if n == "start" else "m", n) for n, x in drawn.parameters.items()}
-            ),
-            "points": {n: {"at": [f"{n}x", f"{n}y"], "ground": n in "OC"} for n in "OABCP"},
-            "links": {n: {"points": [*ends, "P"] if n == "coupler" else ends} for n, ends in _LINKS.items()},
-            **_MOTION,
-        }
+        return of_places("Planar four-bar", drawn, "OC", _LINKS, _MOTION)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
+from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
 from symgen.mechanics.synthesis.limits import cosine_opposite
 
@@ -35,12 +37,14 @@ class Linkage(ABC):
 
     __slots__ = ()
 
+    #: Names of its joints.
+    JOINTS: ClassVar[str]
     error: float
 
     @property
-    @abstractmethod
     def places(self) -> Array:
         """Coordinates that distinguish the linkage from others."""
+        return np.concatenate([getattr(self, name) for name in self.JOINTS])
 
     @property
     @abstractmethod
@@ -142,10 +146,21 @@ class Linkage(ABC):
         return directions - 2 * np.pi * np.round((directions - (low + high) / 2) / (2 * np.pi))
 
 
+@checked
 class PlanarLinkage(Linkage):
-    """A linkage whose model has the places of its points as tunable parameters."""
+    """A linkage whose model has the places of its points as tunable parameters: of its joints, and of P."""
 
     __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for name in (*self.JOINTS, "P"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+        longer_than_zero({n: length for n, length in self.lengths.items() if n != "offset"})
+
+    def scaled(self, factor: float) -> Self:
+        """Return the linkage with all places, and its error, multiplied by a factor."""
+        places = {name: factor * getattr(self, name) for name in (*self.JOINTS, "P")}
+        return replace(cast("Any", self), **places, error=factor * self.error)
 
     @staticmethod
     @abstractmethod
@@ -156,6 +171,22 @@ class PlanarLinkage(Linkage):
     def model(self) -> KinematicModel:
         """The compiled linkage; all of its kind share its kernels."""
         return _model(type(self)).with_parameters(**self.parameters)
+
+
+def of_places(
+    title: str, drawn: PlanarLinkage, ground: str, links: dict[str, list[str]], motion: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the tables of a linkage whose places of points are tunable, with those of a drawn one."""
+    values = drawn.parameters
+    points = [name[:-1] for name in values if name.endswith("x")]
+    return {
+        "symgen": 1,
+        "title": title,
+        "parameters": tunable({n: (x, "rad" if n == "start" else "m", n) for n, x in values.items()}),
+        "points": {n: {"at": [f"{n}x", f"{n}y"], "ground": n in ground} for n in points},
+        "links": {n: {"points": [*ends, "P"] if n == "coupler" else ends} for n, ends in links.items()},
+        **motion,
+    }
 
 
 @cache

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from symgen.calls import checked
 from symgen.synthesis.linkage import (
     PlanarLinkage,
     fixed_place,
-    longer_than_zero,
+    of_places,
     place_on_coupler,
     shown,
     tunable,
@@ -56,22 +56,14 @@ class SliderCrank(PlanarLinkage):
         When joints of a link coincide.
     """
 
+    JOINTS: ClassVar[str] = "OAB"
+
     O: Array
     A: Array
     B: Array
     P: Array
     guide: float
     error: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in "OABP":
-            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
-        longer_than_zero({n: self.lengths[n] for n in ("crank", "coupler")})
-
-    def scaled(self, factor: float) -> SliderCrank:
-        """Return the slider-crank with all places, and its error, multiplied by a factor."""
-        places = {name: factor * getattr(self, name) for name in "OABP"}
-        return replace(self, **places, error=factor * self.error)
 
     @property
     def along(self) -> Array:
@@ -83,11 +75,6 @@ class SliderCrank(PlanarLinkage):
         """Distance of the guide from O [m], positive to the left of its direction."""
         x, y = self.B - self.O
         return float(self.along[0] * y - self.along[1] * x)
-
-    @property
-    def places(self) -> Array:
-        """Coordinates that distinguish the linkage from others."""
-        return np.concatenate([getattr(self, name) for name in "OAB"])
 
     @property
     def lengths(self) -> dict[str, float]:
@@ -171,13 +158,4 @@ class SliderCrank(PlanarLinkage):
         """Return the tables of a slider-crank whose places of points are tunable."""
         o, a, b, p = np.array([[0.0, 0.0], [0.0, 1.0], [2.0, 0.5], [1.0, 1.5]])
         drawn = SliderCrank(o, a, b, p, guide=0.0)
-        return {
-            "symgen": 1,
-            "title": "Planar slider-crank",
-            "parameters": tunable(
-                {n: (x, "rad" if n == "start" else "m", n) for n, x in drawn.parameters.items()}
-            ),
-            "points": {n: {"at": [f"{n}x", f"{n}y"], "ground": n in "OEF"} for n in "OABPEF"},
-            "links": {n: {"points": [*ends, "P"] if n == "coupler" else ends} for n, ends in _LINKS.items()},
-            **_MOTION,
-        }
+        return of_places("Planar slider-crank", drawn, "OEF", _LINKS, _MOTION)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,6 +43,8 @@ class SphericalFourBar(Linkage):
         When axes of a link coincide.
     """
 
+    JOINTS: ClassVar[str] = "OABC"
+
     O: Array
     A: Array
     B: Array
@@ -50,7 +52,7 @@ class SphericalFourBar(Linkage):
     error: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in "OABC":
+        for name in self.JOINTS:
             axis = np.asarray(getattr(self, name), dtype=float)
             object.__setattr__(self, name, axis / np.linalg.norm(axis))
         longer_than_zero(self.lengths, "rad")
@@ -60,11 +62,6 @@ class SphericalFourBar(Linkage):
         axes = np.asarray(rotation) @ np.column_stack([self.O, self.A, self.B, self.C])
         o, a, b, c = axes.T
         return SphericalFourBar(o, a, b, c, self.error)
-
-    @property
-    def places(self) -> Array:
-        """Coordinates that distinguish the linkage from others."""
-        return np.concatenate([getattr(self, name) for name in "OABC"])
 
     @property
     def lengths(self) -> dict[str, float]:

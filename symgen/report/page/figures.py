@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -102,19 +103,14 @@ def _curves(variable: Variable) -> Iterator[tuple[str, Any]]:
         yield part.name, part.values
 
 
-class _styled:
-    """Context in which figures have the style of the page, until they are written."""
+@contextmanager
+def _styled() -> Iterator[type[Figure]]:
+    """Give figures the style of the page, until they are written."""
+    import matplotlib
+    from matplotlib.figure import Figure
 
-    def __enter__(self) -> Any:
-        import matplotlib
-        from matplotlib.figure import Figure
-
-        self._context = matplotlib.rc_context(_STYLE)
-        self._context.__enter__()
-        return Figure
-
-    def __exit__(self, *error: object) -> None:
-        self._context.__exit__(*error)  # type: ignore[arg-type]
+    with matplotlib.rc_context(_STYLE):
+        yield Figure
 
 
 def _uri(figure: Any) -> str:
