@@ -73,8 +73,8 @@ def print_suite(outcomes: Sequence[Outcome], console: Console) -> None:
             "yes" if o.survived else "no",
             _number(o, "error"),
             _number(o, "drift"),
-            o.found.steps if o.found else "-",
-            f"{o.found.seconds:.3g} s" if o.found else "-",
+            o.measured.steps if o.measured else "-",
+            f"{o.measured.seconds:.3g} s" if o.measured else "-",
             _bound(o),
         )
         for o in outcomes
@@ -83,7 +83,7 @@ def print_suite(outcomes: Sequence[Outcome], console: Console) -> None:
     console.print(table("Hard cases", head, rows, texts=(0, 1)))
     for o in outcomes:
         if not o.survived:
-            console.print(f"{o.case.name}, {o.trial.label}: {o.said}.")
+            console.print(f"{o.case.name}, {o.trial.label}: {o.message}.")
     broken = [o for o in outcomes if not o.holds]
     for o in broken:
         console.print(f"Does not hold: {o.case.name}, {o.trial.label}.", style="bold")
@@ -93,11 +93,11 @@ def print_suite(outcomes: Sequence[Outcome], console: Console) -> None:
 
 
 def _number(o: Outcome, which: str) -> str:
-    if o.found is None or not math.isfinite(o.found.error):
+    if o.measured is None or not math.isfinite(o.measured.error):
         return "-"
     if which == "drift" and not o.case.drift_of:
         return "-"
-    return f"{getattr(o.found, which):.1e}"
+    return f"{getattr(o.measured, which):.1e}"
 
 
 def _bound(o: Outcome) -> str:
@@ -124,15 +124,15 @@ def _section(outcomes: Sequence[Outcome]) -> Iterator[str]:
     yield "| method | survived | error | drift | steps | bound |"
     yield "|---|---|---|---|---|---|"
     for o in outcomes:
-        steps = f"{o.found.steps:.2g}" if o.found else "-"
-        steps = str(int(float(steps))) if o.found else steps
+        steps = f"{o.measured.steps:.2g}" if o.measured else "-"
+        steps = str(int(float(steps))) if o.measured else steps
         survived = "yes" if o.survived else "**no**"
         error, drift = (_rounded(_number(o, which)) for which in ("error", "drift"))
         yield f"| {o.trial.label} | {survived} | {error} | {drift} | {steps} | {_bound(o)} |"
     yield ""
-    said = [o for o in outcomes if not o.survived]
-    for o in said:
-        yield f"*{o.trial.label}*: {o.said}.\n"
+    failed = [o for o in outcomes if not o.survived]
+    for o in failed:
+        yield f"*{o.trial.label}*: {o.message}.\n"
 
 
 def _rounded(number: str) -> str:

@@ -37,11 +37,12 @@ def write_text(path: Path, text: str) -> None:
         raise ResultError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def write_folder(folder: Path, files: Mapping[str, bytes], what: str, gone: Iterable[str] = ()) -> None:
-    """Write files by their names in a folder, aside first: what cannot be written leaves all as it was.
+def write_folder(folder: Path, files: Mapping[str, bytes], what: str, removed: Iterable[str] = ()) -> None:
+    """Write files by their names in a folder; after a failure the folder is unchanged.
 
-    A folder that is not there appears complete. In one that is, ``gone`` are removed, and each file takes the
-    place of its predecessor, in the order given; what else it holds is left alone. ``what`` names the files.
+    A new folder appears complete. In an existing folder, files named in ``removed`` are deleted, each new
+    file replaces its predecessor, in the order of ``files``, and other files remain. ``what`` names the
+    files in messages.
 
     Raises
     ------
@@ -49,30 +50,30 @@ def write_folder(folder: Path, files: Mapping[str, bytes], what: str, gone: Iter
         When it cannot be written.
     """
     try:
-        _write_folder(folder, files, gone)
+        _write_folder(folder, files, removed)
     except OSError as error:
         raise ResultError(f"cannot write the {what} to {folder}: {error.strerror or error}") from None
 
 
-def _write_folder(folder: Path, files: Mapping[str, bytes], gone: Iterable[str]) -> None:
+def _write_folder(folder: Path, files: Mapping[str, bytes], removed: Iterable[str]) -> None:
     there = folder.is_dir()
     home = folder if there else folder.absolute().parent
-    made = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=home))
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=home))
     try:
         for name, content in files.items():
-            (made / name).parent.mkdir(exist_ok=True)
-            (made / name).write_bytes(content)
+            (temporary / name).parent.mkdir(exist_ok=True)
+            (temporary / name).write_bytes(content)
         if not there:
-            made.chmod(0o777 & ~_umask())
-            made.replace(folder)
+            temporary.chmod(0o777 & ~_umask())
+            temporary.replace(folder)
             return
-        for name in gone:
+        for name in removed:
             (folder / name).unlink(missing_ok=True)
         for name in files:
             (folder / name).parent.mkdir(exist_ok=True)
-            (made / name).replace(folder / name)
+            (temporary / name).replace(folder / name)
     finally:
-        shutil.rmtree(made, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _umask() -> int:
@@ -81,7 +82,7 @@ def _umask() -> int:
     return mask
 
 
-def writable(file: str | os.PathLike[str], endings: Sequence[str], what: str) -> Path:
+def writable(file: str | os.PathLike[str], endings: Sequence[str], noun: str) -> Path:
     """Return the path of a file to be written; raise ResultError when it cannot become one.
 
     To be called before long work whose outcome the file is to hold.
@@ -89,14 +90,14 @@ def writable(file: str | os.PathLike[str], endings: Sequence[str], what: str) ->
     path = Path(file)
     if path.suffix.lower() not in endings:
         raise ResultError(
-            f"expected a file ending in {' or '.join(endings)} for the {what}, got {path.name!r}"
+            f"expected a file ending in {' or '.join(endings)} for the {noun}, got {path.name!r}"
         )
     if not path.parent.is_dir():
-        raise ResultError(f"cannot write the {what} to {path}: there is no folder {path.parent}")
+        raise ResultError(f"cannot write the {noun} to {path}: there is no folder {path.parent}")
     if path.is_dir():
-        raise ResultError(f"cannot write the {what} to {path}: it is a folder")
+        raise ResultError(f"cannot write the {noun} to {path}: it is a folder")
     if not os.access(path.parent, os.W_OK):
-        raise ResultError(f"cannot write the {what} to {path}: no permission to write in {path.parent}")
+        raise ResultError(f"cannot write the {noun} to {path}: no permission to write in {path.parent}")
     return path
 
 

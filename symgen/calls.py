@@ -135,8 +135,8 @@ class _Interface(NamedTuple):
                     if values and name in getattr(values[0], "parameters", ())
                     else _ELSEWHERE.get(name) or nearest(name, self.kinds.keys() - {"self", "self/"})
                 )
-                how = f"has no argument {name!r}. {known}" if kind is None else f"got {name!r} twice"
-                raise ModelError(f"{self.name} {how}")
+                problem = f"has no argument {name!r}. {known}" if kind is None else f"got {name!r} twice"
+                raise ModelError(f"{self.name} {problem}")
             by_name[name] = self._take(name, value, kind)
         return tuple(by_place), by_name
 
@@ -251,10 +251,10 @@ def _is_array(value: Any) -> bool:
     """Return whether NumPy converts a value to an array of real numbers; an empty array counts."""
     import numpy as np
 
-    found = np.asarray(value)
-    if found.dtype.kind == "O":
-        return found.size > 0 and all(isinstance(x, numbers.Real) for x in found.flat)
-    return found.dtype.kind in "iuf"
+    array = np.asarray(value)
+    if array.dtype.kind == "O":
+        return array.size > 0 and all(isinstance(x, numbers.Real) for x in array.flat)
+    return array.dtype.kind in "iuf"
 
 
 def _is_list_of_numbers(value: Any) -> bool:

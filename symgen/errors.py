@@ -176,8 +176,8 @@ class ArgumentError(ModelError):
         super().__init__(f"{call}{': ' if call else ''}{self.named(argument)}")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        made = partial(type(self), before=self._before, after=self._after, call=self._call)
-        return made, (self.argument,), self.__dict__
+        constructor = partial(type(self), before=self._before, after=self._after, call=self._call)
+        return constructor, (self.argument,), self.__dict__
 
     def named(self, argument: str) -> str:
         """Return the message without the call, with the argument under another name."""

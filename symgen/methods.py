@@ -240,9 +240,9 @@ METHODS = Registry[Method](
 )
 
 
-def method_of(thing: Any) -> Method:
+def method_of(subject: Any) -> Method:
     """Return the method of a resolved scene, a description or a model, by the name that it carries."""
-    name = thing.method
+    name = subject.method
     check_known(name, METHODS, "there is no method")
     return METHODS[name]
 
@@ -250,8 +250,8 @@ def method_of(thing: Any) -> Method:
 def further_of(resolved: Any) -> dict[str, Any]:
     """Return the Systems of a resolved scene besides its own, by name."""
     method = method_of(resolved)
-    found: dict[str, Any] = method.load("further")(resolved) if method.further else {}
-    return found
+    entries: dict[str, Any] = method.load("further")(resolved) if method.further else {}
+    return entries
 
 
 def claiming(tables: Collection[str]) -> Method:

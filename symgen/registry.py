@@ -39,8 +39,8 @@ class Registry(MutableMapping[str, T]):
         kind: Any = self._kinds[name]
         if isinstance(kind, str):
             kind = self._kinds[name] = self._of_symgen[name] = load(kind)
-        found: T = kind
-        return found
+        entry: T = kind
+        return entry
 
     def __setitem__(self, name: str, kind: T) -> None:
         self._kinds[name] = kind

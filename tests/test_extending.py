@@ -348,7 +348,7 @@ def test_a_load_keeps_a_linkage_in_its_plane_or_not(pendulum):
 def test_a_load_is_in_explanations_pages_and_names(pendulum):
     lines = "\n".join(explanation(pendulum.path, {}))
     assert "dipoles" not in lines and "springs and dampers" in lines  # what the scene has none of
-    page = render(scene_page(read_scene(pendulum.path), speed=False, told=lambda _: None))
+    page = render(scene_page(read_scene(pendulum.path), speed=False, progress=lambda _: None))
     assert 'class="actuator"' in page and "dipole_0_length" in page
     done = CliRunner().invoke(app, ["explain", pendulum.path])
     assert done.exit_code == 0, done.output
@@ -461,7 +461,7 @@ def test_a_joint_is_in_explanations_pages_and_exports(shaper, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(JOINTS, "T", SLOT)
         assert "T, slot, from crank to lever" in "\n".join(explanation(shaper.path, {}))
-        page = render(scene_page(read_scene(shaper.path), speed=False, told=lambda _: None))
+        page = render(scene_page(read_scene(shaper.path), speed=False, progress=lambda _: None))
         assert "slot T" in page
         checked_export(shaper.path, tmp_path / "shaper")
 
@@ -540,7 +540,7 @@ def test_an_element_is_in_inverse_dynamics(cantilever):
 
 def test_an_element_is_in_explanations_pages_and_exports(cantilever, tmp_path):
     assert "8 elements stretch7" in "\n".join(explanation(cantilever.path, {}))
-    page = render(scene_page(read_scene(cantilever.path), speed=False, told=lambda _: None))
+    page = render(scene_page(read_scene(cantilever.path), speed=False, progress=lambda _: None))
     assert "elastic unknowns" in page
     checked_export(cantilever.path, tmp_path / "cantilever")
 
@@ -650,7 +650,7 @@ def test_a_method_has_equilibria_and_inverse_dynamics(swing):
 
 def test_a_method_is_in_explanations_pages_and_exports(swing, tmp_path):
     assert "1 degree of freedom" in "\n".join(explanation(swing.path, {}))
-    page = render(scene_page(read_scene(swing.path), speed=False, told=lambda _: None))
+    page = render(scene_page(read_scene(swing.path), speed=False, progress=lambda _: None))
     assert "swings on" in page
     checked_export(swing.path, tmp_path / "swing")
 

@@ -96,9 +96,9 @@ def main() -> None:
     atexit.register(gc.freeze)
     warnings.showwarning = lambda message, *_, **__: console(stderr=True).print(f"symgen: {message}")
     if sys.stderr.isatty():
-        own = logging.getLogger("symgen")
-        own.addHandler(_Progress())
-        own.setLevel(logging.INFO)
+        logger = logging.getLogger("symgen")
+        logger.addHandler(_Progress())
+        logger.setLevel(logging.INFO)
     raise SystemExit(_ended())
 
 
@@ -177,8 +177,8 @@ def _of_value(error: Any) -> str:
 def _option(argument: str) -> str:
     """Return the command-line option of an argument, or the argument's name if no option was given."""
     option = f"--{argument.replace('_', '-')}"
-    given = any(word.partition("=")[0] == option for word in sys.argv)
-    return option if given else argument
+    is_present = any(word.partition("=")[0] == option for word in sys.argv)
+    return option if is_present else argument
 
 
 def _only(word: list[str]) -> typer.Typer:

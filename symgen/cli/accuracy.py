@@ -51,10 +51,10 @@ def accuracy(
     if out:
         writable(out, page.SAVED_AS, "report")
     names = study.all_names() if scene is None else [scene]
-    found = []
+    results = []
     for name in names:
         with progress_bar(f"accuracy of {name}", as_json) as progress:
-            found.append(
+            results.append(
                 study.accuracy(
                     name,
                     set=changes(set_),
@@ -67,10 +67,10 @@ def accuracy(
                 )
             )
     if out:
-        page.save(found, out)
+        page.save(results, out)
     if as_json:
-        print_json(found[0].summary() if scene else {"scenes": [a.summary() for a in found]})
+        print_json(results[0].summary() if scene else {"scenes": [a.summary() for a in results]})
     elif scene:
-        page.print_accuracy(found[0], console())
+        page.print_accuracy(results[0], console())
     else:
-        page.print_summaries(found, console())
+        page.print_summaries(results, console())

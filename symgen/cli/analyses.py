@@ -125,13 +125,13 @@ def modes(ctx: typer.Context) -> None:
     if poses and anywhere:
         raise ModelError("--any is for the equilibrium of a linkage, not for poses of the crank after --at")
     poses = poses or [{"at": request.result("equilibrium", stable=False)} if anywhere else {}]
-    found = [request.result("modes", **arguments, **pose) for pose in poses]
-    if request.as_json and len(found) > 1:
-        print_json({"scene": request.model.name, "poses": [one.summary() for one in found]})
+    results = [request.result("modes", **arguments, **pose) for pose in poses]
+    if request.as_json and len(results) > 1:
+        print_json({"scene": request.model.name, "poses": [one.summary() for one in results]})
     elif request.as_json:
-        request.show("modes", found[0])
+        request.show("modes", results[0])
     else:
-        request.show("modes", found)
+        request.show("modes", results)
 
 
 @analysis(
@@ -212,14 +212,14 @@ def assemblies(ctx: typer.Context) -> None:
     from symgen.pipeline.build import build_kinematics
 
     request = Request(ctx, build_kinematics)
-    found = request.result("assemblies", **request.arguments("assemblies"))
+    modes = request.result("assemblies", **request.arguments("assemblies"))
     if request.as_json:
-        poses = [getattr(pose, "positions", pose) for pose in found]
+        poses = [getattr(pose, "positions", pose) for pose in modes]
         plain = [{k: v if isinstance(v, float) else v.tolist() for k, v in pose.items()} for pose in poses]
-        told = {"complete": found.complete, "incomplete": found.incomplete}
-        print_json({"scene": request.model.name, "analysis": "assemblies", "assemblies": plain, **told})
+        status = {"complete": modes.complete, "incomplete": modes.incomplete}
+        print_json({"scene": request.model.name, "analysis": "assemblies", "assemblies": plain, **status})
     else:
-        request.show("assemblies", found)
+        request.show("assemblies", modes)
 
 
 @analysis(
@@ -276,7 +276,7 @@ def speed_response(ctx: typer.Context) -> None:
     """
     from symgen.inspection.values import crank_speeds
 
-    wanted = crank_speeds(ctx.params["speeds"])
+    speeds = crank_speeds(ctx.params["speeds"])
     request = Request(ctx)
-    request.options["speeds"] = wanted
+    request.options["speeds"] = speeds
     request.carry_out("speed_response")

@@ -48,7 +48,7 @@ def bench(
     if out:
         writable(out, (".json",), "numbers")
     with progress_bar(f"bench of {Path(scene).stem}", as_json) as progress:
-        found = work_precision(
+        measurement = work_precision(
             scene,
             set=changes(set_),
             methods=methods.split(",") if methods else None,
@@ -61,10 +61,10 @@ def bench(
             progress=progress,
         )
     if out:
-        write_text(out, json.dumps(found.summary(), indent=1, allow_nan=False) + "\n")
+        write_text(out, json.dumps(measurement.summary(), indent=1, allow_nan=False) + "\n")
     if plot:
-        draw(found, plot)
+        draw(measurement, plot)
     if as_json:
-        print_json(found.summary())
+        print_json(measurement.summary())
     else:
-        print_work_precision(found, console())
+        print_work_precision(measurement, console())

@@ -25,18 +25,18 @@ _RANGE = ("samples", "start", "stop", "through")
 
 
 def analysis(
-    example: str, options: str, required: str = "scene", **own: Any
+    example: str, options: str, required: str = "scene", **options_of: Any
 ) -> Callable[[Callable[[typer.Context], None]], Callable[..., None]]:
     """Register a command, with an example in its help and options by the arguments that they set.
 
-    ``options`` are names of ``OF_ANALYSES`` or of ``own``, which the command declares itself.
+    ``options`` are names of ``OF_ANALYSES`` or of ``options_of``, which the command declares itself.
     """
-    known = {**OF_ANALYSES, **own}
+    known = {**OF_ANALYSES, **options_of}
 
     def declared(carry_out: Callable[[typer.Context], None]) -> Callable[..., None]:
         @wraps(carry_out)
-        def call(ctx: typer.Context, **given: Any) -> None:
-            ctx.params.update(given)  # lists and paths
+        def call(ctx: typer.Context, **values: Any) -> None:
+            ctx.params.update(values)  # lists and paths
             carry_out(ctx)
 
         annotations = {"ctx": typer.Context, **{name: known[name] for name in ("scene", *options.split())}}
@@ -72,13 +72,13 @@ class Request:
         from symgen.pipeline.build import build_asked
 
         source = ctx.get_parameter_source
-        given = {name: value for name, value in ctx.params.items() if source(name).name != "DEFAULT"}  # type: ignore[union-attr]
+        values = {name: value for name, value in ctx.params.items() if source(name).name != "DEFAULT"}  # type: ignore[union-attr]
         self.names = {p.name: p.opts[0] for p in ctx.command.params}
-        self.options = {name: value for name, value in given.items() if name not in _COMMON}
-        self.types = {name: given[name] for name in _TYPES if name in given}
+        self.options = {name: value for name, value in values.items() if name not in _COMMON}
+        self.types = {name: values[name] for name in _TYPES if name in values}
         self.common = ctx.params
         self.as_json = bool(ctx.params.get("as_json"))
-        compiled = {name: given[name] for name in ("backend", *_TYPES) if name in given}
+        compiled = {name: values[name] for name in ("backend", *_TYPES) if name in values}
         self.model: Any = (build or build_asked)(
             ctx.params["scene"], set=changes(ctx.params["set_"]), **compiled
         )
@@ -160,25 +160,27 @@ class Request:
         ranged = [name for name in _RANGE if name in self.options and "at" in self.options]
         if ranged:
             raise ModelError(f"give --at or {self.shown(ranged)}, not both")
-        found = dict(self.options)
-        if "checkpoint_every" in found and "checkpoint" not in found:
+        arguments = dict(self.options)
+        if "checkpoint_every" in arguments and "checkpoint" not in arguments:
             raise ModelError("--checkpoint-every sets an interval: give the file with --checkpoint")
         variables = set()
         for name in ("at", "start", "stop"):
-            if name in found:
-                one, option = isinstance(found[name], str), self.names[name]
-                values, over = load(row.values)(self.model, [found[name]] if one else found[name], option)
+            if name in arguments:
+                one, option = isinstance(arguments[name], str), self.names[name]
+                values, over = load(row.values)(
+                    self.model, [arguments[name]] if one else arguments[name], option
+                )
                 if one and len(values) > 1:
-                    raise ModelError(f"expected one value after {option}, got {found[name]!r}")
-                found[name] = values[0] if one else values
+                    raise ModelError(f"expected one value after {option}, got {arguments[name]!r}")
+                arguments[name] = values[0] if one else values
                 variables.add(over)
         if len(variables) > 1:
             raise ModelError("give both ends of the range as times, or both as values of the input")
         if variables and "over" in known:
-            found["over"] = variables.pop()
-        if "state" in found:
-            found["state"] = self._assembly(found["state"])
-        return found
+            arguments["over"] = variables.pop()
+        if "state" in arguments:
+            arguments["state"] = self._assembly(arguments["state"])
+        return arguments
 
     def _assembly(self, branch: int) -> Any:
         """Return the state of an assembly mode of a linkage, counted from 1."""

@@ -148,45 +148,45 @@ def _show_record(subject: Subject, form: str) -> None:
             f"the derivation is shown as unicode or latex, not as {form}: name a matrix for this format"
         )
     steps = subject.record
-    print(record_in_latex(subject.own.title, steps) if form == "latex" else record_in_text(steps))
+    print(record_in_latex(subject.system.title, steps) if form == "latex" else record_in_text(steps))
 
 
 def _show_chosen(
     subject: Subject, chosen: Chosen, form: str, at: str | None, with_: list[str] | None
 ) -> None:
     """Print matrices in one format, with numeric values at a state if selected."""
-    from symgen.report.mathematics.equations import show as shown
+    from symgen.report.mathematics.equations import show as print_matrices
 
     if form != "numeric":
-        print(shown(chosen.system, chosen.matrices, form))
+        print(print_matrices(chosen.system, chosen.matrices, form))
         return
     from symgen.inspection.state import NOWHERE, state_of
     from symgen.pipeline.build import build_scene as build_model
 
-    given = _numbers(with_)
-    if not subject.is_scene and (at or not given):
-        what = "a building block" if subject.is_block else "not a scene"
+    numbers = _numbers(with_)
+    if not subject.is_scene and (at or not numbers):
+        kind = "a building block" if subject.is_block else "not a scene"
         raise ModelError(
-            f"{subject.name} is {what}: it has no state for numeric values\n"
+            f"{subject.name} is {kind}: it has no state for numeric values\n"
             f"  Give a value for each symbol with --with NAME=NUMBER, in SI units."
         )
     state = state_of(build_model(subject.text), at) if subject.is_scene else NOWHERE
-    values = state.of(chosen.system, given)
-    print(shown(chosen.system, chosen.matrices, form, values, state.label))
+    values = state.of(chosen.system, numbers)
+    print(print_matrices(chosen.system, chosen.matrices, form, values, state.label))
 
 
 def _numbers(options: list[str] | None) -> dict[str, float]:
     """Return the values given with --with, by name."""
-    found = {}
+    values = {}
     for option in options or []:
         name, _, value = option.partition("=")
         try:
-            found[name.strip()] = number = float(value)
+            values[name.strip()] = number = float(value)
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
             raise ModelError(f"expected --with NAME=NUMBER, in SI units, got {option!r}")
-    return found
+    return values
 
 
 @command("symgen explain peaucellier")
@@ -230,9 +230,9 @@ def diff(
     from symgen.regeneration.sources import compare
     from symgen.report.mathematics.difference import difference_lines
 
-    old, new, found = compare(before, after, changes(set_))
+    old, new, difference = compare(before, after, changes(set_))
     if as_json:
-        print_json({"before": old.name, "after": new.name, **asdict(found)})
+        print_json({"before": old.name, "after": new.name, **asdict(difference)})
         return
     lines = (f"- {old.name}: {old.title}", f"+ {new.name}: {new.title}")
-    console().print(*lines, *difference_lines(found), sep="\n")
+    console().print(*lines, *difference_lines(difference), sep="\n")

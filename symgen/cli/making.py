@@ -51,8 +51,8 @@ def generate(
 
     if not check:
         with progress_bar("generated/", as_json=False) as progress:
-            found = regenerate(progress)
-        print(*regenerated_lines(found, shown), sep="\n")
+            regenerated = regenerate(progress)
+        print(*regenerated_lines(regenerated, shown), sep="\n")
         return
     with progress_bar("generated/", as_json=False) as progress:
         differing = not_current(progress)
@@ -72,8 +72,8 @@ def build(ctx: typer.Context) -> None:
     from symgen.pipeline.build import build as build_model
     from symgen.report.summary import model_lines
 
-    given = dict(ctx.params)
-    model = build_model(given.pop("scene"), set=changes(given.pop("set_")), **given)
+    arguments = dict(ctx.params)
+    model = build_model(arguments.pop("scene"), set=changes(arguments.pop("set_")), **arguments)
     console().print(*model_lines(model), sep="\n")
 
 

@@ -43,8 +43,12 @@ def report(
     name = text.name if text else own_name(Path(scene))
     file = out or Path(f"{name}.html")
     writable(file, (".html",), "page")
-    with _status(f"report of {name}") as told:
-        page = scene_page(text, speed=speed, told=told) if text else system_page(Path(scene), told=told)
+    with _status(f"report of {name}") as status:
+        page = (
+            scene_page(text, speed=speed, progress=status)
+            if text
+            else system_page(Path(scene), progress=status)
+        )
     write_text(file, render(page))
     print(file)
 
@@ -87,12 +91,12 @@ def animate(
         raise ModelError("--at selects the pose of a mode: give --mode N")
     if mode is not None and t_end is not None:
         raise ModelError("give --mode or --t-end, not both")
-    with _status(f"animation of {text.name}") as told:
-        asked = {} if t_end is None else {"t_end": t_end}
+    with _status(f"animation of {text.name}") as status:
+        options = {} if t_end is None else {"t_end": t_end}
         angle = None if at is None else of_crank(None, [at], "--at")[0][0]
-        film = film_of(text, frames, **asked) if mode is None else film_of_mode(text, mode, angle, frames)
-        told("writing")
-        save(film, file, told)
+        film = film_of(text, frames, **options) if mode is None else film_of_mode(text, mode, angle, frames)
+        status("writing")
+        save(film, file, status)
     print(file)
 
 
@@ -128,9 +132,9 @@ def live(
     text = override(read_scene(scene), changes(set_))
     file = out or Path(f"{text.name}_live.html")
     writable(file, (".html",), "page")
-    with _status(f"live page of {text.name}") as told:
+    with _status(f"live page of {text.name}") as status:
         page = live_of(text, of_options(vary or ()), FRAMES if samples is None else samples)
-        told("writing")
+        status("writing")
     write_text(file, page_of(page))
     print(file)
 
@@ -185,10 +189,10 @@ def draw(
     file = out or Path(f"{text.name}.svg")
     writable(file, DRAWN_AS, "drawing")
     with _status(f"drawing of {text.name}"):
-        asked: dict[str, Any] = {} if t_end is None else {"t_end": t_end}
+        options: dict[str, Any] = {} if t_end is None else {"t_end": t_end}
         poses = poses_of(at, "--at") if at else None
-        asked["samples"] = FRAMES if samples is None else samples
-        sheet_of(text, poses, of=() if no_paths else of or None, unit=unit, **asked).save(file)
+        options["samples"] = FRAMES if samples is None else samples
+        sheet_of(text, poses, of=() if no_paths else of or None, unit=unit, **options).save(file)
     print(file)
 
 

@@ -143,49 +143,53 @@ def sweep(ctx: typer.Context) -> None:
     from symgen.scene.loading import load_scene
     from symgen.study.sweeps import of_file, of_options, varied
 
-    asked = ctx.params
-    scene, vary, list_ = (asked[name] for name in ("scene", "vary", "list_"))
-    plan: Any = load_scene(scene, set=changes(asked["set_"])).sweep
-    own = {} if plan is None else plan.model_dump(exclude_unset=True)
-    kinds = [(k, asked[k.replace("-", "_")]) for k in ("sobol", "latin-hypercube", "random")]
+    params = ctx.params
+    scene, vary, list_ = (params[name] for name in ("scene", "vary", "list_"))
+    plan: Any = load_scene(scene, set=changes(params["set_"])).sweep
+    arguments = {} if plan is None else plan.model_dump(exclude_unset=True)
+    kinds = [(k, params[k.replace("-", "_")]) for k in ("sobol", "latin-hypercube", "random")]
     kinds = [(kind, count) for kind, count in kinds if count is not None]
     if len(kinds) + (list_ is not None) > 1 or (vary and list_ is not None):
         raise ModelError(
             "give --vary, with --sobol, --latin-hypercube or --random for ranges, or --list alone"
         )
     if vary or list_ is not None:
-        own = {key: value for key, value in own.items() if key not in ("vary", "sampling", "count")}
+        arguments = {
+            key: value for key, value in arguments.items() if key not in ("vary", "sampling", "count")
+        }
     if list_ is not None:
-        own |= {"vary": of_file(list_), "sampling": "list"}
+        arguments |= {"vary": of_file(list_), "sampling": "list"}
     elif vary:
-        own["vary"] = of_options(vary)
+        arguments["vary"] = of_options(vary)
     if kinds:
-        own["sampling"], own["count"] = kinds[0]
-    given = ("seed", "analysis", "outputs", "reduce", "samples", "t_end", "chunk")
-    own |= {name: asked[name] for name in given if asked[name] is not None}
-    if "vary" not in own:
+        arguments["sampling"], arguments["count"] = kinds[0]
+    names = ("seed", "analysis", "outputs", "reduce", "samples", "t_end", "chunk")
+    arguments |= {name: params[name] for name in names if params[name] is not None}
+    if "vary" not in arguments:
         raise ModelError("expected parameters to vary: --vary KEY=START:STOP:COUNT, or [sweep] in the scene")
-    out, plot, page = asked["out"], asked["plot"], asked["page"]
+    out, plot, page = params["out"], params["plot"], params["page"]
     if page:
         writable(page, (".html",), "page")
-    model, own["vary"] = varied(scene, own["vary"], set=changes(asked["set_"]), backend=asked["backend"])
-    own |= {"file": out, "part": _part(asked["part"]), "threads": asked["threads"]}
-    if asked["dry_run"]:
-        _estimated(model, own, asked["as_json"])
+    model, arguments["vary"] = varied(
+        scene, arguments["vary"], set=changes(params["set_"]), backend=params["backend"]
+    )
+    arguments |= {"file": out, "part": _part(params["part"]), "threads": params["threads"]}
+    if params["dry_run"]:
+        _estimated(model, arguments, params["as_json"])
         return
-    dask, processes = asked["dask"], asked["processes"]
+    dask, processes = params["dask"], params["processes"]
     if dask and processes is not None:
         raise ModelError("give --processes or --dask, not both")
     with (
         dask_client(dask) if dask else nullcontext(processes) as executor,
-        progress_bar(f"sweep of {model.name}", asked["as_json"]) as progress,
+        progress_bar(f"sweep of {model.name}", params["as_json"]) as progress,
     ):
-        runs = model.sweep(**own, executor=executor, progress=progress)
+        runs = model.sweep(**arguments, executor=executor, progress=progress)
     if plot:
         sweeps.plot(runs, file=plot)
     if page:
         write_text(page, render_study(sweeps.sweep_page(runs, model.name)))
-    if asked["as_json"]:
+    if params["as_json"]:
         print_json({"scene": model.name, "kind": "sweep", **sweeps.summary(runs)})
         return
     sweeps.print_sweep(runs, console())
@@ -194,18 +198,18 @@ def sweep(ctx: typer.Context) -> None:
             console().print(f"wrote {file}", soft_wrap=True)
 
 
-def _estimated(model: Any, own: dict[str, Any], as_json: bool) -> None:
+def _estimated(model: Any, arguments: dict[str, Any], as_json: bool) -> None:
     """Print the number of runs of a sweep, and the time of all by that of the first."""
     from symgen.runtime.sweeps.designs import design_of
     from symgen.runtime.sweeps.sweep import check, estimate, sweep_of
 
-    given = dict(own)
+    reduced = dict(arguments)
     named = ("sampling", "count", "seed", "analysis", "outputs", "reduce", "threads", "chunk", "file", "part")
     sampling, count, seed, analysis, outputs, reduce, threads, chunk, file, part = (
-        given.pop(k, None) for k in named
+        reduced.pop(k, None) for k in named
     )
-    design = design_of(given.pop("vary"), sampling, count, seed or 0)
-    sweep = sweep_of(model, analysis, design, outputs, reduce or "peak", given, threads)
+    design = design_of(reduced.pop("vary"), sampling, count, seed or 0)
+    sweep = sweep_of(model, analysis, design, outputs, reduce or "peak", reduced, threads)
     check(sweep, file, chunk, part)
     runs, chunks, time = estimate(sweep, chunk, part)
     if as_json:
@@ -254,38 +258,38 @@ def optimise(
         raise ModelError(
             "there is no optimisation in this scene\n  Write [optimise] with variables and objective."
         )
-    own = plan.model_dump(exclude_unset=True)
-    own["constraints"] = {name: (b.least, b.greatest) for name, b in plan.constraints.items()}
-    own |= {name: value for name, value in (("method", method), ("seed", seed)) if value is not None}
-    model, own["variables"] = varied(scene, own["variables"], set=changes(set_), backend=backend)
+    arguments = plan.model_dump(exclude_unset=True)
+    arguments["constraints"] = {name: (b.least, b.greatest) for name, b in plan.constraints.items()}
+    arguments |= {name: value for name, value in (("method", method), ("seed", seed)) if value is not None}
+    model, arguments["variables"] = varied(scene, arguments["variables"], set=changes(set_), backend=backend)
     if page:
         writable(page, (".html",), "page")
-    if isinstance(own["objective"], list):
-        _front(model, own, page, as_json)
+    if isinstance(arguments["objective"], list):
+        _front(model, arguments, page, as_json)
         return
-    if own.pop("points", None) is not None:
+    if arguments.pop("points", None) is not None:
         raise ModelError("points are those of a Pareto front: give [optimise] two objectives")
-    found = model.optimise(**own)
+    optimum = model.optimise(**arguments)
     if page:
-        write_text(page, render_study(sweeps.optimum_page(found, own["objective"], model.name)))
+        write_text(page, render_study(sweeps.optimum_page(optimum, arguments["objective"], model.name)))
     if as_json:
-        print_json({"scene": model.name, "kind": "optimum", **found.summary()})
+        print_json({"scene": model.name, "kind": "optimum", **optimum.summary()})
         return
-    sweeps.print_optimum(found, own["objective"], console())
+    sweeps.print_optimum(optimum, arguments["objective"], console())
     if page:
         console().print(f"wrote {page}", soft_wrap=True)
 
 
-def _front(model: Any, own: dict[str, Any], page: Path | None, as_json: bool) -> None:
+def _front(model: Any, arguments: dict[str, Any], page: Path | None, as_json: bool) -> None:
     """Find, print and write the Pareto front of two objectives."""
     from symgen.atomic import write_text
     from symgen.report import sweeps
     from symgen.report.page.study import render_study
 
-    if own.pop("method", "SLSQP") != "SLSQP":
+    if arguments.pop("method", "SLSQP") != "SLSQP":
         raise ModelError("a Pareto front is found by SLSQP: omit the method")
-    own.pop("seed", None)
-    front = model.pareto(objectives=own.pop("objective"), **own)
+    arguments.pop("seed", None)
+    front = model.pareto(objectives=arguments.pop("objective"), **arguments)
     if page:
         write_text(page, render_study(sweeps.front_page(front, model.name)))
     if as_json:

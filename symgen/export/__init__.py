@@ -98,7 +98,7 @@ def _of_core() -> set[str]:
     from symgen.export.view import CORE_FOLDER
 
     headers = "".join(path.read_text(encoding="utf-8") for path in CORE_FOLDER.glob("*.h"))
-    return {name for found in _MEANT.findall(headers) for name in found if name}
+    return {name for pair in _MEANT.findall(headers) for name in pair if name}
 
 
 def files_of(x: Exported) -> Iterator[SourceFile]:
@@ -115,8 +115,8 @@ def files_of(x: Exported) -> Iterator[SourceFile]:
     names = "".join(
         (CORE_FOLDER / name).read_text(encoding="utf-8") for name in x.core if name.endswith(".h")
     )
-    found = sorted({*_DECLARED.findall(names), "explicit_kind"})
-    text = environment().get_template("export/names.h.j2").render(x=x, names=found)
+    names_in_core = sorted({*_DECLARED.findall(names), "explicit_kind"})
+    text = environment().get_template("export/names.h.j2").render(x=x, names=names_in_core)
     yield SourceFile(_NAMES, text)
     for name in x.core:
         text = (CORE_FOLDER / name).read_text(encoding="utf-8")
@@ -133,9 +133,9 @@ def exported(
     from symgen.scene.resolve import resolve
 
     if is_own(scene):
-        own = build(scene, set=set)
-        kernels = _emitted(load(Path(str(scene))).system, own.description.equations)
-        return cast("Exported", _export_of(own)(own, *kernels))
+        built = build(scene, set=set)
+        kernels = _emitted(load(Path(str(scene))).system, built.description.equations)
+        return cast("Exported", _export_of(built)(built, *kernels))
     text = override(text_of(scene), set or {})
     model = build_scene(text)
     export = _export_of(model)

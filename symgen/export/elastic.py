@@ -104,7 +104,7 @@ def elastic(
         parameters=group(program, "p") if shape.parameters else (),
         defaults=braces(model.rigid.given),
         outputs=shape.outputs,
-        own={
+        specific={
             "steps": _STEPS,
             "parts": PARTS,
             "stride": number(motion.stride),
@@ -112,7 +112,7 @@ def elastic(
             "rigid_m": len(d.constraints),
             "rigid_dim": 2 * d.coordinates + extra,
             **_speed(motion, prefixes["elastic_motion"]),
-            **shape.own,
+            **shape.specific,
         },
     )
 
@@ -134,24 +134,24 @@ def _speed(motion: ElasticMotion, prefix: str) -> dict[str, Any]:
 def _state(x: Layout) -> tuple[Slot, ...]:
     """Return the descriptions of the unknowns and their rates."""
     known = NODE_DOFS | {name: dof for name, (dof, _) in INNER_DOFS.items()}
-    found = []
+    values = []
     for name in x.names:
-        owner, _, what = name.rpartition(".")
-        dof = known.get(re.sub(r"@.*", "", what))
-        unit = dof.unit if dof else "m" if what in ("x", "y") else "1"
+        owner, _, word = name.rpartition(".")
+        dof = known.get(re.sub(r"@.*", "", word))
+        unit = dof.unit if dof else "m" if word in ("x", "y") else "1"
         about = (
             dof.description
             if dof
-            else f"displacement of {owner} along {what}"
+            else f"displacement of {owner} along {word}"
             if unit == "m"
             else "modal amplitude"
         )
-        found.append(Slot(name, unit, about))
+        values.append(Slot(name, unit, about))
     rates = [
         Slot(f"{s.name}'", "1/s" if s.unit == "1" else f"{s.unit}/s", f"its rate: {s.description}")
-        for s in found
+        for s in values
     ]
-    return (*found, *rates)
+    return (*values, *rates)
 
 
 def _motion_kernels(motion: ElasticMotion, prefixes: dict[str, str]) -> dict[str, str]:

@@ -37,11 +37,11 @@ def sources_of(x: Exported, frames: int) -> list[SourceFile]:
     """
     if not x.outputs:
         raise ModelError(
-            f"{x.name} has no live page: {x.own.get('refused', 'it has no outputs')}\n"
+            f"{x.name} has no live page: {x.specific.get('refused', 'it has no outputs')}\n"
             "  'symgen animate' draws its motion; --vary KEY=LOW:HIGH chooses other sliders."
         )
     template = environment().get_template("export/live.c.j2")
     text = template.render(x=x, frames=frames, rtol=RTOL, atol=ATOL, steps=_STEPS, parts=_PARTS)
     # The example and the check have functions main() of their own.
-    kept = (f for f in files_of(x) if f.name not in ("main.c", "check.c"))
-    return [*kept, SourceFile("live.c", text)]
+    sources = (f for f in files_of(x) if f.name not in ("main.c", "check.c"))
+    return [*sources, SourceFile("live.c", text)]

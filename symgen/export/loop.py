@@ -83,10 +83,10 @@ def loop(model: LoopModel, program: Program, sources: tuple[SourceFile, ...]) ->
 
 def _tables(model: LoopModel, solved: list[int], driven: bool) -> tuple[Table, ...]:
     d, inputs = model.description, model.kernels.inputs
-    found, known = _efforts(model, solved)
+    places, known = _efforts(model, solved)
     lengths = Table("unsigned char", "IS_LENGTH", braces((int(v.is_length) for v in d.variables), 1))
     return (
-        indices("VARIABLES", [*solved, *inputs, *found, *known, -1]),
+        indices("VARIABLES", [*solved, *inputs, *places, *known, -1]),
         lengths,
         _balls(model),
         *(() if driven else method_tables()),
@@ -106,13 +106,13 @@ def _balls(model: LoopModel) -> Table:
 def _efforts(model: LoopModel, solved: list[int]) -> tuple[list[int], list[int]]:
     """Return the indices of unknown efforts among the unknowns, and of known efforts among the inputs."""
     unknown = [i for i, v in enumerate(model.description.variables) if v.unknown]
-    found = [solved.index(i) for i in unknown if i in solved]
-    return found, [k for k, i in enumerate(model.kernels.inputs) if i not in unknown]
+    places = [solved.index(i) for i in unknown if i in solved]
+    return places, [k for k, i in enumerate(model.kernels.inputs) if i not in unknown]
 
 
 def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ...]:
     d = model.description
-    found, known = _efforts(model, solved)
+    places, known = _efforts(model, solved)
     outputs = d.kernel("outputs")
     sizes = members(
         n=d.coordinates,
@@ -123,7 +123,7 @@ def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ..
         told=outputs.out_size if outputs else 0,
         solved=len(solved),
         inputs=len(model.kernels.inputs),
-        unknown=len(found),
+        unknown=len(places),
         known=len(known),
         balls=len(d.balls),
         switches=len(d.switches),

@@ -12,7 +12,7 @@ from symgen.runtime.kernels.description import Described
 
 
 def exported(
-    d: Described, program: Program, sources: tuple[SourceFile, ...], core: Sequence[str], **own: Any
+    d: Described, program: Program, sources: tuple[SourceFile, ...], core: Sequence[str], **fields: Any
 ) -> Exported:
     """Return the exported data of a model.
 
@@ -22,7 +22,7 @@ def exported(
         The description, the lowered equations of motion, and all kernels in C.
     core
         Source files of the core that the model needs.
-    own
+    fields
         Data of the model's family.
     """
     return Exported(
@@ -32,7 +32,7 @@ def exported(
         references=program.references,
         core=with_headers(core),
         kernels=sources,
-        **own,
+        **fields,
     )
 
 
@@ -53,7 +53,7 @@ def _title_of(sources: Sequence[SourceFile]) -> str:
 
 def group(program: Program, name: str) -> tuple[Slot, ...]:
     """Return the descriptions of the entries of one argument array."""
-    return plain(next((slots for own, _, slots in program.groups if own == name), ()))
+    return plain(next((slots for owner, _, slots in program.groups if owner == name), ()))
 
 
 def state_of(program: Program, extra: int) -> tuple[Slot, ...]:
@@ -67,11 +67,11 @@ def _outputs_of(program: Program) -> tuple[Slot, ...]:
     kernel: Kernel | None = next((k for k in program.kernels if k.name == "outputs"), None)
     if kernel is None:
         return ()
-    found = []
+    slots = []
     for block in kernel.blocks:
         count = block.shape[0] * block.shape[1]
         names = [f" {r} {c}".rstrip() for r in block.rows or ("",) for c in block.columns or ("",)]
         if len(names) != count:
             names = [f"[{i}]" for i in range(count)] if count > 1 else [""]
-        found += [Slot(f"{block.name}{name}", block.unit, block.description) for name in names]
-    return plain(tuple(found))
+        slots += [Slot(f"{block.name}{name}", block.unit, block.description) for name in names]
+    return plain(tuple(slots))

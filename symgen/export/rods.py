@@ -124,15 +124,15 @@ def _expected(model: RodModel, start: Any) -> tuple[tuple[Table, ...], float]:
     equations = model.evaluator.equations(len(redundant), slack(model.evaluator, q) if redundant else np.inf)
     until = min(d.t_end, COMPARED)
     events = [e.direction for e in d.events], effects_of(d.events)
-    found = expected_of_run(equations, 0.0, start, until, *events)
-    derivative, ends, t, last = found
+    expected = expected_of_run(equations, 0.0, start, until, *events)
+    derivative, ends, t, last = expected
     tables = (derivative, ends, doubles("STATE", last))
     if not _compares(d):
         return tables, until
     n = d.coordinates
     solution = equations.solutions(np.array([t]), np.append(last, 0.0)[None, :])[0]
-    held = Evaluator(d, model.evaluator.library, equations.parameters)
-    outputs = held("outputs", t, last[:n], last[n : 2 * n], solution)
+    evaluator = Evaluator(d, model.evaluator.library, equations.parameters)
+    outputs = evaluator("outputs", t, last[:n], last[n : 2 * n], solution)
     return (*tables, doubles("OUTPUTS", outputs)), until
 
 
@@ -173,13 +173,13 @@ def expected_of_run(
 
 
 def _notes(d: Description) -> tuple[str, ...]:
-    found = []
+    notes = []
     if d.redundant:
         names = ", ".join(d.labels[i] for i in d.redundant)
-        found.append(
+        notes.append(
             f"Redundant constraints ({names}) follow from the others: forces are not unique. The forces of "
             "redundant constraints are zero here; symgen computes forces of minimum norm."
         )
     if d.events:
-        found.append("A run ends at an event declared as its end in the scene; it has its own status.")
-    return tuple(found)
+        notes.append("A run ends at an event declared as its end in the scene; it has its own status.")
+    return tuple(notes)

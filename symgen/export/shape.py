@@ -63,7 +63,7 @@ class Shape:
     expected: tuple[Table, ...] = ()
     notes: tuple[str, ...] = ()
     parameters: bool = True
-    own: dict[str, Any] = field(default_factory=dict)
+    specific: dict[str, Any] = field(default_factory=dict)
 
 
 def shape_of(model: ElasticModel, motion: MeshedMotion) -> Shape:
@@ -72,7 +72,7 @@ def shape_of(model: ElasticModel, motion: MeshedMotion) -> Shape:
     refused = _refused(motion, fixed)
     if refused:
         note = f"There are no outputs: {refused}."
-        return Shape(notes=(note,), parameters=not fixed, own={"refused": refused})
+        return Shape(notes=(note,), parameters=not fixed, specific={"refused": refused})
     recorded, x = [*_recorded(motion)], motion.layout
     starts = [0, *accumulate(len(r.row) for r in recorded)]
     joints = [beam.joints for beam in motion.beams]
@@ -81,7 +81,7 @@ def shape_of(model: ElasticModel, motion: MeshedMotion) -> Shape:
         tables=(
             indices("LINK_PLACES", [*np.concatenate(x.of_links)]),
             indices("LINK_AT", [0, *accumulate(map(len, x.of_links))]),
-            indices("LINK_JOINTS", np.ravel([pair for own in joints for pair in own])),
+            indices("LINK_JOINTS", np.ravel([pair for pairs in joints for pair in pairs])),
             indices("JOINTS_AT", [0, *accumulate(map(len, joints))]),
             indices("PIECE_UNKNOWNS", [k for b in motion.beams for piece in b.pieces for k in piece.at]),
             indices(
@@ -95,7 +95,7 @@ def shape_of(model: ElasticModel, motion: MeshedMotion) -> Shape:
         ),
         expected=_expected(motion, recorded),
         notes=("Outputs are those of the quasi-static shape; `symgen simulate` computes those of motions.",),
-        own={
+        specific={
             "kinds": KINDS,
             "free": x.unknowns - x.constraints,
             "largest": max(map(len, x.of_links)),
@@ -108,14 +108,14 @@ def shape_of(model: ElasticModel, motion: MeshedMotion) -> Shape:
 
 def _changing(model: ElasticModel, motion: MeshedMotion) -> list[str]:
     """Return the tunable parameters on which constants of links depend."""
-    found = []
-    own = _constants(motion)
+    matrices = []
+    constants = _constants(motion)
     for p in model.description.tunable:
         value = model.parameters[p.name]
         others = [c for x in _CHANGED if (c := _constants_at(model, p.name, x * (value or 1.0))) is not None]
-        if not others or not all(np.array_equal(own, other) for other in others):
-            found.append(p.name)
-    return found
+        if not others or not all(np.array_equal(constants, other) for other in others):
+            matrices.append(p.name)
+    return matrices
 
 
 def _constants_at(model: ElasticModel, name: str, value: float) -> Array | None:
@@ -151,8 +151,8 @@ def _recorded(motion: MeshedMotion) -> Iterator[Recorded]:
     known = {r.slot.name: r for r in _known(motion)}
     names = {name: [key for key in known if key.partition(" ")[0] == name] for name in
              (key.partition(" ")[0] for key in known)}  # fmt: skip
-    wanted = names if motion.info.outputs is None else motion.info.outputs
-    for name in wanted:
+    requested = names if motion.info.outputs is None else motion.info.outputs
+    for name in requested:
         yield from (known[key] for key in names.get(name, ()))
 
 
@@ -163,10 +163,10 @@ def _known(motion: MeshedMotion) -> Iterator[Recorded]:
     """
     for name, k, at, fibre in motion.stations:
         beam = motion.beams[k]
-        own, rows = np.eye(len(beam.dofs)), beam.rows(at)
+        unit, rows = np.eye(len(beam.dofs)), beam.rows(at)
         for v in strains(name, beam, at, rows.curvature * fibre, rows.axial_strain):
             yield Recorded(_slot(v), "row", k, row=v.values)
-        off = bow(name, beam, at, deflection(beam, own, at))
+        off = bow(name, beam, at, deflection(beam, unit, at))
         yield Recorded(_slot(off), "row", k, row=off.values)
         for axis in "xy":
             about = f"{off.about}, its component along {axis}"
@@ -194,11 +194,11 @@ def _expected(motion: MeshedMotion, recorded: list[Recorded]) -> tuple[Table, ..
     equations = motion.equations()
     shapes = quasi_static(motion, equations, times)
     (q, *_), links, loads = motion.rigid_motion(equations, times)
-    found = Motion(times, q, links, loads, shapes, None)
+    rigid = Motion(times, q, links, loads, shapes, None)
     variables = [
         *outputs(motion, links, shapes),
-        *recovered(motion, found),
-        *forces(motion, equations, found, np.zeros_like(shapes)).variables,
+        *recovered(motion, rigid),
+        *forces(motion, equations, rigid, np.zeros_like(shapes)).variables,
     ]
     values = {v.name: v.values.reshape(_COMPARED, -1) for v in variables}
     columns = []

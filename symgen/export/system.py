@@ -23,14 +23,16 @@ def system(model: SystemModel, program: Program, sources: tuple[SourceFile, ...]
     work = max((k.work_size for k in d.kernels), default=0)
     sizes = {"T": d.size("t"), "Q": d.size("q"), "U": d.size("u"), "P": d.size("p")}
     sizes |= {"WORK": max(work, d.size("work")), "OUT": max(k.out_size for k in kernels)}
-    given = {name: _numbers(size + 1, k) for k, (name, size) in enumerate(sizes.items())}
-    p = as_taken(model._library, given["P"][:-1])
-    found = []
+    arguments = {name: _numbers(size + 1, k) for k, (name, size) in enumerate(sizes.items())}
+    p = as_taken(model._library, arguments["P"][:-1])
+    rows = []
     for kernel in kernels:
-        memory, out = given["WORK"].copy(), given["OUT"].copy()
+        memory, out = arguments["WORK"].copy(), arguments["OUT"].copy()
         address = model._library.addresses[kernel.name]
-        _core.call(address, d.sizes_of(kernel.name), given["T"], given["Q"], given["U"], p, memory, out)
-        found.append(doubles(f"OF_{kernel.name.upper()}", out[: kernel.out_size]))
+        _core.call(
+            address, d.sizes_of(kernel.name), arguments["T"], arguments["Q"], arguments["U"], p, memory, out
+        )
+        rows.append(doubles(f"OF_{kernel.name.upper()}", out[: kernel.out_size]))
     return exported(
         d,
         program,
@@ -44,8 +46,8 @@ def system(model: SystemModel, program: Program, sources: tuple[SourceFile, ...]
         ),
         kernel_names=tuple(k.name for k in kernels),
         derived=d.derived,
-        tables=tuple(doubles(name, values) for name, values in given.items()),
-        expected=tuple(found),
+        tables=tuple(doubles(name, values) for name, values in arguments.items()),
+        expected=tuple(rows),
     )
 
 

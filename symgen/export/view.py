@@ -87,7 +87,7 @@ class Exported:
         Reference values for the test of the export.
     notes
         Remarks on this scene for the README.
-    own
+    specific
         Further data of the template of the family.
     """
 
@@ -119,7 +119,7 @@ class Exported:
     found: int = 0
     parts: int = 0
     until: str = ""
-    own: Mapping[str, Any] = field(default_factory=dict)
+    specific: Mapping[str, Any] = field(default_factory=dict)
     compares_outputs: bool = False
     tolerance: str = TOLERANCE
 
@@ -159,13 +159,13 @@ class Exported:
 
 def with_headers(sources: Iterable[str]) -> tuple[str, ...]:
     """Return these files of the core and the headers that they include, sorted by name."""
-    found: set[str] = set()
-    wanted = {*sources}
-    while wanted:
-        found |= wanted
-        texts = [(CORE_FOLDER / name).read_text(encoding="utf-8") for name in sorted(wanted)]
-        wanted = {name for text in texts for name in _INCLUDED.findall(text)} - found
-    return tuple(sorted(found))
+    files: set[str] = set()
+    names = {*sources}
+    while names:
+        files |= names
+        texts = [(CORE_FOLDER / name).read_text(encoding="utf-8") for name in sorted(names)]
+        names = {name for text in texts for name in _INCLUDED.findall(text)} - files
+    return tuple(sorted(files))
 
 
 def number(value: float) -> str:
@@ -199,17 +199,17 @@ def indices(name: str, values: Iterable[Any]) -> Table:
 
 def members(**values: Any) -> tuple[tuple[str, str], ...]:
     """Return the members of a struct; numbers are converted to C, text is copied."""
-    found = []
+    fields = []
     for name, value in values.items():
         text = value if isinstance(value, str) else number(value) if isinstance(value, float) else str(value)
-        found.append((name, text))
-    return tuple(found)
+        fields.append((name, text))
+    return tuple(fields)
 
 
 def functions(prefix: str, known: Iterable[str], there: Iterable[str]) -> dict[str, str]:
     """Return the members of a kernel struct that the model provides, with the function names."""
-    own = set(there)
-    return {name: f"{prefix}_{name}" for name in known if name in own}
+    defined = set(there)
+    return {name: f"{prefix}_{name}" for name in known if name in defined}
 
 
 def method_tables() -> tuple[Table, Table]:

@@ -33,7 +33,7 @@ FRAMES = 241
 Poses = Callable[[Any], tuple[Sequence[float], str]]
 
 
-def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
+def film_of(text: SceneText, samples: int, **options: Any) -> Film:
     """Run a scene and return its animation.
 
     Parameters
@@ -42,7 +42,7 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
         The scene.
     samples
         Number of frames.
-    asked
+    options
         Further arguments of the analysis that is carried out, such as ``t_end``.
 
     Raises
@@ -52,7 +52,7 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
     """
     drawn = drawn_scene(text)
     model = _built(drawn)
-    result = drawn.view.filmed(model, samples, **asked)
+    result = drawn.view.filmed(model, samples, **options)
     if stops(result):  # there and back
         result = _thinned(result, np.array([*range(result.count), *range(result.count - 2, 0, -1)]))
     sketches = drawn.view.sketches(drawn.resolved, model, result)
@@ -100,11 +100,11 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
         film_file(file)
     if count(frames, "frames") < 2:
         raise ModelError(f"expected at least 2 frames, got {frames}")
-    model, verb, given = result.origin
+    model, verb, arguments = result.origin
     of = drawn_scene(_scene_of(model))
     built = _built(of, model.parameters, model.source.options[0])
     rows = np.arange(0, result.count, max(1, math.ceil((result.count - 1) / (frames - 1))))
-    poses = _thinned(of.view.repeated(built, verb, given, result), rows)
+    poses = _thinned(of.view.repeated(built, verb, arguments, result), rows)
     sketches = of.view.sketches(of.resolved, built, poses)
     words = of.view.film_text(of.resolved, poses)
     film = Film(_thinned(result, rows), sketches, words, _shown(poses, of.arrows).shown)
@@ -158,7 +158,7 @@ def sheet_of(
     unit: str | None = None,
     parameters: Mapping[str, float] | None = None,
     samples: int = FRAMES,
-    **asked: Any,
+    **options: Any,
 ) -> Sheet:
     """Return a drawing of a scene in poses, with paths of points over its motion.
 
@@ -176,7 +176,7 @@ def sheet_of(
         Values of tunable parameters [SI].
     samples
         Number of vertices of a path.
-    asked
+    options
         Further arguments of the analysis that is carried out, such as ``t_end``.
 
     Raises
@@ -195,7 +195,7 @@ def sheet_of(
 
     motion: list[Sketch] = []
     if poses is None or of is None or len(of):
-        motion = sketches(scene.view.moved(model, samples, **asked))
+        motion = sketches(scene.view.moved(model, samples, **options))
     drawn = motion[:1] if poses is None else sketches(scene.view.posed(model, *poses(model)))
     traces = traces_of(motion)
     for name in of or ():

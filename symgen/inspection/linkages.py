@@ -57,8 +57,8 @@ class RodsView(View):
     def structure(self, resolved: Linkage, system: System) -> Iterator[str]:
         """Yield the topology, and the operations saved by numbers of the scene and by its plane."""
         yield from structure(resolved)
-        what = "any masses, lengths, centres, inertias and gravity"
-        yield from saving_lines(system, system_of(general(resolved)), what)
+        noun = "any masses, lengths, centres, inertias and gravity"
+        yield from saving_lines(system, system_of(general(resolved)), noun)
         if resolved.plane:
             yield from saving_lines(system, system_of(resolved.as_written), "motion across its plane")
 
@@ -84,45 +84,45 @@ class RodsView(View):
         """Return the positions of all points."""
         return [f"{p.name}{_POSITION}" for p in resolved.as_written.points]
 
-    def filmed(self, model: Any, samples: int, **asked: Any) -> Result:
+    def filmed(self, model: Any, samples: int, **options: Any) -> Result:
         """Return a run under forces, or the kinematics of a scene that has none or a dead centre."""
         if "simulate" in model.capabilities:
             try:
-                return super().moved(model, samples, **asked)
+                return super().moved(model, samples, **options)
             except SimulationError:
                 if "kinematics" not in model.capabilities:
                     raise
-                return self.moved(model, samples, **asked)
-        stop = asked.pop("t_end", None)
-        found: Result = model.kinematics(stop=stop, samples=samples, **asked)
-        return found
+                return self.moved(model, samples, **options)
+        stop = options.pop("t_end", None)
+        motion: Result = model.kinematics(stop=stop, samples=samples, **options)
+        return motion
 
-    def moved(self, model: Any, samples: int, **asked: Any) -> Result:
+    def moved(self, model: Any, samples: int, **options: Any) -> Result:
         """Return the kinematics of a driven linkage, up to a dead centre, or a run under forces."""
         if "kinematics" not in model.capabilities:
-            return super().moved(model, samples, **asked)
-        stop, of = asked.pop("t_end", None), model.description.points
-        found: Result = model.kinematics(stop=stop, samples=samples, of=of, **asked)
-        return found
+            return super().moved(model, samples, **options)
+        stop, of = options.pop("t_end", None), model.description.points
+        motion: Result = model.kinematics(stop=stop, samples=samples, of=of, **options)
+        return motion
 
     def posed(self, model: Any, values: Sequence[float], over: str) -> Result:
         """Return the positions of points at directions of the driven link, or at times [s]."""
         if "kinematics" not in model.capabilities:
             return super().posed(model, values, over)
-        found: Result = model.kinematics(at=values, over=over, of=model.description.points)
-        return found
+        poses: Result = model.kinematics(at=values, over=over, of=model.description.points)
+        return poses
 
-    def repeated(self, model: Any, verb: str, given: Mapping[str, Any], result: Result) -> Result:
+    def repeated(self, model: Any, verb: str, arguments: Mapping[str, Any], result: Result) -> Result:
         """Return the positions of points at the samples of a result."""
         if verb in ("simulate", "record"):
-            return super().repeated(model, verb, given, result)
-        same = {name: given[name] for name in ("state", "through") if name in given}
-        if given.get("through"):  # which passes a time twice
-            same |= {name: given[name] for name in _OF_RANGE if name in given}
+            return super().repeated(model, verb, arguments, result)
+        same = {name: arguments[name] for name in ("state", "through") if name in arguments}
+        if arguments.get("through"):  # which passes a time twice
+            same |= {name: arguments[name] for name in _OF_RANGE if name in arguments}
         else:
             same |= {"at": result.time, "over": "time"}
-        found: Result = model.kinematics(of=model.description.points, **same)
-        return found
+        motion: Result = model.kinematics(of=model.description.points, **same)
+        return motion
 
     def sketch_at(self, resolved: Linkage, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return points and links."""
@@ -210,42 +210,49 @@ class ElasticView(RodsView):
         shape = model.quasi_static()
         times = magnification(resolved, shape)
 
-        def drawn(found: Mapping[str, Array]) -> Sketch:
+        def drawn(shapes: Mapping[str, Array]) -> Sketch:
             # A deflection is followed by its components.
-            own = {name: x[1:] if name.endswith(".deflection") else x for name, x in found.items()}
-            return bent_sketch(resolved, start, own, times)
+            moving = {name: x[1:] if name.endswith(".deflection") else x for name, x in shapes.items()}
+            return bent_sketch(resolved, start, moving, times)
 
         return drawn, " ".join((_QUASI_STATIC, *_of_vibrations(model, shape), _of_deflections(times)))
 
     def recorded(self, resolved: Linkage, data: Mapping[str, Any]) -> dict[str, Any]:
         """Return the tables of a scene with stations along its elastic links."""
-        own = data.get("stations") or [{"name": e.link, "link": e.link, "at": 0.5} for e in resolved.elastic]
-        return {**data, "stations": [*own, *stations_of(resolved)]}
+        stations = data.get("stations") or [
+            {"name": e.link, "link": e.link, "at": 0.5} for e in resolved.elastic
+        ]
+        return {**data, "stations": [*stations, *stations_of(resolved)]}
 
-    def filmed(self, model: ElasticModel, samples: int, **asked: Any) -> Result:
+    def filmed(self, model: ElasticModel, samples: int, **options: Any) -> Result:
         """Return the run of the elastic links."""
-        return model.simulate(samples=samples, **asked)
+        return model.simulate(samples=samples, **options)
 
     def sketches(self, resolved: Linkage, model: ElasticModel, result: Result) -> list[Sketch]:
         """Return the mechanism with magnified deflections; rigid at samples that have none."""
         if deflected(resolved, result):
             return bent_sketches(resolved, model.rigid.initial_state().positions, result)
         points = [p.name for p in resolved.as_written.points]
-        found = {p: result.variable(f"{p}{_POSITION}").values for p in points}
+        positions = {p: result.variable(f"{p}{_POSITION}").values for p in points}
         return [
-            linkage_sketch(resolved, {p: x[k] for p, x in found.items()}, None) for k in range(result.count)
+            linkage_sketch(resolved, {p: x[k] for p, x in positions.items()}, None)
+            for k in range(result.count)
         ]
 
-    def moved(self, model: ElasticModel, samples: int, **asked: Any) -> Result:
+    def moved(self, model: ElasticModel, samples: int, **options: Any) -> Result:
         """Return the motion of the rigid links."""
         points = model.description.points
-        found: Result = model.kinematics(stop=asked.pop("t_end", None), samples=samples, of=points, **asked)
-        return found
+        motion: Result = model.kinematics(
+            stop=options.pop("t_end", None), samples=samples, of=points, **options
+        )
+        return motion
 
-    def repeated(self, model: ElasticModel, verb: str, given: Mapping[str, Any], result: Result) -> Result:
+    def repeated(
+        self, model: ElasticModel, verb: str, arguments: Mapping[str, Any], result: Result
+    ) -> Result:
         """Return the run of the elastic links, or the rigid motion if no deflections are drawn."""
         if verb not in ("large_rotation", "inverse_dynamics"):
-            return View.repeated(self, model, verb, given, result)
+            return View.repeated(self, model, verb, arguments, result)
         return model.kinematics(at=result.time, over="time", of=model.description.points)
 
     def vibrating(

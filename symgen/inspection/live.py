@@ -55,9 +55,9 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
     keys = list(vary) or ([] if _has_tunable(text) else [*_usual(text)])
     text, names = tunable(text, keys)
     if vary:
-        text = _held(text, names.values())
+        text = _with_constants(text, names.values())
     ranges = values_of(text, names, vary)
-    wrong = next((name for name, given in ranges.items() if not isinstance(given, Uniform)), None)
+    wrong = next((name for name, interval in ranges.items() if not isinstance(interval, Uniform)), None)
     if wrong:
         raise ModelError(
             f"expected the range of the slider of {wrong}, got other values\n"
@@ -93,7 +93,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
     )
 
 
-def _held(text: SceneText, sliders: Collection[str]) -> SceneText:
+def _with_constants(text: SceneText, sliders: Collection[str]) -> SceneText:
     """Return a scene; if it has elastic links, whose sections C fixes, only sliders stay tunable."""
     elastic = any("elastic" in link for link in text.data.get("links", {}).values() if isinstance(link, dict))
     given = text.data.get("parameters", {})
@@ -101,9 +101,9 @@ def _held(text: SceneText, sliders: Collection[str]) -> SceneText:
     return override(text, {f"parameters.{name}.tunable": False for name in others})
 
 
-def _left_out(wanted: Sequence[str], known: Sequence[str]) -> str:
+def _left_out(requested: Sequence[str], known: Sequence[str]) -> str:
     """Return the sentence on outputs of the scene that C does not compute."""
-    left = [name for name in wanted if name not in known]
+    left = [name for name in requested if name not in known]
     return f" Not computed on this page: {', '.join(left)}." if left else ""
 
 
@@ -117,25 +117,25 @@ def _shown(
 
 def _written(text: SceneText, name: str) -> tuple[str, float] | None:
     """Return the unit in which a scene writes a parameter, and its size in SI; None for an expression."""
-    given = text.data.get("parameters", {}).get(name)
-    value = given.get("value") if isinstance(given, dict) else given
-    found = re.fullmatch(r"[-+\d.eE/]+\s+(.+)", value) if isinstance(value, str) else None
+    table = text.data.get("parameters", {}).get(name)
+    value = table.get("value") if isinstance(table, dict) else table
+    match = re.fullmatch(r"[-+\d.eE/]+\s+(.+)", value) if isinstance(value, str) else None
     try:
-        return (found[1], float(parse_quantity(f"1 {found[1]}")[0])) if found else None
+        return (match[1], float(parse_quantity(f"1 {match[1]}")[0])) if match else None
     except SceneError:  # such as 2 * a
         return None
 
 
 def _has_tunable(text: SceneText) -> bool:
     parameters = text.data.get("parameters", {}).values()
-    return any(isinstance(given, dict) and given.get("tunable") for given in parameters)
+    return any(isinstance(table, dict) and table.get("tunable") for table in parameters)
 
 
 def _usual(text: SceneText) -> Iterator[str]:
     """Yield the lengths of links, or their masses where forces move them."""
-    wanted = ("length",) if "drivers" in text.data else ("mass", "mass_per_length")
+    keys = ("length",) if "drivers" in text.data else ("mass", "mass_per_length")
     for name, link in text.data.get("links", {}).items():
-        yield from (f"links.{name}.{key}" for key in wanted if isinstance(link, dict) and key in link)
+        yield from (f"links.{name}.{key}" for key in keys if isinstance(link, dict) and key in link)
 
 
 def _check_start(model: Any, sliders: Sequence[Slider]) -> None:
@@ -153,24 +153,24 @@ def _check_start(model: Any, sliders: Sequence[Slider]) -> None:
         state = of.initial_state()
         return np.concatenate([state.q, state.u])
 
-    own = start(model)
+    problem = start(model)
     for slider in sliders:
         for value in (slider.low, slider.high):
             if value is None:
                 continue
-            moved = np.abs(start(model.with_parameters(**{slider.name: value})) - own)
-            if np.max(moved, initial=0.0) > _SAME * np.max(np.abs(own), initial=1.0):
+            moved = np.abs(start(model.with_parameters(**{slider.name: value})) - problem)
+            if np.max(moved, initial=0.0) > _SAME * np.max(np.abs(problem), initial=1.0):
                 raise ModelError(
                     f"{slider.name} moves the start of {model.name}, which a live page of a motion under "
                     "forces does not compute\n  Choose masses or loads; lengths where a link is driven."
                 )
 
 
-def _slider(p: ParameterInfo, given: Any, chosen: bool) -> Slider:
+def _slider(p: ParameterInfo, interval: Any, chosen: bool) -> Slider:
     low: float | None = None
     high: float | None = None
-    if isinstance(given, Uniform):
-        low, high = given.low, given.high
+    if isinstance(interval, Uniform):
+        low, high = interval.low, interval.high
     elif chosen and p.default and math.isfinite(p.default):
         low, high = sorted(part * p.default for part in _RANGE)
     return Slider(p.name, p.unit, p.about, p.default, low, high)

@@ -63,18 +63,18 @@ class LoopView(View):
 
     def arrows(self, resolved: Loop, plotted: Sequence[str]) -> Sequence[str]:
         """Return the plotted joint forces, which are in frames of links, in the axes of the picture."""
-        found = (f"{name}_in_ground" for name in plotted if name.endswith(".force"))
-        return [name for name in found if name not in plotted]
+        vectors = (f"{name}_in_ground" for name in plotted if name.endswith(".force"))
+        return [name for name in vectors if name not in plotted]
 
-    def moved(self, model: Any, samples: int, **asked: Any) -> Result:
+    def moved(self, model: Any, samples: int, **options: Any) -> Result:
         """Return the range of a driven loop, with forces if it has masses, or the motion of a free one."""
         if not model.is_driven:
-            return super().moved(model, samples, **asked)
+            return super().moved(model, samples, **options)
         verb = "inverse_dynamics" if "inverse_dynamics" in model.capabilities else "kinematics"
-        if "t_end" in asked:
-            asked |= {"start": 0.0, "stop": asked.pop("t_end"), "over": "time"}
-        found: Result = getattr(model, verb)(samples=samples, **asked)
-        return found
+        if "t_end" in options:
+            options |= {"start": 0.0, "stop": options.pop("t_end"), "over": "time"}
+        motion: Result = getattr(model, verb)(samples=samples, **options)
+        return motion
 
     def sketch_at(self, resolved: Loop, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return the links between their joint axes."""
@@ -88,8 +88,8 @@ class LoopView(View):
 
     def run(self, model: Any) -> Result:
         """Return the range of a driven loop, or the motion of a free one."""
-        found: Result = model.inverse_dynamics() if model.is_driven else model.simulate()
-        return found
+        result: Result = model.inverse_dynamics() if model.is_driven else model.simulate()
+        return result
 
     def cost(self, model: Any, result: Result) -> tuple[TableView, str] | None:
         """Return the time per pose of a driven loop and the largest closure defect."""

@@ -23,9 +23,9 @@ _TELLING = ("energy drift", "constraint drift", "closed within", "estimated erro
 _REPEATS, _SAMPLES = 2, 11
 
 
-def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], None]) -> Measured:
+def measure(model: Any, text: SceneText, *, speed: bool, progress: Callable[[str], None]) -> Measured:
     """Run a model over the range set in its scene, and measure speed against error."""
-    told("running")
+    progress("running")
     view = view_of(model)
     failure: tuple[str, ...] = ()
     try:
@@ -43,7 +43,7 @@ def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], N
     if cost:
         table, caption = cost
     elif speed:
-        told("measuring speed against error")
+        progress("measuring speed against error")
         table, figure, caption = _speed(view, text)
     return Measured(
         result,
@@ -74,7 +74,7 @@ def _final(result: Result) -> TableView | None:
 
 def _speed(view: View, text: SceneText) -> tuple[TableView | None, FigureView | None, str]:
     try:
-        found = work_precision(
+        measurement = work_precision(
             check_scene(text),
             methods=view.integrators,
             samples=_SAMPLES,
@@ -83,45 +83,46 @@ def _speed(view: View, text: SceneText) -> tuple[TableView | None, FigureView | 
         )
     except (ModelError, SimulationError) as error:
         return TableView(("not measured",), ((str(error).partition("\n")[0],),)), None, ""
-    return speed_table(found), speed_figure(found), speed_caption(found)
+    return speed_table(measurement), speed_figure(measurement), speed_caption(measurement)
 
 
-def speed_table(found: WorkPrecision) -> TableView:
+def speed_table(measurement: WorkPrecision) -> TableView:
     """Return the loosest, a middle and the tightest setting of each method."""
     rows = []
-    for method in dict.fromkeys(p.method for p in found.points):
-        own = [p for p in found.points if p.method == method]
-        picked = sorted({0, len(own) // 2, len(own) - 1})
+    for method in dict.fromkeys(p.method for p in measurement.points):
+        points = [p for p in measurement.points if p.method == method]
+        picked = sorted({0, len(points) // 2, len(points) - 1})
         rows += [
             (
                 f"{p.method}, {p.setting}",
-                f"{'' if p.told else '~'}{p.along:.1e}",
+                f"{'' if p.resolved else '~'}{p.along:.1e}",
                 seconds(p.best),
                 str(p.steps),
             )
-            for p in (own[i] for i in picked)
+            for p in (points[i] for i in picked)
         ]
-    return TableView(("method", f"error [{found.unit}]", "time", "steps"), tuple(rows))
+    return TableView(("method", f"error [{measurement.unit}]", "time", "steps"), tuple(rows))
 
 
-def speed_figure(found: WorkPrecision) -> FigureView:
+def speed_figure(measurement: WorkPrecision) -> FigureView:
     """Return a plot of time against error with one curve per method."""
     curves = [
-        (method, [(p.along, p.best) for p in found.points if p.method == method])
-        for method in dict.fromkeys(p.method for p in found.points)
+        (method, [(p.along, p.best) for p in measurement.points if p.method == method])
+        for method in dict.fromkeys(p.method for p in measurement.points)
     ]
-    return error_figure(curves, f"{found.measured} [{found.unit}]")
+    return error_figure(curves, f"{measurement.measured} [{measurement.unit}]")
 
 
-def speed_caption(found: WorkPrecision) -> str:
+def speed_caption(measurement: WorkPrecision) -> str:
     """Return the caption with the measured error and its reference."""
     marked = (
         " ~ marks errors within the uncertainty of the reference."
-        if any(not p.told for p in found.points)
+        if any(not p.resolved for p in measurement.points)
         else ""
     )
     return (
-        f"To t = {found.t_end:g} s; error is the {found.measured} against {found.reference}, which "
-        f"differs by {found.uncertainty:.1e} from a looser one. Times are for whole calls from Python "
+        f"To t = {measurement.t_end:g} s; error is the {measurement.measured} against "
+        f"{measurement.reference}, which "
+        f"differs by {measurement.uncertainty:.1e} from a looser one. Times are for whole calls from Python "
         f"on the machine that wrote this page.{marked}"
     )

@@ -32,7 +32,7 @@ _KINDS = {"add": "+ −", "mul": "×", "div": "÷", "neg": "sign", "call": "call
 Told = Callable[[str], None]
 
 
-def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
+def scene_page(text: SceneText, *, speed: bool, progress: Told) -> Page:
     """Derive, build, run and measure a scene, and return the contents of its page.
 
     Parameters
@@ -41,7 +41,7 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
         The scene.
     speed
         Whether to measure speed against error, which takes some seconds.
-    told
+    progress
         Callback that receives the current activity.
 
     Raises
@@ -50,20 +50,20 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
         As for building the scene.
     """
     checked = check_scene(text)
-    told("building")
+    progress("building")
     model = build_scene(text)
-    told("deriving")
+    progress("deriving")
     resolved = resolve(checked)
     view = view_of(resolved)
     system = system_of(resolved)
-    found = measure(model, text, speed=speed, told=told)
-    told("drawing")
-    drawn = drawing(view.sketch(resolved, model, found.result))
-    shown = (checked.about.strip(), view.facts(resolved, model), found, drawn)
+    measured = measure(model, text, speed=speed, progress=progress)
+    progress("drawing")
+    drawn = drawing(view.sketch(resolved, model, measured.result))
+    shown = (checked.about.strip(), view.facts(resolved, model), measured, drawn)
     return _page(view, model, system.name, system, record(resolved, system), *shown)
 
 
-def system_page(file: Path, *, told: Told) -> Page:
+def system_page(file: Path, *, progress: Told) -> Page:
     """Derive and build a user-defined system, and return the contents of its page.
 
     Raises
@@ -71,9 +71,9 @@ def system_page(file: Path, *, told: Told) -> Page:
     DerivationError, BuildError, CacheError
         As for building the system.
     """
-    told("building")
+    progress("building")
     model = build(file)
-    told("deriving")
+    progress("deriving")
     system, view = load(file).system, view_of(model)
     steps = (of_system(system),)
     return _page(view, model, file.name, system, steps, "", view.facts(None, model), Measured(None), None)
@@ -87,7 +87,7 @@ def _page(
     derivation: Sequence[Step],
     about: str,
     facts: Sequence[Fact],
-    found: Measured,
+    measured: Measured,
     drawn: Drawing | None,
 ) -> Page:
     """Return the contents of a page; ``source`` is what Python builds."""
@@ -102,10 +102,10 @@ def _page(
         title=system.title,
         kind=view.kind,
         about=about,
-        facts=(*facts, Fact("operations", _operations(program)), *found.headline),
+        facts=(*facts, Fact("operations", _operations(program)), *measured.headline),
         drawing=drawn,
         drawing_caption=_caption(view, drawn) if drawn else "",
-        moving=moving_html(found.result) if found.result else "",
+        moving=moving_html(measured.result) if measured.result else "",
         steps=tuple(map(_step, derivation)),
         structure=structure[0] if structure else None,
         structure_caption=_of_structure(structure) if structure else "",
@@ -116,7 +116,7 @@ def _page(
         kinds=tuple(_KINDS[k] for k in KINDS),
         in_c=example_in_c(unit, _main(program.kernels)),
         in_python="\n".join(["import symgen", "", f'model = symgen.build("{source}")', *view.example(model)]),
-        measured=found,
+        measured=measured,
         left_out=system.left_out,
         references=(*system.references, *view.references),
         equations=equations,
@@ -125,11 +125,11 @@ def _page(
 
 def _distinct(systems: Sequence[System]) -> tuple[System, ...]:
     """Return the systems without those that have the same symbols as an earlier one."""
-    found: list[System] = []
+    unique: list[System] = []
     for system in systems:
-        if not any(s.groups == system.groups and s.definitions == system.definitions for s in found):
-            found.append(system)
-    return tuple(found)
+        if not any(s.groups == system.groups and s.definitions == system.definitions for s in unique):
+            unique.append(system)
+    return tuple(unique)
 
 
 def _step(step: Step) -> StepView:

@@ -119,10 +119,10 @@ def magnification(linkage: Linkage, result: Result) -> float:
 
     The largest then has a part ``SEEN`` of the size of the mechanism or less.
     """
-    found = {name: result.variable(name).values for name in bent_outputs(linkage)}
+    displacements = {name: result.variable(name).values for name in bent_outputs(linkage)}
     ground = [[[linkage.number(x) for x in p.at]] for p in linkage.as_written.points if p.ground]
-    places = np.vstack([*ground, *(x for name, x in found.items() if name.endswith(".position"))])
-    others = [x for name, x in found.items() if not name.endswith(".position")]
+    places = np.vstack([*ground, *(x for name, x in displacements.items() if name.endswith(".position"))])
+    others = [x for name, x in displacements.items() if not name.endswith(".position")]
     largest = max(float(np.max(np.abs(x), initial=0.0)) for x in others)
     exact = SEEN * float(np.max(np.ptp(places, axis=0))) / max(largest, 1e-300)
     if not 1.0 < exact < _ROUND_OFF:
@@ -203,12 +203,12 @@ def drawn_of_loop(loop: Loop) -> list[str]:
 def pose_of_loop(loop: Loop, model: LoopModel, t: float, q: Array) -> dict[str, Array]:
     """Return the outputs of :func:`drawn_of_loop` at a time [s] and joint variables, for any model."""
     table = model.kernels("rows", t, q, np.zeros_like(q))["rows"]
-    frame, found = np.eye(4), []
+    frame, positions = np.eye(4), []
     for entries in table:
         foot, k = frame[:3, 3], frame[:3, 2]
-        found += [foot, foot + entries[1] * k, k]
+        positions += [foot, foot + entries[1] * k, k]
         frame = frame @ product([entries])
-    return dict(zip(drawn_of_loop(loop), found, strict=True))
+    return dict(zip(drawn_of_loop(loop), positions, strict=True))
 
 
 def loop_sketch(loop: Loop, drawn: Mapping[str, Array]) -> Sketch:

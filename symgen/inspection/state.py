@@ -31,8 +31,8 @@ class Values:
     label: str
     arrays: Mapping[str, Sequence[float]]
 
-    def of(self, system: System, given: Mapping[str, float]) -> dict[str, float]:
-        """Return the value of each argument of a system by name; ``given`` values take precedence.
+    def of(self, system: System, inputs: Mapping[str, float]) -> dict[str, float]:
+        """Return the value of each argument of a system by name; ``inputs`` values take precedence.
 
         Raises
         ------
@@ -40,14 +40,14 @@ class Values:
             If the system has no argument of a given name.
         """
         known = {x.name for group in system.groups for x in group.quantities}
-        for name in given:
+        for name in inputs:
             check_known(name, known, f"{system.name} has no argument")
-        found = {
+        values = {
             x.name: float(value)
             for group in system.groups
             for x, value in zip(group.quantities, self.arrays.get(group.name, ()), strict=False)
         }
-        return found | dict(given)
+        return values | dict(inputs)
 
 
 #: Values for a building block, which has no state.
@@ -88,14 +88,14 @@ def of_linkage(model: RodModel, at: str | None) -> Values:
         places, rates = ({p: m[k] for p, m in final.items()} for k in ("position", "velocity"))
         free = model.description.free
         state = model.state({p: places[p] for p in free}, {p: rates[p] for p in free}, t)
-    found = model.accelerations(state)
-    work = [x for p in model.description.free for x in found.points[p].tolist()]
+    accelerations = model.accelerations(state)
+    work = [x for p in model.description.free for x in accelerations.points[p].tolist()]
     arrays = {
         "t": [state.t],
         "q": state.q.tolist(),
         "u": state.u.tolist(),
         "p": model.given,
-        "work": work + list(found.multipliers.values()),
+        "work": work + list(accelerations.multipliers.values()),
     }
     return Values(f"at t = {t:g} s" if t > 0 else "at the start", arrays)
 
@@ -147,7 +147,7 @@ def _rates(model: LoopModel, t: float, q: Array) -> Array:
     d = model.description
     u = np.array([v.start_rate for v in d.variables])
     u[model.kernels.inputs] = model.kernels.prescribed(t)[:, 1]
-    given, solved = d.having("input", "free"), d.having("dependent")
+    prescribed, solved = d.having("input", "free"), d.having("dependent")
     screws = model.kernels("motion", t, q, u)["screws"]
-    u[solved] = np.linalg.lstsq(screws[:, solved], -screws[:, given] @ u[given], rcond=None)[0]
+    u[solved] = np.linalg.lstsq(screws[:, solved], -screws[:, prescribed] @ u[prescribed], rcond=None)[0]
     return u

@@ -35,13 +35,13 @@ class Chosen:
 
     def part(self, rows: str | None, columns: str | None) -> Chosen:
         """Return selected rows and columns, given as comma-separated names or numbers."""
-        wanted = [[x.strip() for x in text.split(",")] if text else [] for text in (rows, columns)]
-        return replace(self, matrices=tuple(m.part(*wanted) for m in self.matrices))
+        labels = [[x.strip() for x in text.split(",")] if text else [] for text in (rows, columns)]
+        return replace(self, matrices=tuple(m.part(*labels) for m in self.matrices))
 
     def by(self, name: str) -> Chosen:
         """Return the partial derivatives with respect to an argument."""
-        made = derivative(self.system, self.matrices, name)
-        return Chosen(made, made.matrices)
+        derived = derivative(self.system, self.matrices, name)
+        return Chosen(derived, derived.matrices)
 
 
 class Subject:
@@ -72,7 +72,7 @@ class Subject:
         return resolve(check_scene(self.text))
 
     @cached_property
-    def own(self) -> System:
+    def system(self) -> System:
         """The system of the model itself."""
         if self.is_block:
             return BLOCKS[self.name]()
@@ -86,15 +86,15 @@ class Subject:
     @cached_property
     def steps(self) -> System | None:
         """The derivation steps of a building block, if they have matrices of their own."""
-        made: Callable[[], System] | None = DERIVATIONS.get(self.name)
-        return made() if made else None
+        derivation: Callable[[], System] | None = DERIVATIONS.get(self.name)
+        return derivation() if derivation else None
 
     @cached_property
     def record(self) -> tuple[Step, ...]:
         """The derivation record, step by step."""
         if self.is_scene and not self._kinematic:
-            return record(self.resolved, self.own)
-        whole = of_system(self.own)
+            return record(self.resolved, self.system)
+        whole = of_system(self.system)
         return (*elastic_record(), whole) if self.steps else (whole,)
 
     @property
@@ -105,7 +105,7 @@ class Subject:
     @property
     def parts(self) -> tuple[tuple[str, System], ...]:
         """All systems by the prefix of their matrix names; derivation steps first."""
-        whole = (self.steps, self.own) if self.steps else (self.own,)
+        whole = (self.steps, self.system) if self.steps else (self.system,)
         further = tuple((f"{kind}.", system) for kind, system in self.further.items())
         return (*(("", system) for system in whole), *further)
 
@@ -126,7 +126,7 @@ class Subject:
             return Chosen(self.steps, (self.steps[name],))
         if rest and kind in self.further:
             return Chosen(self.further[kind], (self.further[kind][rest],))
-        return Chosen(self.own, (self.own[name],))
+        return Chosen(self.system, (self.system[name],))
 
     def _momentum(self, row: str, numbers: bool) -> Chosen:
         method = method_of(self.resolved)

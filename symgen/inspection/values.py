@@ -88,15 +88,15 @@ def crank_speeds(text: str) -> list[float]:
         'crank speeds after --speeds, such as "20:400:39" (rpm from, to, count) or "60,95", not in Hz, '
         "none of them zero"
     )
-    found, _ = _read([text], (math.pi / 30, "speed"), {ANGULAR_RATE: "speed"}, expected)
-    if 0.0 in found or "Hz" in text:  # turns or radians per second?
+    speeds, _ = _read([text], (math.pi / 30, "speed"), {ANGULAR_RATE: "speed"}, expected)
+    if 0.0 in speeds or "Hz" in text:  # turns or radians per second?
         raise ModelError(f"expected {expected}, got {text!r}")
-    return found
+    return speeds
 
 
 def _read(texts: Sequence[str], bare: tuple[float, str], units: Mapping[Any, str], expected: str) -> Values:
     """Return the values of comma-separated texts, each a value or ``FROM:TO:COUNT``, and their variable."""
-    found: list[float] = []
+    values_in_si: list[float] = []
     over = set()
     for text in (part.strip() for group in texts for part in group.split(",")):
         *ends, count = text.split(":") if text.count(":") == 2 else (text, "1")
@@ -104,11 +104,11 @@ def _read(texts: Sequence[str], bare: tuple[float, str], units: Mapping[Any, str
         many = int(count) if count.strip().isdecimal() and len(count) < _DIGITS else 0
         if not (all(variables) and all(map(math.isfinite, values)) and many >= len(ends)):
             raise ModelError(f"expected {expected}, or FROM:TO:COUNT, got {text[:60]!r}")
-        found += np.linspace(values[0], values[-1], many).tolist()
+        values_in_si += np.linspace(values[0], values[-1], many).tolist()
         over |= set(variables)
     if len(over) > 1:
         raise ModelError(f"give times or values of the input, not both: {', '.join(texts)}")
-    return found, over.pop()
+    return values_in_si, over.pop()
 
 
 def _value(text: str, bare: tuple[float, str], units: Mapping[Any, str]) -> tuple[float, str]:

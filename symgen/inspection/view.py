@@ -75,14 +75,14 @@ class View:
         """Return the tables of a scene with those that its drawn outputs need."""
         return dict(data)
 
-    def filmed(self, model: Any, samples: int, **asked: Any) -> Result:
+    def filmed(self, model: Any, samples: int, **options: Any) -> Result:
         """Return the run that the animation shows."""
-        return self.moved(model, samples, **asked)
+        return self.moved(model, samples, **options)
 
-    def moved(self, model: Any, samples: int, **asked: Any) -> Result:
+    def moved(self, model: Any, samples: int, **options: Any) -> Result:
         """Return a run with the outputs that the animation draws."""
-        found: Result = model.simulate(samples=samples, **asked)
-        return found
+        motion: Result = model.simulate(samples=samples, **options)
+        return motion
 
     def posed(self, model: Any, values: Sequence[float], over: str) -> Result:
         """Return the drawn outputs at values of the input, or at times [s] ``over`` the ``time``.
@@ -92,19 +92,19 @@ class View:
         ModelError
             For values of the input of a motion under forces.
         """
-        found: Result
+        poses: Result
         if "kinematics" in model.capabilities:
-            found = model.kinematics(at=values, over=over)
-            return found
+            poses = model.kinematics(at=values, over=over)
+            return poses
         if over != "time":
             raise ModelError(f"{model.name} moves under forces: its poses are drawn at times [s]")
-        found = model.simulate(max(values, default=0.0) or None, t_eval=sorted({*values}))
-        return found
+        poses = model.simulate(max(values, default=0.0) or None, t_eval=sorted({*values}))
+        return poses
 
-    def repeated(self, model: Any, verb: str, given: Mapping[str, Any], result: Result) -> Result:
+    def repeated(self, model: Any, verb: str, arguments: Mapping[str, Any], result: Result) -> Result:
         """Return the drawn outputs at the samples of a result, by the same analysis once more."""
-        found: Result = getattr(model, verb)(**given)
-        return found
+        repeated: Result = getattr(model, verb)(**arguments)
+        return repeated
 
     def vibrating(
         self, resolved: Any, model: Any, number: int, angle: float | None, phases: NDArray[np.float64]
@@ -121,8 +121,8 @@ class View:
 
     def unit(self, resolved: Any) -> tuple[str, float]:
         """Return the unit of length of drawings and its size [m]."""
-        found: tuple[str, float] = resolved.units.get("length", ("m", 1.0))
-        return found
+        unit: tuple[str, float] = resolved.units.get("length", ("m", 1.0))
+        return unit
 
     def sketch_at(self, resolved: Any, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return the mechanism in the pose of its drawn outputs, in which all places are linear."""
@@ -136,9 +136,10 @@ class View:
 
     def sketches(self, resolved: Any, model: Any, result: Result) -> list[Sketch]:
         """Return the mechanism at every sample of a result that has the drawn outputs."""
-        found = {name: result.variable(name).values for name in self.drawn_outputs(resolved)}
+        positions = {name: result.variable(name).values for name in self.drawn_outputs(resolved)}
         return [
-            self.sketch_at(resolved, {name: x[k] for name, x in found.items()}) for k in range(result.count)
+            self.sketch_at(resolved, {name: x[k] for name, x in positions.items()})
+            for k in range(result.count)
         ]
 
     def caption(self, drawn: Drawing) -> str:
@@ -147,8 +148,8 @@ class View:
 
     def run(self, model: Any) -> Result:
         """Return the run that the page shows."""
-        found: Result = model.simulate()
-        return found
+        result: Result = model.simulate()
+        return result
 
     def cost(self, model: Any, result: Result) -> tuple[TableView, str] | None:
         """Return the cost of the run with a caption; None where speed is measured against error."""
@@ -195,9 +196,9 @@ def drawn_scene(text: SceneText) -> Drawn:
     return Drawn(text, resolved, view, places, plotted, arrows)
 
 
-def view_of(thing: Any) -> View:
+def view_of(subject: Any) -> View:
     """Return the view of the method of a resolved scene or a model."""
-    view: View = method_of(thing).load("view")()
+    view: View = method_of(subject).load("view")()
     return view
 
 

@@ -42,75 +42,85 @@ def print_motion(motion: Motion, _: Any, console: Console) -> None:
     )
 
 
-def print_assemblies(found: AssemblyModes[State], model: Any, console: Console) -> None:
+def print_assemblies(modes: AssemblyModes[State], model: Any, console: Console) -> None:
     """Print the positions of moving points in every assembly mode."""
     free = model.description.free
     axes = "xyz"[: len(model.description.axes)]
     variables = [
-        Variable(f"{p}.position", "m", "", tuple(axes), np.array([state.positions[p] for state in found]))
+        Variable(f"{p}.position", "m", "", tuple(axes), np.array([state.positions[p] for state in modes]))
         for p in free
     ]
-    print_modes_of_assembly(variables, found, model, console)
+    print_modes_of_assembly(variables, modes, model, console)
 
 
 def print_modes_of_assembly(
-    variables: Sequence[Variable], found: AssemblyModes[Any], model: Any, console: Console
+    variables: Sequence[Variable], assembly_modes: AssemblyModes[Any], model: Any, console: Console
 ) -> None:
     """Print the values of variables in every assembly mode, and whether these are all."""
-    count = len(found)
+    count = len(assembly_modes)
     title = f"{model.description.title}: {count} assembly mode{'s' if count > 1 else ''}"
     shown = converted(variables, converters(model.description.units))
     console.print(Components(shown, count).values(title, [str(i + 1) for i in range(count)]))
-    console.print(f"There may be others: {found.incomplete}." if found.incomplete else "These are all.")
+    console.print(
+        f"There may be others: {assembly_modes.incomplete}."
+        if assembly_modes.incomplete
+        else "These are all."
+    )
 
 
-def print_equilibrium(found: Equilibrium, model: Any, console: Console) -> None:
+def print_equilibrium(equilibrium: Equilibrium, model: Any, console: Console) -> None:
     """Print pose, reactions and outputs."""
     axes, units = "xyz"[: len(model.description.axes)], converters(model.description.units)
     (length, per_length), (force, per_force) = (units.get(u, (u, 1.0)) for u in ("m", "N"))
-    where = texts(length, np.array([*found.state.positions.values()]) / per_length)
-    forces = texts(force, np.array([*found.reactions.values()]) / per_force)
-    reactions = dict(zip(found.reactions, forces, strict=True))
+    where = texts(length, np.array([*equilibrium.state.positions.values()]) / per_length)
+    forces = texts(force, np.array([*equilibrium.reactions.values()]) / per_force)
+    reactions = dict(zip(equilibrium.reactions, forces, strict=True))
     rows = [
         (p, *r, *reactions.get(p, [""] * len(axes)))
-        for p, r in zip(found.state.positions, where, strict=True)
+        for p, r in zip(equilibrium.state.positions, where, strict=True)
     ]
     head = ("point", *(f"{a} [{length}]" for a in axes), *(f"reaction {a} [{force}]" for a in axes))
-    freedom = degrees(found.freedoms)
+    freedom = degrees(equilibrium.freedoms)
     console.print(
-        table(f"{model.description.title}: {found.stability} equilibrium, {freedom} of freedom", head, rows)
+        table(
+            f"{model.description.title}: {equilibrium.stability} equilibrium, {freedom} of freedom",
+            head,
+            rows,
+        )
     )
-    if found.outputs:
+    if equilibrium.outputs:
         variables = [
-            Variable(name, found.units[name], "", tuple(axes) if value.size > 1 else (), value.reshape(1, -1))
-            for name, value in ((name, np.asarray(value)) for name, value in found.outputs.items())
+            Variable(
+                name, equilibrium.units[name], "", tuple(axes) if value.size > 1 else (), value.reshape(1, -1)
+            )
+            for name, value in ((name, np.asarray(value)) for name, value in equilibrium.outputs.items())
         ]
         console.print(Components(converted(variables, units), 1).values("Recorded", ("value",)))
-    console.print(f"unbalanced {found.residual:.1e} N of {found.scale:.3g} N")
+    console.print(f"unbalanced {equilibrium.residual:.1e} N of {equilibrium.scale:.3g} N")
 
 
 def print_modes(analyses: Sequence[Modes], model: Any, console: Console) -> None:
     """Print frequencies, damping ratios and mode shapes of the moving points, of one analysis."""
-    (found,) = analyses
+    (modes,) = analyses
     rows = [
         (i + 1, m.kind, m.frequency, m.omega, m.damping_ratio, f"{m.s.real:.6g}{m.s.imag:+.6g}i")
-        for i, m in enumerate(found.modes[:MODES])
+        for i, m in enumerate(modes.modes[:MODES])
     ]
     head = ("mode", "kind", "frequency [Hz]", "omega [rad/s]", "damping ratio", "s [1/s]")
-    stability = found.equilibrium.stability
-    count = f"{len(found)} mode{'s' if len(found) > 1 else ''}"
+    stability = modes.equilibrium.stability
+    count = f"{len(modes)} mode{'s' if len(modes) > 1 else ''}"
     article = "an" if stability == "unstable" else "a"
     title = f"{model.description.title}: {count} about {article} {stability} equilibrium"
     console.print(table(title, head, rows))
-    if len(found) > MODES:
-        console.print(f"and {len(found) - MODES} more modes: --json lists all")
-    moving = [p for p in found[0].shape if any(np.any(m.shape[p]) for m in found.modes)]
+    if len(modes) > MODES:
+        console.print(f"and {len(modes) - MODES} more modes: --json lists all")
+    moving = [p for p in modes[0].shape if any(np.any(m.shape[p]) for m in modes.modes)]
     shapes = [
-        (f"{p}.{axis}", *(f"{_rounded(m.shape[p])[i]:.4g}" for m in found.modes[:MODES]))
+        (f"{p}.{axis}", *(f"{_rounded(m.shape[p])[i]:.4g}" for m in modes.modes[:MODES]))
         for p in moving
         for i, axis in enumerate("xyz"[: len(model.description.axes)])
     ]
-    numbers = [str(i + 1) for i in range(min(MODES, len(found)))]
+    numbers = [str(i + 1) for i in range(min(MODES, len(modes)))]
     console.print(table("Shapes in m/sqrt(kg), for unit modal mass", ("point", *numbers), shapes))
 
 

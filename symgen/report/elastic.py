@@ -42,8 +42,8 @@ def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Cons
             columns.append([f"{x:.1e}" for x in p.errors])
     count = max(len(c) for c in columns)
     rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in range(min(count, MODES))]
-    what = "in motion" if moving else "at rest"
-    console.print(table(f"{model.description.title}: the structure {what}", head, rows))
+    state = "in motion" if moving else "at rest"
+    console.print(table(f"{model.description.title}: the structure {state}", head, rows))
     if count > MODES:
         highest = max(float(np.max(p.frequencies)) for p in poses)
         console.print(f"and {count - MODES} more modes up to {highest:.6g} Hz: --json lists all")
@@ -70,8 +70,8 @@ def print_speed_response(result: SpeedResponse, _: Any, console: Console) -> Non
     console.print(table(f"{result.title}: {result.headline}", head, rows))
     console.print(f"first critical speed, that of the lowest frequency: {_rpm(result.first_critical, 6)} rpm")
     highest = "stress highest among neighbouring speeds"
-    for what, speeds in ((highest, result.resonances), ("unstable", result.unstable)):
-        console.print(f"{what} at: {', '.join(_rpm(s, 5) for s in speeds) or 'none'}")
+    for label, speeds in ((highest, result.resonances), ("unstable", result.unstable)):
+        console.print(f"{label} at: {', '.join(_rpm(s, 5) for s in speeds) or 'none'}")
     for note in result.notes:
         console.print(f"note: {note}")
 

@@ -14,24 +14,24 @@ from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.records import columns
 
 
-def print_forces(found: Forces, _: Any, console: Console) -> None:
+def print_forces(forces: Forces, _: Any, console: Console) -> None:
     """Print forces at a few poses, or the least and greatest of many and where they occur."""
-    along, label = found.over
+    along, label = forces.over
     if len(along) <= FEW:
-        rows = [(v.name, v.unit, *v.values) for v in columns(found.shown)]
+        rows = [(v.name, v.unit, *v.values) for v in columns(forces.shown)]
         head = ("output", "unit", *(f"{x:.9g}" for x in along))
-        console.print(table(f"{found.title}: forces over {label}", head, rows, keys=2))
+        console.print(table(f"{forces.title}: forces over {label}", head, rows, keys=2))
     else:
         sizes = [
             replace(v, components=(), values=np.linalg.norm(v.values, axis=-1)) if v.components else v
-            for v in found.shown
+            for v in forces.shown
         ]
         name, unit = label.removesuffix("]").split(" [")
-        title = f"{found.title}: {len(along)} poses over {name}, vectors by their magnitude"
+        title = f"{forces.title}: {len(along)} poses over {name}, vectors by their magnitude"
         console.print(Components(sizes, len(along)).extremes(title, along, unit))
-    for note in found.notes:
+    for note in forces.notes:
         console.print(f"note: {note}")
     console.print(
-        f"{found.headline} at {found.statistics['worst_at']}; balance met within "
-        f"{found.statistics['residual']:.1e} of the largest force"
+        f"{forces.headline} at {forces.statistics['worst_at']}; balance met within "
+        f"{forces.statistics['residual']:.1e} of the largest force"
     )

@@ -17,34 +17,35 @@ _HEADINGS = 40
 _ROUNDING = 1e-7
 
 
-def print_linearisation(found: Linearisation, model: Any, console: Console) -> None:
+def print_linearisation(linearisation: Linearisation, model: Any, console: Console) -> None:
     """Print the state, the matrices A, B, C, D and the poles."""
-    rates = zip(found.states, found.x.tolist(), found.rates.tolist(), strict=True)
-    rows = [(name, found.units[name], f"{x + 0.0:.9g}", rate) for name, x, rate in rates]
+    rates = zip(linearisation.states, linearisation.x.tolist(), linearisation.rates.tolist(), strict=True)
+    rows = [(name, linearisation.units[name], f"{x + 0.0:.9g}", rate) for name, x, rate in rates]
     rows += [
-        (name, found.units[name], f"{u + 0.0:.9g}", "") for name, u in zip(found.inputs, found.u, strict=True)
+        (name, linearisation.units[name], f"{u + 0.0:.9g}", "")
+        for name, u in zip(linearisation.inputs, linearisation.u, strict=True)
     ]
-    title = f"{model.description.title}: linearised at {_state_of(found)}"
+    title = f"{model.description.title}: linearised at {_state_of(linearisation)}"
     console.print(table(title, ("state, input", "unit", "value", "rate"), rows, keys=2))
     for name, of, by in (
-        ("A: d(dx)/dt by dx", found.states, found.states),
-        ("B: d(dx)/dt by du", found.states, found.inputs),
-        ("C: dy by dx", found.outputs, found.states),
-        ("D: dy by du", found.outputs, found.inputs),
+        ("A: d(dx)/dt by dx", linearisation.states, linearisation.states),
+        ("B: d(dx)/dt by du", linearisation.states, linearisation.inputs),
+        ("C: dy by dx", linearisation.outputs, linearisation.states),
+        ("D: dy by du", linearisation.outputs, linearisation.inputs),
     ):
         if of and by:
-            matrix = getattr(found, name[0]).tolist()
+            matrix = getattr(linearisation, name[0]).tolist()
             entries = [
                 (i, row, *values) for i, (row, values) in enumerate(zip(of, matrix, strict=True), start=1)
             ]
             columns = by if sum(map(len, by)) <= _HEADINGS else tuple(str(j + 1) for j in range(len(by)))
             console.print(table(name, ("", "", *columns), entries, texts=(1,), keys=2))
-    poles = [f"{s.real:.6g}{s.imag:+.6g}i" for s in _without_round_off(found.poles).tolist()]
+    poles = [f"{s.real:.6g}{s.imag:+.6g}i" for s in _without_round_off(linearisation.poles).tolist()]
     console.print(f"poles [1/s]: {', '.join(poles)}")
 
 
-def _state_of(found: Linearisation | Sensitivity) -> str:
-    return "the equilibrium" if found.at_equilibrium else f"t = {found.t:g} s"
+def _state_of(analysis: Linearisation | Sensitivity) -> str:
+    return "the equilibrium" if analysis.at_equilibrium else f"t = {analysis.t:g} s"
 
 
 def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -54,12 +55,14 @@ def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return np.asarray(real + 1j * imag)
 
 
-def print_sensitivity(found: Sensitivity, model: Any, console: Console) -> None:
+def print_sensitivity(sensitivity: Sensitivity, model: Any, console: Console) -> None:
     """Print values of outputs and their derivatives by parameters."""
     rows = [
-        (name, found.units[name], f"{value + 0.0:.9g}", *slopes)
-        for name, value, slopes in zip(found.outputs, found.values, found.derivatives.tolist(), strict=True)
+        (name, sensitivity.units[name], f"{value + 0.0:.9g}", *slopes)
+        for name, value, slopes in zip(
+            sensitivity.outputs, sensitivity.values, sensitivity.derivatives.tolist(), strict=True
+        )
     ]
-    by = [f"by {name} [{found.units[name]}]" for name in found.parameters]
-    title = f"{model.description.title}: derivatives at {_state_of(found)}"
+    by = [f"by {name} [{sensitivity.units[name]}]" for name in sensitivity.parameters]
+    title = f"{model.description.title}: derivatives at {_state_of(sensitivity)}"
     console.print(table(title, ("output", "unit", "value", *by), rows, keys=2))

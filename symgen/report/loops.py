@@ -65,10 +65,10 @@ def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
         console.print(f"Note: {note}.")
 
 
-def print_assemblies(found: AssemblyModes[Mapping[str, float]], model: Any, console: Console) -> None:
+def print_assemblies(modes: AssemblyModes[Mapping[str, float]], model: Any, console: Console) -> None:
     """Print the joint variables in every assembly mode."""
     variables = [
-        Variable(v.name, v.unit, "", (), np.array([pose[v.name] for pose in found]))
+        Variable(v.name, v.unit, "", (), np.array([pose[v.name] for pose in modes]))
         for v in model.description.variables
     ]
-    print_modes_of_assembly(variables, found, model, console)
+    print_modes_of_assembly(variables, modes, model, console)

@@ -12,9 +12,9 @@ from symgen.report.tables import MODES, table
 from symgen.runtime.result.modes import RotorModes
 
 
-def print_modes_of_rotor(found: Sequence[RotorModes], model: Any, console: Console) -> None:
+def print_modes_of_rotor(poses: Sequence[RotorModes], model: Any, console: Console) -> None:
     """Print the frequencies, the parts of their strain energy by kind, and the error of the elements."""
-    for modes in found:
+    for modes in poses:
         head = ["mode", "[Hz]", *(kind.replace("_", " by ") for kind in modes.parts)]
         if len(modes.errors_of_elements):
             head.append("error of elements")

@@ -20,5 +20,5 @@ def model_lines(model: Compiled) -> Iterator[str]:
     for p in d.tunable:
         kind = "input" if p.name in getattr(d, "inputs", ()) else "tunable"
         yield f"  {kind}: {p.name} = {model.parameters[p.name]:g} {p.unit}, {p.about}"
-    for what in d.left_out:
-        yield f"  left out: {what}"
+    for omitted in d.left_out:
+        yield f"  left out: {omitted}"

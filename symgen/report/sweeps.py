@@ -53,20 +53,20 @@ def summary(runs: xarray.Dataset) -> dict[str, Any]:
         first = first or (str(errors[0]) if errors else "")
         if NOTES in runs:
             beyond += sum(beyond_linear_theory(str(text).splitlines()) for text in part[NOTES].values)
-    found: dict[str, Any] = {"runs": count, "failed": failed, "first_error": first, "outputs": {}}
+    content: dict[str, Any] = {"runs": count, "failed": failed, "first_error": first, "outputs": {}}
     longest = max((np.nanmax(sizes) for sizes, _ in recorded if not np.all(np.isnan(sizes))), default=0.0)
-    found["samples"] = int(longest)
-    found["ended_early"] = int(sum(np.sum(counts[sizes < longest]) for sizes, counts in recorded))
-    found["beyond_linear_theory"], found["missing"] = beyond, missing
+    content["samples"] = int(longest)
+    content["ended_early"] = int(sum(np.sum(counts[sizes < longest]) for sizes, counts in recorded))
+    content["beyond_linear_theory"], content["missing"] = beyond, missing
     for name in outputs_of(runs):
         variable = runs[name]
         labels = [str(a) for a in runs["axis"].values] if "axis" in variable.dims else [""]
         for i, label in enumerate(labels):
-            found["outputs"][f"{name}.{label}" if label else name] = {
+            content["outputs"][f"{name}.{label}" if label else name] = {
                 "unit": variable.attrs.get("units", ""),
                 **_extremes(runs, name, i if label else None),
             }
-    return found
+    return content
 
 
 def _parts(runs: xarray.Dataset) -> Iterator[xarray.Dataset]:
@@ -76,17 +76,17 @@ def _parts(runs: xarray.Dataset) -> Iterator[xarray.Dataset]:
 
 def _extremes(runs: xarray.Dataset, name: str, component: int | None) -> dict[str, Any]:
     """Return the least and greatest value of an output, each with its parameters; None where all failed."""
-    found: dict[str, Any] = {"least": None, "greatest": None}
+    extremes: dict[str, Any] = {"least": None, "greatest": None}
     for part in _parts(runs):
         values = np.asarray(part[name].values, dtype=float)
         values = values if component is None else values[:, component]
         if np.all(np.isnan(values)):
             continue
         for key, sign, at in (("least", 1.0, np.nanargmin(values)), ("greatest", -1.0, np.nanargmax(values))):
-            if found[key] is None or sign * values[at] < sign * found[key]["value"]:
+            if extremes[key] is None or sign * values[at] < sign * extremes[key]["value"]:
                 place = {p: float(part[p].values[at]) for p in parameters_of(runs)}
-                found[key] = {"value": float(values[at]), "parameters": place}
-    return found
+                extremes[key] = {"value": float(values[at]), "parameters": place}
+    return extremes
 
 
 #: Head of the table of extremes.
@@ -175,35 +175,35 @@ def _undrawn(runs: xarray.Dataset) -> Iterator[str]:
         yield f"Curves are those of the first {DRAWN} runs"
 
 
-def print_optimum(found: Optimum, objective: str, console: Console) -> None:
+def print_optimum(optimum: Optimum, objective: str, console: Console) -> None:
     """Print the variables, the objective and the constrained quantities."""
-    title = f"{found.model.description.title}: least {objective}"
-    console.print(table(title, ("", "value", "unit"), _quantities(found, objective), (0, 2)))
-    console.print(f"{found.message} ({found.runs} runs, gradients: {found.gradients})")
-    if not found.converged:
+    title = f"{optimum.model.description.title}: least {objective}"
+    console.print(table(title, ("", "value", "unit"), _quantities(optimum, objective), (0, 2)))
+    console.print(f"{optimum.message} ({optimum.runs} runs, gradients: {optimum.gradients})")
+    if not optimum.converged:
         console.print("The method did not meet its tolerance.")
 
 
-def _quantities(found: Optimum, objective: str) -> Iterator[tuple[str, float, str]]:
+def _quantities(optimum: Optimum, objective: str) -> Iterator[tuple[str, float, str]]:
     """Yield name, value and unit of the variables, of the objective and of the constrained quantities."""
-    units = {p.name: p.unit for p in found.model.description.tunable} | found.units
-    quantities = {**found.parameters, objective: found.objective, **found.constraints}
-    shown = converters(found.model.description.units)
+    units = {p.name: p.unit for p in optimum.model.description.tunable} | optimum.units
+    quantities = {**optimum.parameters, objective: optimum.objective, **optimum.constraints}
+    shown = converters(optimum.model.description.units)
     for name, value in quantities.items():
         unit, size = shown.get(units[name], (units[name], 1.0))
         yield name, value / size, unit
 
 
-def optimum_page(found: Optimum, objective: str, name: str) -> StudyPage:
+def optimum_page(optimum: Optimum, objective: str, name: str) -> StudyPage:
     """Return the page of an optimisation of a scene."""
-    rows = tuple((key, f"{x:.6g}", unit) for key, x, unit in _quantities(found, objective))
-    unmet = () if found.converged else ("The method did not meet its tolerance",)
+    rows = tuple((key, f"{x:.6g}", unit) for key, x, unit in _quantities(optimum, objective))
+    unmet = () if optimum.converged else ("The method did not meet its tolerance",)
     return StudyPage(
         name=name,
-        title=f"{found.model.description.title}: least {objective}",
-        facts=(Fact("runs", str(found.runs)), Fact("gradients", found.gradients)),
+        title=f"{optimum.model.description.title}: least {objective}",
+        facts=(Fact("runs", str(optimum.runs)), Fact("gradients", optimum.gradients)),
         tables=(TableView(("", "value", "unit"), rows),),
-        notes=(found.message.rstrip("."), *unmet),
+        notes=(optimum.message.rstrip("."), *unmet),
     )
 
 

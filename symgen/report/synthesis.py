@@ -30,30 +30,30 @@ _RANGES = {"four-bar": "swing", "slider-crank": "stroke"}
 _FITTED = 1e-9
 
 
-def _shown_in(found: Any) -> tuple[tuple[str, float], tuple[str, float]]:
+def _shown_in(synthesis: Any) -> tuple[tuple[str, float], tuple[str, float]]:
     """Return name and size in SI of the units of lengths and angles."""
-    return found.units.get("length", ("m", 1.0)), found.units.get("angle", ("deg", math.radians(1.0)))
+    return synthesis.units.get("length", ("m", 1.0)), synthesis.units.get("angle", ("deg", math.radians(1.0)))
 
 
-def _unit_of(found: Any, si: str) -> tuple[str, float]:
-    length, angle = _shown_in(found)
+def _unit_of(synthesis: Any, si: str) -> tuple[str, float]:
+    length, angle = _shown_in(synthesis)
     return {"m": length, "rad": angle}.get(si, ("", 1.0))
 
 
-def _heads(found: Any, design: Any) -> tuple[str, ...]:
+def _heads(synthesis: Any, design: Any) -> tuple[str, ...]:
     """Return the heads of the columns that tables of designs and charts share."""
-    moves = _RANGES.get(found.linkage)
+    moves = _RANGES.get(synthesis.linkage)
     names = (name.removesuffix("_link") for name in design.linkage.lengths)
     return (*names, *((moves, "time ratio") if moves else ()), "mu min", "mu max")
 
 
-def _cells(found: Any, design: Any) -> Iterator[str]:
+def _cells(synthesis: Any, design: Any) -> Iterator[str]:
     """Yield lengths or arcs, range of the output, time ratio and transmission angles of a linkage."""
-    length, angle = _shown_in(found)
-    arcs = found.linkage == "spherical"
+    length, angle = _shown_in(synthesis)
+    arcs = synthesis.linkage == "spherical"
     for value in design.linkage.lengths.values():
         yield f"{value / (angle if arcs else length)[1]:.5g}"
-    moves = _RANGES.get(found.linkage)
+    moves = _RANGES.get(synthesis.linkage)
     if moves:
         size = (length if moves == "stroke" else angle)[1]
         yield _or_dash(design.quantities.get(moves, math.nan) / size, ".5g")
@@ -67,57 +67,61 @@ def _or_dash(value: float, form: str) -> str:
     return "-" if math.isnan(value) else f"{value:{form}}"
 
 
-def _units(found: Any) -> str:
-    (length, _), (angle, _) = _shown_in(found)
-    what = f"arcs in {angle}" if found.linkage == "spherical" else f"lengths in {length}, angles in {angle}"
-    from_ = " from the guide's normal" if found.linkage == "slider-crank" else ""
-    return f"{what}; mu: transmission angle{from_} over a revolution of the crank, - where it makes none"
-
-
-def _table(found: Any) -> TableView:
-    """Return the table of designs; errors of rounding have no column."""
-    fitted = any(design.linkage.error > _FITTED for design in found.designs)
-    rows = (
-        (str(i), d.linkage.grashof, *_cells(found, d), *([f"{d.linkage.error:.1e}"] if fitted else []))
-        for i, d in enumerate(found.designs, start=1)
+def _units(synthesis: Any) -> str:
+    (length, _), (angle, _) = _shown_in(synthesis)
+    dimensions = (
+        f"arcs in {angle}" if synthesis.linkage == "spherical" else f"lengths in {length}, angles in {angle}"
     )
-    heads = ("", "class", *_heads(found, found.designs[0]), *(["error"] if fitted else []))
+    from_ = " from the guide's normal" if synthesis.linkage == "slider-crank" else ""
+    return (
+        f"{dimensions}; mu: transmission angle{from_} over a revolution of the crank, - where it makes none"
+    )
+
+
+def _table(synthesis: Any) -> TableView:
+    """Return the table of designs; errors of rounding have no column."""
+    fitted = any(design.linkage.error > _FITTED for design in synthesis.designs)
+    rows = (
+        (str(i), d.linkage.grashof, *_cells(synthesis, d), *([f"{d.linkage.error:.1e}"] if fitted else []))
+        for i, d in enumerate(synthesis.designs, start=1)
+    )
+    heads = ("", "class", *_heads(synthesis, synthesis.designs[0]), *(["error"] if fitted else []))
     return TableView(heads, tuple(rows))
 
 
-def _title(found: Any) -> str:
-    count = len(found.designs)
-    good = sum(not design.faults for design in found.designs)
-    noun = _NOUNS.get(found.linkage, found.linkage)
-    return f"{found.title or 'Synthesis'}: {count} {noun}{'s' * (count != 1)}, {good} without a fault"
+def _title(synthesis: Any) -> str:
+    count = len(synthesis.designs)
+    good = sum(not design.faults for design in synthesis.designs)
+    noun = _NOUNS.get(synthesis.linkage, synthesis.linkage)
+    return f"{synthesis.title or 'Synthesis'}: {count} {noun}{'s' * (count != 1)}, {good} without a fault"
 
 
-def _faults(found: Any) -> Iterator[str]:
-    for i, design in enumerate(found.designs, start=1):
+def _faults(synthesis: Any) -> Iterator[str]:
+    for i, design in enumerate(synthesis.designs, start=1):
         yield from (f"{i}: {fault}" for fault in design.faults)
 
 
-def print_synthesis(found: Any, console: Console) -> None:
+def print_synthesis(synthesis: Any, console: Console) -> None:
     """Print class, lengths and transmission angles of every linkage, and the faults of their motion."""
-    designs = _table(found)
-    console.print(table(_title(found), designs.head, designs.rows, texts=(1,), keys=2))
-    console.print(_units(found))
-    for fault in _faults(found):
+    designs = _table(synthesis)
+    console.print(table(_title(synthesis), designs.head, designs.rows, texts=(1,), keys=2))
+    console.print(_units(synthesis))
+    for fault in _faults(synthesis):
         console.print(fault)
 
 
-def synthesis_page(found: Any, name: str) -> StudyPage:
+def synthesis_page(synthesis: Any, name: str) -> StudyPage:
     """Return the page of a synthesis: the table, and a drawing of every linkage."""
     return StudyPage(
         name=name,
-        title=_title(found),
+        title=_title(synthesis),
         facts=(),
-        tables=(_table(found),),
+        tables=(_table(synthesis),),
         drawings=tuple(
-            _drawn(i, d.linkage, _shown_in(found)[0]).svg()
-            for i, d in enumerate(found.designs[:_DRAWN], start=1)
+            _drawn(i, d.linkage, _shown_in(synthesis)[0]).svg()
+            for i, d in enumerate(synthesis.designs[:_DRAWN], start=1)
         ),
-        notes=(_units(found)[0].upper() + _units(found)[1:], *_faults(found)),
+        notes=(_units(synthesis)[0].upper() + _units(synthesis)[1:], *_faults(synthesis)),
     )
 
 

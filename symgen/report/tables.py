@@ -58,7 +58,7 @@ class _Fitted:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         for block in self._blocks(options.max_width):
-            made = Table(
+            table = Table(
                 header_style="bold",
                 show_header=any(self._columns),
                 box=SIMPLE_HEAD,
@@ -68,10 +68,10 @@ class _Fitted:
             )
             for i, width in zip(block, self._shares(block, options.max_width), strict=True):
                 justify: Literal["left", "right"] = "left" if i in self._texts else "right"
-                made.add_column(Text(self._columns[i]), justify=justify, overflow="fold", width=width)
+                table.add_column(Text(self._columns[i]), justify=justify, overflow="fold", width=width)
             for row in self._rows:
-                made.add_row(*(Text(row[i]) for i in block))
-            yield made
+                table.add_row(*(Text(row[i]) for i in block))
+            yield table
 
     def _total(self, block: Sequence[int], widths: Sequence[int]) -> int:
         return sum(widths[i] for i in block) + _GAP * (len(block) - 1)
@@ -116,8 +116,8 @@ def events_table(result: Result) -> Group:
 
 def _type(result: Result) -> tuple[str, ...]:
     """Return the number type of a run; empty for results saved before it was recorded."""
-    found = result.provenance.get("precision")
-    return (found,) if found else ()
+    precision = result.provenance.get("precision")
+    return (precision,) if precision else ()
 
 
 def run_table(result: Result) -> Group:
@@ -130,8 +130,8 @@ def run_table(result: Result) -> Group:
             ("method", result.provenance["method"]),
             ("backend", ", ".join((result.provenance["backend"], *_type(result)))),
             *(  # solvers from elsewhere tell few or none
-                (what, text.format(**statistics, ms=1e3 * statistics.get("wall_s", 0)))
-                for name, what, text in (
+                (label, text.format(**statistics, ms=1e3 * statistics.get("wall_s", 0)))
+                for name, label, text in (
                     ("steps", "steps (rejected)", "{steps} ({rejected})"),
                     ("evaluations", "evaluations", "{evaluations}"),
                     ("wall_s", "wall time", "{ms:.3g} ms"),
@@ -139,8 +139,8 @@ def run_table(result: Result) -> Group:
                 if name in statistics
             ),
             *(
-                (what, f"{drift[name]:.2e} {unit}")
-                for name, what, unit in (
+                (label, f"{drift[name]:.2e} {unit}")
+                for name, label, unit in (
                     ("constraint", "constraint drift", "m"),
                     ("energy", "energy drift", "J"),
                     ("energy_exchanged", "energy exchanged", "J"),

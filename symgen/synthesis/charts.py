@@ -76,26 +76,26 @@ def design_chart(
     SceneError
         For anything wrong in the task, a quantity that the linkage does not have, or no linkage at any value.
     """
-    head, asked = read_task(task)
-    if not isinstance(asked, LimitTask | SliderLimitTask):
-        raise SceneError(f"expected a task of limit positions, got {asked.kind!r}", where="kind")
-    units = {n: unit for n, unit, _ in LIMITS[asked.linkage].quantities}
+    head, fields = read_task(task)
+    if not isinstance(fields, LimitTask | SliderLimitTask):
+        raise SceneError(f"expected a task of limit positions, got {fields.kind!r}", where="kind")
+    units = {n: unit for n, unit, _ in LIMITS[fields.linkage].quantities}
     if name not in units:
-        raise SceneError(f"{asked.linkage} has no quantity {name!r}", hint=nearest(name, units))
-    own = {k: v for k, v in asked.model_dump().items() if v is not None}
+        raise SceneError(f"{fields.linkage} has no quantity {name!r}", hint=nearest(name, units))
+    task_values = {k: v for k, v in fields.model_dump().items() if v is not None}
     unit = units[name]
     designs, reasons = [], []
     for x in values:
         text = float(x) if unit == "1" else f"{float(x)!r} {unit}"
         try:
-            found: Synthesis | None = synthesise({**own, name: text})
+            synthesis: Synthesis | None = synthesise({**task_values, name: text})
             reason = ""
         except NoLinkageError as error:
-            found, reason = None, str(error).partition("\n")[0]
-        kept = tuple(d for d in found.designs if not d.faults) if found else ()
-        if found and not kept:
-            reason = found.designs[0].faults[0]
-        designs.append(kept)
+            synthesis, reason = None, str(error).partition("\n")[0]
+        faultless = tuple(d for d in synthesis.designs if not d.faults) if synthesis else ()
+        if synthesis and not faultless:
+            reason = synthesis.designs[0].faults[0]
+        designs.append(faultless)
         reasons.append(reason)
     if not designs:
         raise SceneError(f"expected values of {name}, got none")
@@ -103,7 +103,7 @@ def design_chart(
         raise NoLinkageError(f"no linkage at any of the {len(designs)} values of {name}: {reasons[0]}")
     numbers = tuple(float(x) for x in values)
     return DesignChart(
-        head.title, asked.linkage, name, unit, numbers, tuple(designs), tuple(reasons), head.units
+        head.title, fields.linkage, name, unit, numbers, tuple(designs), tuple(reasons), head.units
     )
 
 
@@ -119,8 +119,8 @@ def values_of(task: str | os.PathLike[str], option: str) -> tuple[str, list[floa
     parts = text.split(":")
     if len(parts) != 3 or not parts[2].strip().isdecimal() or int(parts[2]) < 2:
         raise SceneError(f"expected NAME=START:STOP:COUNT, such as swing=20deg:90deg:15, got {option!r}")
-    _, asked = read_task(task)
-    dim = LENGTH if asked.kind == "limits" and name in LIMITS[asked.linkage].lengths else NUMBER
+    _, fields = read_task(task)
+    dim = LENGTH if fields.kind == "limits" and name in LIMITS[fields.linkage].lengths else NUMBER
     start, stop = (value(part, dim, name) for part in parts[:2])
     count = int(parts[2])
     return name, [start + i * (stop - start) / (count - 1) for i in range(count)]

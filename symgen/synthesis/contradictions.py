@@ -34,15 +34,15 @@ class _Row(NamedTuple):
 def contradiction(
     quantities: tuple[tuple[str, str, str], ...],
     necessary: Callable[[dict[str, sp.Symbol]], list[sp.Rel]],
-    given: dict[str, tuple[float, float]],
+    prescribed: dict[str, tuple[float, float]],
 ) -> str:
     """Return relations that exclude each other in the given ranges; empty where a linear program meets all.
 
     None of those returned can be omitted.
     """
     x = {name: sp.Symbol(name, real=True) for name, _, _ in quantities}
-    rows = [*_rows(x, necessary(x), given)]
-    bounds = [given.get(name, (None, None)) for name in x]
+    rows = [*_rows(x, necessary(x), prescribed)]
+    bounds = [prescribed.get(name, (None, None)) for name in x]
     if _hold(rows, bounds):
         return ""
     for row in [*rows]:
@@ -53,10 +53,10 @@ def contradiction(
 
 
 def _rows(
-    x: dict[str, sp.Symbol], relations: list[sp.Rel], given: dict[str, tuple[float, float]]
+    x: dict[str, sp.Symbol], relations: list[sp.Rel], prescribed: dict[str, tuple[float, float]]
 ) -> Iterator[_Row]:
     """Yield the relations that are linear at a given time ratio."""
-    ratio = {x[name]: low for name, (low, high) in given.items() if name == "time_ratio" and low == high}
+    ratio = {x[name]: low for name, (low, high) in prescribed.items() if name == "time_ratio" and low == high}
     nowhere = dict.fromkeys(x.values(), 0)
     for relation in relations:
         sign = _SIGNS[type(relation)]
@@ -77,10 +77,10 @@ def _hold(rows: list[_Row], bounds: list[tuple[Any, Any]]) -> bool:
     matrix = np.array([row.coefficients for row in rows])
     constants = np.array([row.constant for row in rows])
     least = np.column_stack([-matrix, strict.astype(float)])
-    found = linprog(
+    solution = linprog(
         [*np.zeros(matrix.shape[1]), -1.0],
         A_ub=least[~equal], b_ub=constants[~equal],
         A_eq=-least[equal] if equal.any() else None, b_eq=-constants[equal] if equal.any() else None,
         bounds=[*bounds, (None, 1.0)],
     )  # fmt: skip
-    return bool(found.status != 2 and (found.x is None or found.x[-1] > _MARGIN))
+    return bool(solution.status != 2 and (solution.x is None or solution.x[-1] > _MARGIN))

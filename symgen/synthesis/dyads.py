@@ -42,14 +42,14 @@ _SPREAD = 0.3, 10.0
 class Kind:
     """A kind of dyad: its compiled condition, quantities, and random values of them for poses.
 
-    ``own`` returns the one of a dyad's rows of quantities that stand for it, and its error over that of the
+    ``scaled`` returns one of the equivalent rows of quantities of a dyad, and its error over that of the
     condition.
     """
 
     block: str
     names: tuple[str, ...]
     random: Callable[[np.random.Generator, Array], Array]
-    own: Callable[[Array], tuple[Array, float]]
+    scaled: Callable[[Array], tuple[Array, float]]
 
 
 def motion(task: Any) -> Found:
@@ -64,35 +64,35 @@ def motion(task: Any) -> Found:
         When places and rotations differ in number, or there are too few for the unknowns.
     """
     own, size = _poses(task)
-    crank, other, made = _LINKAGES[task.linkage]
-    given = task.given()
+    crank, other, linkage_of = _LINKAGES[task.linkage]
+    prescribed = task.prescribed()
     on_sphere = task.linkage == "spherical"
-    frame = _frame() if on_sphere and not any(given) else np.eye(3)
+    frame = _frame() if on_sphere and not any(prescribed) else np.eye(3)
     poses = (frame @ own.reshape(-1, 3, 3) @ frame.T).reshape(own.shape) if on_sphere else own.copy()
     poses[:, :2] /= size
-    given = [{n: x / (size if n in _LENGTHS else 1.0) for n, x in side.items()} for side in given]
+    prescribed = [{n: x / (size if n in _LENGTHS else 1.0) for n, x in side.items()} for side in prescribed]
     generator = np.random.default_rng(task.seed)
     kinds, searches, dyads = (crank, other), [], []
-    alike = crank is other and not any(given)
-    for kind, side in zip(kinds[: 1 if alike else 2], given, strict=False):
+    alike = crank is other and not any(prescribed)
+    for kind, side in zip(kinds[: 1 if alike else 2], prescribed, strict=False):
         free = [i for i, name in enumerate(kind.names) if name not in side]
         enough(len(poses), len(free), "poses", ", ".join(kind.names))
         full = np.column_stack([np.zeros((len(poses), len(kind.names))), poses])
         full[:, [kind.names.index(n) for n in side]] = [*side.values()]
         equations = equations_at(conditions(kind.block, 1), full, numbered(full, free))
         random = (kind.random(generator, poses)[free] for _ in range(task.starts))
-        found = search(equations, random, fit=len(poses) > len(free))
-        searches.append(found)
+        roots = search(equations, random, fit=len(poses) > len(free))
+        searches.append(roots)
         rows = []
-        for root in found.roots:
+        for root in roots.roots:
             residual, _ = equations(root)
-            dyad, scale = kind.own(full[0, : len(kind.names)].copy())
+            dyad, scale = kind.scaled(full[0, : len(kind.names)].copy())
             rows.append((dyad, float(np.sqrt(np.mean((residual * scale) ** 2)))))
         dyads.append(_one_of_each(rows))
     pairs = permutations(dyads[0], 2) if alike else ((p, q) for p in dyads[0] for q in dyads[1])
     linkages = []
     for one, two in pairs:
-        linkage = made(one[0], two[0], poses[0], max(one[1], two[1]))
+        linkage = linkage_of(one[0], two[0], poses[0], max(one[1], two[1]))
         if linkage is not None:
             linkages.append(linkage.rotated(frame.T) if on_sphere else linkage.scaled(size))
     total = Search(
@@ -128,11 +128,11 @@ def _frame() -> Array:
 
 def _one_of_each(dyads: list[tuple[Array, float]]) -> list[tuple[Array, float]]:
     """Return dyads without repetitions, sorted by their last quantity."""
-    kept: list[tuple[Array, float]] = []
+    unique: list[tuple[Array, float]] = []
     for dyad in sorted(dyads, key=lambda d: (d[1], d[0][-1])):
-        if not any(same(dyad[0], other[0], 1.0) for other in kept):
-            kept.append(dyad)
-    return sorted(kept, key=lambda d: (d[0][-1], *d[0]))
+        if not any(same(dyad[0], other[0], 1.0) for other in unique):
+            unique.append(dyad)
+    return sorted(unique, key=lambda d: (d[0][-1], *d[0]))
 
 
 def path(task: Any) -> Found:
@@ -150,11 +150,13 @@ def path(task: Any) -> Found:
     places = task.places()
     count, size = len(places), size_of(places)
     places = places / size
-    *kinds, made = _LINKAGES[task.linkage]
-    given = [{n: x / (size if n in _LENGTHS else 1.0) for n, x in side.items()} for side in task.given()]
+    *kinds, linkage_of = _LINKAGES[task.linkage]
+    prescribed = [
+        {n: x / (size if n in _LENGTHS else 1.0) for n, x in side.items()} for side in task.prescribed()
+    ]
     fulls, whichs, first = [], [], 0
-    own: list[list[int]] = []
-    for kind, side in zip(kinds, given, strict=True):
+    own_unknowns: list[list[int]] = []
+    for kind, side in zip(kinds, prescribed, strict=True):
         free = [i for i, name in enumerate(kind.names) if name not in side]
         full = np.column_stack([np.zeros((count, len(kind.names))), places, np.zeros(count)])
         full[:, [kind.names.index(n) for n in side]] = [*side.values()]
@@ -163,7 +165,7 @@ def path(task: Any) -> Found:
         first += len(free)
         fulls.append(full)
         whichs.append(which)
-        own.append(free)
+        own_unknowns.append(free)
     enough(2 * count, first + count - 1, "points, of two conditions each,", ", ".join(kinds[1].names))
     for which in whichs:
         which[1:, -1] = first + np.arange(count - 1)
@@ -177,40 +179,42 @@ def path(task: Any) -> Found:
         return np.concatenate([r for r, _ in parts]), np.concatenate([s for _, s in parts])
 
     exact = 2 * count == first + count - 1
-    complete = exact and not any(given) and task.linkage == "four-bar"
+    complete = exact and not any(prescribed) and task.linkage == "four-bar"
     lost = 0
     if complete:
         known, lost = nine_points.real_linkages(places)
         starts = iter(known)
     else:
         generator = np.random.default_rng(task.seed)
-        starts = (_random(generator, places, kinds, own) for _ in range(task.starts))
-    found = search(equations, starts, fit=not exact)
+        starts = (_random(generator, places, kinds, own_unknowns) for _ in range(task.starts))
+    roots = search(equations, starts, fit=not exact)
     if complete:
-        found = replace(found, starts=len(nine_points.start()[0]), singular=found.singular + lost)
+        roots = replace(roots, starts=len(nine_points.start()[0]), singular=roots.singular + lost)
     linkages, poses = [], []
-    for root in found.roots:
+    for root in roots.roots:
         residual, _ = equations(root)
-        rows = [kind.own(full[0, : len(kind.names)].copy()) for kind, full in zip(kinds, fulls, strict=True)]
+        rows = [
+            kind.scaled(full[0, : len(kind.names)].copy()) for kind, full in zip(kinds, fulls, strict=True)
+        ]
         error = float(np.sqrt(np.mean((residual * np.repeat([scale for _, scale in rows], count)) ** 2)))
-        linkage = made(rows[0][0], rows[1][0], np.array([*places[0], 0.0]), error)
+        linkage = linkage_of(rows[0][0], rows[1][0], np.array([*places[0], 0.0]), error)
         if linkage is not None:
             linkages.append(linkage.scaled(size))
             poses.append(np.column_stack([size * places, fulls[0][:, -1]]))
-    if not any(given) and task.linkage == "four-bar":
+    if not any(prescribed) and task.linkage == "four-bar":
         if exact:
             _add_cognates(linkages, poses, size)
         linkages = [_exchanged(k) if _is_turned(k, size) else k for k in linkages]
-    return Found(*distinct(linkages, poses, size, size), found)
+    return Found(*distinct(linkages, poses, size, size), roots)
 
 
 def _add_cognates(linkages: list[FourBar], poses: list[Array], size: float) -> None:
-    for linkage, own_poses in [*zip(linkages, poses, strict=True)]:
+    for linkage, poses_of_linkage in [*zip(linkages, poses, strict=True)]:
         for other in (linkage, _exchanged(linkage)):
             if np.linalg.norm(other.P - other.A) > ONE_LINK * size:
                 linkages.append(_cognate(other))
-                turned = crank_directions(other, own_poses)
-                poses.append(np.column_stack([own_poses[:, :2], turned - turned[0]]))
+                turned = crank_directions(other, poses_of_linkage)
+                poses.append(np.column_stack([poses_of_linkage[:, :2], turned - turned[0]]))
 
 
 def _is_turned(linkage: FourBar, size: float) -> bool:
@@ -230,11 +234,13 @@ def _cognate(linkage: FourBar) -> FourBar:
     return FourBar(o, a, b, c, p, linkage.error)
 
 
-def _random(generator: np.random.Generator, places: Array, kinds: list[Kind], own: list[list[int]]) -> Array:
+def _random(
+    generator: np.random.Generator, places: Array, kinds: list[Kind], own_unknowns: list[list[int]]
+) -> Array:
     """Return the unknowns of a random linkage whose links have the mean lengths over random rotations."""
     angles = np.array([0.0, *generator.normal(0.0, 1.0, len(places) - 1)])
     poses = np.column_stack([places, angles])
-    dyads = [kind.random(generator, poses)[free] for kind, free in zip(kinds, own, strict=True)]
+    dyads = [kind.random(generator, poses)[free] for kind, free in zip(kinds, own_unknowns, strict=True)]
     return np.concatenate([*dyads, angles[1:]])
 
 
@@ -273,13 +279,13 @@ def _axis(azimuth: float, elevation: float) -> Array:
     return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
 
 
-def _own_dyad(dyad: Array) -> tuple[Array, float]:
+def _scaled_dyad(dyad: Array) -> tuple[Array, float]:
     """Return a dyad with a positive length."""
     dyad[4] = abs(dyad[4])
     return dyad, 1 / (2 * max(dyad[4], 1e-300))
 
 
-def _own_slide(dyad: Array) -> tuple[Array, float]:
+def _scaled_slide(dyad: Array) -> tuple[Array, float]:
     """Return a slider whose guide has a direction in a half plane."""
     half = np.floor((dyad[0] + np.pi / 2) / np.pi)
     dyad[0] -= half * np.pi
@@ -287,7 +293,7 @@ def _own_slide(dyad: Array) -> tuple[Array, float]:
     return dyad, 1.0
 
 
-def _own_axes(dyad: Array) -> tuple[Array, float]:
+def _unscaled_axes(dyad: Array) -> tuple[Array, float]:
     """Return a spherical dyad with both axes in the upper half: an axis and its opposite are one."""
     axes = [_axis(*dyad[:2]), _axis(*dyad[2:4])]
     cosine = np.cos(dyad[4])
@@ -332,9 +338,9 @@ def _spherical(crank: Array, rocker: Array, pose: Array, error: float) -> Spheri
     return SphericalFourBar(o, a, b, c, error)
 
 
-_REVOLUTE = Kind("synthesis_dyad", DYAD, _random_dyad, _own_dyad)
-_SLIDE = Kind("synthesis_slide", SLIDE, _random_slide, _own_slide)
-_AXES = Kind("synthesis_spherical_dyad", SPHERICAL_DYAD, _random_axes, _own_axes)
+_REVOLUTE = Kind("synthesis_dyad", DYAD, _random_dyad, _scaled_dyad)
+_SLIDE = Kind("synthesis_slide", SLIDE, _random_slide, _scaled_slide)
+_AXES = Kind("synthesis_spherical_dyad", SPHERICAL_DYAD, _random_axes, _unscaled_axes)
 #: Dyads of crank and rocker or slider, and the linkage of both.
 _LINKAGES: dict[str, tuple[Kind, Kind, Callable[..., Any]]] = {
     "four-bar": (_REVOLUTE, _REVOLUTE, _four_bar),

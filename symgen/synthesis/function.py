@@ -41,7 +41,7 @@ class _Pairs:
 
     x: Array
     y: Array
-    given: dict[str, float]
+    prescribed: dict[str, float]
     starts: tuple[str, str]
     size: float
 
@@ -55,32 +55,32 @@ def _pairs(task: Any, starts: tuple[str, str], slides: bool = False) -> _Pairs:
         raise SceneError("expected different positions of the slider", where="output")
     texts = {n: getattr(task, n) for n in starts}
     dims = {starts[0]: NUMBER, starts[1]: LENGTH if slides else NUMBER}
-    given = {n: value(text, dims[n], n) for n, text in texts.items() if text is not None}
-    if slides and starts[1] in given:
-        given[starts[1]] /= size
-    return _Pairs(x, y / size, given, starts, size)
+    prescribed = {n: value(text, dims[n], n) for n, text in texts.items() if text is not None}
+    if slides and starts[1] in prescribed:
+        prescribed[starts[1]] /= size
+    return _Pairs(x, y / size, prescribed, starts, size)
 
 
 def _searched(
     pairs: _Pairs, block: str, names: tuple[str, ...], random: Any, task: Any
 ) -> tuple[Any, Any, Any]:
     """Return all rows of quantities (roots, pairs, quantities), the errors, and the search."""
-    free = [i for i, name in enumerate(names) if name not in pairs.given]
+    free = [i for i, name in enumerate(names) if name not in pairs.prescribed]
     enough(len(pairs.x), len(free), "pairs of input and output", " or ".join(pairs.starts))
     full = np.zeros((len(pairs.x), len(names) + 2))
     full[:, len(names) - 2 :] = np.column_stack(
-        [*(np.full(len(pairs.x), pairs.given.get(n, 0.0)) for n in pairs.starts), pairs.x, pairs.y]
+        [*(np.full(len(pairs.x), pairs.prescribed.get(n, 0.0)) for n in pairs.starts), pairs.x, pairs.y]
     )
     equations = equations_at(conditions(block, 1), full, numbered(full, free))
     generator = np.random.default_rng(task.seed)
-    found = search(
+    roots = search(
         equations, (random(generator)[free] for _ in range(task.starts)), fit=len(pairs.x) > len(free)
     )
     rows, errors = [], []
-    for root in found.roots:
+    for root in roots.roots:
         errors.append(float(np.sqrt(np.mean(equations(root)[0] ** 2))))
         rows.append(full[0, : len(names)].copy())
-    return rows, errors, found
+    return rows, errors, roots
 
 
 def four_bars(task: FunctionTask) -> Found:
@@ -96,7 +96,7 @@ def four_bars(task: FunctionTask) -> Found:
     if size < SIZES[0]:
         raise SceneError(f"expected a length of {SIZES[0]:g} m or more, got {size:g} m", where="fixed_link")
     names = ("d_over_a", "d_over_c", "third", *pairs.starts)
-    rows, errors, found = _searched(pairs, "synthesis_function", names, _ratios, task)
+    rows, errors, roots = _searched(pairs, "synthesis_function", names, _ratios, task)
     linkages, poses = [], []
     for (first, second, third, crank, rocker), error in zip(rows, errors, strict=True):
         if min(abs(first), abs(second)) < ONE_LINK:
@@ -114,7 +114,7 @@ def four_bars(task: FunctionTask) -> Found:
         places = (np.zeros(2), joint_a, joint_b, np.array([1.0, 0.0]), (joint_a + joint_b) / 2)
         linkages.append(replace(FourBar(*places).scaled(size), error=error))
         poses.append(angles)
-    return Found(*distinct(linkages, poses, size, 1.0), found)
+    return Found(*distinct(linkages, poses, size, 1.0), roots)
 
 
 def slider_cranks(task: SliderFunctionTask) -> Found:
@@ -129,7 +129,7 @@ def slider_cranks(task: SliderFunctionTask) -> Found:
     """
     pairs = _pairs(task, ("crank_start", "slider_start"), slides=True)
     names = ("crank", "coupler", "offset", *pairs.starts)
-    rows, errors, found = _searched(pairs, "synthesis_slider_function", names, _slider_lengths, task)
+    rows, errors, roots = _searched(pairs, "synthesis_slider_function", names, _slider_lengths, task)
     linkages, poses = [], []
     for (r, l, e, crank, slider), error in zip(rows, errors, strict=True):
         if min(abs(r), abs(l)) < ONE_LINK:
@@ -140,7 +140,7 @@ def slider_cranks(task: SliderFunctionTask) -> Found:
         linkage = SliderCrank(np.zeros(2), joint, end, (joint + end) / 2, 0.0, error / (2 * abs(l)))
         linkages.append(linkage.scaled(pairs.size))
         poses.append(np.column_stack([angles, pairs.size * way]))
-    return Found(*distinct(linkages, poses, pairs.size, pairs.size), found)
+    return Found(*distinct(linkages, poses, pairs.size, pairs.size), roots)
 
 
 def spherical_four_bars(task: SphericalFunctionTask) -> Found:
@@ -153,7 +153,7 @@ def spherical_four_bars(task: SphericalFunctionTask) -> Found:
     """
     pairs = _pairs(task, ("crank_start", "rocker_start"))
     names = ("cos_d", "sin_d_over_tan_c", "sin_d_over_tan_a", "last", *pairs.starts)
-    rows, errors, found = _searched(pairs, "synthesis_spherical_function", names, _spherical_ratios, task)
+    rows, errors, roots = _searched(pairs, "synthesis_spherical_function", names, _spherical_ratios, task)
     linkages, poses = [], []
     for (cos_d, over_c, over_a, last, crank, rocker), error in zip(rows, errors, strict=True):
         if not abs(cos_d) < 1 - ONE_LINK**2:
@@ -165,14 +165,14 @@ def spherical_four_bars(task: SphericalFunctionTask) -> Found:
             continue  # axes that never have this distance, or of a coupler without length
         # An axis and its opposite are one: of both, that less than a quarter of a circle away.
         turns = np.zeros(2)
-        if a > np.pi / 2 and "crank_start" not in pairs.given:
+        if a > np.pi / 2 and "crank_start" not in pairs.prescribed:
             a, turns[0] = np.pi - a, np.pi
-        if c > np.pi / 2 and "rocker_start" not in pairs.given:
+        if c > np.pi / 2 and "rocker_start" not in pairs.prescribed:
             c, turns[1] = np.pi - c, np.pi
         angles = np.column_stack([crank + pairs.x, rocker + pairs.y]) + turns
         linkages.append(_on_sphere(a, c, d, angles[0], error))
         poses.append(angles)
-    return Found(*distinct(linkages, poses, 1.0, 1.0), found)
+    return Found(*distinct(linkages, poses, 1.0, 1.0), roots)
 
 
 def _on_sphere(a: float, c: float, d: float, angles: Array, error: float) -> SphericalFourBar:

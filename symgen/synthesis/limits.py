@@ -38,7 +38,7 @@ class Kind:
     ----------
     block
         The compiled conditions.
-    what
+    family
         Name of the linkage.
     quantities
         Rows of name, unit and meaning.
@@ -52,7 +52,7 @@ class Kind:
     """
 
     block: str
-    what: str
+    family: str
     quantities: tuple[tuple[str, str, str], ...]
     conditions: int
     necessary: Callable[[dict[str, Any]], list[Any]]
@@ -73,19 +73,19 @@ class Kind:
         return frozenset(name for name, unit, _ in self.quantities if unit == "m")
 
     @property
-    def given(self) -> int:
+    def required(self) -> int:
         """Number of quantities that determine the others."""
         return len(self.quantities) - self.conditions
 
-    def why_not(self, given: dict[str, float], ranges: dict[str, tuple[float, float]]) -> str:
+    def why_not(self, prescribed: dict[str, float], ranges: dict[str, tuple[float, float]]) -> str:
         """Return conditions of every linkage that exclude these values; empty if none is known."""
-        low, scale = _over(given | {name: ends[0] for name, ends in ranges.items()}, self.lengths)
+        low, scale = _over(prescribed | {name: ends[0] for name, ends in ranges.items()}, self.lengths)
         high = {n: ends[1] / scale if n in self.lengths else ends[1] for n, ends in ranges.items()}
         bounds = {name: (value, high.get(name, value)) for name, value in low.items()}
         return contradiction(self.quantities, self.necessary, bounds)
 
 
-def linkages(kind: Kind, given: dict[str, float], starts: int, seed: int) -> tuple[list[Any], Search]:
+def linkages(kind: Kind, prescribed: dict[str, float], starts: int, seed: int) -> tuple[list[Any], Search]:
     """Return all linkages found that have the prescribed quantities [m, rad].
 
     Raises
@@ -93,11 +93,11 @@ def linkages(kind: Kind, given: dict[str, float], starts: int, seed: int) -> tup
     SceneError
         When the quantities are too few or many, or do not determine the linkage.
     """
-    _check(kind, given)
-    given, scale = _over(given, kind.lengths)
+    _check(kind, prescribed)
+    prescribed, scale = _over(prescribed, kind.lengths)
     equations = conditions(kind.block, kind.conditions)
-    fixed = np.array([name in given for name in kind.names])
-    values = np.array([given.get(name, 0.0) for name in kind.names])
+    fixed = np.array([name in prescribed for name in kind.names])
+    values = np.array([prescribed.get(name, 0.0) for name in kind.names])
     generator = np.random.default_rng(seed)
 
     def residual(x: Array) -> tuple[Array, Array]:
@@ -106,7 +106,7 @@ def linkages(kind: Kind, given: dict[str, float], starts: int, seed: int) -> tup
         (r,), (slopes,) = equations(full[None])
         return r, slopes[:, ~fixed]
 
-    samples = [_sample(kind, generator, given) for _ in range(starts)]
+    samples = [_sample(kind, generator, prescribed) for _ in range(starts)]
     for sample in samples[:3]:
         _, (slopes,) = equations(sample[None])
         sizes = np.linalg.svd(slopes[:, ~fixed], compute_uv=False)
@@ -114,24 +114,24 @@ def linkages(kind: Kind, given: dict[str, float], starts: int, seed: int) -> tup
             break
     else:
         raise SceneError(
-            f"{', '.join(given)} depend on each other and do not determine {kind.what}",
+            f"{', '.join(prescribed)} depend on each other and do not determine {kind.family}",
             hint="Angles of a limit position add up to 180 deg; swing and stroke follow from both positions.",
         )
-    found = search(residual, (sample[~fixed] for sample in samples))
-    kept = []
-    for x in found.roots:
+    roots = search(residual, (sample[~fixed] for sample in samples))
+    results = []
+    for x in roots.roots:
         full = values.copy()
         full[~fixed] = x
         named = dict(zip(kind.names, full.tolist(), strict=True))
         if kind.accepts(named):
             error = float(np.abs(equations(full[None])[0]).max())
-            kept.append(kind.drawn({**named, "error": error}))
-    kept.sort(key=lambda linkage: [*linkage.lengths.values()])
-    return [linkage.scaled(scale) for linkage in kept], found
+            results.append(kind.drawn({**named, "error": error}))
+    results.sort(key=lambda linkage: [*linkage.lengths.values()])
+    return [linkage.scaled(scale) for linkage in results], roots
 
 
 def best(
-    kind: Kind, given: dict[str, float], ranges: dict[str, tuple[float, float]], starts: int, seed: int
+    kind: Kind, prescribed: dict[str, float], ranges: dict[str, tuple[float, float]], starts: int, seed: int
 ) -> tuple[list[Any], Search]:
     """Return the linkage of best transmission, with one of its quantities in a range [m, rad].
 
@@ -155,9 +155,9 @@ def best(
 
     def at(value: float) -> tuple[float, Any]:
         value = 0.0 if name in kind.lengths and value < SIZES[0] else float(value)  # an offset of zero
-        found, search = linkages(kind, {**given, name: value}, max(starts // 5, 1), seed)
+        candidates, search = linkages(kind, {**prescribed, name: value}, max(starts // 5, 1), seed)
         searches.append(search)
-        rated = [(_off_right(kind, linkage), linkage) for linkage in found]
+        rated = [(_off_right(kind, linkage), linkage) for linkage in candidates]
         return min(rated, key=lambda pair: pair[0], default=(np.pi, None))
 
     values = np.linspace(low, high, _VALUES)
@@ -172,7 +172,7 @@ def best(
     return [min(tried[top], at(refined.x), key=lambda pair: pair[0])[1]], searches[top]
 
 
-def greatest_transmission(kind: Kind, given: dict[str, float], starts: int, seed: int) -> float:
+def greatest_transmission(kind: Kind, prescribed: dict[str, float], starts: int, seed: int) -> float:
     """Return the greatest ``transmission_least`` [rad] found with the other quantities, at most 90 deg.
 
     Linkages are searched at values up to a right angle, with a fifth of the starts each, then by bisection
@@ -180,8 +180,8 @@ def greatest_transmission(kind: Kind, given: dict[str, float], starts: int, seed
     """
 
     def exists(value: float) -> bool:
-        asked = {**given, "transmission_least": value}
-        return bool(linkages(kind, asked, max(starts // 5, 1), seed)[0])
+        trial = {**prescribed, "transmission_least": value}
+        return bool(linkages(kind, trial, max(starts // 5, 1), seed)[0])
 
     values = np.linspace(0.0, np.pi / 2, _VALUES).tolist()
     met = [i for i, value in enumerate(values) if i and exists(value)]
@@ -199,53 +199,54 @@ def _off_right(kind: Kind, linkage: Any) -> float:
     return max(abs(angle - np.pi / 2) for angle in kind.transmission(linkage))
 
 
-def _over(given: dict[str, float], lengths: frozenset[str]) -> tuple[dict[str, float], float]:
+def _over(prescribed: dict[str, float], lengths: frozenset[str]) -> tuple[dict[str, float], float]:
     """Return quantities with lengths over the first of them, which is not zero; and that length [m]."""
-    scale = next(value for name, value in given.items() if name in lengths and value)
-    return {name: value / scale if name in lengths else value for name, value in given.items()}, scale
+    scale = next(value for name, value in prescribed.items() if name in lengths and value)
+    return {name: value / scale if name in lengths else value for name, value in prescribed.items()}, scale
 
 
-def _check(kind: Kind, given: dict[str, float]) -> None:
-    if len(given) != kind.given:
-        names = ", ".join(given) or "none"
+def _check(kind: Kind, prescribed: dict[str, float]) -> None:
+    if len(prescribed) != kind.required:
+        names = ", ".join(prescribed) or "none"
         raise SceneError(
-            f"expected {kind.given} quantities, which determine {kind.what}, got {len(given)}: {names}",
-            hint=_advice(kind, given) + f"Known: {', '.join(kind.names)}.",
+            f"expected {kind.required} quantities, which determine {kind.family}, "
+            f"got {len(prescribed)}: {names}",
+            hint=_advice(kind, prescribed) + f"Known: {', '.join(kind.names)}.",
         )
     least = {"offset": 0.0} if kind is SLIDER_CRANK else {}
-    if not any(given[name] for name in kind.lengths & given.keys()):
+    if not any(prescribed[name] for name in kind.lengths & prescribed.keys()):
         raise SceneError(
             "expected at least one length, got angles alone, which leave the size of the linkage open",
             hint='Add a length such as crank = "1 m" in place of an angle.',
         )
-    for name, number in given.items():
+    for name, number in prescribed.items():
         unit = next(u for n, u, _ in kind.quantities if n == name)
         if unit == "m" and not (number >= SIZES[0] or number == least.get(name)):
-            wanted = f"{'of zero, or ' if name in least else ''}of {SIZES[0]:g} m or more"
-            raise SceneError(f"expected a length {wanted}, got {number:.6g} m", where=name)
+            limit = f"{'of zero, or ' if name in least else ''}of {SIZES[0]:g} m or more"
+            raise SceneError(f"expected a length {limit}, got {number:.6g} m", where=name)
         if unit == "1" and not 0 < number < np.inf:
             raise SceneError(f"expected a ratio above zero, got {number:.6g}", where=name)
         if unit == "rad" and not 0 < number < np.pi:
-            got = f"{np.degrees(number):.6g} deg"
-            raise SceneError(f"expected an angle between 0 and 180 deg, got {got}", where=name)
+            text = f"{np.degrees(number):.6g} deg"
+            raise SceneError(f"expected an angle between 0 and 180 deg, got {text}", where=name)
 
 
-def _advice(kind: Kind, given: dict[str, float]) -> str:
+def _advice(kind: Kind, prescribed: dict[str, float]) -> str:
     """Return advice on further quantities if there are too few; empty without advice."""
-    if len(given) > kind.given or "transmission_least" in given:
+    if len(prescribed) > kind.required or "transmission_least" in prescribed:
         return ""
-    length = "" if kind.lengths & given.keys() else "a length and, "
+    length = "" if kind.lengths & prescribed.keys() else "a length and, "
     return (
         f"Add {length}for example{',' * bool(length)} transmission_least, which may be a range: "
         '["30 deg", "90 deg"] finds the best.\n  '
     )
 
 
-def _sample(kind: Kind, generator: np.random.Generator, given: dict[str, float]) -> Array:
+def _sample(kind: Kind, generator: np.random.Generator, prescribed: dict[str, float]) -> Array:
     """Return the quantities of a random linkage, of the size of the first prescribed length."""
     named = kind.random(generator)
-    name = next(name for name in kind.names if name in kind.lengths and given.get(name))
-    scale = given[name] / named[name]
+    name = next(name for name in kind.names if name in kind.lengths and prescribed.get(name))
+    scale = prescribed[name] / named[name]
     return np.array([named[n] * (scale if n in kind.lengths else 1.0) for n in kind.names])
 
 

@@ -88,8 +88,8 @@ class Linkage(ABC):
         if units:
             tables["units"] = {of: name for of, (name, _) in units.items()}
         if title:
-            own = tables["title"]
-            tables["title"] = f"{title}: {own[0].lower()}{own[1:]}"
+            default_title = tables["title"]
+            tables["title"] = f"{title}: {default_title[0].lower()}{default_title[1:]}"
         return _text(tables)
 
     @property
@@ -103,11 +103,11 @@ class Linkage(ABC):
 
         Coupler and rocker are in line there: stretched or folded.
         """
-        own, found = self.parameters["start"], []
+        start, angles = self.parameters["start"], []
         for low, high in self.ranges:
-            shift = 2 * math.pi * round((own - (low + high) / 2) / (2 * math.pi))
-            found.append((max(low + shift - own, own - high - shift, 0.0), low + shift, high + shift))
-        _, low, high = min(found, default=(0.0, -math.inf, math.inf))
+            shift = 2 * math.pi * round((start - (low + high) / 2) / (2 * math.pi))
+            angles.append((max(low + shift - start, start - high - shift, 0.0), low + shift, high + shift))
+        _, low, high = min(angles, default=(0.0, -math.inf, math.inf))
         return low, high
 
     def angles(self, at: ArrayLike) -> Result:
@@ -200,8 +200,8 @@ def _model(kind: type[PlanarLinkage]) -> KinematicModel:
 @cache
 def _cosine() -> Callable[[float, float, float], float]:
     sides = sp.symbols("far one other", positive=True)
-    made: Callable[[float, float, float], float] = sp.lambdify(sides, cosine_opposite(*sides), "math")
-    return made
+    cosine: Callable[[float, float, float], float] = sp.lambdify(sides, cosine_opposite(*sides), "math")
+    return cosine
 
 
 def angle(far: float, one: float, other: float) -> float:

@@ -79,7 +79,7 @@ def follow(solutions: Complex, start: Complex, end: Complex) -> tuple[Complex, N
     Each step is one of Runge and Kutta's method of fourth order, corrected three times by Newton's method.
     """
     x, count = solutions.copy(), len(solutions)
-    done, step, steady = np.zeros(count), np.full(count, _STEP), np.zeros(count, dtype=int)
+    progress, step, steady = np.zeros(count), np.full(count, _STEP), np.zeros(count, dtype=int)
     lost = np.zeros(count, dtype=bool)
     move = end - start
 
@@ -90,7 +90,7 @@ def follow(solutions: Complex, start: Complex, end: Complex) -> tuple[Complex, N
     active = np.arange(count)
     with np.errstate(all="ignore"):
         while active.size:
-            y, t, h = x[active], done[active], np.minimum(step[active], 1.0 - done[active])
+            y, t, h = x[active], progress[active], np.minimum(step[active], 1.0 - progress[active])
             half = h[:, None] / 2
             k1 = rate(y, t)
             k2 = rate(y + half * k1, t + h / 2)
@@ -105,24 +105,24 @@ def follow(solutions: Complex, start: Complex, end: Complex) -> tuple[Complex, N
                 sizes.append(np.abs(change).max(axis=1) / np.maximum(np.abs(y).max(axis=1), 1.0))
             good = (sizes[0] < _PREDICTED) & (sizes[2] < _CORRECTED)
             on, back = active[good], active[~good]
-            x[on], done[on] = y[good], t[good]
+            x[on], progress[on] = y[good], t[good]
             steady[on] += 1
             step[on] *= np.where(steady[on] % _STEADY == 0, 2.0, 1.0)
             step[back], steady[back] = h[~good] / 2, 0
             lost[back] = step[back] < _LEAST
-            active = active[(done[active] < 1.0) & ~lost[active]]
+            active = active[(progress[active] < 1.0) & ~lost[active]]
     return x, lost
 
 
 def cognates(x: Complex) -> Complex:
     """Return the solutions (n, 3, 8) of a linkage and its two cognates."""
-    found = [x]
+    linkages = [x]
     for order in ([0, 1, 2, 3], [2, 3, 0, 1]):
         g, w, c, v = (x[:, 2 * i : 2 * i + 2] for i in (order[0], order[1], order[2], order[3]))
         parts: tuple[Any, ...] = (g, w, v, c, np.zeros_like(g))
         ground, joint, end, other, _ = cognate(*parts)
-        found.append(np.concatenate([ground, joint, other, end], axis=1))
-    return np.stack(found, axis=1)
+        linkages.append(np.concatenate([ground, joint, other, end], axis=1))
+    return np.stack(linkages, axis=1)
 
 
 def classes(x: Complex) -> NDArray[np.intp]:
@@ -167,5 +167,5 @@ def _functions() -> Callable[..., tuple[Complex, ...]]:
     g, h, w, v, c, d, u, s, p, q = symbols = sp.symbols("g h w v c d u s p q")
     condition, turned, common = without_rotation((((g, h), (w, v)), ((c, d), (u, s))), (p, q))
     every = [condition, turned, common, *(condition.diff(x) for x in symbols)]
-    made: Callable[..., tuple[Complex, ...]] = sp.lambdify(symbols, every, "numpy", cse=True)
-    return made
+    functions: Callable[..., tuple[Complex, ...]] = sp.lambdify(symbols, every, "numpy", cse=True)
+    return functions

@@ -85,7 +85,7 @@ def search(
     """
     from scipy.optimize import leastsq
 
-    found: list[Array] = []
+    roots: list[Array] = []
     last, slopes = np.empty(0), np.empty(0)
 
     def residual(x: Array) -> Array:
@@ -121,9 +121,9 @@ def search(
         if not regular:
             singular += 1
             continue
-        if all(np.abs(x - other).max() > _SAME * size for other in found):
-            found.append(x)
-    return Search(tuple(found), count, nearest, singular)
+        if all(np.abs(x - other).max() > _SAME * size for other in roots):
+            roots.append(x)
+    return Search(tuple(roots), count, nearest, singular)
 
 
 def _polished(equations: Callable[[Array], tuple[Array, Array]], x: Array) -> tuple[Array | None, bool]:
@@ -198,24 +198,24 @@ def distinct(
     linkages: list[Any], poses: list[Array], size: float, unit: float
 ) -> tuple[list[Any], list[Array]]:
     """Return linkages without repetitions: those of least error, in its unit, and shortest links first."""
-    kept: list[tuple[Any, Array]] = []
+    unique: list[tuple[Any, Array]] = []
     order = sorted(
         zip(linkages, poses, strict=True), key=lambda x: (round(x[0].error / unit, 9), *x[0].lengths.values())
     )
-    for linkage, own in order:
-        if not any(same(linkage.places, other.places, size) for other, _ in kept):
-            kept.append((linkage, own))
-    return [k for k, _ in kept], [p for _, p in kept]
+    for linkage, unknowns in order:
+        if not any(same(linkage.places, other.places, size) for other, _ in unique):
+            unique.append((linkage, unknowns))
+    return [k for k, _ in unique], [p for _, p in unique]
 
 
-def enough(conditions: int, unknowns: int, what: str, which: str) -> None:
+def enough(conditions: int, unknowns: int, noun: str, which: str) -> None:
     """Raise SceneError where nothing is unknown, or conditions do not determine the unknowns."""
     if not unknowns:
         raise SceneError("nothing is left to be found", hint=f"Prescribe fewer of: {which}.")
     if conditions < unknowns:
         raise SceneError(
             f"{conditions} conditions do not determine {unknowns} unknowns",
-            hint=f"Give more {what} or prescribe some of: {which}.",
+            hint=f"Give more {noun} or prescribe some of: {which}.",
         )
 
 

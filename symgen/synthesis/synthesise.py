@@ -113,39 +113,39 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
     SceneError
         For anything wrong in the task; ``NoLinkageError`` when no linkage was found or can exist.
     """
-    head, asked = read_task(task)
-    if isinstance(asked, LimitTask | SliderLimitTask):
-        kind = LIMITS[asked.linkage]
-        given, ranges = asked.given()
+    head, fields = read_task(task)
+    if isinstance(fields, LimitTask | SliderLimitTask):
+        kind = LIMITS[fields.linkage]
+        prescribed, ranges = fields.prescribed()
         if ranges:
-            linkages, search = limits.best(kind, given, ranges, asked.starts, asked.seed)
+            linkages, search = limits.best(kind, prescribed, ranges, fields.starts, fields.seed)
         else:
-            linkages, search = limits.linkages(kind, given, asked.starts, asked.seed)
-        measured = partial(_limits, kind, given, optimised=bool(ranges))
+            linkages, search = limits.linkages(kind, prescribed, fields.starts, fields.seed)
+        measured = partial(_limits, kind, prescribed, optimised=bool(ranges))
         designs = [_checked(linkage, partial(measured, linkage)) for linkage in linkages]
         if not designs:
-            reason = kind.why_not(given, ranges)
+            reason = kind.why_not(prescribed, ranges)
             if reason:
                 raise NoLinkageError(
-                    f"no {_NOUNS[asked.linkage]} has these values, which contradict: {reason}",
+                    f"no {_NOUNS[fields.linkage]} has these values, which contradict: {reason}",
                     hint="Change the prescribed values.",
                 )
             raise NoLinkageError(
-                _nothing(asked, search) + _greatest(kind, given, ranges, asked),
+                _nothing(fields, search) + _greatest(kind, prescribed, ranges, fields),
                 hint="Change the prescribed values, or try more starts.",
             )
     else:
-        found = _GENERATIONS[asked.kind, asked.linkage](asked)
-        run = _function if asked.kind == "function" else _guidance
-        pairs = zip(found.linkages, found.poses, strict=True)
-        designs = [_checked(own, partial(run, own, poses)) for own, poses in pairs]
-        search = found.search
+        generated = _GENERATIONS[fields.kind, fields.linkage](fields)
+        run = _function if fields.kind == "function" else _guidance
+        pairs = zip(generated.linkages, generated.poses, strict=True)
+        designs = [_checked(design, partial(run, design, poses)) for design, poses in pairs]
+        search = generated.search
     if not designs:
         raise NoLinkageError(
-            _nothing(asked, search), hint="Change the prescribed values, or try more starts."
+            _nothing(fields, search), hint="Change the prescribed values, or try more starts."
         )
     ordered = tuple(sorted(designs, key=lambda d: bool(d.faults)))
-    return Synthesis(head.title, asked.kind, asked.linkage, ordered, search, head.units)
+    return Synthesis(head.title, fields.kind, fields.linkage, ordered, search, head.units)
 
 
 #: Limit positions by linkage.
@@ -177,18 +177,18 @@ def _nothing(task: Task, search: Search) -> str:
 
 def _greatest(
     kind: limits.Kind,
-    given: dict[str, float],
+    prescribed: dict[str, float],
     ranges: dict[str, tuple[float, float]],
     task: LimitTask | SliderLimitTask,
 ) -> str:
     """Return the greatest transmission angle of linkages with the other values, if more is prescribed."""
     name = "transmission_least"
-    others = {n: x for n, x in given.items() if n != name}
-    asked = ranges[name][0] if name in ranges else given.get(name, 0.0)
-    if not asked or len(others) != kind.given - 1:
+    others = {n: x for n, x in prescribed.items() if n != name}
+    requested = ranges[name][0] if name in ranges else prescribed.get(name, 0.0)
+    if not requested or len(others) != kind.required - 1:
         return ""
     most = limits.greatest_transmission(kind, others, task.starts, task.seed)
-    if not 0 < most < asked:
+    if not 0 < most < requested:
         return ""
     return (
         f"; the greatest {name} found with the other values is {np.floor(100 * np.degrees(most)) / 100:g} deg"
@@ -210,14 +210,14 @@ def _stopped(linkage: Linkage, time: float) -> str:
     return f"the crank stops at {stop:.6g} deg, before it has passed all poses"
 
 
-def _limits(kind: limits.Kind, given: dict[str, float], linkage: Linkage, *, optimised: bool) -> Faults:
+def _limits(kind: limits.Kind, prescribed: dict[str, float], linkage: Linkage, *, optimised: bool) -> Faults:
     quantities = _over_revolution(linkage) | dict(kind.measured(linkage))
     size = max(linkage.lengths.values())
-    sizes = {n: size if n in kind.lengths else 1.0 for n in given if n in quantities}
-    missed = {n: abs(quantities[n] - given[n]) / unit for n, unit in sizes.items()}
+    sizes = {n: size if n in kind.lengths else 1.0 for n in prescribed if n in quantities}
+    missed = {n: abs(quantities[n] - prescribed[n]) / unit for n, unit in sizes.items()}
     faults = [f"{name} is missed by {x:.2g}" for name, x in missed.items() if not x <= _AGREES]
     for name, length in linkage.lengths.items() if optimised else ():
-        if name not in given and name != "offset" and length < _VANISHES * size:
+        if name not in prescribed and name != "offset" and length < _VANISHES * size:
             share = f"{length / size:.1e} of the longest length"
             faults.append(f"the {name} has {share}: prescribe a length instead of the range")
     return quantities, faults
@@ -230,14 +230,14 @@ def _over_revolution(linkage: Linkage) -> dict[str, float]:
     directions, moves, more = _extremes(linkage)
     run = linkage.angles(np.array(directions))
     transmission = _transmission(linkage, run)
-    found = {
+    extremes = {
         "transmission_minimum": float(transmission.min()),
         "transmission_maximum": float(transmission.max()),
     }
     if moves:
-        found[moves] = float(np.ptp(_output(linkage, run)))
-        found["time_ratio"] = limits.time_ratio(abs(more))
-    return found
+        extremes[moves] = float(np.ptp(_output(linkage, run)))
+        extremes["time_ratio"] = limits.time_ratio(abs(more))
+    return extremes
 
 
 def _extremes(linkage: Linkage) -> tuple[list[float], str, float]:

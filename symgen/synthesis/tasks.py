@@ -61,9 +61,9 @@ class LimitTask(_Search):
     time_ratio: Limit | None = None
     starts: Starts = 60
 
-    def given(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    def prescribed(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
         """Return the prescribed quantities [m, rad], and ranges of others."""
-        return _given(self, QUANTITIES)
+        return _prescribed(self, QUANTITIES)
 
 
 class SliderLimitTask(_Search):
@@ -84,23 +84,23 @@ class SliderLimitTask(_Search):
     time_ratio: Limit | None = None
     starts: Starts = 60
 
-    def given(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    def prescribed(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
         """Return the prescribed quantities [m, rad], and ranges of others."""
-        return _given(self, SLIDER_QUANTITIES)
+        return _prescribed(self, SLIDER_QUANTITIES)
 
 
-def _given(
+def _prescribed(
     task: Table, quantities: tuple[tuple[str, str, str], ...]
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    given, ranges = {}, {}
+    fixed, ranges = {}, {}
     for name, unit, _ in quantities:
         written, dim = getattr(task, name), LENGTH if unit == "m" else NUMBER
         if isinstance(written, list):
             low, high = values(written, dim, name)
             ranges[name] = float(low), float(high)
         elif written is not None:
-            given[name] = value(written, dim, name)
-    return given, ranges
+            fixed[name] = value(written, dim, name)
+    return fixed, ranges
 
 
 class FunctionTask(_Search):
@@ -153,7 +153,7 @@ class _FourBar(_Points):
     joint_y: Pair | None = None
     length: Pair | None = absent("Lengths of crank and rocker.")
 
-    def given(self) -> list[dict[str, float]]:
+    def prescribed(self) -> list[dict[str, float]]:
         """Return the prescribed quantities of both dyads [m]."""
         return _of_sides(self, DYAD)
 
@@ -172,7 +172,7 @@ class _SliderCrank(_Points):
     slider_x: Value | None = absent("Place of the slider along the coupler's axis.")
     slider_y: Value | None = None
 
-    def given(self) -> list[dict[str, float]]:
+    def prescribed(self) -> list[dict[str, float]]:
         """Return the prescribed quantities of crank and slider [m, rad]."""
         units = dict.fromkeys((*DYAD, *SLIDE), LENGTH) | {"guide_angle": NUMBER}
         read = {n: value(getattr(self, n), d, n) for n, d in units.items() if getattr(self, n) is not None}
@@ -228,7 +228,7 @@ class SphericalMotionTask(_Search):
     joint_elevation: Pair | None = None
     arc: Pair | None = absent("Arcs of crank and rocker.")
 
-    def given(self) -> list[dict[str, float]]:
+    def prescribed(self) -> list[dict[str, float]]:
         """Return the prescribed quantities of both dyads [rad]."""
         return _of_sides(self, SPHERICAL_DYAD, NUMBER)
 
@@ -315,20 +315,20 @@ def _task(table: dict[str, Any], where: str) -> Task:
             where=f"{where}.linkage".strip("."),
             hint=nearest(str(linkage), _KINDS[kind]),
         )
-    own = _KINDS[kind][linkage]
+    model = _KINDS[kind][linkage]
     try:
-        return TypeAdapter(own).validate_python(table)
+        return TypeAdapter(model).validate_python(table)
     except ValidationError as error:
-        raise scene_error(own, error).located(where=where) from None
+        raise scene_error(model, error).located(where=where) from None
 
 
 def value(text: str | int | float, dim: Dimension, where: str) -> float:
     """Return a quantity in SI units; lengths up to the largest."""
     with at(where):
-        found = float(parse_value(text, {}, dim))
-    if dim == LENGTH and abs(found) > SIZES[1]:
-        raise SceneError(f"expected at most {SIZES[1]:g} m, got {found:g} m", where=where)
-    return found
+        number = float(parse_value(text, {}, dim))
+    if dim == LENGTH and abs(number) > SIZES[1]:
+        raise SceneError(f"expected at most {SIZES[1]:g} m, got {number:g} m", where=where)
+    return number
 
 
 def values(texts: list[str | int | float], dim: Dimension, where: str) -> Array:

@@ -22,7 +22,7 @@ from symgen.mechanics.elastic.energies import LIFT, energy_weights, rate, rigid_
 from symgen.mechanics.elastic.places import at_a_place
 from symgen.mechanics.elastic.shaft import KINETIC, POWER, RATE, powers
 from symgen.runtime.beams.energies import energies, of_joints, of_links
-from symgen.runtime.beams.forces import own_motion
+from symgen.runtime.beams.forces import local_motion
 from symgen.runtime.elastic import run as run_of_elastic
 
 #: Scenes, the links that are rigid in place of elastic, and bounds of the imbalance of powers, as reported and by
@@ -259,7 +259,7 @@ def test_torque_of_a_crank_alone_is_the_moment_of_its_displaced_particles(tmp_pa
     motion, found = taken["motion"], taken["found"]
     places = np.linspace(0.0, 1.0, 2001)
     rows = motion.beams[0].table(places.tolist())
-    states = own_motion(motion, found, taken["accelerations"], 0)
+    states = local_motion(motion, found, taken["accelerations"], 0)
     u, w, slope = ([x @ rows[name].T for x in states] for name in ("u", "w", "slope"))
     shorter = [slope[0] ** 2 / 2, slope[0] * slope[1], slope[1] ** 2 + slope[0] * slope[2]]
     shorter = [cumulative_simpson(x, x=places, axis=1, initial=0.0) for x in shorter]

@@ -244,7 +244,7 @@ def test_steps_to_a_time_limit_are_counted_in_the_order_in_which_they_are_taken(
     with pytest.raises(OutOfTime) as stop:
         stepped(motion, motion.equations(), GAUSS, times, counts, pace=Short(0.0, 0.04))
     assert stop.value.reached.tolist() == [0, 2]
-    assert stop.value.found.steps == 1 + 2
+    assert stop.value.states.steps == 1 + 2
 
 
 def test_jumps_at_angles_beyond_a_revolution():

@@ -224,7 +224,7 @@ def test_places_of_joints_are_products_of_matrices():
 
 def test_refusals(monkeypatch):
     with pytest.raises(ModelError, match="elastic has no live page: it has no outputs"):
-        sources_of(SimpleNamespace(name="elastic", outputs=(), own={}), FRAMES)
+        sources_of(SimpleNamespace(name="elastic", outputs=(), specific={}), FRAMES)
     with pytest.raises(CapabilityError, match="spatial_slider_crank has no export to C and no live page"):
         inspected.live_of(read_scene("spatial_slider_crank"), {}, FRAMES)
     with pytest.raises(ModelError, match="expected the range of the slider of links_coupler_length"):

@@ -43,7 +43,7 @@ in_chromium = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def gathered():
-    return {name: scene_page(read_scene(name), speed=False, told=lambda _: None) for name in SCENES}
+    return {name: scene_page(read_scene(name), speed=False, progress=lambda _: None) for name in SCENES}
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_a_page_in_a_browser(seen, name, width):
 @pytest.mark.parametrize("name", [name for name in shipped_scenes() if name not in SCENES])
 def test_every_page_in_a_browser(name, tmp_path):
     page = tmp_path / f"{name}.html"
-    page.write_text(render(scene_page(read_scene(name), speed=False, told=lambda _: None)))
+    page.write_text(render(scene_page(read_scene(name), speed=False, progress=lambda _: None)))
     assert page.stat().st_size < 2_000_000
     assert [found.faults for found in browser.look([page], WIDTHS, tmp_path).values()] == [[], []]
 

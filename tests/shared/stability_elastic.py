@@ -35,11 +35,11 @@ class Turning(Case):
     @property
     def trials(self) -> tuple[Trial, ...]:
         """Every method, and an explicit one with too few steps for the highest frequency."""
-        found = []
+        trials = []
         for name in METHODS:
             size = {"rtol": self.rtol} if name in _BY_TOLERANCE else {"steps": self.steps}
-            found.append(Trial(name, size, self.bounds.get(name)))
-        return (*found, Trial("rk4", {"steps": self.too_few}))
+            trials.append(Trial(name, size, self.bounds.get(name)))
+        return (*trials, Trial("rk4", {"steps": self.too_few}))
 
     def go(self, trial: Trial) -> Found:
         """Run a trial and compare the bending strains of all stations."""
@@ -79,8 +79,8 @@ class Steady(Case):
         model = model_of(self.scene).with_parameters(speed=self.rpm * math.pi / 30)
         result = model.periodic(samples=_SAMPLES)
         if result.stable is not self.stable:
-            said = {True: "stable", False: "unstable", None: "not known"}
-            raise SimulationError(f"found {said[result.stable]}, and it is {said[self.stable]}")
+            verdict = {True: "stable", False: "unstable", None: "not known"}
+            raise SimulationError(f"found {verdict[result.stable]}, and it is {verdict[self.stable]}")
         exact = 1.0
         if not self.undamped:
             more = model.periodic(samples=_SAMPLES, steps=4 * result.statistics["steps"])
@@ -91,8 +91,8 @@ class Steady(Case):
 
 @cache
 def _reference(scene: str, method: str, options: tuple[tuple[str, Any], ...]) -> ElasticResult:
-    found = model_of(scene).simulate(method=method, samples=_SAMPLES, rtol=_TIGHT, **dict(options))
-    return cast(ElasticResult, found)
+    result = model_of(scene).simulate(method=method, samples=_SAMPLES, rtol=_TIGHT, **dict(options))
+    return cast(ElasticResult, result)
 
 
 #: Implicit methods with a step that resolves only the lowest frequencies.

@@ -68,8 +68,8 @@ class FreeLoop(Case):
     @property
     def trials(self) -> tuple[Trial, ...]:
         """Every explicit integrator with its tolerance or step; the others support points and links only."""
-        found = integrations(self.rtol, self.step, self.bounds)
-        return tuple(t for t in found if INTEGRATORS[t.method].kind == "explicit")
+        trials = integrations(self.rtol, self.step, self.bounds)
+        return tuple(t for t in trials if INTEGRATORS[t.method].kind == "explicit")
 
     def go(self, trial: Trial) -> Found:
         """Run a trial and evaluate the energy balance."""
@@ -122,8 +122,8 @@ def _of_slider(turn: Turn) -> float:
 def _of_poles(turn: Turn) -> float:
     """Return the error of the dead centres [rad], where no finite load balances a torque."""
     exact = np.radians([90.0, 270.0])
-    found = [pole.at for pole in turn.poles]
-    return largest(np.array(found) - exact) if len(found) == len(exact) else math.inf
+    poles = [pole.at for pole in turn.poles]
+    return largest(np.array(poles) - exact) if len(poles) == len(exact) else math.inf
 
 
 _ANGLES = "relation of the angles"

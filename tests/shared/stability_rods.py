@@ -55,23 +55,26 @@ class Rods(Case):
     @property
     def trials(self) -> tuple[Trial, ...]:
         """Every integrator with its tolerance or step, RK4 without projection, and further trials."""
-        found = integrations(self.rtol, self.step, self.bounds)
-        found += [Trial("rk4", {"stabilisation": kept, "step": self.step}) for kept in ("baumgarte", "raw")]
-        return (*found, *self.more)
+        trials = integrations(self.rtol, self.step, self.bounds)
+        trials += [
+            Trial("rk4", {"stabilisation": stabilisation, "step": self.step})
+            for stabilisation in ("baumgarte", "raw")
+        ]
+        return (*trials, *self.more)
 
     def go(self, trial: Trial) -> Found:
         """Run a trial and evaluate the error."""
         model = model_of(self.scene or self.name).with_parameters(**self.parameters)
         begin = self.start(model) if self.start else None
-        asked = {"method": trial.method, "samples": self.samples, "max_steps": _MOST_STEPS, **trial.options}
-        result = model.simulate(self.t_end, state=begin, **asked)
+        options = {"method": trial.method, "samples": self.samples, "max_steps": _MOST_STEPS, **trial.options}
+        result = model.simulate(self.t_end, state=begin, **options)
         return Found.of(result, self.error(model, result), result.drift.constraint)
 
 
 def _of_vertical_rods(model: RodModel, result: Result) -> float:
     exact = spatial_double_pendulum(tuple(result.time.tolist()))
-    found = [result.variable(f"{p}.position").values for p in "AB"]
-    return largest(np.stack(found, axis=1) - exact)
+    positions = [result.variable(f"{p}.position").values for p in "AB"]
+    return largest(np.stack(positions, axis=1) - exact)
 
 
 def _of_whip(model: RodModel, result: Result) -> float:
@@ -97,8 +100,8 @@ def _of_crank(moment: float, inertia: float) -> Callable[[RodModel, Result], flo
 
 def _of_peaucellier(model: RodModel, result: Result) -> float:
     expected = peaucellier_arm(float(result.time[-1]))(result.time)
-    found = [result.variable(f"{p}.position").values for p in "ABCD"]
-    return largest(np.stack(found, axis=1) - expected)
+    positions = [result.variable(f"{p}.position").values for p in "ABCD"]
+    return largest(np.stack(positions, axis=1) - expected)
 
 
 def _fast(model: RodModel) -> State:
@@ -115,15 +118,15 @@ def _of_chain(scene: str) -> Callable[[RodModel, Result], float]:
     def error(model: RodModel, result: Result) -> float:
         expected = hanging_chain(scene, tuple(result.time.tolist()))[:, [0, -1]]
         free = model.description.free
-        found = [result.variable(f"{p}.position").values for p in (free[0], free[-1])]
-        return largest(np.stack(found, axis=1) - expected)
+        positions = [result.variable(f"{p}.position").values for p in (free[0], free[-1])]
+        return largest(np.stack(positions, axis=1) - expected)
 
     return error
 
 
 def _of_four_bar(model: RodModel, result: Result) -> float:
-    found = [result.variable(f"{p}.position").values - 1e6 for p in "AB"]
-    return largest(np.stack(found, axis=1) - four_bar(float(result.time[-1]))(result.time))
+    positions = [result.variable(f"{p}.position").values - 1e6 for p in "AB"]
+    return largest(np.stack(positions, axis=1) - four_bar(float(result.time[-1]))(result.time))
 
 
 def _bounds(*errors: float) -> dict[str, float]:

@@ -63,8 +63,8 @@ def spatial_double_pendulum(times: tuple[float, ...]) -> Array:
         top = np.hstack([across[0] * 4 / 3 + along[0], across[0] / 2])
         low = np.hstack([across[1] / 2, across[1] / 3 + along[1]])
         right = [across[k] @ loads[3 * k : 3 * k + 3] - (v[k] @ v[k]) * d[k] for k in range(2)]
-        found = np.linalg.solve(np.vstack([top, low]), np.concatenate(right))
-        return np.concatenate([state[6:], found])
+        solution = np.linalg.solve(np.vstack([top, low]), np.concatenate(right))
+        return np.concatenate([state[6:], solution])
 
     start = np.concatenate([down, down, [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
     motion = solve_ivp(rates, (0, times[-1]), start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=times)
@@ -194,9 +194,9 @@ def hanging_chain(scene: str, times: tuple[float, ...]) -> Array:
         inward = lengths * rate**2
         right = np.concatenate([share @ (inward * cosine), share @ (inward * sine) - G]) * weights
         q, r, columns = qr(rows[order], mode="economic", pivoting=True)
-        found = np.empty(n)
-        found[columns] = solve_triangular(r, q.T @ right[order])
-        return np.concatenate([rate, found / lengths])
+        rates_of_state = np.empty(n)
+        rates_of_state[columns] = solve_triangular(r, q.T @ right[order])
+        return np.concatenate([rate, rates_of_state / lengths])
 
     start = np.concatenate([angles, np.zeros(n)])
     motion = solve_ivp(rates, (0, times[-1]), start, method="DOP853", rtol=1e-13, atol=1e-13, t_eval=times)

@@ -54,13 +54,15 @@ EVERY_METHOD = ("vertical_rods", "double_four_bar, 0 m", "far_origin", "thesis_f
 def test_what_must_hold_does(case, trial):
     """Bounds are within ten times the error, and of drifts within ten times the drift."""
     found = outcome(case, trial)
-    assert found.holds, (found.found, found.said)
-    assert trial.bound is None or trial.bound <= 10 * max(found.found.error, ROUND_OFF), found.found.error
+    assert found.holds, (found.measured, found.message)
+    assert trial.bound is None or trial.bound <= 10 * max(found.measured.error, ROUND_OFF), (
+        found.measured.error
+    )
     if trial.bound is not None and case.drift_of:
-        assert case.most_drift <= 10 * max(found.found.drift, ROUND_OFF_OF_DRIFT), found.found.drift
+        assert case.most_drift <= 10 * max(found.measured.drift, ROUND_OFF_OF_DRIFT), found.measured.drift
     if not found.survived:
         assert not found.required
-        assert len(found.said) > 20
+        assert len(found.message) > 20
 
 
 def test_every_integrator_goes_through_every_motion():
@@ -84,7 +86,7 @@ def test_honest_failures_are_there():
     assert not outcome(whip, whip.trials[-1]).survived
     parallelogram = next(c for c in CASES if c.name == "parallelogram")
     coarse = next(t for t in parallelogram.trials if t.options.get("step") == 5e-2)
-    assert outcome(parallelogram, coarse).found.error > 1e-2
+    assert outcome(parallelogram, coarse).measured.error > 1e-2
 
 
 def test_the_suite_can_fail():

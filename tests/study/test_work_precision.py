@@ -74,7 +74,7 @@ def test_every_integrator_is_measured_with_its_order(found):
     for p in found.points:
         assert p.best <= p.median and p.end <= p.along and p.steps > 0
     tight = [p for p in found.points if p.method == "dop853" and p.setting == "rtol 1e-10"]
-    assert tight[0].along < 1e-11 and tight[0].told
+    assert tight[0].along < 1e-11 and tight[0].resolved
     assert found.uncertainty < 1e-13 and "float" in found.reference
 
 
@@ -115,7 +115,7 @@ def test_a_wrong_order_is_caught(monkeypatch):
 def test_errors_below_that_of_the_reference_are_marked(monkeypatch):
     monkeypatch.setattr("symgen.study.speed.subjects._REFERENCE", {"float64": 1e-6})
     found = work_precision("peaucellier", t_end=0.5, repeats=1, methods=["dop853"])
-    assert not found.points[-1].told and found.points[0].told
+    assert not found.points[-1].resolved and found.points[0].resolved
     assert any("within the uncertainty of the reference" in note for note in found.notes)
     rows = CliRunner().invoke(
         app, ["bench", "peaucellier", "--t-end", "0.5", "--repeats", "1", "--methods", "dop853"]

@@ -25,13 +25,13 @@ def test_a_folder_is_as_it_was_where_files_cannot_be_written(there, tmp_path, mo
 
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(ResultError, match="cannot write the files .* No space left on device"):
-        write_folder(folder, {"a": b"2", "core/b": b"2", "z": b"2"}, "files", gone=["old"])
+        write_folder(folder, {"a": b"2", "core/b": b"2", "z": b"2"}, "files", removed=["old"])
     monkeypatch.undo()
     assert [p.name for p in tmp_path.iterdir()] == (["out"] if there else [])
     if there:
         kept = {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
         assert kept == {"a": b"1", "core/b": b"1", "old": b"1"}
-        write_folder(folder, {"a": b"2"}, "files", gone=["old"])
+        write_folder(folder, {"a": b"2"}, "files", removed=["old"])
         assert sorted(p.name for p in folder.rglob("*") if p.is_file()) == ["a", "b"]
 
 

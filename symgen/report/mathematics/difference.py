@@ -10,28 +10,28 @@ _ALL = "all kernels"
 _KINDS = ("added", "removed", "changed", "rewritten")
 
 
-def difference_lines(found: Difference, shown: int | None = None) -> Iterator[str]:
+def difference_lines(difference: Difference, shown: int | None = None) -> Iterator[str]:
     """Yield the changes: matrices with entries before and after, shared terms, operation counts, values.
 
     Parameters
     ----------
-    found
+    difference
         The difference.
     shown
         Maximum number of printed entries per matrix, and of shared terms; None for all.
     """
-    if not found:
+    if not difference:
         yield "no change in the mathematics"
-    for matrix in found.matrices:
+    for matrix in difference.matrices:
         yield f"{matrix.name}{_shape(matrix)}: {_summary(matrix)}"
         yield from _changes(matrix.changes, shown, "entries")
-    if found.definitions:
+    if difference.definitions:
         yield "shared terms:"
-        yield from _changes(found.definitions, shown, "terms")
-    yield from _operations(found)
-    if found.values:
+        yield from _changes(difference.definitions, shown, "terms")
+    yield from _operations(difference)
+    if difference.values:
         yield "tunable parameters, which are arguments of the kernels:"
-        yield from _changes(found.values, shown, "parameters")
+        yield from _changes(difference.values, shown, "parameters")
 
 
 def _shape(matrix: MatrixDifference) -> str:
@@ -49,10 +49,10 @@ def _summary(matrix: MatrixDifference) -> str:
     return f"{words} (the same values, written otherwise)" if matrix.kind == "rewritten" else words
 
 
-def _changes(changes: tuple[Change, ...], shown: int | None, what: str) -> Iterator[str]:
+def _changes(changes: tuple[Change, ...], shown: int | None, noun: str) -> Iterator[str]:
     yield from (line for change in changes[:shown] for line in _in_text(change))
     if shown is not None and len(changes) > shown:
-        yield f"  ... and {len(changes) - shown} {what} more"
+        yield f"  ... and {len(changes) - shown} {noun} more"
 
 
 def _in_text(change: Change) -> Iterator[str]:
@@ -66,14 +66,14 @@ def _in_text(change: Change) -> Iterator[str]:
         yield f"    + {change.after}"
 
 
-def _operations(found: Difference) -> Iterator[str]:
-    if not found.operations:
+def _operations(difference: Difference) -> Iterator[str]:
+    if not difference.operations:
         return
-    width = max(map(len, (*found.operations, _ALL)))
+    width = max(map(len, (*difference.operations, _ALL)))
     yield "operations, before and after:"
-    for kernel, (before, after) in found.operations.items():
+    for kernel, (before, after) in difference.operations.items():
         yield f"  {kernel:{width}}  {_count(before)} {_count(after)}"
-    yield f"  {_ALL:{width}}  {found.totals[0]:>6} {found.totals[1]:>6}"
+    yield f"  {_ALL:{width}}  {difference.totals[0]:>6} {difference.totals[1]:>6}"
 
 
 def _count(flops: int | None) -> str:

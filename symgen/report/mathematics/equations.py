@@ -116,8 +116,8 @@ def aligned(pairs: Sequence[tuple[str, str]]) -> list[str]:
 def _labels(matrix: NamedMatrix) -> list[str]:
     """Return the row and column labels of a matrix, if there is more than one."""
     return [
-        f"{what}: {', '.join(names)}"
-        for what, names in (("rows", matrix.rows), ("columns", matrix.columns))
+        f"{axis}: {', '.join(names)}"
+        for axis, names in (("rows", matrix.rows), ("columns", matrix.columns))
         if len(names) > 1
     ]
 
@@ -134,11 +134,11 @@ def _legend(system: System, matrices: Sequence[NamedMatrix], used: Mapping[sp.Sy
 def used_terms(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Symbol, sp.Expr]:
     """Return the shared terms used by matrices, directly or indirectly, in order."""
     definitions = {d.quantity.symbol: d.expression for d in system.definitions}
-    found: set[sp.Symbol] = set()
+    terms: set[sp.Symbol] = set()
     waiting = [s for m in matrices for s in m.matrix.free_symbols]
     while waiting:
         symbol = waiting.pop()
-        if symbol in definitions and symbol not in found:
-            found.add(symbol)
+        if symbol in definitions and symbol not in terms:
+            terms.add(symbol)
             waiting.extend(definitions[symbol].free_symbols)
-    return {s: e for s, e in definitions.items() if s in found}
+    return {s: e for s, e in definitions.items() if s in terms}

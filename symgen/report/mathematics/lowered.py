@@ -73,14 +73,14 @@ def _kernel(system: System, matrices: Sequence[NamedMatrix]) -> Kernel:
 def _places(block: Block) -> list[tuple[int, str]]:
     """Return the index in ``out`` of every entry, with its row and column by name or number."""
     rows, columns = block.shape
-    found = []
+    places = []
     for i in range(rows):
         for j in range(columns):
             names = [block.rows[i] if block.rows else str(i)]
             if columns > 1:
                 names.append(block.columns[j] if block.columns else str(j))
-            found.append((block.offset + i * columns + j, ", ".join(names)))
-    return found
+            places.append((block.offset + i * columns + j, ", ".join(names)))
+    return places
 
 
 def _short(text: str, _: Precision) -> str:

@@ -59,11 +59,11 @@ def _in_text(number: int, step: Step) -> Iterator[str]:
 def _structure(m: NamedMatrix) -> list[str]:
     """Return the pattern with a dot per zero and a star per entry; for a column the number of entries."""
     filled = sum(1 for e in m.matrix if e != 0)
-    told = f"  {m.matrix.rows} x {m.matrix.cols}, {filled} entries that are not zero"
+    line = f"  {m.matrix.rows} x {m.matrix.cols}, {filled} entries that are not zero"
     if m.matrix.cols == 1:
-        return [told]
+        return [line]
     rows = ("  " + " ".join("*" if e != 0 else "." for e in m.matrix.row(i)) for i in range(m.matrix.rows))
-    return [told, *rows]
+    return [line, *rows]
 
 
 def record_in_latex(title: str, steps: Sequence[Step]) -> str:
@@ -122,5 +122,5 @@ _ESCAPED = {c: rf"\{c}" for c in "#$%&_{}"} | {
 def _plain(text: str) -> str:
     """Return text with special characters escaped for LaTeX; unsupported ones become question marks."""
     known = {chr(int(code, 16)) for code, _ in _SIGNS}
-    kept = (c if ord(c) < 256 or c in known else "?" for c in text)
-    return "".join(_ESCAPED.get(c, c) for c in kept)
+    characters = (c if ord(c) < 256 or c in known else "?" for c in text)
+    return "".join(_ESCAPED.get(c, c) for c in characters)

@@ -15,31 +15,31 @@ if TYPE_CHECKING:
 _REASONS = 3
 
 
-def regenerated_lines(found: Regenerated, shown: int | None) -> Iterator[str]:
+def regenerated_lines(regenerated: Regenerated, shown: int | None) -> Iterator[str]:
     """Yield derived models with reasons, changes in the mathematics of each model, and written files."""
-    for name, because in found.derived.items():
+    for name, because in regenerated.derived.items():
         yield f"derived {name}: {_reason(because)}"
-    for name, change in found.changes.items():
+    for name, change in regenerated.changes.items():
         if change is None:
             yield f"{name}: no record of its mathematics before"
             continue
         yield f"{name}:"
         yield from (f"  {line}" for line in difference_lines(change, shown))
-    yield from (f"generated/{name}" for name in found.written)
-    if not found.written:
+    yield from (f"generated/{name}" for name in regenerated.written)
+    if not regenerated.written:
         yield "generated/ is current"
 
 
-def generated_lines(found: Generated, shown: int | None) -> Iterator[str]:
+def generated_lines(generated: Generated, shown: int | None) -> Iterator[str]:
     """Yield the reason for generating the kernels of a scene or file, and the changes in the mathematics."""
-    yield f"{found.name}: {found.title}"
-    if found.change is None:
+    yield f"{generated.name}: {generated.title}"
+    if generated.change is None:
         yield "  generated for the first time"
-    elif not found.because:
+    elif not generated.because:
         yield "  nothing changed"
     else:
-        yield f"  regenerated: {_reason(found.because)}"
-        yield from (f"  {line}" for line in difference_lines(found.change, shown))
+        yield f"  regenerated: {_reason(generated.because)}"
+        yield from (f"  {line}" for line in difference_lines(generated.change, shown))
 
 
 def _reason(because: tuple[str, ...]) -> str:

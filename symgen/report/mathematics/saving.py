@@ -23,21 +23,21 @@ _OF_DRIVEN = dict.fromkeys(
 _OF_LOOP = ("inputs", "position", "motion", "inverse", "given", "mass_matrix")
 
 
-def saving_lines(system: System, general: System, what: str) -> Iterator[str]:
+def saving_lines(system: System, general: System, noun: str) -> Iterator[str]:
     """Yield the operations of every kernel for the scene and the general model, with sum and binding time.
 
     Operations executed once per run are not included in the sum.
     """
     program = lower_system(system)
-    own, other = ({k.name: k.counts.flops for k in p.kernels} for p in (program, lower_system(general)))
-    total, whole = (sum(n for name, n in counts.items() if name != SETUP) for counts in (own, other))
+    flops, other = ({k.name: k.counts.flops for k in p.kernels} for p in (program, lower_system(general)))
+    total, whole = (sum(n for name, n in counts.items() if name != SETUP) for counts in (flops, other))
     times = f" ({whole / total:.1f} times)" if total else ""
-    yield f"{system.name}: {total} operations; with {what} {whole}{times}"
-    when = binding_times(system, own)
-    names = [*dict.fromkeys([SETUP, *own] if SETUP in other else own)]
+    yield f"{system.name}: {total} operations; with {noun} {whole}{times}"
+    when = binding_times(system, flops)
+    names = [*dict.fromkeys([SETUP, *flops] if SETUP in other else flops)]
     width = max(map(len, names))
     for name in names:
-        yield f"  {name:{width}}  {own.get(name, 0):5}; {other.get(name, 0):5}  {when.get(name, RUN)}"
+        yield f"  {name:{width}}  {flops.get(name, 0):5}; {other.get(name, 0):5}  {when.get(name, RUN)}"
     statements, loops = sum(statements_of(program).values()), large(program, Target("c", FLOAT64, False))
     kind = (
         f"loops: {', '.join(k.name for k in program.kernels if k.name in loops)}"

@@ -128,15 +128,15 @@ def forces_of(curves: Sequence[dict[str, Any]], nodes: Sequence[dict[str, Any]])
     points = {node["name"]: i for i, node in enumerate(nodes)}
     joints = {f"joint{i}": i - 1 for i in range(1, len(nodes) + 1)}
     nodes_by_word = {"reaction": points, "force": points, "force_in_ground": joints}
-    found: dict[str, dict[str, Any]] = {}
+    forces: dict[str, dict[str, Any]] = {}
     for curve in curves:
         name, _, component = curve["name"].rpartition(".")
         owner, _, word = name.rpartition(".")
         place, numbers = owner.rpartition(".")[2], nodes_by_word.get(word, {})
         if component in ("x", "y", "z") and place in numbers:
-            force = found.setdefault(name, {"name": name, "node": numbers[place], "parts": []})
+            force = forces.setdefault(name, {"name": name, "node": numbers[place], "parts": []})
             force["parts"].append(curve)
-    return list(found.values())
+    return list(forces.values())
 
 
 def _long(sketches: Sequence[Sketch], size: float) -> list[bool]:
@@ -158,7 +158,7 @@ def curves_of(variables: Sequence[Variable], drift: Drift | None = None) -> list
     largest: dict[str, float] = {}
     for v in variables:
         largest[v.unit] = max(largest.get(v.unit, 0.0), float(np.nanmax(np.abs(v.values), initial=0.0)))
-    found = []
+    curves = []
     for v in variables:
         columns = [(v.name, v.values)] if v.values.ndim == 1 else []
         if v.values.ndim == 2:
@@ -169,8 +169,8 @@ def curves_of(variables: Sequence[Variable], drift: Drift | None = None) -> list
             flat = drift and finite.size and drift.scale(v.unit, range_)
             size = max(0.0 if flat else range_, _ROUNDING * largest[v.unit])
             shown = np.where(np.isfinite(values), finite[0], np.nan) if flat else values
-            found.append({"name": name, "unit": v.unit, "values": _rounded(shown, size or 1.0)})
-    return found
+            curves.append({"name": name, "unit": v.unit, "values": _rounded(shown, size or 1.0)})
+    return curves
 
 
 def as_script(data: dict[str, Any]) -> str:

@@ -153,8 +153,8 @@ class Paper:
 
     def shapes(self, sketch: Sketch) -> list[Shape]:
         """Return the lines of a sketch in the order in which they are drawn."""
-        found = [shape for line in sketch.lines for shape in _shapes(line, self(line.at))]
-        return sorted(found, key=lambda shape: _ORDER.index(shape.kind))
+        shapes = [shape for line in sketch.lines for shape in _shapes(line, self(line.at))]
+        return sorted(shapes, key=lambda shape: _ORDER.index(shape.kind))
 
 
 def places_of(sketch: Sketch) -> Array:
@@ -252,12 +252,12 @@ def hull(at: Array) -> Array:
     points = sorted({(float(x), float(y)) for x, y in at})
 
     def half(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-        kept: list[tuple[float, float]] = []
+        chain: list[tuple[float, float]] = []
         for p in ordered:
-            while len(kept) > 1 and _turn(kept[-2], kept[-1], p) <= 0:
-                kept.pop()
-            kept.append(p)
-        return kept[:-1]
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0:
+                chain.pop()
+            chain.append(p)
+        return chain[:-1]
 
     return np.array([*half(points), *half(points[::-1])] or points)
 
@@ -271,12 +271,12 @@ Box = tuple[float, float, float, float]
 
 def _corners(arrows: Sequence[Arrow], bar: float, height: float) -> list[Box]:
     """Return the boxes of the arrows and of the scale bar in the corners of the drawing."""
-    found = [(_WIDTH - 28.0 - bar, height - 38.0, _WIDTH - 20.0, height - 8.0)]
+    boxes = [(_WIDTH - 28.0 - bar, height - 38.0, _WIDTH - 20.0, height - 8.0)]
     for arrow in arrows:
         x, y = (110.0, height - 54.0) if arrow.kind == "gravity" else (46.0, height - 40.0)
         a, b = sorted((x, x + 1.42 * arrow.x)), sorted((y, y + 1.42 * arrow.y))
-        found.append((a[0] - 7, b[0] - 9, a[1] + 7, b[1] + 9))
-    return found
+        boxes.append((a[0] - 7, b[0] - 9, a[1] + 7, b[1] + 9))
+    return boxes
 
 
 def _dots(sketch: Sketch, marks: Sequence[Mark], lines: dict[int, Array]) -> list[Box]:
@@ -291,7 +291,7 @@ def _labels(
     sketch: Sketch, marks: Sequence[Mark], lines: dict[int, Array], corners: Sequence[Box], height: float
 ) -> tuple[tuple[Label, ...], int]:
     """Place labels without overlap; labels for which there is no room are omitted and counted."""
-    taken, dots = list(corners), _dots(sketch, marks, lines)
+    occupied, dots = list(corners), _dots(sketch, marks, lines)
     strokes = [
         (a, b)
         for line in sketch.lines
@@ -299,18 +299,18 @@ def _labels(
         for a, b in pairwise(lines[id(line)])
     ]
     placed, unnamed = [], 0
-    wanted = [("point", m.x, m.y, m.name) for m in marks if m.name]
+    labels = [("point", m.x, m.y, m.name) for m in marks if m.name]
     for line in sketch.lines:
         if line.name and line.kind != "path":
             x, y = lines[id(line)].mean(axis=0)
-            wanted.append(("link", float(x), float(y), line.name))
-    for kind, x, y, name in wanted:
-        found = _place(kind, x, y, name, [*taken, *dots], strokes, height)
-        if found is None:
+            labels.append(("link", float(x), float(y), line.name))
+    for kind, x, y, name in labels:
+        place = _place(kind, x, y, name, [*occupied, *dots], strokes, height)
+        if place is None:
             unnamed += 1
             continue
-        label, box = found
-        taken.append(box)
+        label, box = place
+        occupied.append(box)
         placed.append(label)
     return tuple(placed), unnamed
 
@@ -320,7 +320,7 @@ def _place(
     x: float,
     y: float,
     name: str,
-    taken: Sequence[Box],
+    occupied: Sequence[Box],
     strokes: Sequence[tuple[Array, Array]],
     height: float,
 ) -> tuple[Label, Box] | None:
@@ -334,7 +334,7 @@ def _place(
             cy = y - math.sin(angle) * _OFF * reach
             box = (cx - half, cy - _LETTER / 2, cx + half, cy + _LETTER / 2)
             inside = box[0] > 2 and box[2] < _WIDTH - 2 and box[1] > 2 and box[3] < height - 2
-            if not inside or any(_meet(box, other) for other in taken):
+            if not inside or any(_meet(box, other) for other in occupied):
                 continue
             crossed = sum(_crosses(box, a, b) for a, b in strokes)
             if best is None or crossed < best[0]:

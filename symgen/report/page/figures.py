@@ -59,8 +59,8 @@ def run_figure(result: Result) -> FigureView:
     drawn = dict(list(panels.items())[:_PANELS])
     left = sum(max(0, len(c) - _CURVES) for c in drawn.values())
     left += sum(len(c) for name, c in panels.items() if name not in drawn)
-    with _styled() as made:
-        figure = made(figsize=(_WIDTH, 0.55 + _PANEL * len(drawn)), layout="constrained")
+    with _styled() as styled:
+        figure = styled(figsize=(_WIDTH, 0.55 + _PANEL * len(drawn)), layout="constrained")
         axes = figure.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
         for panel, (name, curves) in zip(axes, drawn.items(), strict=True):
             for text, values in curves[:_CURVES]:
@@ -83,8 +83,8 @@ def plain_figure(draw: Callable[[], Figure], alt: str) -> FigureView:
 
 def error_figure(curves: Sequence[tuple[str, Sequence[tuple[float, float]]]], measured: str) -> FigureView:
     """Plot time against error, with one curve (error, time [s]) per method; errors decrease to the right."""
-    with _styled() as made:
-        figure = made(figsize=(_WIDTH, 3.1), layout="constrained")
+    with _styled() as styled:
+        figure = styled(figsize=(_WIDTH, 3.1), layout="constrained")
         axes: Axes = figure.subplots()
         for marker, (name, points) in zip("osD^vP*X", curves, strict=False):
             ordered = sorted((e, t) for e, t in points if e > 0 and np.isfinite(e))

@@ -75,19 +75,19 @@ def film_file(file: str | os.PathLike[str]) -> Path:
     return path
 
 
-def save(film: Film, file: Path, told: Callable[[str], None] | None = None) -> None:
+def save(film: Film, file: Path, progress: Callable[[str], None] | None = None) -> None:
     """Write a film as HTML page, GIF or MP4, by the ending of the file; raise as :func:`movie`."""
     if file.suffix.lower() in _FRAMES:
-        movie(film, file, told)
+        movie(film, file, progress)
     else:
         write_text(file, animation(film))
 
 
-def movie(film: Film, file: Path, told: Callable[[str], None] | None = None) -> None:
+def movie(film: Film, file: Path, progress: Callable[[str], None] | None = None) -> None:
     """Write a film as GIF or MP4: the mechanism, paths of points, forces and the value of the coordinate.
 
     A run is played in its own time, or in as many seconds as leave between 2 and 20, like on the page.
-    ``told`` is called with the progress before every frame.
+    ``progress`` is called with the progress before every frame.
 
     Raises
     ------
@@ -95,19 +95,19 @@ def movie(film: Film, file: Path, told: Callable[[str], None] | None = None) -> 
         When the file cannot be written.
     """
     count = film.result.count
-    own = float(np.sum(np.abs(np.diff(film.result.time))))
-    seconds = float(np.clip(own or _TIMELESS, _SHORTEST, _LONGEST))
+    duration = float(np.sum(np.abs(np.diff(film.result.time))))
+    seconds = float(np.clip(duration or _TIMELESS, _SHORTEST, _LONGEST))
     shown = np.unique(np.linspace(0, count - 1, min(count, round(_RATE * seconds) + 1)).round().astype(int))
     shown = shown[: max(1, len(shown) - 1)]  # the last is the first of the next round
     write = _write_gif if file.suffix.lower() == ".gif" else _write_mp4
     try:
         with replacing(file) as temporary:
-            write(temporary, _drawn(film, shown, told), len(shown) / seconds)
+            write(temporary, _drawn(film, shown, progress), len(shown) / seconds)
     except OSError as error:
         raise ResultError(f"cannot write the film to {file}: {error.strerror or error}") from None
 
 
-def _drawn(film: Film, shown: NDArray[np.int_], told: Callable[[str], None] | None) -> Iterator[Figure]:
+def _drawn(film: Film, shown: NDArray[np.int_], progress: Callable[[str], None] | None) -> Iterator[Figure]:
     """Yield a figure with each of the frames to show, one after the other."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -126,8 +126,8 @@ def _drawn(film: Film, shown: NDArray[np.int_], told: Callable[[str], None] | No
         figure.add_artist(artist)
 
     for i, k in enumerate(shown, start=1):
-        if told:
-            told(f"writing frame {i} of {len(shown)}")
+        if progress:
+            progress(f"writing frame {i} of {len(shown)}")
         figure.clear()
         for trace in traces:
             _draw(add, Shape("path", trace))
@@ -260,11 +260,11 @@ def _draw_pose(add: Add, paper: Paper, sketch: Sketch) -> None:
             side = -1.0 if across[0] < 0 else 1.0
             x, y = at.mean(axis=0) + 9 * side * across
             names.append((x, y + 4, line.name, _SOFT))
-    taken: list[tuple[float, float, float]] = []
+    occupied: list[tuple[float, float, float]] = []
     for x, y, name, colour in names:
         box = (x, x + 8.0 * len(name), y)
-        if not any(box[0] < b[1] and b[0] < box[1] and abs(y - b[2]) < 14 for b in taken):
-            taken.append(box)
+        if not any(box[0] < b[1] and b[0] < box[1] and abs(y - b[2]) < 14 for b in occupied):
+            occupied.append(box)
             _write(add, (x, y), name, colour)
 
 
@@ -272,12 +272,12 @@ def _away(joint: Array, lines: Sequence[Array], ground: bool) -> Array:
     """Return the direction from a joint away from its lines; not down into the support of a ground point."""
     ways = [q - p for at in lines for p, q in (*pairwise(at), *pairwise(at[::-1])) if _near(p, joint)]
     units = [way / (np.linalg.norm(way) or 1.0) for way in ways]
-    found: Array = -np.sum(units, axis=0) if units else np.array([1.0, -1.0])
-    if np.linalg.norm(found) < 0.3:
-        found = np.array([-units[0][1], units[0][0]])
-    if ground and found[1] > -0.3 * np.linalg.norm(found):
-        found = np.array([-1.0 if found[0] < 0 else 1.0, -0.6])
-    return found / (np.linalg.norm(found) or 1.0)
+    direction: Array = -np.sum(units, axis=0) if units else np.array([1.0, -1.0])
+    if np.linalg.norm(direction) < 0.3:
+        direction = np.array([-units[0][1], units[0][0]])
+    if ground and direction[1] > -0.3 * np.linalg.norm(direction):
+        direction = np.array([-1.0 if direction[0] < 0 else 1.0, -0.6])
+    return direction / (np.linalg.norm(direction) or 1.0)
 
 
 def _near(a: Array, b: Array) -> bool:

@@ -123,7 +123,7 @@ def environment() -> Any:
     """Return the Jinja environment of pages, with autoescaping."""
     import jinja2
 
-    made = jinja2.Environment(
+    result = jinja2.Environment(
         loader=jinja2.PackageLoader("symgen.templates", "report"),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -131,9 +131,9 @@ def environment() -> Any:
         keep_trailing_newline=True,
         autoescape=True,
     )
-    made.filters["unit"] = _unit
-    made.globals["light"] = LIGHT
-    return made
+    result.filters["unit"] = _unit
+    result.globals["light"] = LIGHT
+    return result
 
 
 #: Superscripts for powers in units.
@@ -159,10 +159,10 @@ def example_in_c(unit: UnitView, kernel: str) -> str:
         "work": view.work_size,
         "out": view.out_size,
     }
-    given = {name: f"double {name}[{size}]" for name, size in sizes.items() if size}
+    declarations = {name: f"double {name}[{size}]" for name, size in sizes.items() if size}
     passed = ", ".join(name if size else "NULL" for name, size in sizes.items())
     lines = [f'#include "{unit.name}_kernel.h"', ""]
-    for name, text in given.items():
+    for name, text in declarations.items():
         start = " = {0}" if name in ("t", "q", "u", "p") else ""
         lines.append(f"{text}{start};")
     if view.after_setup and unit.tuned:

@@ -116,8 +116,8 @@ def _along(result: Result, name: str) -> tuple[Any, str]:
 
 def _in_units_of(result: Result, source: Result, variable: Variable) -> Variable:
     """Return an output of another result in the units of the first one."""
-    (found,) = converted([source.variable(variable.name.strip("|"))], result.units)
-    return _magnitude(found) if variable.name.startswith("|") else found
+    (variable_in_units,) = converted([source.variable(variable.name.strip("|"))], result.units)
+    return _magnitude(variable_in_units) if variable.name.startswith("|") else variable_in_units
 
 
 def _titled(figure: Figure, result: Result, file: str | os.PathLike[str] | None) -> Figure:
@@ -189,20 +189,20 @@ def _panels(result: Result, variables: Iterable[Variable]) -> dict[str, list[Var
 
 def _by_default(result: Result) -> dict[str, list[Variable]]:
     """Return the panels of a figure without selected outputs: few curves, none of them constant."""
-    found = {}
+    by_quantity = {}
     for label, variables in _panels(result, result.shown).items():
         size = max(map(_size, variables))
         varying = [v for v in columns(variables) if _range(v) > _VARIES * size]
         if len(varying) > _CURVES:
             varying = _largest(variables, size)
         if varying:
-            found[label] = varying
+            by_quantity[label] = varying
     if result.KIND in ("forces", "loop"):
-        units = {label: result.variable(of[0].name.strip("|")).unit for label, of in found.items()}
-        found = dict(
-            sorted(found.items(), key=lambda pair: (*_EFFORTS, units[pair[0]]).index(units[pair[0]]))
+        units = {label: result.variable(of[0].name.strip("|")).unit for label, of in by_quantity.items()}
+        by_quantity = dict(
+            sorted(by_quantity.items(), key=lambda pair: (*_EFFORTS, units[pair[0]]).index(units[pair[0]]))
         )
-    return found or _panels(result, result.shown)
+    return by_quantity or _panels(result, result.shown)
 
 
 def _largest(variables: list[Variable], size: float) -> list[Variable]:
@@ -212,8 +212,8 @@ def _largest(variables: list[Variable], size: float) -> list[Variable]:
         equal = (np.allclose(variable.values, v.values, 0.0, _VARIES * size, True) for v in distinct)
         if _range(variable) > _VARIES * size and not any(equal):
             distinct.append(variable)
-    kept = sorted(distinct, key=_size, reverse=True)[:_CURVES]
-    return [v for v in distinct if any(v is k for k in kept)]
+    largest = sorted(distinct, key=_size, reverse=True)[:_CURVES]
+    return [v for v in distinct if any(v is k for k in largest)]
 
 
 def _magnitude(variable: Variable) -> Variable:

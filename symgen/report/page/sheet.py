@@ -154,12 +154,12 @@ def _write(space: Any, sketch: Sketch) -> None:
         if node.kind == "ground" and plane:
             support = node.at + _JOINT * size * np.array([[0.0, -1.0], [-2.0, -4.0], [2.0, -4.0]])
             space.add_lwpolyline(support.tolist(), close=True, dxfattribs=layer)
-    letter, taken = _LETTER * size, Counter[tuple[float, ...]]()
+    letter, lines_at = _LETTER * size, Counter[tuple[float, ...]]()
     for name, at in _names(sketch):
         place = tuple(np.round(at / (3 * letter)))
         text = space.add_text(name, height=letter, dxfattribs={"layer": "NAMES"})
-        text.set_placement((at[0] + letter, at[1] + letter * (1.0 - 1.5 * taken[place]), *at[2:]))
-        taken[place] += 1
+        text.set_placement((at[0] + letter, at[1] + letter * (1.0 - 1.5 * lines_at[place]), *at[2:]))
+        lines_at[place] += 1
 
 
 def _meets_itself(path: Array) -> bool:

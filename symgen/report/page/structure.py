@@ -39,13 +39,13 @@ def solver_lines(system: System) -> Iterator[str]:
     names = (*coordinates, *multipliers)
     pattern, factor = elimination(system, point)
     first = max(point.order[: len(coordinates)]) < len(coordinates) < len(names)
-    how = (
+    method = (
         "all coordinates first, whose pivots are numbers"
         if first
         else "each multiplier after all coordinates of its row"
     )
     yield (
-        f"equations of motion: [M J^T; J 0] of {pattern.rows} unknowns by L D L^T without pivoting, {how}:"
+        f"equations of motion: [M J^T; J 0] of {pattern.rows} unknowns by L D L^T without pivoting, {method}:"
     )
     yield f"  {', '.join(names[k] for k in point.order)}"
     yield (
@@ -78,8 +78,8 @@ def elastic_lines(model: ElasticModel) -> Iterator[str]:
     layout = model.layout
     free, bound = layout.unknowns - layout.constraints, layout.constraints
     band = free - 1 if bound else layout.band
-    kept = f"{len(layout.rows)} entries stored, bandwidth {band}"
-    kept = f"full, for {bound} constraints are resolved" if bound else kept
-    yield f"  its matrices: {free} x {free}, {kept}"
+    storage = f"{len(layout.rows)} entries stored, bandwidth {band}"
+    storage = f"full, for {bound} constraints are resolved" if bound else storage
+    yield f"  its matrices: {free} x {free}, {storage}"
     yield f"  its state: {2 * free * _BYTES} bytes"
     yield f"  to solve for one stage of a step: at most {2 * free * band * (2 * band + 1)} operations"

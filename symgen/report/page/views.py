@@ -126,7 +126,7 @@ def _math(expression: sp.Basic | sp.MatrixBase) -> Markup:
 
 def symbols(systems: Sequence[System]) -> dict[str, tuple[SymbolView, ...]]:
     """Return every argument of the systems once, by group."""
-    found: dict[str, tuple[SymbolView, ...]] = {}
+    views: dict[str, tuple[SymbolView, ...]] = {}
     known: set[str] = set()
     for system in systems:
         for group in system.groups:
@@ -134,8 +134,8 @@ def symbols(systems: Sequence[System]) -> dict[str, tuple[SymbolView, ...]]:
             known |= {x.name for x in new}
             if new:
                 head = f"{group.name}: {group.description}"
-                found[head] = (*found.get(head, ()), *map(_symbol, new))
-    return found
+                views[head] = (*views.get(head, ()), *map(_symbol, new))
+    return views
 
 
 def _symbol(x: Quantity) -> SymbolView:

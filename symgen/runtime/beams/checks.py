@@ -63,17 +63,17 @@ def warnings(motion: ElasticMotion, recorded: Motion, moments: Sequence[str]) ->
     moments
         What to call each of these: ``"crank angle 45 degrees"``.
     """
-    found = []
+    messages = []
     for k, beam in enumerate(motion.beams):
-        own = recorded.own(motion, k)
+        local = recorded.local(motion, k)
         places = np.linspace(0.0, 1.0, min(4 * beam.info.elements + 1, _PLACES))
         table = beam.table(places.tolist())
-        found += _of_slope(beam, own @ table["slope"].T, moments)
-        strain = own @ table["axial_strain"].T
+        messages += _of_slope(beam, local @ table["slope"].T, moments)
+        strain = local @ table["axial_strain"].T
         rigid = _rigid_axial_force(motion, k, recorded, places)
-        found += _of_axial_force(motion, k, rigid, places, strain, moments)
-        found += _of_stress(beam, own, moments)
-    return found
+        messages += _of_axial_force(motion, k, rigid, places, strain, moments)
+        messages += _of_stress(beam, local, moments)
+    return messages
 
 
 def _of_slope(beam: Beam, slopes: Array, moments: Sequence[str]) -> list[str]:
@@ -105,12 +105,12 @@ def of_second_order(shares: Mapping[str, float]) -> list[str]:
 def _rigid_axial_force(motion: ElasticMotion, k: int, recorded: Motion, places: Array) -> Array:
     """Return the axial force of the rigid motion [N], tension positive, (times, places)."""
     axes, beam = recorded.axes(k), motion.beams[k]
-    found = axes.axial_force(beam, places)
-    own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
-    for i, profile in zip(own, motion.profiles(beam.info.link), strict=True):
+    axial_force = axes.axial_force(beam, places)
+    loads = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
+    for i, profile in zip(loads, motion.profiles(beam.info.link), strict=True):
         weight = recorded.loads[:, i, APPLIED.index("stiffness_geometric_force")]
-        found += weight[:, None] * profile.before(places * beam.properties.length)
-    return found
+        axial_force += weight[:, None] * profile.before(places * beam.properties.length)
+    return axial_force
 
 
 def _of_axial_force(
@@ -119,12 +119,12 @@ def _of_axial_force(
     """Compare the axial force, that of the rigid motion and that of the strain found, with Euler's load."""
     beam = motion.beams[k]
     stiffness = [at(beam.properties.axial, x) for x in (places * beam.properties.length).tolist()]
-    found = rigid if not beam.info.axial else strain * stiffness
+    axial_force = rigid if not beam.info.axial else strain * stiffness
     limit = euler_load(motion, k)
     if beam.info.geometric_stiffness:
-        bound, kind, candidates = COMPRESSION, "compression", (-rigid, -found)
+        bound, kind, candidates = COMPRESSION, "compression", (-rigid, -axial_force)
     else:
-        bound, kind, candidates = WITHOUT_STIFFENING, "axial force", (np.abs(rigid), np.abs(found))
+        bound, kind, candidates = WITHOUT_STIFFENING, "axial force", (np.abs(rigid), np.abs(axial_force))
     time, place, value = max((_peak(c) for c in candidates), key=lambda peak: peak[2])
     if value <= bound * limit:
         return []
@@ -136,11 +136,11 @@ def _of_axial_force(
     ]
 
 
-def _of_stress(beam: Beam, own: Array, moments: Sequence[str]) -> list[str]:
+def _of_stress(beam: Beam, local: Array, moments: Sequence[str]) -> list[str]:
     p = beam.properties
     if math.isinf(p.yield_stress):
         return []
-    stresses, places = beam.greatest_stress(own)
+    stresses, places = beam.greatest_stress(local)
     time = int(np.argmax(stresses))
     if stresses[time] <= p.yield_stress:
         return []
@@ -170,7 +170,7 @@ def euler_load(motion: ElasticMotion, k: int) -> float:
 
 
 @lru_cache(maxsize=64)
-def _buckling_load(info: BeamInfo, properties: Properties, held: frozenset[str]) -> float:
+def _buckling_load(info: BeamInfo, properties: Properties, fixed: frozenset[str]) -> float:
     """Return the same for the unknowns that are held; every run of a linkage asks for it again."""
     from scipy.linalg import eigh
 
@@ -180,7 +180,7 @@ def _buckling_load(info: BeamInfo, properties: Properties, held: frozenset[str])
         there = np.ix_(part.dofs, part.dofs)
         stiffness[there] += part.matrix("stiffness")
         pulled[there] += part.matrix("geometric", 3)[0]
-    free = [i for i, dof in enumerate(dofs) if dof not in held]
+    free = [i for i, dof in enumerate(dofs) if dof not in fixed]
     there = np.ix_(free, free)
     last = len(free) - 1
     largest = eigh(pulled[there], stiffness[there], eigvals_only=True, subset_by_index=(last, last))[0]
@@ -193,18 +193,18 @@ def held_alone(motion: ElasticMotion, info: BeamInfo) -> set[str]:
     A tip that nothing else is joined to is free, and joints before it hold the link instead.
     """
     clamped = info.link == motion.info.crank and motion.info.mode == "held"
-    held = {"u@0", "w@0", *(("theta@0",) if clamped else ())}
+    fixed = {"u@0", "w@0", *(("theta@0",) if clamped else ())}
     if not ((clamped or info.between) and _has_a_free_tip(motion, info)):
-        return held | {f"u@{info.elements}", f"w@{info.elements}"}
-    return held | {f"w@{i}" for i in info.joint_nodes[:-1]}
+        return fixed | {f"u@{info.elements}", f"w@{info.elements}"}
+    return fixed | {f"w@{i}" for i in info.joint_nodes[:-1]}
 
 
-def _has_a_free_tip(motion: ElasticMotion, own: BeamInfo) -> bool:
+def _has_a_free_tip(motion: ElasticMotion, info: BeamInfo) -> bool:
     """Return True if no other link, guide or ground holds the second point of a link."""
     d = motion.rigid.description
-    others = [points for name, points in d.links.items() if name != own.link]
-    guided = any(label.startswith(f"the guide of {own.end} ") for label in d.labels)
-    return own.end in d.free and not guided and not any(own.end in points for points in others)
+    others = [points for name, points in d.links.items() if name != info.link]
+    guided = any(label.startswith(f"the guide of {info.end} ") for label in d.labels)
+    return info.end in d.free and not guided and not any(info.end in points for points in others)
 
 
 def moments(motion: ElasticMotion, times: Array) -> list[str]:
@@ -214,11 +214,11 @@ def moments(motion: ElasticMotion, times: Array) -> list[str]:
     return [f"crank angle {angle:.6g} degrees" for angle in np.degrees(motion.angle_at(times)).tolist()]
 
 
-def of_crank(motion: ElasticMotion, found: Motion) -> list[str]:
+def of_crank(motion: ElasticMotion, run: Motion) -> list[str]:
     """Report a crank, not held, that turns away from its rigid motion."""
     if motion.info.mode == "held":
         return []
-    ahead = crank_rotation(motion, found)
+    ahead = crank_rotation(motion, run)
     k = int(np.argmax(np.abs(ahead)))
     if abs(ahead[k]) <= SLOPE:
         return []
@@ -228,7 +228,7 @@ def of_crank(motion: ElasticMotion, found: Motion) -> list[str]:
         else "the constant speed of a free crank"
     )
     return [
-        f"{motion.info.crank}: at {moments(motion, found.times[k : k + 1])[0]} the crank is {ahead[k]:.3g} "
+        f"{motion.info.crank}: at {moments(motion, run.times[k : k + 1])[0]} the crank is {ahead[k]:.3g} "
         f"rad off its rigid motion, {of}, beyond the {SLOPE:g} rad of linear theory; "
         "compare with large rotation"
     ]
@@ -236,10 +236,10 @@ def of_crank(motion: ElasticMotion, found: Motion) -> list[str]:
 
 def of_lengths(motion: ElasticMotion) -> list[str]:
     """Return the note on links whose stress omits that of the axial force."""
-    kept = [b.info.link for b in motion.beams if not b.info.axial]
-    if not kept:
+    names = [b.info.link for b in motion.beams if not b.info.axial]
+    if not names:
         return []
-    return [f"{', '.join(kept)}: kept at constant length, so that stress is that of bending only"]
+    return [f"{', '.join(names)}: kept at constant length, so that stress is that of bending only"]
 
 
 def of_reductions(motion: ElasticMotion) -> list[str]:
@@ -261,33 +261,33 @@ def omitted(
     inertia; they add to the bending by elastic inertia in the proportion of the displacements.
     """
     times = _chosen(recorded, motion.layout.unknowns)
-    kept = _at(recorded, times)
-    loads, violated = _loads(motion, kept, axial_force), _violated(motion, kept)
-    second, static = _carried(motion, equations, kept, loads, violated)
-    inertia = kept.displacements - static
-    return [_added(motion, k, kept, second, inertia) for k in range(len(motion.beams))]
+    rows = _at(recorded, times)
+    loads, violated = _loads(motion, rows, axial_force), _violated(motion, rows)
+    second, static = _carried(motion, equations, rows, loads, violated)
+    inertia = rows.displacements - static
+    return [_added(motion, k, rows, second, inertia) for k in range(len(motion.beams))]
 
 
-def _added(motion: ElasticMotion, k: int, kept: Motion, second: Array, inertia: Array) -> float:
+def _added(motion: ElasticMotion, k: int, states: Motion, second: Array, inertia: Array) -> float:
     """Return the strain that displacements of second order add to link k, over its peak strain."""
     beam = motion.beams[k]
     places = np.linspace(0.0, 1.0, 4 * beam.info.elements + 1)
     rows = beam.table(places.tolist())
     fibre = beam.fibres(places)
 
-    def largest(own: Array, *shapes: str) -> Array:
-        found: Array = np.sqrt(np.sum([(own @ rows[shape].T) ** 2 for shape in shapes], axis=0))
-        return found
+    def largest(local: Array, *shapes: str) -> Array:
+        sizes: Array = np.sqrt(np.sum([(local @ rows[shape].T) ** 2 for shape in shapes], axis=0))
+        return sizes
 
-    first = kept.own(motion, k)
-    more, elastic = (motion.own_unknowns(k, kept.links, x) for x in (second, inertia))
+    first = states.local(motion, k)
+    more, elastic = (motion.local_unknowns(k, states.links, x) for x in (second, inertia))
     bent, axial = largest(first, "curvature") * fibre, largest(first, "axial_strain")
     peak = float(np.max(bent + axial))
     if peak <= _NOTHING:
         return 0.0
     added = float(np.max(largest(more, "curvature") * fibre))
     moved = float(np.max(largest(first, "u", "w")))
-    if kept.rates is not None and moved > _NOTHING * beam.properties.length:
+    if states.rates is not None and moved > _NOTHING * beam.properties.length:
         share = float(np.max(largest(more, "u", "w"))) / moved
         added += _DOUBLED * share * float(np.max(largest(elastic, "curvature") * fibre))
     return added / peak
@@ -305,10 +305,10 @@ def _at(recorded: Motion, places: NDArray[np.intp]) -> Motion:
     return Motion(times, q, links, loads, displacements, rates, recorded.thesis)
 
 
-def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Array:
+def _loads(motion: ElasticMotion, rows: Motion, axial_force: AxialForce) -> Array:
     """Return f2 of the elastic links on all unknowns, (times, unknowns)."""
     points, weights = gauss(_GAUSS)
-    found = np.zeros((len(kept.times), motion.layout.unknowns + 1))
+    loads = np.zeros((len(rows.times), motion.layout.unknowns + 1))
     for k, beam in enumerate(motion.beams):
         n, length = beam.info.elements, beam.properties.length
         nodes = np.array([beam.info.node(e) for e in range(n + 1)])
@@ -316,37 +316,37 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
         table = beam.table(places.tolist())
         if not beam.info.axial:  # its axial force is of its constraint
             continue
-        own = kept.own(motion, k)
+        local = rows.local(motion, k)
         stiffness = [at(beam.properties.axial, x) for x in (places * length).tolist()]
-        strain, slope = own @ table["axial_strain"].T, own @ table["slope"].T
+        strain, slope = local @ table["axial_strain"].T, local @ table["slope"].T
         rigid = np.zeros_like(slope)
         if beam.info.geometric_stiffness:
-            rigid = axial_force(motion, k, kept, places)
+            rigid = axial_force(motion, k, rows, places)
         state = np.stack(np.broadcast_arrays(stiffness, strain, slope, rigid), axis=-1).reshape(-1, 4)
         omits = kernels("elastic_place").ADDRESSES["second_order"]
         forces = at_rows(omits, state, 0, np.zeros(1), len(SHAPES)).reshape(*slope.shape, len(SHAPES))
         by = np.outer(np.diff(nodes), weights).ravel() * length / 2
         load = np.tensordot(forces * by[:, None], np.stack([table[name] for name in SHAPES], axis=1), axes=2)
-        axes = kept.axes(k)
+        axes = rows.axes(k)
         for u, w in beam.joints:
             load[:, u], load[:, w] = axes.fixed(load[:, u].copy(), load[:, w].copy())
-        found[:, motion.layout.of_links[k]] += load
-    return found[:, :-1]
+        loads[:, motion.layout.of_links[k]] += load
+    return loads[:, :-1]
 
 
 def _carried(
-    motion: ElasticMotion, equations: BeamEquations, kept: Motion, loads: Array, violated: Array
+    motion: ElasticMotion, equations: BeamEquations, states: Motion, loads: Array, violated: Array
 ) -> tuple[Array, Array]:
     """Return S2, and the displacements under the loads of the rigid motion alone, (times, unknowns) each.
 
     ``loads`` is f2 and ``violated`` by how much the displacements violate the constraints.
     """
-    forced, own, sides, stiff = np.zeros_like(kept.displacements), [], [], []
+    forced, local, sides, stiff = np.zeros_like(states.displacements), [], [], []
     still = np.zeros(motion.layout.unknowns)
-    order = np.argsort(kept.times, kind="stable")
+    order = np.argsort(states.times, kind="stable")
     of_welds = [name in motion.info.body_welds for name in motion.constraints]
     for i in order.tolist():
-        t, s, load = float(kept.times[i]), kept.displacements[i], loads[i]
+        t, s, load = float(states.times[i]), states.displacements[i], loads[i]
         status, _, _, stiffness, rigid, basis = equations.matrices(t, QUASI_STATIC)
         motion.check(equations, status, t)
         if basis is not None:
@@ -354,28 +354,28 @@ def _carried(
             second = np.where(of_welds, 0.0, violated[i] - rows @ s)
             forced[i] = np.linalg.lstsq(rows, -second, rcond=None)[0]
             load = load + equations.residual([t], forced[i], still, still, QUASI_STATIC)[1][0] - empty[0]
-            own.append(basis[0])
+            local.append(basis[0])
             load = basis[0].T @ load
         sides.append((-load, rigid))
         stiff.append((stiffness + stiffness.T) / 2)
     # Least squares: nothing may hold the crank, and an axial force near the buckling load none of a link.
     found = np.linalg.pinv(np.array(stiff), _SINGULAR, hermitian=True) @ np.swapaxes(sides, 1, 2)
     second, static = np.zeros((2, *forced.shape))
-    second[order], static[order] = np.moveaxis(np.array(own) @ found if own else found, 2, 0)
+    second[order], static[order] = np.moveaxis(np.array(local) @ found if local else found, 2, 0)
     return forced + second, static
 
 
-def _violated(motion: ElasticMotion, kept: Motion) -> Array:
+def _violated(motion: ElasticMotion, rows: Motion) -> Array:
     """Return the violation of their constraints by the displacements, (times, constraints)."""
     rigid, d = motion.rigid, motion.rigid.description
     columns = of_coordinates(motion)
-    still = np.zeros_like(kept.q)
-    moved = kept.q + kept.displacements[:, columns]
-    blocks = rigid.evaluator.many_blocks("constraints", kept.times, moved, still)
-    first = rigid.evaluator.many_blocks("constraints", kept.times, kept.q, still)["constraints"]
+    still = np.zeros_like(rows.q)
+    moved = rows.q + rows.displacements[:, columns]
+    blocks = rigid.evaluator.many_blocks("constraints", rows.times, moved, still)
+    first = rigid.evaluator.many_blocks("constraints", rows.times, rows.q, still)["constraints"]
     violated = (blocks["constraints"] - first) / blocks["constraint_scale"]
-    found = np.zeros((len(kept.times), len(motion.constraints)))
+    violations = np.zeros((len(rows.times), len(motion.constraints)))
     for k, name in enumerate(motion.constraints):
         if name not in motion.info.body_welds:
-            found[:, k] = violated[:, d.constraints.index(name)]
-    return found
+            violations[:, k] = violated[:, d.constraints.index(name)]
+    return violations

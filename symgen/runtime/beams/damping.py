@@ -44,8 +44,8 @@ def modal_forces(elastic: Array, speeds: Array, ratios: float | Array) -> Array:
     speeds, ratios
         Angular frequencies [rad/s], (modes,), and damping ratios.
     """
-    found: Array = elastic * np.sqrt(2 * ratios / speeds**3)
-    return found
+    forces: Array = elastic * np.sqrt(2 * ratios / speeds**3)
+    return forces
 
 
 def shared(ratio: float, speeds: Array) -> tuple[Array, float]:

@@ -57,12 +57,12 @@ def _evaluated(block: str, name: str, q: Array, u: Array | None = None) -> Array
     """Return the result of a kernel of a building block, with its tangent for complex arguments."""
     station = np.zeros(1) if u is None else u
     if not (np.iscomplexobj(q) or np.iscomplexobj(station)):
-        found: Array = getattr(kernels(block), name)(q=q, u=u)
-        return found
-    given = {"q": np.real(q).copy(), "u": np.real(station).copy()}
+        result: Array = getattr(kernels(block), name)(q=q, u=u)
+        return result
+    arguments = {"q": np.real(q).copy(), "u": np.real(station).copy()}
     seeds = np.concatenate([np.imag(q), np.imag(station)])
     value, tangent = (
-        getattr(kernels(module), kernel)(**given, **more)
+        getattr(kernels(module), kernel)(**arguments, **more)
         for module, kernel, more in (
             (block, name, {}),
             (f"{block}_tangents", f"{name}_tangent", {"work": seeds}),
@@ -72,19 +72,20 @@ def _evaluated(block: str, name: str, q: Array, u: Array | None = None) -> Array
     return whole
 
 
-def rows_at(block: str, kernel: str, rows: Array, n: int, given: Array, width: int) -> Array:
+def rows_at(block: str, kernel: str, rows: Array, n: int, parameters_of_rows: Array, width: int) -> Array:
     """Return what a kernel of a building block gives for every row, (rows, width).
 
-    Rows hold q, n numbers, and u; ``given`` are parameters of all rows. Results have tangents where rows do.
+    Rows hold q, n numbers, and u; ``parameters_of_rows`` are parameters of all rows.
+    Results have tangents if rows have.
     """
-    plain, parameters = np.ascontiguousarray(rows.real), np.ascontiguousarray(given.real)
-    found = at_rows(kernels(block).ADDRESSES[kernel], plain, n, parameters, width)
+    plain, parameters = np.ascontiguousarray(rows.real), np.ascontiguousarray(parameters_of_rows.real)
+    values = at_rows(kernels(block).ADDRESSES[kernel], plain, n, parameters, width)
     if not np.iscomplexobj(rows):
-        return found
-    given_tangents = np.broadcast_to(given.imag, (len(rows), len(given)))
-    seeds = np.ascontiguousarray(np.hstack([rows.imag, given_tangents]))
+        return values
+    tangents = np.broadcast_to(parameters_of_rows.imag, (len(rows), len(parameters_of_rows)))
+    seeds = np.ascontiguousarray(np.hstack([rows.imag, tangents]))
     of_tangents = kernels(f"{block}_tangents").ADDRESSES[f"{kernel}_tangent"]
-    whole: Array = found + 1j * at_rows(of_tangents, plain, n, parameters, width, seeds)
+    whole: Array = values + 1j * at_rows(of_tangents, plain, n, parameters, width, seeds)
     return whole
 
 
@@ -153,8 +154,8 @@ class Segment:
         if not rotary:
             arguments = arguments.copy()
             arguments[4:9] = 0.0
-        found = self._call(name, arguments)
-        return found.reshape(n, n) if count == 1 else found.reshape(count, n, n)
+        matrix = self._call(name, arguments)
+        return matrix.reshape(n, n) if count == 1 else matrix.reshape(count, n, n)
 
     def loads(self) -> Array:
         """Return E, G, Nv and Lv, shape (4, n), x from the element's first node."""
@@ -175,13 +176,13 @@ def names(info: BeamInfo) -> tuple[str, ...]:
     Where the curvature jumps, ``kappa@2+`` is that behind node 2.
     """
     jumps = _jumps(info)
-    found = []
+    labels = []
     for i in range(info.elements + 1):
         if i:
-            found += [f"{dof}@{i - 1}.{i}" for dof in info.inner_dofs]
-        found += [f"{dof}@{i}" for dof in info.node_dofs]
-        found += [f"{_CURVATURE}@{i}+"] if i in jumps else []
-    return tuple(found)
+            labels += [f"{dof}@{i - 1}.{i}" for dof in info.inner_dofs]
+        labels += [f"{dof}@{i}" for dof in info.node_dofs]
+        labels += [f"{_CURVATURE}@{i}+"] if i in jumps else []
+    return tuple(labels)
 
 
 def _jumps(info: BeamInfo) -> set[int]:
@@ -192,7 +193,7 @@ def _jumps(info: BeamInfo) -> set[int]:
 def segments(info: BeamInfo, properties: Properties) -> tuple[Segment, ...]:
     """Return the elements of a link."""
     per_node, inner, n = len(info.node_dofs), len(info.inner_dofs), info.elements
-    found, first, jumps = [], 0, _jumps(info)
+    parts, first, jumps = [], 0, _jumps(info)
     for i in range(n):
         # Both ends by the same product, so that the elements leave no gap.
         start, stop = (_place(info, properties.length, k) for k in (i, i + 1))
@@ -206,8 +207,8 @@ def segments(info: BeamInfo, properties: Properties) -> tuple[Segment, ...]:
         dofs = (*node, *range(second, second + per_node), *range(behind, second))
         first = second
         arguments = np.array([stop - start, *moved])
-        found.append(Segment(info.element, info.block, start, stop - start, dofs, arguments))
-    return tuple(found)
+        parts.append(Segment(info.element, info.block, start, stop - start, dofs, arguments))
+    return tuple(parts)
 
 
 def meshed(info: BeamInfo, length: float, lumps: Sequence[Lump], profiles: Sequence[Profile]) -> BeamInfo:

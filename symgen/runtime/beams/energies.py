@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams.forces import Forces, Motion, modal_rates, of_coordinates, own_motion
+from symgen.runtime.beams.forces import Forces, Motion, local_motion, modal_rates, of_coordinates
 from symgen.runtime.beams.shortening import Shortening, rows_work, shortening
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
@@ -138,7 +138,7 @@ class Energies:
 def energies(
     motion: ElasticMotion,
     rigid: tuple[Array, Array, Array],
-    found: Motion,
+    run: Motion,
     accelerations: Array,
     acting: Forces,
 ) -> Energies | None:
@@ -154,34 +154,34 @@ def energies(
         Joint forces and torque of a held crank; where the shaft alone does work, that of second degree takes
         its place.
     """
-    if found.thesis:
+    if run.thesis:
         return None
-    held, second = motion.info.mode == "held", None
+    is_held, second = motion.info.mode == "held", None
     torque = next((v.values for v in acting.variables if v.name == f"{motion.info.crank}.torque"), None)
-    weights, of_shaft = of_links(motion, found.times, *rigid)
-    on_shaft = np.zeros((len(found.times), 4))
+    weights, of_shaft = of_links(motion, run.times, *rigid)
+    on_shaft = np.zeros((len(run.times), 4))
     if of_shaft is not None:
-        on_shaft = motion._motion.many("shaft", found.times, *rigid)
-    if motion.info.shaft_alone and found.rates is not None and not (held and torque is None):
-        second = shortening(motion, rigid, found, accelerations, on_shaft)
-        torque = torque_of_second_degree(motion, rigid, found, accelerations, acting, second)
+        on_shaft = motion._motion.many("shaft", run.times, *rigid)
+    if motion.info.shaft_alone and run.rates is not None and not (is_held and torque is None):
+        second = shortening(motion, rigid, run, accelerations, on_shaft)
+        torque = torque_of_second_degree(motion, rigid, run, accelerations, acting, second)
         if of_shaft is not None:
             mass, damping, stiffness, load = on_shaft.T
-            s, v, a = (x[:, motion.layout.shaft] for x in (found.displacements, found.rates, accelerations))
+            s, v, a = (x[:, motion.layout.shaft] for x in (run.displacements, run.rates, accelerations))
             torque += mass * a + damping * v + stiffness * s - load
-    summed = {name: np.zeros(len(found.times)) for name in ("kinetic", "strain", "potential")}
-    dissipated, rates = np.zeros((2, len(found.times)))
+    summed = {name: np.zeros(len(run.times)) for name in ("kinetic", "strain", "potential")}
+    dissipated, rates = np.zeros((2, len(run.times)))
     for k, x in enumerate(weights):
-        forms = Forms(motion, found, accelerations, k, second)
-        own, rate = _energies(x, forms)
-        for name, energy in own.items():
+        forms = Forms(motion, run, accelerations, k, second)
+        of_link, rate = _energies(x, forms)
+        for name, energy in of_link.items():
             summed[name] = summed[name] + energy
         rates += rate
         dissipated += forms("damping", (1, 1))
-    dissipated += np.sum(modal_rates(motion, found) ** 2, axis=1)
-    still = np.zeros_like(found.displacements) if found.rates is None else found.rates
-    moved = found.displacements, still, accelerations
-    kinetic, potential, power, motor, _ = of_joints(motion, found.times, rigid, moved)
+    dissipated += np.sum(modal_rates(motion, run) ** 2, axis=1)
+    still = np.zeros_like(run.displacements) if run.rates is None else run.rates
+    moved = run.displacements, still, accelerations
+    kinetic, potential, power, motor, _ = of_joints(motion, run.times, rigid, moved)
     summed["kinetic"] += kinetic
     summed["potential"] += potential
     if second is not None:
@@ -196,10 +196,10 @@ def energies(
         kinetic, rate, shaft = _of_shaft(motion, of_shaft, *moved)
         summed["kinetic"] += kinetic
         rates += rate
-    if torque is not None and (held or second is not None):
-        driven = torque * _speed(motion, found, weights, rigid[1])
-        shaft, omitted = (driven, None) if held else (shaft, driven)
-    if found.rates is not None and motion.info.shaft_alone:
+    if torque is not None and (is_held or second is not None):
+        driven = torque * _speed(motion, run, weights, rigid[1])
+        shaft, omitted = (driven, None) if is_held else (shaft, driven)
+    if run.rates is not None and motion.info.shaft_alone:
         imbalance = power - dissipated - rates + _sum(shaft, omitted)
     known = not motion.rigid.description.windings and "" not in motion.info.joints
     return Energies(
@@ -216,7 +216,7 @@ def energies(
 def torque_of_second_degree(
     motion: ElasticMotion,
     rigid: tuple[Array, Array, Array],
-    found: Motion,
+    run: Motion,
     accelerations: Array,
     acting: Forces,
     second: Shortening,
@@ -228,27 +228,27 @@ def torque_of_second_degree(
     elastic unknowns: inertia and weight act at displaced points, and forces at joints on links that rotate.
     Shortening moves masses; its slope by the angle works against the constraints of the rigid motion.
     """
-    unit, still = second.unit, np.zeros_like(found.displacements)
-    weights, _ = of_links(motion, found.times, *rigid)
-    turned, _ = of_links(motion, found.times, rigid[0], unit, rigid[2])
-    torque = np.zeros(len(found.times))
+    unit, still = second.unit, np.zeros_like(run.displacements)
+    weights, _ = of_links(motion, run.times, *rigid)
+    turned, _ = of_links(motion, run.times, rigid[0], unit, rigid[2])
+    torque = np.zeros(len(run.times))
     for k, (x, by) in enumerate(zip(weights, turned, strict=True)):
-        forms = Forms(motion, found, accelerations, k, second)
+        forms = Forms(motion, run, accelerations, k, second)
         work = {force: x[f"{force}_rigid"] for force in _VELOCITIES}
         for force, factor, constant, orders in _WORK:
             work[force] = work[force] + x[factor] * forms(constant, orders)
         for pair, (force_x, force_y) in zip(
             motion.beams[k].joints, map(np.transpose, acting.at_joints[k]), strict=True
         ):
-            s = found.displacements[:, motion.layout.of_links[k][list(pair)]]
+            s = run.displacements[:, motion.layout.of_links[k][list(pair)]]
             s[:, motion.layout.of_links[k][list(pair)] < 0] = 0.0
             work["moment"] = work["moment"] - (s[:, 0] * force_y - s[:, 1] * force_x)
         torque += sum(by[velocity] * work[force] for force, velocity in _VELOCITIES.items())
-    moved = found.displacements, still if found.rates is None else found.rates, accelerations
-    load = of_joints(motion, found.times, rigid, moved)[-1]
+    moved = run.displacements, still if run.rates is None else run.rates, accelerations
+    load = of_joints(motion, run.times, rigid, moved)[-1]
     torque -= np.sum(load * unit, axis=1)
-    torque += rows_work(motion, rigid, found, acting.constraints, unit)
-    return torque + second.torque(motion, rigid, found.times)
+    torque += rows_work(motion, rigid, run, acting.constraints, unit)
+    return torque + second.torque(motion, rigid, run.times)
 
 
 def of_links(
@@ -259,10 +259,10 @@ def of_links(
     The other parameters are the first result of :meth:`ElasticMotion.rigid_motion`.
     """
     kernels = motion.rigid.analysis("elastic_motion")
-    found = kernels.many_blocks("energies", times, q, u, solutions)
+    blocks = kernels.many_blocks("energies", times, q, u, solutions)
     names = next(b.columns for b in kernels.info("energies").blocks if b.name == "energies")
-    links = [dict(zip(names, rows.T, strict=True)) for rows in np.moveaxis(found["energies"], 1, 0)]
-    return links, found.get("shaft_energy")
+    links = [dict(zip(names, rows.T, strict=True)) for rows in np.moveaxis(blocks["energies"], 1, 0)]
+    return links, blocks.get("shaft_energy")
 
 
 def of_joints(
@@ -305,12 +305,12 @@ class Forms:
     def __init__(
         self,
         motion: ElasticMotion,
-        found: Motion,
+        run: Motion,
         accelerations: Array,
         k: int,
         second: Shortening | None,
     ) -> None:
-        states = own_motion(motion, found, accelerations, k)
+        states = local_motion(motion, run, accelerations, k)
         self._pieces = [(piece, [x[:, list(piece.at)] for x in states]) for piece in motion.beams[k].pieces]
         self._more = (
             {} if second is None else dict(zip(("load_x", "load_out"), second.bubbles[k], strict=True))
@@ -319,11 +319,11 @@ class Forms:
     def __call__(self, constant: str, orders: Sequence[int]) -> Array:
         """Return the value of a matrix or load vector, with the orders of the rates that it multiplies."""
         first, *second = orders
-        found = self._more[constant][first] if constant in self._more else 0.0
+        total = self._more[constant][first] if constant in self._more else 0.0
         for piece, states in self._pieces:
             by = states[first] @ getattr(piece, constant)
-            found = found + (np.sum(by * states[second[0]], axis=1) if second else by)
-        return np.asarray(found)
+            total = total + (np.sum(by * states[second[0]], axis=1) if second else by)
+        return np.asarray(total)
 
     def rate(self, constant: str, orders: Sequence[int]) -> Array:
         """Return the rate of the same."""
@@ -333,13 +333,13 @@ class Forms:
 
 def _energies(x: Weights, forms: Forms) -> tuple[dict[str, Array], Array]:
     """Return the energies of a link by name, and the sum of their rates."""
-    found = {name: x.get(f"{name}_rigid", np.zeros(1)) for name in ("kinetic", "strain", "potential")}
+    sums = {name: x.get(f"{name}_rigid", np.zeros(1)) for name in ("kinetic", "strain", "potential")}
     rate = x["kinetic_rigid_rate"] + x["potential_rigid_rate"]
     for name, factor, constant, orders in _TERMS:
         value = forms(constant, orders)
-        found[name] = found[name] + x[factor] * value
+        sums[name] = sums[name] + x[factor] * value
         rate = rate + x[factor] * forms.rate(constant, orders) + x[f"{factor}_rate"] * value
-    return found, rate
+    return sums, rate
 
 
 def _of_shaft(
@@ -364,12 +364,12 @@ def _sum(*powers: Array | None) -> Array:
     return np.sum([x for x in powers if x is not None] or [np.zeros(1)], axis=0)
 
 
-def _speed(motion: ElasticMotion, found: Motion, weights: Sequence[Weights], u: Array) -> Array:
+def _speed(motion: ElasticMotion, run: Motion, weights: Sequence[Weights], u: Array) -> Array:
     """Return the angular velocity of the crank [rad/s] in the rigid motion, (times,)."""
     links = [beam.info.link for beam in motion.beams]
     if motion.info.crank in links:
         return weights[links.index(motion.info.crank)]["kinetic_rate_load_turn"]
-    rotation, _ = motion.rigid_crank(found.times, found.q)
+    rotation, _ = motion.rigid_crank(run.times, run.q)
     d = motion.rigid.description
     end = 2 * d.free.index(d.links[motion.info.crank][1])
     speed: Array = np.sum(rotation * u[:, end : end + 2], axis=1)

@@ -49,7 +49,7 @@ class Motion:
     rates: Array | None
     thesis: bool = False
     _axes: dict[int, Frames] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _own: dict[int, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _local: dict[int, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
     _states: dict[int, tuple[Array | None, States]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -60,11 +60,11 @@ class Motion:
             self._axes[k] = frames(self.links[:, k])
         return self._axes[k]
 
-    def own(self, motion: ElasticMotion, k: int) -> Array:
+    def local(self, motion: ElasticMotion, k: int) -> Array:
         """Return the unknowns of a link on its own axes, (times, n), computed once: not to be changed."""
-        if k not in self._own:
-            self._own[k] = motion.own_unknowns(k, self.links, self.displacements)
-        return self._own[k]
+        if k not in self._local:
+            self._local[k] = motion.local_unknowns(k, self.links, self.displacements)
+        return self._local[k]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,19 +86,19 @@ class Forces:
     constraints: dict[str, Array]
 
 
-def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion, accelerations: Array) -> Forces:
+def forces(motion: ElasticMotion, equations: BeamEquations, run: Motion, accelerations: Array) -> Forces:
     """Return the forces and couples on elastic links at joints and welds, and the torque on a crank not free.
 
     They are of the whole motion, rigid and elastic, on fixed axes: of every link M s'' + C s' + K s - Q at
     its joints, Eq. (7.27). The axial force of a link that keeps its length is of its constraint.
     """
-    bound = _bound(motion, equations, found, accelerations)
-    crank, free, made, at_joints = motion.info.crank, motion.info.mode == "free", [], []
+    bound = _bound(motion, equations, run, accelerations)
+    crank, free, drive, at_joints = motion.info.crank, motion.info.mode == "free", [], []
     by_modes = forces_on_links(motion.layout, motion.beams)
-    rates_of_modes = modal_rates(motion, found)
+    rates_of_modes = modal_rates(motion, run)
     for k, beam in enumerate(motion.beams):
-        axes, name = found.axes(k), beam.info.link
-        rows = _link(motion, found, accelerations, k) + rates_of_modes @ by_modes[k]
+        axes, name = run.axes(k), beam.info.link
+        rows = _link(motion, run, accelerations, k) + rates_of_modes @ by_modes[k]
         ends = [np.column_stack(axes.fixed(rows[:, u], rows[:, w])) for u, w in beam.joints]
         if name in bound:
             places = [motion.layout.of_links[k][list(end)] for end in beam.joints]
@@ -110,15 +110,15 @@ def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion, accel
                     ends[end] -= there
         at_joints.append(ends)
         for point, force in zip(beam.info.points, ends, strict=True):
-            made.append(joint_force(name, point, force))
+            drive.append(joint_force(name, point, force))
         for dof, point in beam.info.welded.items():
             about = f"couple on {name} at {point}, counter-clockwise"
-            made.append(Variable(f"{name}.{point}.couple", "N*m", about, (), rows[:, beam.dofs.index(dof)]))
+            drive.append(Variable(f"{name}.{point}.couple", "N*m", about, (), rows[:, beam.dofs.index(dof)]))
         if name == crank and not free:
-            made.append(torque(name, rows[:, beam.dofs.index("theta@0")]))
+            drive.append(torque(name, rows[:, beam.dofs.index("theta@0")]))
     if f"{crank}_drive" in bound:
-        made.append(torque(crank, _of_drive(motion, found, bound[f"{crank}_drive"])))
-    return Forces(made, at_joints, bound)
+        drive.append(torque(crank, _of_drive(motion, run, bound[f"{crank}_drive"])))
+    return Forces(drive, at_joints, bound)
 
 
 def of_coordinates(motion: ElasticMotion) -> list[int]:
@@ -140,30 +140,30 @@ def torque(crank: str, values: Array) -> Variable:
     )
 
 
-def accelerations_of(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> Array:
+def accelerations_of(motion: ElasticMotion, equations: BeamEquations, run: Motion) -> Array:
     """Return S'' at the times, (times, unknowns)."""
-    made = np.zeros_like(found.displacements)
-    if found.rates is not None:
-        order = np.argsort(found.times, kind="stable")
-        states = np.column_stack([found.displacements, found.rates])[order]
-        made[order] = equations.solutions(found.times[order], states)[:, : equations.whole]
-    return made
+    accelerations = np.zeros_like(run.displacements)
+    if run.rates is not None:
+        order = np.argsort(run.times, kind="stable")
+        states = np.column_stack([run.displacements, run.rates])[order]
+        accelerations[order] = equations.solutions(run.times[order], states)[:, : equations.whole]
+    return accelerations
 
 
-def _link(motion: ElasticMotion, found: Motion, accelerations: Array, k: int) -> Array:
+def _link(motion: ElasticMotion, run: Motion, accelerations: Array, k: int) -> Array:
     """Return the external forces on a link at each of its unknowns, on its own axes, (times, n)."""
     beam = motion.beams[k]
-    s, v, a = own_motion(motion, found, accelerations, k)
-    axes, made = found.axes(k), np.zeros_like(s)
-    wanted = {k for pair in beam.joints for k in pair}
-    wanted |= {j for j, dof in enumerate(beam.dofs) if dof == "theta@0" or dof in beam.info.welded}
-    own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
-    loads = [found.loads[:, i] for i in own]
+    s, v, a = local_motion(motion, run, accelerations, k)
+    axes, local_forces = run.axes(k), np.zeros_like(s)
+    unknowns = {k for pair in beam.joints for k in pair}
+    unknowns |= {j for j, dof in enumerate(beam.dofs) if dof == "theta@0" or dof in beam.info.welded}
+    loads_of_link = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
+    loads = [run.loads[:, i] for i in loads_of_link]
     for piece in beam.pieces:
-        if wanted.intersection(piece.at):
+        if unknowns.intersection(piece.at):
             at = list(piece.at)
-            made[:, at] += _piece(piece, axes, loads, s[:, at], v[:, at], a[:, at], found.rates is None)
-    return made
+            local_forces[:, at] += _piece(piece, axes, loads, s[:, at], v[:, at], a[:, at], run.rates is None)
+    return local_forces
 
 
 def _piece(
@@ -183,40 +183,40 @@ def _piece(
     by_name = [dict(zip(APPLIED, f.T, strict=True)) for f in forces]
     for f, shape_x, shape_y in zip(by_name, piece.force_x, piece.force_y, strict=True):
         load += np.outer(f["load_force_x"], shape_x) + np.outer(f["load_force_y"], shape_y)
-    found: Array = s @ piece.stiffness.T - load
-    found += axes.stiffness_geometric0[:, None] * (s @ piece.axial0.T)
-    found += axes.stiffness_geometric1[:, None] * (s @ piece.axial1.T)
-    found += axes.stiffness_geometric2[:, None] * (s @ piece.axial2.T)
+    force: Array = s @ piece.stiffness.T - load
+    force += axes.stiffness_geometric0[:, None] * (s @ piece.axial0.T)
+    force += axes.stiffness_geometric1[:, None] * (s @ piece.axial1.T)
+    force += axes.stiffness_geometric2[:, None] * (s @ piece.axial2.T)
     for weight, of_force in STIFFNESS_OF_FORCES.items():
         for f, stiffness in zip(by_name, getattr(piece, of_force), strict=True):
-            found += f[weight][:, None] * (s @ stiffness.T)
+            force += f[weight][:, None] * (s @ stiffness.T)
     if static:
-        return found
-    found += a @ piece.mass.T + v @ piece.damping.T
-    found += axes.damping_gyroscopic[:, None] * (v @ piece.gyroscopic.T)
-    found += axes.stiffness_centrifugal[:, None] * (s @ piece.centrifugal.T)
-    found += axes.stiffness_gyroscopic[:, None] * (s @ piece.gyroscopic.T)
-    return found
+        return force
+    force += a @ piece.mass.T + v @ piece.damping.T
+    force += axes.damping_gyroscopic[:, None] * (v @ piece.gyroscopic.T)
+    force += axes.stiffness_centrifugal[:, None] * (s @ piece.centrifugal.T)
+    force += axes.stiffness_gyroscopic[:, None] * (s @ piece.gyroscopic.T)
+    return force
 
 
-def own_motion(motion: ElasticMotion, found: Motion, accelerations: Array | None, k: int) -> States:
+def local_motion(motion: ElasticMotion, run: Motion, accelerations: Array | None, k: int) -> States:
     """Return s, s' and s'' of a link's unknowns on its own turning axes, each (times, n), computed once.
 
     Without accelerations S'' those of s are not known, and not to be used.
     """
-    known = found._states.get(k)
+    known = run._states.get(k)
     if known is None or not (accelerations is None or known[0] is accelerations):
-        known = found._states[k] = accelerations, _own_states(motion, found, accelerations, k)
+        known = run._states[k] = accelerations, _local_states(motion, run, accelerations, k)
     return known[1]
 
 
-def _own_states(motion: ElasticMotion, found: Motion, accelerations: Array | None, k: int) -> States:
-    given = found.rates, accelerations
-    s, still = found.own(motion, k), np.zeros_like(found.displacements)
-    v, a = (motion.own_unknowns(k, found.links, still if x is None else x) for x in given)
-    if found.rates is None or found.thesis:
+def _local_states(motion: ElasticMotion, run: Motion, accelerations: Array | None, k: int) -> States:
+    derivatives = run.rates, accelerations
+    s, still = run.local(motion, k), np.zeros_like(run.displacements)
+    v, a = (motion.local_unknowns(k, run.links, still if x is None else x) for x in derivatives)
+    if run.rates is None or run.thesis:
         return s, v, a
-    axes = found.axes(k)
+    axes = run.axes(k)
     by_rate, twice = axes.stiffness_damping_quarter, axes.damping_mass_quarter
     by_turn, ends = axes.stiffness_mass_quarter, axes.stiffness_mass_ends
     for u, w in motion.beams[k].joints:
@@ -229,56 +229,56 @@ def _own_states(motion: ElasticMotion, found: Motion, accelerations: Array | Non
     return s, v, a
 
 
-def modal_rates(motion: ElasticMotion, found: Motion) -> Array:
+def modal_rates(motion: ElasticMotion, run: Motion) -> Array:
     """Return the rates at which the forces of damped modes work on the strains, (times, modes) [W^(1/2)].
 
     Their squares are the powers that the damping of the modes takes.
     """
-    made = np.zeros((len(found.times), len(motion.layout.damped)))
-    if found.rates is None or not made.size:
-        return made
-    for k, own in enumerate(forces_on_links(motion.layout, motion.beams)):
-        made += own_motion(motion, found, None, k)[1] @ own.T
+    rates = np.zeros((len(run.times), len(motion.layout.damped)))
+    if run.rates is None or not rates.size:
+        return rates
+    for k, forces_of_link in enumerate(forces_on_links(motion.layout, motion.beams)):
+        rates += local_motion(motion, run, None, k)[1] @ forces_of_link.T
     joints = motion.layout.joint_places[:-1]
     of_joints = motion.layout.damped[:, motion.layout.damped.shape[1] - len(joints) :]
-    return made + found.rates[:, joints[joints >= 0]] @ of_joints[:, joints >= 0].T
+    return rates + run.rates[:, joints[joints >= 0]] @ of_joints[:, joints >= 0].T
 
 
 def _bound(
-    motion: ElasticMotion, equations: BeamEquations, found: Motion, accelerations: Array
+    motion: ElasticMotion, equations: BeamEquations, run: Motion, accelerations: Array
 ) -> dict[str, Array]:
     """Return J^T lambda of M S'' + C S' + K S = Q - J^T lambda by constraint, (times, unknowns) each."""
     if not motion.layout.constraints:
         return {}
     names = motion.constraints
-    still = np.zeros_like(found.displacements)
+    still = np.zeros_like(run.displacements)
     rates, accelerated, analysis = still, still, _beams.QUASI_STATIC
-    if found.rates is not None:
-        rates, accelerated, analysis = found.rates, accelerations, _beams.IN_MOTION
-    order = np.argsort(found.times, kind="stable")
-    s, v, a = (x[order] for x in (found.displacements, rates, accelerated))
-    status, residuals, rows = equations.residual(found.times[order], s, v, a, analysis)
+    if run.rates is not None:
+        rates, accelerated, analysis = run.rates, accelerations, _beams.IN_MOTION
+    order = np.argsort(run.times, kind="stable")
+    s, v, a = (x[order] for x in (run.displacements, rates, accelerated))
+    status, residuals, rows = equations.residual(run.times[order], s, v, a, analysis)
     motion.check(equations, status, equations.motion.t)
     # Least squares: constraints may be redundant.
     inverse = np.linalg.pinv(rows, rows.shape[2] * np.finfo(float).eps)
     multipliers = -(residuals[:, None, :] @ inverse)[:, 0]
-    made = np.empty((len(names), *residuals.shape))
-    made[:, order] = multipliers.T[:, :, None] * np.moveaxis(rows, 1, 0)
-    return dict(zip(names, made, strict=True))
+    of_rows = np.empty((len(names), *residuals.shape))
+    of_rows[:, order] = multipliers.T[:, :, None] * np.moveaxis(rows, 1, 0)
+    return dict(zip(names, of_rows, strict=True))
 
 
-def crank_rotation(motion: ElasticMotion, found: Motion) -> Array:
+def crank_rotation(motion: ElasticMotion, run: Motion) -> Array:
     """Return by how far the shaft of a crank that is not held turns from its rigid motion [rad], (times,)."""
     if motion.layout.shaft >= 0:
-        return found.displacements[:, motion.layout.shaft]
-    rotation, _ = motion.rigid_crank(found.times, found.q)
-    turned: Array = np.sum(rotation * found.displacements[:, _end_of_crank(motion)], axis=1)
+        return run.displacements[:, motion.layout.shaft]
+    rotation, _ = motion.rigid_crank(run.times, run.q)
+    turned: Array = np.sum(rotation * run.displacements[:, _end_of_crank(motion)], axis=1)
     return turned
 
 
-def _of_drive(motion: ElasticMotion, found: Motion, bound: Array) -> Array:
+def _of_drive(motion: ElasticMotion, run: Motion, bound: Array) -> Array:
     """Return the torque of the shaft of a rigid crank from the forces that hold its direction."""
-    _, arm = motion.rigid_crank(found.times, found.q)
+    _, arm = motion.rigid_crank(run.times, run.q)
     torque: Array = -np.sum(arm * bound[:, _end_of_crank(motion)], axis=1)
     return torque
 

@@ -54,20 +54,20 @@ class Frames:
         before = [(lump.mass * (x >= lump.at), lump.mass * lump.at * (x >= lump.at)) for lump in beam.lumps]
         mass = np.array([integral(p.mass, v) for v in x.tolist()]) + sum(m for m, _ in before)
         moment = np.array([integral((0.0, *p.mass), v) for v in x.tolist()]) + sum(s for _, s in before)
-        found: Array = self.stiffness_geometric0[:, None] + (
+        force: Array = self.stiffness_geometric0[:, None] + (
             self.stiffness_geometric1[:, None] * mass + self.stiffness_geometric2[:, None] * moment
         )
-        return found
+        return force
 
     def load(self, x: Array, y: Array, out: Array, turn: Array) -> Array:
         """Return the load of the rigid motion by the load vectors of a link, (times, n)."""
-        found: Array = (
+        force: Array = (
             np.outer(self.load_x, x)
             + np.outer(self.load_y, y)
             + np.outer(self.load_out, out)
             + np.outer(self.load_turn, turn)
         )
-        return found
+        return force
 
 
 def frames(motion: Array) -> Frames:

@@ -197,11 +197,11 @@ def _unknowns(
     of_links: list[list[int]] = []
     shaft = -1
     for beam in beams:
-        held, turn = set(beam.fixed), -1
+        fixed, turn = set(beam.fixed), -1
         if beam.info.link == info.crank:
             turn = beam.dofs.index("theta@0")
             if info.mode == "held":
-                held.add(turn)
+                fixed.add(turn)
         joints = {
             dof: (point, axis)
             for pair, point in zip(beam.joints, beam.info.points, strict=True)
@@ -213,7 +213,7 @@ def _unknowns(
             if k in joints:
                 point, axis = joints[k]
                 places.append(joint[point] + axis if point in joint else -1)
-            elif k in held or (dof in welded and welded[dof] not in joint):
+            elif k in fixed or (dof in welded and welded[dof] not in joint):
                 places.append(-1)
             else:
                 name = f"{rotations[dof]}.theta" if dof in rotations else f"{beam.info.link}.{dof}"
@@ -255,16 +255,16 @@ def _pairs(
     shaft: int,
 ) -> NDArray[np.intp]:
     """Return all pairs of unknowns that an entry of a matrix may couple."""
-    found = {(i, i) for places in of_links for i in places if i >= 0}
+    pairs = {(i, i) for places in of_links for i in places if i >= 0}
     for beam, places in zip(beams, of_links, strict=True):
         for piece in beam.pieces:
             there = [places[k] for k in piece.at if places[k] >= 0]
-            found |= {(i, j) for i in there for j in there}
+            pairs |= {(i, j) for i in there for j in there}
     for name in ("mass_matrix", "damping", "stiffness"):
-        found |= {pair for i, j in entries_of(joints, name, place) for pair in ((i, j), (j, i))}
+        pairs |= {pair for i, j in entries_of(joints, name, place) for pair in ((i, j), (j, i))}
     if shaft >= 0:
-        found.add((shaft, shaft))
-    return np.array(sorted(found), dtype=np.intp).reshape(-1, 2)
+        pairs.add((shaft, shaft))
+    return np.array(sorted(pairs), dtype=np.intp).reshape(-1, 2)
 
 
 def entries_of(joints: Mapping[str, BlockInfo], name: str, place: Mapping[str, int]) -> list[tuple[int, ...]]:
@@ -291,15 +291,15 @@ def _by_least_band(n: int, pairs: NDArray[np.intp]) -> Indices:
 def _constants(piece: Piece) -> list[Array]:
     """Return the matrices and load vectors of a piece, in the order that the assembly reads them."""
     forces = zip(*(getattr(piece, name) for name in SPREAD), strict=True)
-    own = (getattr(piece, name) for name in (*MATRICES, *VECTORS))
-    return [*own, *(a for force in forces for a in force)]
+    matrices = (getattr(piece, name) for name in (*MATRICES, *VECTORS))
+    return [*matrices, *(a for force in forces for a in force)]
 
 
 def _joints(pieces: Sequence[tuple[Beam, Sequence[int]]]) -> NDArray[np.intp]:
     """Return where displacements (u, w) of joints are in each piece, (pieces, 2 most); rows end with -1."""
-    found = [[at.index(dof) for pair in beam.joints for dof in pair if dof in at] for beam, at in pieces]
-    most = max(map(len, found), default=0)
-    return np.array([[*row, *[-1] * (most - len(row))] for row in found], dtype=np.intp).reshape(-1, most)
+    numbers = [[at.index(dof) for pair in beam.joints for dof in pair if dof in at] for beam, at in pieces]
+    most = max(map(len, numbers), default=0)
+    return np.array([[*row, *[-1] * (most - len(row))] for row in numbers], dtype=np.intp).reshape(-1, most)
 
 
 def _starts(sizes: Sequence[int]) -> Indices:

@@ -83,12 +83,12 @@ class Beam:
         Those of the last requests are kept: each run asks for the same.
         """
         key = tuple(fractions)
-        found = self._tables.get(key)
-        if found is None:
+        table = self._tables.get(key)
+        if table is None:
             if len(self._tables) >= _TABLES:
                 self._tables.clear()
-            found = self._tables[key] = self._table(key)
-        return found
+            table = self._tables[key] = self._table(key)
+        return table
 
     def _table(self, fractions: Sequence[float]) -> Mapping[str, Array]:
         places = []
@@ -105,26 +105,26 @@ class Beam:
     def _rows_at(self, places: Sequence[tuple[float, Sequence[Segment]]]) -> Mapping[str, Array]:
         """Return the rows at places x [m], each the mean of the elements given there."""
         size = len(self.dofs) if self.expansion is None else len(self.expansion)
-        found = np.zeros((len(SHAPES), len(places), size), self.pieces[0].stiffness.dtype)
+        rows = np.zeros((len(SHAPES), len(places), size), self.pieces[0].stiffness.dtype)
         for k, (x, parts) in enumerate(places):
             for part in parts:
                 local = min(max(x - part.start, 0.0, key=_real), part.length, key=_real)
-                found[:, k, list(part.dofs)] += part.shape(local) / len(parts)
+                rows[:, k, list(part.dofs)] += part.shape(local) / len(parts)
         if self.expansion is not None:
-            found = found @ self.expansion
-        found.flags.writeable = False
-        return dict(zip(SHAPES, found, strict=True))
+            rows = rows @ self.expansion
+        rows.flags.writeable = False
+        return dict(zip(SHAPES, rows, strict=True))
 
     def fibres(self, fractions: Array) -> Array:
         """Return distances [m] of the outer fibre from the neutral axis at fractions of the length."""
         p = self.properties
         return np.abs([value_at(p.fibre, x) for x in (fractions * p.length).tolist()])
 
-    def greatest_stress(self, own: Array) -> tuple[Array, Array]:
+    def greatest_stress(self, local: Array) -> tuple[Array, Array]:
         """Return the greatest stress [Pa] of both outer fibres over the length, and where it is, (times,).
 
         It is tension or compression; its place is a fraction of the length. Where two elements meet it is the
-        larger of both. ``own`` are the unknowns of the link in its axes, (times, n).
+        larger of both. ``local`` are the unknowns of the link in its axes, (times, n).
         """
         p, count = self.properties, max(1, min(_PER_ELEMENT, _LOOKS // len(self.segments)))
         within = [
@@ -138,7 +138,7 @@ class Beam:
             table = self._tables[()] = self._rows_at(within)
         places = np.array([x for x, _ in within]) / p.length
         fibre = self.fibres(places)
-        bending, axial = (np.abs(own @ table[name].T) for name in ("curvature", "axial_strain"))
+        bending, axial = (np.abs(local @ table[name].T) for name in ("curvature", "axial_strain"))
         stress = p.modulus * (axial + fibre * bending)
         return np.max(stress, axis=1), places[np.argmax(stress, axis=1)]
 
@@ -169,22 +169,22 @@ def beam(
     _check(info, properties, lumps)
     parts = segments(info, properties)
     dofs = names(info)
-    found = pieces(parts, properties, lumps, profiles, info.geometric_stiffness)
+    superelements = pieces(parts, properties, lumps, profiles, info.geometric_stiffness)
     expansion = None
     if not info.axial:
-        total = whole(found, len(dofs))
+        total = whole(superelements, len(dofs))
         dofs, expansion = of_one_length(info, dofs, parts, total.stiffness)
         ends = [k for pair in _joints(info, dofs) for k in pair]
-        found = tuple(followed(piece, expansion, ends) for piece in found)
+        superelements = tuple(followed(piece, expansion, ends) for piece in superelements)
     if info.reduction:
-        total = whole(found, len(dofs))
+        total = whole(superelements, len(dofs))
         dofs, basis = reduced(info, dofs, _fixed(info, properties, lumps, dofs), total)
         expansion = basis if expansion is None else expansion @ basis
-        found = (transformed(total, basis),)
+        superelements = (transformed(total, basis),)
     fixed = _fixed(info, properties, lumps, dofs)
-    found, forces = _damped(info, properties, dofs, fixed, found)
+    superelements, forces = _damped(info, properties, dofs, fixed, superelements)
     joints = _joints(info, dofs)
-    return Beam(info, properties, tuple(lumps), dofs, joints, fixed, found, forces, parts, expansion)
+    return Beam(info, properties, tuple(lumps), dofs, joints, fixed, superelements, forces, parts, expansion)
 
 
 def _real(x: complex) -> float:
@@ -201,13 +201,13 @@ def _damped(
     properties: Properties,
     dofs: Sequence[str],
     fixed: Sequence[int],
-    found: tuple[Piece, ...],
+    superelements: tuple[Piece, ...],
 ) -> tuple[tuple[Piece, ...], Array]:
     """Return the pieces with their damping, and the forces of modes that are damped apart from them."""
-    made = tuple(replace(piece, damping=rayleigh(piece, properties)) for piece in found)
+    damped = tuple(replace(piece, damping=rayleigh(piece, properties)) for piece in superelements)
     if properties.ratio:
-        return modal(info, fixed, made, len(dofs), properties.ratio)
-    return made, np.zeros((0, sum(len(piece.at) for piece in made)))
+        return modal(info, fixed, damped, len(dofs), properties.ratio)
+    return damped, np.zeros((0, sum(len(piece.at) for piece in damped)))
 
 
 def _fixed(
@@ -239,6 +239,6 @@ def _check(info: BeamInfo, properties: Properties, lumps: Sequence[Lump]) -> Non
                 f"a lumped mass of {where} lies at {lump.at!r} m, expected 0 to its length "
                 f"{properties.length!r} m"
             )
-        for what, value, unit in (("mass", lump.mass, "kg"), ("moment of inertia", lump.inertia, "kg m^2")):
+        for noun, value, unit in (("mass", lump.mass, "kg"), ("moment of inertia", lump.inertia, "kg m^2")):
             if not 0.0 <= value.real < float("inf"):
-                raise ModelError(f"a lumped {what} of {where} is zero or more, got {value!r} {unit}")
+                raise ModelError(f"a lumped {noun} of {where} is zero or more, got {value!r} {unit}")

@@ -32,13 +32,13 @@ def pieces(
     """
     owners = [segment_at(parts, lump.at)[0] for lump in lumps]
     rotary = any(properties.rotary)
-    found = []
+    superelements = []
     for part in parts:
-        own = [lump for lump, owner in zip(lumps, owners, strict=True) if owner is part]
+        lumps_of_part = [lump for lump, owner in zip(lumps, owners, strict=True) if owner is part]
         before = [
             lump for lump, owner in zip(lumps, owners, strict=True) if owner.start.real < part.start.real
         ]  # of whole elements
-        found.append(_piece(part, properties, own, before, rotary, stiffening))
+        superelements.append(_piece(part, properties, lumps_of_part, before, rotary, stiffening))
         spread = [_spread(part, profile, segment_at(parts, profile.at)[0]) for profile in profiles]
         n = len(part.dofs)
         of_forces: dict[str, Any] = {
@@ -48,14 +48,14 @@ def pieces(
             for name in SPREAD
         }
         of_forces["force_axial"] = of_forces["force_axial"] * stiffening
-        found[-1] = replace(found[-1], **of_forces)
-    return tuple(found)
+        superelements[-1] = replace(superelements[-1], **of_forces)
+    return tuple(superelements)
 
 
 def _piece(
     part: Segment,
     properties: Properties,
-    own: Sequence[Lump],
+    lumps: Sequence[Lump],
     before: Sequence[Lump],
     rotary: bool,
     stiffening: bool,
@@ -71,7 +71,7 @@ def _piece(
     loads = part.loads()
     loads[2:] += start * loads[:2]
     fields.update(zip(VECTORS, loads, strict=True))
-    for lump in own:
+    for lump in lumps:
         shape, there = part.shape(lump.at - start), point(lump.at)
         for name in ("mass", "gyroscopic"):
             fields[name] = fields[name] + lump.mass * (shape.T @ there[name] @ shape)
@@ -80,13 +80,15 @@ def _piece(
             fields[name] = fields[name] + lump.mass * (there[name] @ shape)
         fields["mass"] = fields["mass"] + lump.inertia * (shape.T @ there["rotary_mass"] @ shape)
         fields["load_turn"] = fields["load_turn"] + lump.inertia * (there["rotary_load_turn"] @ shape)
-    axial = _stiffening(part, properties, own, before) if stiffening else np.zeros((3, n, n))
+    axial = _stiffening(part, properties, lumps, before) if stiffening else np.zeros((3, n, n))
     fields.update(zip(("axial0", "axial1", "axial2"), axial, strict=True))
     fields.update({name: np.zeros((0, *(n,) * (1 if name in SPREAD[:2] else 2))) for name in SPREAD})
     return Piece(part.dofs, **fields)
 
 
-def _stiffening(part: Segment, properties: Properties, own: Sequence[Lump], before: Sequence[Lump]) -> Array:
+def _stiffening(
+    part: Segment, properties: Properties, lumps: Sequence[Lump], before: Sequence[Lump]
+) -> Array:
     """Return the integrals of Nw' Nw'^T times 1, the mass before x and its moment, shape (3, n, n).
 
     What stands before the element acts on the whole of it; a lump on it from there to its second node.
@@ -94,12 +96,14 @@ def _stiffening(part: Segment, properties: Properties, own: Sequence[Lump], befo
     slopes, inside, inside_moment = part.matrix("geometric", 3)
     mass = integral(properties.mass, part.start) + sum(lump.mass for lump in before)
     moment = integral((0.0, *properties.mass), part.start) + sum(lump.mass * lump.at for lump in before)
-    found = np.array([slopes, mass * slopes + inside, moment * slopes + part.start * inside + inside_moment])
-    for lump in own:
+    stiffening = np.array(
+        [slopes, mass * slopes + inside, moment * slopes + part.start * inside + inside_moment]
+    )
+    for lump in lumps:
         behind = stiffened(part, lump.at - part.start)
-        found[1] += lump.mass * behind
-        found[2] += lump.mass * lump.at * behind
-    return found
+        stiffening[1] += lump.mass * behind
+        stiffening[2] += lump.mass * lump.at * behind
+    return stiffening
 
 
 def _spread(part: Segment, profile: Profile, owner: Segment) -> dict[str, Array]:
@@ -107,7 +111,7 @@ def _spread(part: Segment, profile: Profile, owner: Segment) -> dict[str, Array]
     n = len(part.dofs)
     if profile.is_point:
         place = profile.at - part.start
-        found = _force(part, profile.at) if owner is part else {}
+        forces = _force(part, profile.at) if owner is part else {}
         behind = np.zeros((n, n))
         if owner.start.real <= part.start.real:
             behind = stiffened(part, place if owner is part else 0.0)
@@ -115,12 +119,12 @@ def _spread(part: Segment, profile: Profile, owner: Segment) -> dict[str, Array]
         places, weights = _gauss(part, 0.0)
         there = weights * (profile.even + profile.slope * places)
         each = [_force(part, place) for place in places.tolist()]
-        found = {name: np.tensordot(there, [one[name] for one in each], axes=1) for name in each[0]}
+        forces = {name: np.tensordot(there, [one[name] for one in each], axes=1) for name in each[0]}
         behind = stiffened(part, 0.0, profile.before)
     none = {name: np.zeros(n) if name in SPREAD[:2] else np.zeros((n, n)) for name in SPREAD}
     if not profile.follows:
-        found = {name: found[name] for name in SPREAD[:2] if name in found}
-    return none | found | {"force_axial": behind}
+        forces = {name: forces[name] for name in SPREAD[:2] if name in forces}
+    return none | forces | {"force_axial": behind}
 
 
 def _force(part: Segment, x: float) -> dict[str, Array]:
@@ -129,8 +133,8 @@ def _force(part: Segment, x: float) -> dict[str, Array]:
     And the stiffness of forces that follow the section there, (n, n).
     """
     shape, there = part.shape(x - part.start), point(x)
-    found = {name: there[name] @ shape for name in SPREAD[:2]}
-    return found | {name: shape.T @ there[name] @ shape for name in ("follower_x", "follower_y")}
+    force = {name: there[name] @ shape for name in SPREAD[:2]}
+    return force | {name: shape.T @ there[name] @ shape for name in ("follower_x", "follower_y")}
 
 
 def _gauss(part: Segment, start: float) -> tuple[Array, Array]:
@@ -146,21 +150,21 @@ def stiffened(part: Segment, start: float, force: Callable[[Array], Array] = np.
     ``force`` is the axial force [N] at places [m] from the first point of the link; 1 N by default.
     """
     places, weights = _gauss(part, start)
-    made = np.zeros((len(part.dofs), len(part.dofs)), part.arguments.dtype)
+    geometric = np.zeros((len(part.dofs), len(part.dofs)), part.arguments.dtype)
     for x, weight in zip(places.tolist(), (weights * force(places)).tolist(), strict=True):
         shape = part.shape(x - part.start)
-        made += weight * (shape.T @ point(x)["geometric0"] @ shape)
-    return made
+        geometric += weight * (shape.T @ point(x)["geometric0"] @ shape)
+    return geometric
 
 
-def whole(found: Sequence[Piece], n: int) -> Piece:
+def whole(superelements: Sequence[Piece], n: int) -> Piece:
     """Return all pieces as one over the n unknowns of their link."""
-    count, kind = len(found[0].force_x), found[0].stiffness.dtype
+    count, kind = len(superelements[0].force_x), superelements[0].stiffness.dtype
     fields: dict[str, Array] = {name: np.zeros((n, n), kind) for name in MATRICES}
     fields.update({name: np.zeros(n, kind) for name in VECTORS})
     fields.update({name: np.zeros((count, n), kind) for name in SPREAD[:2]})
     fields.update({name: np.zeros((count, n, n), kind) for name in SPREAD[2:]})
-    for piece in found:
+    for piece in superelements:
         at = np.array(piece.at)
         for name in MATRICES:
             fields[name][np.ix_(at, at)] += getattr(piece, name)

@@ -29,16 +29,16 @@ def of_one_length(
     n = info.elements
     along = {dofs.index(f"u@{i}"): info.node(i) for i in range(1, n)}
     inner = [j for part in parts for j in part.dofs[2 * len(info.node_dofs) :] if _is_along(part, j)]
-    kept = [j for j in range(len(dofs)) if j not in along and j not in inner]
-    basis = np.zeros((len(dofs), len(kept)), stiffness.dtype)
-    basis[kept, np.arange(len(kept))] = 1.0
-    first, last = kept.index(dofs.index("u@0")), kept.index(dofs.index(f"u@{n}"))
+    transverse = [j for j in range(len(dofs)) if j not in along and j not in inner]
+    basis = np.zeros((len(dofs), len(transverse)), stiffness.dtype)
+    basis[transverse, np.arange(len(transverse))] = 1.0
+    first, last = transverse.index(dofs.index("u@0")), transverse.index(dofs.index(f"u@{n}"))
     for j, part_of_length in along.items():
         basis[j, [first, last]] = 1 - part_of_length, part_of_length
     if inner:
         outer = [j for j in range(len(dofs)) if j not in inner]
         basis[inner] = _followers(stiffness, inner, outer) @ basis[outer]
-    return tuple(dofs[j] for j in kept), basis
+    return tuple(dofs[j] for j in transverse), basis
 
 
 def _is_along(part: Segment, dof: int) -> bool:

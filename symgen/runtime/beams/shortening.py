@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.beams.elements import integral
-from symgen.runtime.beams.forces import Motion, States, of_coordinates, own_motion
+from symgen.runtime.beams.forces import Motion, States, local_motion, of_coordinates
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 
@@ -74,8 +74,8 @@ class Shortening:
         inertia = self._by_mass(motion, q, self.unit, self.displacements[2])
         work = np.sum(self.by_angle * bound, axis=1)
         work += self._of_shaft(motion, q, self.by_angle, solutions[:, : u.shape[1]])
-        found: Array = inertia - work + self.lifted[2]
-        return found
+        torque: Array = inertia - work + self.lifted[2]
+        return torque
 
     def _by_mass(self, motion: ElasticMotion, q: Array, u: Array, v: Array) -> Array:
         """Return u^T M v of the rigid linkage without the flywheel, by kinetic energies, (times,)."""
@@ -100,17 +100,17 @@ class Shortening:
 
 
 def shortening(
-    motion: ElasticMotion, rigid: Sequence[Array], kept: Motion, accelerations: Array, shaft: Array
+    motion: ElasticMotion, rigid: Sequence[Array], run: Motion, accelerations: Array, shaft: Array
 ) -> Shortening:
     """Return the displacements of second degree of a motion.
 
     The rigid motion works on them: this is the energy of the geometric stiffness, and it needs torque.
     """
     columns, n = of_coordinates(motion), motion.rigid.description.coordinates
-    shorter, bubbles = _quadratic(motion, kept, accelerations)
+    shorter, bubbles = _quadratic(motion, run, accelerations)
     q, u, a = rigid[0], rigid[1], rigid[2][:, :n]
-    rates = np.zeros_like(kept.displacements) if kept.rates is None else kept.rates
-    s, v, b = (x[:, columns] for x in (kept.displacements, rates, accelerations))
+    rates = np.zeros_like(run.displacements) if run.rates is None else run.rates
+    s, v, b = (x[:, columns] for x in (run.displacements, rates, accelerations))
     unit = _displaced(motion, q, np.zeros_like(q), np.zeros_like(shorter[:, 0]), 1.0)
 
     def along(step: float, *rates: Array) -> Array:
@@ -140,7 +140,7 @@ def shortening(
     )
 
 
-def _quadratic(motion: ElasticMotion, kept: Motion, accelerations: Array) -> tuple[Array, Array]:
+def _quadratic(motion: ElasticMotion, run: Motion, accelerations: Array) -> tuple[Array, Array]:
     """Return changes of length with their rates, (links and joints, 3, times), and the bubbles.
 
     Those of a joint between the ends of a link are its axial displacement from the line between the ends.
@@ -152,18 +152,18 @@ def _quadratic(motion: ElasticMotion, kept: Motion, accelerations: Array) -> tup
             integral((*(0.0,) * power, *p.mass), p.length) + sum(x.mass * x.at**power for x in beam.lumps)
             for power in range(3)
         ]
-        states = own_motion(motion, kept, accelerations, k)
+        states = local_motion(motion, run, accelerations, k)
 
         def shorter(name: str, *place: int, beam: Beam = beam, states: States = states) -> Array:
             """Return -s^T C s/2 with first and second rate, (3, times)."""
-            found = np.zeros((3, len(kept.times)))
+            shortened = np.zeros((3, len(run.times)))
             for piece in beam.pieces:
                 s, v, a = (x[:, list(piece.at)] for x in states)
                 matrix = getattr(piece, name)[place] if place else getattr(piece, name)
                 by, rate = s @ matrix, v @ matrix
                 forms = (by * s / 2, by * v, rate * v + by * a)
-                found -= [np.sum(form, axis=1) for form in forms]
-            return found
+                shortened -= [np.sum(form, axis=1) for form in forms]
+            return shortened
 
         whole = shorter("axial0")
         longer.append(whole)
@@ -244,12 +244,12 @@ def _lifted(motion: ElasticMotion, q: Array, s: Array) -> Array:
 
 def _of_rigid(motion: ElasticMotion, block: str, q: Array, kernel: str = "") -> Array:
     """Return a block, the same at all times, of a kernel of the rigid linkage in poses, (times, *shape)."""
-    found = motion.rigid.evaluator.many_blocks(kernel or block, np.zeros(len(q)), q, np.zeros_like(q))
-    return found[block]
+    blocks = motion.rigid.evaluator.many_blocks(kernel or block, np.zeros(len(q)), q, np.zeros_like(q))
+    return blocks[block]
 
 
 def rows_work(
-    motion: ElasticMotion, rigid: Sequence[Array], kept: Motion, bound: Mapping[str, Array], unit: Array
+    motion: ElasticMotion, rigid: Sequence[Array], run: Motion, bound: Mapping[str, Array], unit: Array
 ) -> Array:
     """Return lambda^T J' S of the constraints of rigid links, J' by the angle of the crank [N m], (times,).
 
@@ -257,19 +257,19 @@ def rows_work(
     """
     elastic = {f"{motion.info.crank}_drive", *(beam.info.link for beam in motion.beams)}
     names = [name for name in motion.constraints if name not in elastic]
-    columns, found = of_coordinates(motion), np.zeros(len(kept.times))
+    columns, work = of_coordinates(motion), np.zeros(len(run.times))
     if not names:
-        return found
+        return work
     joints = motion.rigid.analysis("elastic_joints")
 
     def rows(step: float) -> Array:
         q = rigid[0] + _STEP * step * unit
-        made = joints.many_blocks("joints", kept.times, q, np.zeros_like(q), rigid[2])["jacobian"]
-        return made[:, [motion.constraints.index(name) for name in names], : len(columns)]
+        jacobian = joints.many_blocks("joints", run.times, q, np.zeros_like(q), rigid[2])["jacobian"]
+        return jacobian[:, [motion.constraints.index(name) for name in names], : len(columns)]
 
     at = np.stack([rows(k) for k in _STENCIL])
     slopes, now = np.tensordot(_FIRST / _STEP, at, 1), at[2]
     for i, name in enumerate(names):
         size = np.sum(bound[name][:, columns] * now[:, i], axis=1) / np.sum(now[:, i] ** 2, axis=1)
-        found += size * np.sum(slopes[:, i] * kept.displacements[:, columns], axis=1)
-    return found
+        work += size * np.sum(slopes[:, i] * run.displacements[:, columns], axis=1)
+    return work

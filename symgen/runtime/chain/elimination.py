@@ -140,9 +140,9 @@ class Elimination:
             """Bring the chains of a group into lanes; the last chain fills up the last group."""
             flat = values.reshape(count, -1)
             padded = flat[np.minimum(np.arange(groups * lanes), count - 1)]
-            made = aligned((groups, flat.shape[1], lanes))
-            made[...] = padded.reshape(groups, lanes, -1).transpose(0, 2, 1)
-            return made
+            lanes_of_rows = aligned((groups, flat.shape[1], lanes))
+            lanes_of_rows[...] = padded.reshape(groups, lanes, -1).transpose(0, 2, 1)
+            return lanes_of_rows
 
         def back(values: Array, shape: tuple[int, ...]) -> Array:
             flat = values.transpose(0, 2, 1).reshape(groups * lanes, -1)[:count]
@@ -223,7 +223,7 @@ class Elimination:
         shape = (*batch, self.rods + 1, self.dimension)
         if forces is None:
             return np.broadcast_to(self._weight, shape)
-        given = self._points("forces", forces)
-        if given.shape[:-2] not in ((), batch):
-            raise ModelError(f"forces have shape {given.shape}, expected {shape}")
-        return np.broadcast_to(self._weight + given, shape)
+        array = self._points("forces", forces)
+        if array.shape[:-2] not in ((), batch):
+            raise ModelError(f"forces have shape {array.shape}, expected {shape}")
+        return np.broadcast_to(self._weight + array, shape)

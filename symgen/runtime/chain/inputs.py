@@ -60,18 +60,18 @@ def tree(parents: Any, n: int) -> NDArray[np.intp] | None:
     """Return the inner point of every rod, or None for a chain without branches."""
     if parents is None:
         return None
-    given = np.asarray(parents)
-    if given.shape != (n,) or not np.issubdtype(given.dtype, np.integer):
+    numbers = np.asarray(parents)
+    if numbers.shape != (n,) or not np.issubdtype(numbers.dtype, np.integer):
         raise ModelError(f"parents: expected {n} whole numbers, one for each rod, got {parents!r:.80}")
-    wrong = (given < 0) | (given > np.arange(n))
+    wrong = (numbers < 0) | (numbers > np.arange(n))
     if wrong.any():
         k = int(np.argmax(wrong))
         raise ModelError(
-            f"parents[{k}] is {given[k]}, expected a point from 0 to {k}: "
+            f"parents[{k}] is {numbers[k]}, expected a point from 0 to {k}: "
             "number the rods from the base outwards"
         )
-    made = np.ascontiguousarray(given, dtype=np.intp)
-    return None if np.array_equal(made, np.arange(n)) else made
+    array = np.ascontiguousarray(numbers, dtype=np.intp)
+    return None if np.array_equal(array, np.arange(n)) else array
 
 
 def on_length(along: Array, lengths: Array) -> None:
@@ -94,6 +94,6 @@ def aligned(shape: tuple[int, ...]) -> Array:
 
 def repeated(values: Array, lanes: int) -> Array:
     """Return values of one chain for every lane of a group."""
-    made = aligned((len(values), lanes))
-    made[...] = values[:, None]
-    return made.reshape(-1)
+    array = aligned((len(values), lanes))
+    array[...] = values[:, None]
+    return array.reshape(-1)

@@ -96,12 +96,12 @@ def _result(chain: Elimination, samples: list[tuple[float, Array, Array]], drift
 
 def _rates(chain: Elimination, t: float, state: _State, forces: Forces | None) -> tuple[Array, ...]:
     base, speed, along, rate = state.parts
-    given = forces(t, *_points(chain, state)) if callable(forces) else forces
-    force = chain._force(given, along.shape[:-2])
+    applied = forces(t, *_points(chain, state)) if callable(forces) else forces
+    force = chain._force(applied, along.shape[:-2])
     gamma = -np.einsum("...i,...i->...", rate, rate)
     with np.errstate(all="ignore"):
-        found = chain._refined(along, gamma, force, np.zeros_like(base), None, None)
-    a = found.accelerations
+        accelerations = chain._refined(along, gamma, force, np.zeros_like(base), None, None)
+    a = accelerations.accelerations
     if not np.isfinite(a).all():
         raise SimulationError(f"the motion blew up at t = {t:.9g} s: take a smaller step", time=t)
     return speed, a[..., 0, :], rate, a[..., 1:, :] - a[..., chain.parents, :]
@@ -111,7 +111,7 @@ def _project(chain: Elimination, state: _State, t: float) -> float:
     """Bring lengths and their rates back, in place; return the largest relative error of a length left."""
     base, speed, along, rate = state.parts
     none = np.zeros((*along.shape[:-2], chain.rods + 1, chain.dimension))
-    held = np.zeros_like(base)
+    zeros = np.zeros_like(base)
     squares = chain.lengths**2
     previous = np.inf
     for _ in range(_PROJECTIONS):
@@ -120,7 +120,7 @@ def _project(chain: Elimination, state: _State, t: float) -> float:
         if worst <= _ROUND_OFF or not worst < previous / 2:
             break
         previous = worst
-        move = chain._solve(along, -miss, none, held)[0]
+        move = chain._solve(along, -miss, none, zeros)[0]
         base += move[..., 0, :]
         along += move[..., 1:, :] - move[..., chain.parents, :]
     if not worst <= 1e-12:
@@ -128,7 +128,7 @@ def _project(chain: Elimination, state: _State, t: float) -> float:
             f"the lengths cannot be brought back at t = {t:.9g} s: take a smaller step", time=t
         )
     slip = np.einsum("...i,...i->...", along, rate)
-    move = chain._solve(along, -slip, none, held)[0]
+    move = chain._solve(along, -slip, none, zeros)[0]
     speed += move[..., 0, :]
     rate += move[..., 1:, :] - move[..., chain.parents, :]
     return worst
@@ -144,8 +144,8 @@ def _outward(chain: Elimination, base: Array, vectors: Array) -> Array:
     if chain._parents is None:
         first = base[..., None, :]
         return np.concatenate([first, first + np.cumsum(vectors, axis=-2)], axis=-2)
-    found = np.empty((*vectors.shape[:-2], chain.rods + 1, chain.dimension))
-    found[..., 0, :] = base
+    sums = np.empty((*vectors.shape[:-2], chain.rods + 1, chain.dimension))
+    sums[..., 0, :] = base
     for k, inner in enumerate(chain.parents):
-        found[..., k + 1, :] = found[..., inner, :] + vectors[..., k, :]
-    return found
+        sums[..., k + 1, :] = sums[..., inner, :] + vectors[..., k, :]
+    return sums

@@ -48,14 +48,14 @@ def search(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ())
         these do not. All dependent variables when absent.
     """
     close, near = Closing(kernels, t), _Near(kernels, guess, by)
-    found, poses, last = Search(), np.zeros((0, len(standing(kernels, t, guess)))), 0
+    result, poses, last = Search(), np.zeros((0, len(standing(kernels, t, guess)))), 0
     for k, start in enumerate(_starts(kernels, t, near)):
-        if found.closures and (k >= max(_TRIES, 2 * last) or len(found.closures) >= _MOST):
+        if result.closures and (k >= max(_TRIES, 2 * last) or len(result.closures) >= _MOST):
             break
         check_wall("searching for the closures of the loop")
         q = close(start)
-        if close.defect < found.defect:
-            found.closest, found.defect = close.reached, close.defect
+        if close.defect < result.defect:
+            result.closest, result.defect = close.reached, close.defect
         if q is None:
             continue
         pose = standing(kernels, t, q)
@@ -65,15 +65,15 @@ def search(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ())
         if q is not None:
             last = k
             poses = np.vstack([poses, pose])
-            found.closures.append(q)
-    if found.closures and np.any(kernels.pitches[close.solved]):
-        found.closures.append(_unscrewed(kernels, close, min(found.closures, key=near.order), near))
-    kept: list[Array] = []
-    for q in sorted(found.closures, key=near.order):
-        if not any(same_assembly(kernels, t, q, other) for other in kept):
-            kept.append(q)
-    found.closures = kept
-    return found
+            result.closures.append(q)
+    if result.closures and np.any(kernels.pitches[close.solved]):
+        result.closures.append(_unscrewed(kernels, close, min(result.closures, key=near.order), near))
+    unique: list[Array] = []
+    for q in sorted(result.closures, key=near.order):
+        if not any(same_assembly(kernels, t, q, other) for other in unique):
+            unique.append(q)
+    result.closures = unique
+    return result
 
 
 class _Near:

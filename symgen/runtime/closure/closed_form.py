@@ -38,7 +38,7 @@ def closed_forms(kernels: LoopKernels, t: float, guess: Array) -> list[Array]:
         return []
     q = guess.copy()
     q[kernels.inputs] = kernels.prescribed(t)[:, 0]
-    found = []
+    forms = []
     is_length = kernels.description.variables[rod.other].is_length
 
     def gap(value: float) -> float:
@@ -47,8 +47,8 @@ def closed_forms(kernels: LoopKernels, t: float, guess: Array) -> list[Array]:
 
     for value in sorted(_values(kernels, t, q, rod), key=gap):
         q[rod.other] = value
-        found.append(_with_angles(kernels, t, q.copy(), rod))
-    return found
+        forms.append(_with_angles(kernels, t, q.copy(), rod))
+    return forms
 
 
 def _rod(kernels: LoopKernels) -> _Rod | None:
@@ -59,9 +59,9 @@ def _rod(kernels: LoopKernels) -> _Rod | None:
         angles = [i for i in solved if d.variables[i].row in (k, k + 1)]
         others = [i for i in solved if i not in angles]
         names = [d.variables[i].name for i in angles]
-        wanted = [f"theta{k + 1}", f"eta{k + 1}", f"theta{k + 2}", f"eta{k + 2}", f"alpha{k + 2}"]
+        names_of_rod = [f"theta{k + 1}", f"eta{k + 1}", f"theta{k + 2}", f"eta{k + 2}", f"alpha{k + 2}"]
         plain = len(others) == 1 and d.joints[d.variables[others[0]].row] in "RP"
-        if d.joints[k] == d.joints[k + 1] == "S" and names == wanted and plain:
+        if d.joints[k] == d.joints[k + 1] == "S" and names == names_of_rod and plain:
             return _Rod(k, others[0])
     return None
 

@@ -48,10 +48,11 @@ def not_determined(kernels: LoopKernels, t: float, q: Array, rank: int) -> Initi
         )
         hint = f"The closure does not determine {rows}. Begin at another value of the input."
     else:
-        held = " and ".join(d.variables[j].name for j in d.having("input", "free"))
+        inputs = " and ".join(d.variables[j].name for j in d.having("input", "free"))
         problem = (
             f"at {where} the loop closes, but has {'an' if one else len(solved) - rank} idle {several}, "
-            f"neither prescribed nor free: with {held} held, {', '.join(links) or 'no link'} can still move "
+            f"neither prescribed nor free: with {inputs} held, {', '.join(links) or 'no link'} can still "
+            "move "
             f"({counts})"
         )
         hint = (
@@ -107,27 +108,27 @@ def not_followed(kernels: LoopKernels, t: float, q: Array, tolerance: float) -> 
     it are left to follow.
     """
     d = kernels.description
-    given, solved = _given(kernels), d.having("dependent")
+    prescribed, solved = _prescribed(kernels), d.having("dependent")
     screws = scaled_screws(kernels, t, q)
     columns = screws / np.maximum(np.linalg.norm(screws, axis=0), 1e-300)
-    for k, j in enumerate(given):
-        own = columns[:, [*solved, *given[k + 1 :]]]
-        left = columns[:, j] - own @ np.linalg.lstsq(own, columns[:, j], rcond=tolerance / 10)[0]
+    for k, j in enumerate(prescribed):
+        others = columns[:, [*solved, *prescribed[k + 1 :]]]
+        left = columns[:, j] - others @ np.linalg.lstsq(others, columns[:, j], rcond=tolerance / 10)[0]
         if np.linalg.norm(left) > tolerance:
-            return _over_driven(kernels, t, q, given[: k + 1])
+            return _over_driven(kernels, t, q, prescribed[: k + 1])
     return None
 
 
-def _given(kernels: LoopKernels) -> list[int]:
+def _prescribed(kernels: LoopKernels) -> list[int]:
     """Return the numbers of inputs and free variables, the leading input first."""
     d = kernels.description
     lead = [i for i in kernels.inputs if d.variables[i].name == d.lead]
     return [*lead, *(i for i in kernels.inputs if i not in lead), *d.having("free")]
 
 
-def _over_driven(kernels: LoopKernels, t: float, q: Array, given: list[int]) -> InitialStateError:
+def _over_driven(kernels: LoopKernels, t: float, q: Array, prescribed: list[int]) -> InitialStateError:
     d = kernels.description
-    *before, j = given
+    *before, j = prescribed
     solved = d.having("dependent")
     rank = np.linalg.matrix_rank(scaled_screws(kernels, t, q)[:, solved], tol=1e-8)
     others = f" together with {' and '.join(d.variables[i].name for i in before)}" if before else ""
@@ -140,15 +141,15 @@ def _over_driven(kernels: LoopKernels, t: float, q: Array, given: list[int]) -> 
     )
 
 
-def open_loop(kernels: LoopKernels, t: float, found: Search) -> InitialStateError:
+def open_loop(kernels: LoopKernels, t: float, result: Search) -> InitialStateError:
     """Return the error of a loop that does not close: its defect, the row, the closest pose, a remedy."""
     d = kernels.description
     solved = d.having("dependent")
     at = f"the loop {' '.join(d.joints)} cannot be assembled at {kernels.value_at(t)}"
-    if found.closest is None:
+    if result.closest is None:
         hint = "Check the expressions of its rows and inputs."
         return InitialStateError(f"{at}: its table has no finite value\n  {hint}", where="loop.rows")
-    nearest = found.closest
+    nearest = result.closest
     screws = scaled_screws(kernels, t, nearest)[:, solved]
     _, values, right = np.linalg.svd(screws)
     rank = int(np.count_nonzero(values > _WEAK * values.max(initial=1e-300)))
@@ -156,14 +157,14 @@ def open_loop(kernels: LoopKernels, t: float, found: Search) -> InitialStateErro
     pose = ", ".join(_value(kernels, j, nearest[j]) for j in solved)
     few = len(solved) < 6
     hints = [f"The closest pose is {pose}."]
-    if few and found.defect < _TOLERABLE:
-        tolerance = f"{1.1 * found.defect * d.size:.2g} m"
+    if few and result.defect < _TOLERABLE:
+        tolerance = f"{1.1 * result.defect * d.size:.2g} m"
         hints.append(f'An error of manufacture is tolerated by analysis.assembly_tolerance = "{tolerance}".')
     else:
         hints += _released(kernels, t, nearest)
     hints.append(_TOO_FEW if few else "Change a length or an angle of the table, or the value of the input.")
     return InitialStateError(
-        f"{at}: the best of many starts leaves it open by {found.defect:.2g} (rotation in radians, "
+        f"{at}: the best of many starts leaves it open by {result.defect:.2g} (rotation in radians, "
         f"displacement over {d.size:.4g} m), where the screws of its {len(solved)} dependent variables have "
         f"rank {rank} and {weakest} holds the loop least\n  {' '.join(hints)}",
         where="loop.rows",
@@ -174,7 +175,7 @@ def _released(kernels: LoopKernels, t: float, q: Array) -> list[str]:
     """Return in words with which input left to follow the loop closes, and where; the leading one last."""
     d = kernels.description
     solved, prescribed = d.having("dependent"), kernels.prescribed(t)[:, 0]
-    for j in reversed([i for i in _given(kernels) if i in kernels.inputs]):
+    for j in reversed([i for i in _prescribed(kernels) if i in kernels.inputs]):
         whole = np.append(q, 0.0)
         if kernels.equations([*solved, j], min(len(solved) + 1, 6)).assemble(t, whole)[0] != _core.DONE:
             continue

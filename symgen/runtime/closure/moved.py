@@ -28,9 +28,9 @@ def state_at(
     """Return time, variables and rates of a closed state: see :meth:`LoopModel.state`."""
     d = kernels.description
     names = [v.name for v in d.variables]
-    for asked, roles in ((values, ("free", "dependent")), (rates, ("free",))):
+    for requested, roles in ((values, ("free", "dependent")), (rates, ("free",))):
         allowed = [names[i] for i in d.having(*roles)]
-        for name, value in asked.items():
+        for name, value in requested.items():
             if name not in allowed:
                 raise ModelError(
                     f"there is no {' or '.join(roles)} variable {name!r}. {nearest(name, allowed)}"
@@ -39,21 +39,21 @@ def state_at(
                 raise ModelError(f"expected a finite number for {name}, got {value!r}")
     if not np.isfinite(t):
         raise ModelError(f"expected a finite time of the state, got {t!r}")
-    wanted, given = begin.q.copy(), np.zeros(d.coordinates)
-    for into, asked in ((wanted, values), (given, rates)):
-        for name, value in asked.items():
+    target, prescribed = begin.q.copy(), np.zeros(d.coordinates)
+    for into, requested in ((target, values), (prescribed, rates)):
+        for name, value in requested.items():
             into[names.index(name)] = value
     at_once = any(names.index(name) in d.having("dependent") for name in values)
-    closed = moved_to(kernels, begin, wanted, t, at_once)
-    return t, closed.q, rates_at(kernels, closed, given)
+    closed = moved_to(kernels, begin, target, t, at_once)
+    return t, closed.q, rates_at(kernels, closed, prescribed)
 
 
-def moved_to(kernels: LoopKernels, begin: Closed, wanted: Array, t: float, at_once: bool = False) -> Closed:
+def moved_to(kernels: LoopKernels, begin: Closed, target: Array, t: float, at_once: bool = False) -> Closed:
     """Return the loop closed at values of its free variables and a time.
 
     Parameters
     ----------
-    wanted
+    target
         All variables; those of inputs do not matter, and dependent ones are guesses ``at_once``.
     at_once
         Close the loop there, instead of following it from its start.
@@ -71,13 +71,13 @@ def moved_to(kernels: LoopKernels, begin: Closed, wanted: Array, t: float, at_on
     if not at_once:
         inputs = kernels.prescribed(t)[:, 0] - kernels.prescribed(begin.t)[:, 0]
         ways = np.abs(
-            np.concatenate([(wanted - begin.q)[free] / scale[free], inputs / scale[kernels.inputs]])
+            np.concatenate([(target - begin.q)[free] / scale[free], inputs / scale[kernels.inputs]])
         )
         steps = min(_MOST, max(1, math.ceil(float(np.max(ways)) / _STEP)))
-    q = np.append(wanted if at_once else begin.q, 0.0)
+    q = np.append(target if at_once else begin.q, 0.0)
     for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
         now, before = begin.t + part * (t - begin.t), q.copy()
-        q[free] = (1.0 - part) * begin.q[free] + part * wanted[free]
+        q[free] = (1.0 - part) * begin.q[free] + part * target[free]
         failed = equations.close(now, q) != _core.DONE
         if failed or (not at_once and np.max(np.abs(q - before)[:-1] / scale) > _JUMP):
             values = ", ".join(f"{d.variables[i].name} = {q[i]:.6g} {d.variables[i].unit}" for i in free)

@@ -33,10 +33,10 @@ def undetermined(kernels: LoopKernels, times: Array, states: Array) -> dict[str,
         Rows that start with the variables.
     """
     d = kernels.description
-    found: dict[str, Mask] = {}
+    by_output: dict[str, Mask] = {}
     outputs = d.kernel("outputs")
     if not kernels.has("inverse") or d.rank == 6 or not len(times) or outputs is None:
-        return found
+        return by_output
     # A loop that closes within a tolerance has screws and wrenches that are dependent within it.
     least, part = max(_RANK, kernels.tolerance), max(_PART, 10 * kernels.tolerance)
     every = range(d.coordinates)
@@ -44,15 +44,15 @@ def undetermined(kernels: LoopKernels, times: Array, states: Array) -> dict[str,
     for b in outputs.blocks:
         mask = whole[:, b.offset : b.offset + b.shape[0] * b.shape[1]]
         if np.any(mask):
-            found[b.name] = mask
-    return found
+            by_output[b.name] = mask
+    return by_output
 
 
-def ranges_of(made: Sequence[Variable], masks: Mapping[str, Mask]) -> dict[str, list[list[int]]]:
+def ranges_of(variables: Sequence[Variable], masks: Mapping[str, Mask]) -> dict[str, list[list[int]]]:
     """Return by component the poses at which it is undetermined, as ranges (first, last) of their numbers."""
     return {
         name: _ranges(mask)
-        for v in made
+        for v in variables
         if v.name in masks
         for name, mask in zip(component_names(v), masks[v.name].T, strict=True)
         if mask.any()

@@ -40,10 +40,10 @@ def close_near(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] =
     InitialStateError
         When no closure is found, or the joints leave more or fewer freedoms than the scene counts on.
     """
-    found = search(kernels, t, guess, by)
-    if not found.closures:
-        raise open_loop(kernels, t, found)
-    return counted(kernels, t, found.closures[0])
+    result = search(kernels, t, guess, by)
+    if not result.closures:
+        raise open_loop(kernels, t, result)
+    return counted(kernels, t, result.closures[0])
 
 
 def counted(kernels: LoopKernels, t: float, q: Array) -> Closed:
@@ -55,8 +55,8 @@ def counted(kernels: LoopKernels, t: float, q: Array) -> Closed:
         When the dependent variables are not determined by closure, or cannot follow the inputs.
     """
     solved = kernels.description.having("dependent")
-    own = scaled_screws(kernels, t, q)[:, solved]
-    values = np.linalg.svd(own, compute_uv=False)
+    screws = scaled_screws(kernels, t, q)[:, solved]
+    values = np.linalg.svd(screws, compute_uv=False)
     least = max(_RANK, kernels.tolerance)
     rank = int(np.count_nonzero(values > least * values.max(initial=1e-300)))
     if rank < len(solved):
@@ -69,7 +69,7 @@ def counted(kernels: LoopKernels, t: float, q: Array) -> Closed:
     return Closed(t, q, rank)
 
 
-def check_closed(kernels: LoopKernels, found: Closed, defect: Array) -> None:
+def check_closed(kernels: LoopKernels, closed: Closed, defect: Array) -> None:
     """Refuse a start that is open by more than rounding, or the assembly tolerance.
 
     ``defect`` is the closure less the identity, shape (3, 4), evaluated by other means than the closing.
@@ -77,9 +77,9 @@ def check_closed(kernels: LoopKernels, found: Closed, defect: Array) -> None:
     d = kernels.description
     errors = np.abs(defect) / np.array([1.0, 1.0, 1.0, d.size])
     worst = float(np.max(np.nan_to_num(errors, nan=np.inf)))
-    if worst > max(_ROUNDING * max(1.0, float(np.max(np.abs(found.q)))), 1.01 * kernels.tolerance):
+    if worst > max(_ROUNDING * max(1.0, float(np.max(np.abs(closed.q)))), 1.01 * kernels.tolerance):
         raise InitialStateError(
-            f"at {kernels.value_at(found.t)} the start leaves the loop open by {worst:.3g} (rotation in "
+            f"at {kernels.value_at(closed.t)} the start leaves the loop open by {worst:.3g} (rotation in "
             f"radians, displacement over {d.size:.4g} m)\n"
             "  Its assembly did not see this: please report it, with the scene, as a fault of symgen.",
             where="loop.rows",

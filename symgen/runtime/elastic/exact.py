@@ -63,8 +63,8 @@ class Cut:
         middles = (self.nodes[1:] + self.nodes[:-1]) / 2
         k = min(max(int(np.searchsorted(middles, at)), 1), len(middles) - 1)
         part = (at - middles[k - 1]) / (middles[k] - middles[k - 1])
-        found: Array = (1.0 - part) * tensions[:, k - 1] + part * tensions[:, k]
-        return found
+        force: Array = (1.0 - part) * tensions[:, k - 1] + part * tensions[:, k]
+        return force
 
     def curvature(self, angles: Array, at: float) -> Array:
         """Return the curvature [1/m] at a share of the length from the directions of the rods (times, rods).
@@ -79,8 +79,8 @@ class Cut:
         every = np.hstack([first, bent, np.zeros((len(bent), 1))])
         k = min(max(int(np.searchsorted(self.nodes, at)), 1), len(self.nodes) - 1)
         part = (at - self.nodes[k - 1]) / (self.nodes[k] - self.nodes[k - 1])
-        found: Array = (1.0 - part) * every[:, k - 1] + part * every[:, k]
-        return found
+        curvature: Array = (1.0 - part) * every[:, k - 1] + part * every[:, k]
+        return curvature
 
 
 def end_of_run(motion: ElasticMotion, task: LargeRotation) -> float:
@@ -137,15 +137,15 @@ def exact_run(motion: ElasticMotion, rods: RodModel, task: LargeRotation) -> Ela
 
 def _cuts(motion: ElasticMotion, rods: RodModel) -> tuple[Cut, ...]:
     places = rods.with_parameters(**{p.name: p.default for p in rods.description.tunable}).initial_state()
-    links, made = rods.description.links, []
+    links, cuts = rods.description.links, []
     for beam in motion.beams:
         prefix = f"{beam.info.link}__"
-        own = [name for name in links if name.startswith(prefix)]
-        points = [links[own[0]][0], *(links[name][1] for name in own)]
+        segments = [name for name in links if name.startswith(prefix)]
+        points = [links[segments[0]][0], *(links[name][1] for name in segments)]
         lengths = [np.linalg.norm(places.positions[b] - places.positions[a]) for a, b in pairwise(points)]
         nodes = np.concatenate([[0.0], np.cumsum(lengths)]) / np.sum(lengths)
-        made.append(Cut(beam, tuple(own), tuple(points[1:-1]), nodes))
-    return tuple(made)
+        cuts.append(Cut(beam, tuple(segments), tuple(points[1:-1]), nodes))
+    return tuple(cuts)
 
 
 def _state(rigid: RodModel, rods: RodModel, cuts: tuple[Cut, ...]) -> State:

@@ -62,7 +62,7 @@ def jump_times(motion: ElasticMotion, end: float, per_turn: int) -> Array:
     rounding = max(FLOAT64.epsilon, typed.precision.epsilon if typed else 0.0)  # times are doubles
     blur = _BLUR * rounding * end
     count = math.ceil(max(_LOOKS, per_turn) * max(1.0, end / turn(motion)))
-    found: list[tuple[float, float]] = []
+    instants: list[tuple[float, float]] = []
     middles: list[float] = []
     before: _Before | None = None
     for first in range(0, count, _BLOCK):
@@ -83,9 +83,9 @@ def jump_times(motion: ElasticMotion, end: float, per_turn: int) -> Array:
             here |= set(passed)
             middles += [low for (low, _), k in passed.items() if k in motion.rigid.description.pulses]
             times = np.union1d(times, [t for pair in passed for t in pair])
-        found += here
+        instants += here
         before = last
-    jumps = _merged(sorted(found), blur, end)
+    jumps = _merged(sorted(instants), blur, end)
     if not middles:
         return jumps
     steps = end * 0.5 ** np.arange(1, _GRADED)
@@ -96,8 +96,8 @@ def jump_times(motion: ElasticMotion, end: float, per_turn: int) -> Array:
     return both[np.argsort(both[:, 0], kind="stable")]
 
 
-def _known(pair: tuple[float, float], found: set[tuple[float, float]]) -> bool:
-    return any(a <= pair[0] and pair[1] <= b for a, b in found)
+def _known(pair: tuple[float, float], pairs: set[tuple[float, float]]) -> bool:
+    return any(a <= pair[0] and pair[1] <= b for a, b in pairs)
 
 
 def _passed(
@@ -125,8 +125,8 @@ def _passed(
         low[wide] = np.where(beyond, low[wide], middle[wide])
     begins = np.flatnonzero((sides[0] == 0.0) & (sides[1] != 0.0)).tolist() if before is None else []
     pairs = zip(low.tolist(), high.tolist(), strict=True)
-    found = [((0.0, 0.0), k) for k in begins] + list(zip(pairs, which.tolist(), strict=True))
-    return found, _Before(continuous[-1], sides[-1])
+    passages = [((0.0, 0.0), k) for k in begins] + list(zip(pairs, which.tolist(), strict=True))
+    return passages, _Before(continuous[-1], sides[-1])
 
 
 def _states(motion: ElasticMotion, times: Array) -> tuple[Array, Array]:
@@ -142,35 +142,35 @@ def _angles(motion: ElasticMotion, times: Array, before: _Before | None) -> Arra
     """Return the angles in loads at rising times, continuous over revolutions."""
     if not motion.rigid.description.windings:
         return np.zeros((len(times), 0))
-    found = motion.rigid.evaluator.many_blocks("events", times, *_states(motion, times))["windings"]
-    found = found.reshape(len(times), -1)
+    angles = motion.rigid.evaluator.many_blocks("events", times, *_states(motion, times))["windings"]
+    angles = angles.reshape(len(times), -1)
     if before is not None:
-        found[0] = before.angles
-    continuous: Array = np.unwrap(found, axis=0)
+        angles[0] = before.angles
+    continuous: Array = np.unwrap(angles, axis=0)
     return continuous
 
 
 def _distances(motion: ElasticMotion, times: Array, references: Array) -> Array:
     """Return the distances from all switching points at rising times, (times, points)."""
     evaluator, (q, u) = motion.rigid.evaluator, _states(motion, times)
-    found = np.zeros((len(times), len(motion.rigid.description.switches)))
-    for held, rows in wound(evaluator, references):
-        of = type(evaluator)(evaluator.description, evaluator.library, held)
+    distances = np.zeros((len(times), len(motion.rigid.description.switches)))
+    for parameters, rows in wound(evaluator, references):
+        of = type(evaluator)(evaluator.description, evaluator.library, parameters)
         gaps = of.many_blocks("events", times[rows], q[rows], u[rows])["switches"]
-        found[rows] = gaps.reshape(len(rows), -1)
-    return found
+        distances[rows] = gaps.reshape(len(rows), -1)
+    return distances
 
 
-def _merged(found: list[tuple[float, float]], blur: float, end: float) -> Array:
+def _merged(pairs: list[tuple[float, float]], blur: float, end: float) -> Array:
     """Return the jumps in order, each with its blur, those that overlap as one."""
-    made: list[tuple[float, float]] = []
-    for low, high in found:
+    merged: list[tuple[float, float]] = []
+    for low, high in pairs:
         before, after = max(low - blur, 0.0), high + blur
-        if made and before <= made[-1][1]:
-            made[-1] = made[-1][0], max(after, made[-1][1])
+        if merged and before <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(after, merged[-1][1])
         elif after < end:
-            made.append((before, after))
-    return np.array(made).reshape(-1, 2)
+            merged.append((before, after))
+    return np.array(merged).reshape(-1, 2)
 
 
 def explicit(
@@ -213,9 +213,9 @@ def explicit(
             "  Take the method gauss, or leave the checkpoint out."
         )
     order = np.argsort(times, kind="stable")
-    found = np.zeros((len(times), 2 * n))
+    states = np.zeros((len(times), 2 * n))
     state = np.zeros(2 * n) if start is None else np.concatenate(start)[:, 0]
-    begin, done, steps, spent = 0.0, 0, 0, 0.0
+    begin, taken_steps, steps, spent = 0.0, 0, 0, 0.0
     for until, after in [*motion.jumps.tolist(), (end, end)]:
         last = int(np.searchsorted(times[order], until, side="right"))
         stepper = _core.Run(
@@ -228,14 +228,16 @@ def explicit(
             chosen.atol,
             # A first step guessed from rest would look ahead to the end of the run, along the rigid motion.
             chosen.step or turn(motion) / _FIRST_TRIED,
-            np.maximum(times[order[done:last]], begin),
+            np.maximum(times[order[taken_steps:last]], begin),
             max_step=chosen.max_step,
         )
         checkpoints = None
         if keeping is not None:
-            told = (repr(task), times.tobytes().hex(), *motion.told)
+            identity = (repr(task), times.tobytes().hex(), *motion.identity)
             library = library_of_runs(motion.rigid.evaluator.library, typed)
-            mark = mark_of(motion.rigid.evaluator, library, equations, chosen, 0.0, np.zeros(2 * n), *told)
+            mark = mark_of(
+                motion.rigid.evaluator, library, equations, chosen, 0.0, np.zeros(2 * n), *identity
+            )
             checkpoints = keeping.of(stepper, mark)
         status, _ = drive(stepper, 0.0, chosen, progress, checkpoints)
         spent = checkpoints.spent if checkpoints else 0.0
@@ -243,13 +245,13 @@ def explicit(
         if status == _core.NOT_FINITE:
             return Found(np.full((len(times), n), np.nan), None, steps)
         motion.check(equations, _core.DONE if status == OUT_OF_TIME else status, stepper.t)
-        reached = order[: done + stepper.recorded]
-        found[reached[done:]] = stepper.result[:, : 2 * n]
+        reached = order[: taken_steps + stepper.recorded]
+        states[reached[taken_steps:]] = stepper.result[:, : 2 * n]
         if status == OUT_OF_TIME:
-            found, reached = found[np.sort(reached)], np.sort(reached)
-            raise OutOfTime(stepper.t, Found(found[:, :n], found[:, n:], steps, spent=spent), reached)
-        state, begin, done = found[order[last - 1]], after, last
-    return Found(found[:, :n], found[:, n:], steps, spent=spent)
+            states, reached = states[np.sort(reached)], np.sort(reached)
+            raise OutOfTime(stepper.t, Found(states[:, :n], states[:, n:], steps, spent=spent), reached)
+        state, begin, taken_steps = states[order[last - 1]], after, last
+    return Found(states[:, :n], states[:, n:], steps, spent=spent)
 
 
 def check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:
@@ -257,10 +259,10 @@ def check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> Non
     # Not at the start itself, where loads may jump.
     times = motion.period * (np.arange(_POSES) + 1 / np.e) / _POSES
     both = []
-    for found in ([equations.motion.evaluate(t) for t in times + late] for late in (0.0, motion.period)):
-        for status, *_ in found:
+    for outputs in ([equations.motion.evaluate(t) for t in times + late] for late in (0.0, motion.period)):
+        for status, *_ in outputs:
             motion.check(equations, status, equations.motion.t)
-        both.append([np.array(part) for part in zip(*(rest for _, _, *rest in found), strict=True)])
+        both.append([np.array(part) for part in zip(*(rest for _, _, *rest in outputs), strict=True)])
     for now, later in zip(*both, strict=True):
         size = np.abs(now)
         least = _NOTHING * np.max(size, initial=0.0)

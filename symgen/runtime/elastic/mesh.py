@@ -54,7 +54,7 @@ class MeshedMotion(ElasticMotion):
         factor = self.modal_damping[1]
         if not factor:
             return self.plain_beams
-        return tuple(replace(made, pieces=stiffened(made.pieces, factor)) for made in self.plain_beams)
+        return tuple(replace(plain, pieces=stiffened(plain.pieces, factor)) for plain in self.plain_beams)
 
     @cached_property
     def modal_damping(self) -> tuple[Array | None, float]:
@@ -76,7 +76,7 @@ class MeshedMotion(ElasticMotion):
         if not self.stiffened:
             infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
         rows = self._tables["properties"]
-        made = []
+        beams = []
         for k, (info, row) in enumerate(zip(infos, rows, strict=True)):
             properties, lumps, profiles = properties_of(row), self.lumps(info.link), self.profiles(info.link)
             if not info.nodes:
@@ -85,8 +85,8 @@ class MeshedMotion(ElasticMotion):
                 info = chosen(self, k, info, properties)  # noqa: PLW2901
             elif not info.nodes:
                 info = meshed(info, properties.length, lumps, profiles)  # noqa: PLW2901
-            made.append(beam(info, properties, lumps, profiles))
-        return tuple(made)
+            beams.append(beam(info, properties, lumps, profiles))
+        return tuple(beams)
 
     @cached_property
     def lowest_frequency(self) -> float:
@@ -104,20 +104,20 @@ class MeshedMotion(ElasticMotion):
         # A crank that stands still has one pose.
         count = _IN_A_TURN if self.speed or self.info.prescribed else 1
         poses = np.linspace(0.0, turn(self), count, endpoint=False).tolist()
-        found = []
+        frequencies = []
         for t in poses:
             try:
-                found.append(lowest(self, equations, t))
+                frequencies.append(lowest(self, equations, t))
             except UnstableError as error:
                 unstable = error
-        if not found:
+        if not frequencies:
             raise unstable
-        return min(found)
+        return min(frequencies)
 
     @cached_property
     def damping_ratios(self) -> list[float]:
         """Damping ratios of the lowest modes at the start, where links or modes have one; else empty."""
-        if self.modal_damping[0] is None and not any(made.properties.ratio for made in self.beams):
+        if self.modal_damping[0] is None and not any(plain.properties.ratio for plain in self.beams):
             return []
         try:
             modes = elastic_modes(self, self.equations(), 0.0)
@@ -142,15 +142,15 @@ class MeshedMotion(ElasticMotion):
 
     def __copy__(self) -> MeshedMotion:
         """Return a copy, which may be changed: without the motion of halved elements."""
-        made = object.__new__(type(self))
-        vars(made).update((name, value) for name, value in vars(self).items() if name != "_refined")
-        return made
+        copied = object.__new__(type(self))
+        vars(copied).update((name, value) for name, value in vars(self).items() if name != "_refined")
+        return copied
 
     def _with(self, beams: tuple[BeamInfo, ...]) -> MeshedMotion:
-        made = MeshedMotion(self.rigid, self.stiffened, self._with_motor)
-        made.info = replace(self.info, beams=beams)
-        made._path, made._driven, made.jumps = self._path, self._driven, self.jumps
-        return made
+        motion = MeshedMotion(self.rigid, self.stiffened, self._with_motor)
+        motion.info = replace(self.info, beams=beams)
+        motion._path, motion._driven, motion.jumps = self._path, self._driven, self.jumps
+        return motion
 
 
 def properties_of(row: Array) -> Properties:
@@ -194,8 +194,8 @@ def chosen(motion: ElasticMotion, k: int, info: BeamInfo, properties: Properties
         pull += np.abs(frames(poses[0]).stiffness_geometric0)[:, None] / area
 
     def response(info: BeamInfo) -> tuple[Array, Array]:
-        made = beam(replace(info, reduction="", modes=0), replace(properties, ratio=0.0), lumps, profiles)
-        return _alone(motion, k, made, poses, places)
+        full = beam(replace(info, reduction="", modes=0), replace(properties, ratio=0.0), lumps, profiles)
+        return _alone(motion, k, full, poses, places)
 
     count, before = 1, response(coarse)
     while count < _MOST:
@@ -224,33 +224,33 @@ def _loads_of_poses(motion: ElasticMotion, k: int) -> tuple[Array, Array]:
     links, loads = [], []
     times = np.linspace(0.0, turn(motion), _POSES, endpoint=False).tolist()
     for t in [0.0] if motion.undetermined else times:
-        status, _, found, _, _, forces = moved.evaluate(t)
+        status, _, points, _, _, forces = moved.evaluate(t)
         if status != _core.DONE:
             break  # the run says why
-        links.append(found.reshape(-1, len(MOTION))[k])
+        links.append(points.reshape(-1, len(MOTION))[k])
         loads.append(forces.reshape(-1, len(APPLIED)))
     return np.array(links).reshape(-1, len(MOTION)), np.array(loads).reshape(len(links), -1, len(APPLIED))
 
 
 def _alone(
-    motion: ElasticMotion, k: int, made: Beam, poses: tuple[Array, Array], places: Sequence[float]
+    motion: ElasticMotion, k: int, plain: Beam, poses: tuple[Array, Array], places: Sequence[float]
 ) -> tuple[Array, Array]:
     """Return stresses (poses, stations) in the outer fibre and the lowest frequencies of a link alone."""
     from scipy.linalg import eigh
 
-    info, properties = made.info, made.properties
-    held = {made.dofs[j] for j in made.fixed} | held_alone(motion, info)
-    free = [j for j, dof in enumerate(made.dofs) if dof not in held]
-    total = whole(made.pieces, len(made.dofs))
+    info, properties = plain.info, plain.properties
+    fixed = {plain.dofs[j] for j in plain.fixed} | held_alone(motion, info)
+    free = [j for j, dof in enumerate(plain.dofs) if dof not in fixed]
+    total = whole(plain.pieces, len(plain.dofs))
     axes = frames(poses[0])
     load = axes.load(total.load_x, total.load_y, total.load_out, total.load_turn)
-    own = [i for i, name in enumerate(motion.info.loads) if name == info.link]
-    for i, x, y in zip(own, total.force_x, total.force_y, strict=True):
+    loads = [i for i, name in enumerate(motion.info.loads) if name == info.link]
+    for i, x, y in zip(loads, total.force_x, total.force_y, strict=True):
         load += np.outer(poses[1][:, i, 0], x) + np.outer(poses[1][:, i, 1], y)
     there = np.ix_(free, free)
     shape = np.zeros_like(load)
     shape[:, free] = np.linalg.solve(total.stiffness[there], load[:, free].T).T
-    table = made.table(places)
+    table = plain.table(places)
     fibre = np.array([value_at(properties.fibre, x * properties.length) for x in places])
     stress = shape @ table["axial_strain"].T, fibre * (shape @ table["curvature"].T)
     count = min(_MODES, len(free))

@@ -135,11 +135,11 @@ class ElasticModel(Model):
         for beam in self.beams:
             info = beam.info
             count = "1 element" if info.elements == 1 else f"{info.elements} elements"
-            kept = f", {info.reduction}" if info.reduction else ""
+            reduction = f", {info.reduction}" if info.reduction else ""
             length = "" if info.axial else ", inextensible"
             size = len(beam.dofs) - len(beam.fixed)
-            own = f"{count} {info.element}{kept}{length}: {size} unknowns of its own"
-            lines.append(f"elastic: link {info.link}, {own}")
+            line = f"{count} {info.element}{reduction}{length}: {size} unknowns of its own"
+            lines.append(f"elastic: link {info.link}, {line}")
         return *lines, f"elastic motion about it: {self.unknowns} unknowns in all"
 
     def with_parameters(self, /, **values: float) -> Self:
@@ -194,11 +194,11 @@ class ElasticModel(Model):
         if at is not None and not isinstance(at, float | int):
             return self._of_result(outputs, by, at, t_eval)
 
-        def found(times: Sequence[float]) -> list[Sensitivity]:
+        def derivatives(times: Sequence[float]) -> list[Sensitivity]:
             return [sensitivity(self._motion(True), outputs, by, t) for t in times]
 
         t = None if at is None else real(at, "the time of derivatives")
-        return at_times(found, t, t_eval, 0.0)
+        return at_times(derivatives, t, t_eval, 0.0)
 
     def _of_result(
         self, outputs: Sequence[str], by: Sequence[str], at: ElasticResult, t_eval: ArrayLike | None
@@ -206,14 +206,14 @@ class ElasticModel(Model):
         """Return the derivatives of a steady state at its crank angles, or of a run at its times."""
         from symgen.runtime.linearisation import elastic_runs, periodic
 
-        made = at.provenance
-        method = made.get("method")
-        if method not in ("periodic", *METHODS) or made["parameters"] != dict(self.parameters):
+        provenance = at.provenance
+        method = provenance.get("method")
+        if method not in ("periodic", *METHODS) or provenance["parameters"] != dict(self.parameters):
             raise ModelError(
                 f"{self.name}: expected a steady state or a run of this model for at: model.periodic(), "
                 "model.simulate()"
             )
-        if made["form"] != "exact" or not made.get("geometric_stiffness", True):
+        if provenance["form"] != "exact" or not provenance.get("geometric_stiffness", True):
             raise ModelError(
                 "derivatives of motions are those of the exact form with geometric stiffness: leave form and "
                 "geometric_stiffness out"
@@ -229,7 +229,7 @@ class ElasticModel(Model):
                 f"derivatives of runs of elastic links are for implicit methods, and {method} is none\n"
                 f"  Choose {', '.join(BEAM_METHODS)}."
             )
-        if made.get("initial", "undeformed") != "undeformed":
+        if provenance.get("initial", "undeformed") != "undeformed":
             raise ModelError("derivatives of runs of elastic links are for those that start undeformed")
         counts = at.counts
         if counts is None:
@@ -237,61 +237,63 @@ class ElasticModel(Model):
         return elastic_runs.sensitivity(self._motion(True), outputs, by, method, at.time, counts)
 
     @takes(ElasticRun)
-    def _simulate(self, asked: ElasticRun) -> ElasticResult:
-        method, t_end, revolutions = asked.method, asked.t_end, asked.revolutions
+    def _simulate(self, request: ElasticRun) -> ElasticResult:
+        method, t_end, revolutions = request.method, request.t_end, request.revolutions
         if method not in METHODS:
-            own = {"quasi-static": "quasi_static", "periodic": "periodic", "exact": "large_rotation"}
+            verbs = {"quasi-static": "quasi_static", "periodic": "periodic", "exact": "large_rotation"}
             hint = nearest(method, METHODS)
-            if method in own:
-                command = own[method].replace("_", "-")
-                hint = f"It is model.{own[method]}(), on the command line 'symgen {command} {self.name}'."
+            if method in verbs:
+                command = verbs[method].replace("_", "-")
+                hint = f"It is model.{verbs[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
-        initial = _initial(asked.initial)
-        if self._motion(True).undetermined and (large := _in_large_rotation(asked)):
+        initial = _initial(request.initial)
+        if self._motion(True).undetermined and (large := _in_large_rotation(request)):
             return self._large_rotation(replace(large, elements=self._elements))
         if t_end is not None:
             if revolutions is not None:
                 raise ModelError("give t_end or revolutions, not both")
             if not t_end > 0.0:
                 raise ModelError(f"expected t_end above zero, got {t_end!r}")
-            period = self._motion(asked.geometric_stiffness).period
+            period = self._motion(request.geometric_stiffness).period
             revolutions = t_end / period if math.isfinite(period) else None
-        if asked.at is not None and asked.t_eval is not None:
+        if request.at is not None and request.t_eval is not None:
             raise ModelError("give at or t_eval, not both")
-        times = None if asked.t_eval is None else tuple(reals(asked.t_eval, "t_eval").tolist())
+        times = None if request.t_eval is None else tuple(reals(request.t_eval, "t_eval").tolist())
         return self._run(
-            asked,
+            request,
             method,
-            asked.keeping(),
+            request.keeping(),
             revolutions=1.0 if revolutions is None else revolutions,
-            steps=asked.steps,
-            rtol=_RTOL if asked.rtol is None else asked.rtol,
-            samples=sample_count(asked.samples, asked.t_eval, 361),
-            max_step=asked.max_step,
+            steps=request.steps,
+            rtol=_RTOL if request.rtol is None else request.rtol,
+            samples=sample_count(request.samples, request.t_eval, 361),
+            max_step=request.max_step,
             t_end=t_end,
             t_eval=times,
             initial=initial,
         )
 
     @takes(Periodic)
-    def _periodic(self, asked: Periodic) -> ElasticResult:
-        rtol = _RTOL if asked.rtol is None else asked.rtol
-        own: dict[str, Any] = {"steps": asked.steps, "rtol": rtol, "max_step": asked.max_step}
-        return self._run(asked, "periodic", samples=asked.samples, **own)
+    def _periodic(self, request: Periodic) -> ElasticResult:
+        rtol = _RTOL if request.rtol is None else request.rtol
+        options: dict[str, Any] = {"steps": request.steps, "rtol": rtol, "max_step": request.max_step}
+        return self._run(request, "periodic", samples=request.samples, **options)
 
     @takes(QuasiStatic)
-    def _quasi_static(self, asked: QuasiStatic) -> ElasticResult:
-        return self._run(asked, "quasi-static", samples=asked.samples, revolutions=asked.revolutions)
+    def _quasi_static(self, request: QuasiStatic) -> ElasticResult:
+        return self._run(request, "quasi-static", samples=request.samples, revolutions=request.revolutions)
 
-    def _run(self, asked: Elastic, method: str, kept_in: Keeping | None = None, **own: Any) -> ElasticResult:
+    def _run(
+        self, request: Elastic, method: str, keeping: Keeping | None = None, **options: Any
+    ) -> ElasticResult:
         from symgen.runtime.elastic.run import Task, run
 
         self._refuse_types("runs of elastic links are", but="types of C")
-        check_known(asked.form, FORMS, "there is no form")
-        angles = None if asked.at is None else tuple(np.ravel(np.asarray(asked.at, dtype=float)).tolist())
-        task = Task(method, at=angles, form=asked.form, **own)
-        with limited(asked.max_wall):
-            return run(self._motion(asked.geometric_stiffness), task, asked.progress, kept_in)
+        check_known(request.form, FORMS, "there is no form")
+        angles = None if request.at is None else tuple(np.ravel(np.asarray(request.at, dtype=float)).tolist())
+        task = Task(method, at=angles, form=request.form, **options)
+        with limited(request.max_wall):
+            return run(self._motion(request.geometric_stiffness), task, request.progress, keeping)
 
     def _speed_response(
         self,
@@ -320,21 +322,21 @@ class ElasticModel(Model):
         return max((b.elements for b in info.beams), default=0) or _ELEMENTS if info else _ELEMENTS
 
     @takes(LargeRotation)
-    def _large_rotation(self, asked: LargeRotation) -> ElasticResult:
+    def _large_rotation(self, request: LargeRotation) -> ElasticResult:
         self._refuse_types("runs in large rotation are")
-        if asked.elements is not None:
+        if request.elements is not None:
             from symgen.runtime.elastic.large.run import large_run
 
-            if asked.segments is not None:
+            if request.segments is not None:
                 raise ModelError("give segments or elements, not both")
-            with limited(asked.max_wall):
-                return large_run(self._motion(True), asked, asked.elements)
+            with limited(request.max_wall):
+                return large_run(self._motion(True), request, request.elements)
         from symgen.runtime.elastic.exact import SEGMENTS, exact_run
 
-        segments = SEGMENTS if asked.segments is None else asked.segments
-        with limited(asked.max_wall):
+        segments = SEGMENTS if request.segments is None else request.segments
+        with limited(request.max_wall):
             rods = self._in_segments(segments)
-            return exact_run(self._motion(True), rods, replace(asked, segments=segments))
+            return exact_run(self._motion(True), rods, replace(request, segments=segments))
 
 
 def _in_large_rotation(asked: ElasticRun) -> LargeRotation | None:
@@ -349,7 +351,7 @@ def _in_large_rotation(asked: ElasticRun) -> LargeRotation | None:
     return LargeRotation(**given | {"samples": samples})
 
 
-def _initial(given: str | Sequence[float]) -> str | tuple[float, ...]:
+def _initial(state: str | Sequence[float]) -> str | tuple[float, ...]:
     """Return the initial state of a run: its name, or amplitudes of modes [m].
 
     Raises
@@ -357,9 +359,9 @@ def _initial(given: str | Sequence[float]) -> str | tuple[float, ...]:
     ModelError
         For an unknown name, and amplitudes that are not finite.
     """
-    if isinstance(given, str):
-        if given not in INITIAL:
-            known = nearest(given, INITIAL)
-            raise ModelError(f"there is no initial state {given!r} of elastic links. {known}")
-        return given
-    return tuple(reals(given, "the amplitudes of modes at the start").tolist())
+    if isinstance(state, str):
+        if state not in INITIAL:
+            known = nearest(state, INITIAL)
+            raise ModelError(f"there is no initial state {state!r} of elastic links. {known}")
+        return state
+    return tuple(reals(state, "the amplitudes of modes at the start").tolist())

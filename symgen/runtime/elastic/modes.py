@@ -33,13 +33,13 @@ def modes_with_errors(motion: ElasticMotion, t: float, moving: bool) -> ElasticM
         As :func:`elastic_modes` and :func:`moving_modes`.
     """
     solve = moving_modes if moving else elastic_modes
-    found = exact = solve(motion, motion.equations(), t)
+    modes = exact = solve(motion, motion.equations(), t)
     whole = motion.unreduced()
     if whole is not None:
         exact = solve(whole, whole.equations(), t)
-        lowest = exact.frequencies[: len(found.frequencies)]
-        found = replace(found, without_reduction=(lowest, len(exact.frequencies)))
-    count = len(found.frequencies)
+        lowest = exact.frequencies[: len(modes.frequencies)]
+        modes = replace(modes, without_reduction=(lowest, len(exact.frequencies)))
+    count = len(modes.frequencies)
 
     def of_elements() -> Array:
         finer = (whole or motion).refined()
@@ -49,7 +49,7 @@ def modes_with_errors(motion: ElasticMotion, t: float, moving: bool) -> ElasticM
             return np.zeros(0)
         return relative(exact.frequencies[:count], fine[:count])
 
-    return found if len(exact.frequencies) > _REFINED else replace(found, estimate=of_elements)
+    return modes if len(exact.frequencies) > _REFINED else replace(modes, estimate=of_elements)
 
 
 def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> ElasticModes:
@@ -79,11 +79,11 @@ def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: flo
 
 def _ratios(damping: Array, speeds: Array, shapes: Array) -> Array:
     """Return phi^T C phi / (2 w) of shapes phi of unit modal mass; zero where w is."""
-    found = np.zeros_like(speeds)
+    ratios = np.zeros_like(speeds)
     if not damping.any():
-        return found
+        return ratios
     damped = np.sum(shapes * (damping @ shapes), axis=0)
-    return np.divide(damped, 2 * speeds, out=found, where=speeds > 0.0)
+    return np.divide(damped, 2 * speeds, out=ratios, where=speeds > 0.0)
 
 
 def lowest(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> float:
@@ -152,13 +152,15 @@ def moving_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: floa
     n = len(stiffness)
     scale = np.where(speeds > 0.0, speeds, speeds[min(rigid, n - 1)] or 1.0)
     values, vectors = eig(np.block([[np.zeros((n, n)), np.diag(scale)], [-stiffness / scale, -damping]]))
-    kept = _one_of_each(values, n)
-    shapes = turned @ modes @ (vectors[:n, kept] / scale[:, None])
+    selected = _one_of_each(values, n)
+    shapes = turned @ modes @ (vectors[:n, selected] / scale[:, None])
     whole = shapes if basis is None else basis[0] @ shapes
     whole = whole / whole[np.argmax(np.abs(whole), axis=0), np.arange(whole.shape[1])]
     angle = float(motion.angle_at(np.array(t)))
-    frequencies = np.abs(values[kept].imag) / (2 * math.pi)
-    return ElasticModes(motion.rigid.name, angle, frequencies, whole, motion.layout.names, values[kept].real)
+    frequencies = np.abs(values[selected].imag) / (2 * math.pi)
+    return ElasticModes(
+        motion.rigid.name, angle, frequencies, whole, motion.layout.names, values[selected].real
+    )
 
 
 def _axes(
@@ -179,7 +181,7 @@ def _axes(
                 columns[i] = int(at[0])
     n = motion.layout.unknowns if basis is None else basis.shape[2]
     turned, rate, second = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
-    done: set[int] = set()
+    rotated: set[int] = set()
     for k, beam in enumerate(motion.beams):
         axes = frames(links[k])
         rotation = np.array(axes.fixed(*np.eye(2)))
@@ -187,18 +189,18 @@ def _axes(
         by_rate, by_turn = axes.stiffness_damping_quarter, axes.stiffness_mass_quarter
         for end in beam.joints:
             pair = [columns.get(int(i), -1) for i in motion.layout.of_links[k][list(end)]]
-            if min(pair) < 0 or done.intersection(pair):
+            if min(pair) < 0 or rotated.intersection(pair):
                 continue
-            done.update(pair)
+            rotated.update(pair)
             there = np.ix_(pair, pair)
             turned[there], rate[there] = rotation, by_rate * rotation @ quarter
             second[there] = rotation @ (by_turn * quarter + axes.stiffness_mass_ends * np.eye(2))
     if basis is not None:
         for point in motion.rigid.description.free:
             pair = [motion.layout.names.index(f"{point}.{axis}") for axis in "xy"]
-            own = [(axis, columns[i]) for axis, i in enumerate(pair) if i in columns]
-            if len(own) == 1 and np.all(np.delete(basis[0][pair], own[0][1], axis=1) == 0.0):
-                axis, j = own[0]
+            in_columns = [(axis, columns[i]) for axis, i in enumerate(pair) if i in columns]
+            if len(in_columns) == 1 and np.all(np.delete(basis[0][pair], in_columns[0][1], axis=1) == 0.0):
+                axis, j = in_columns[0]
                 turned[j, j], rate[j, j], second[j, j] = _along(*basis[:, pair, j])[:, axis]
     return turned, rate, second
 

@@ -67,8 +67,8 @@ class ElasticMotion(ABC):
         self._motion, self._joints = rigid.analysis("elastic_motion"), rigid.analysis("elastic_joints")
         start = rigid.initial_state()
         self._start = np.concatenate([start.q, start.u])
-        found = self._motion.blocks("constants", 0.0, start.q, start.u)
-        self._tables = {name: np.atleast_2d(values) for name, values in found.items()}
+        constants = self._motion.blocks("constants", 0.0, start.q, start.u)
+        self._tables = {name: np.atleast_2d(values) for name, values in constants.items()}
         crank = self._tables.get("crank", np.zeros((1, 2)))[0]
         self.angle, self.speed = (float(x) for x in crank)
 
@@ -86,24 +86,24 @@ class ElasticMotion(ABC):
 
     def about(self, path: Path) -> ElasticMotion:
         """Return the motion about a rigid motion that was integrated with the motor."""
-        made = copy.copy(self)
-        made._path, made._driven = path, self
-        return made
+        copied = copy.copy(self)
+        copied._path, copied._driven = path, self
+        return copied
 
     def with_constants(self, tables: Mapping[str, Array], beams: Sequence[Beam] = ()) -> ElasticMotion:
         """Return the motion with other constants, and other elastic links of the same unknowns."""
-        made = copy.copy(self)
-        vars(made).update(_tables=dict(tables), layout=self.layout, beams=tuple(beams))
-        vars(made).pop("stations", None)
-        return made
+        copied = copy.copy(self)
+        vars(copied).update(_tables=dict(tables), layout=self.layout, beams=tuple(beams))
+        vars(copied).pop("stations", None)
+        return copied
 
     def ending_on(self, jumps: Array) -> ElasticMotion:
         """Return the motion with steps that end on jumps of the loads (jumps, 2) [s]."""
         if not len(jumps):
             return self  # which keeps its frequencies from run to run
-        made = copy.copy(self)
-        made.jumps = jumps
-        return made
+        copied = copy.copy(self)
+        copied.jumps = jumps
+        return copied
 
     @property
     def period(self) -> float:
@@ -187,16 +187,16 @@ class ElasticMotion(ABC):
 
     def between(self, link: str) -> tuple[tuple[str, float], ...]:
         """Return the joints between the ends of a link, checked: names of points, fractions of its length."""
-        own = [j for k, j in zip(self.info.loads, self.info.joints, strict=True) if k == link]
+        joints = [j for k, j in zip(self.info.loads, self.info.joints, strict=True) if k == link]
         length = float(self._tables["properties"][[b.link for b in self.info.beams].index(link)][0])
         places = [profile.at / length for profile in self.profiles(link)]
-        found = [(joint, at) for joint, at in zip(own, places, strict=True) if joint]
+        joints_between = [(joint, at) for joint, at in zip(joints, places, strict=True) if joint]
         info = next(b for b in self.info.beams if b.link == link)
-        check_joints(link, (info.start, info.end), found)
-        if found != sorted(found, key=lambda pair: pair[1]):
-            names = ", ".join(joint for joint, _ in found)
+        check_joints(link, (info.start, info.end), joints_between)
+        if joints_between != sorted(joints_between, key=lambda pair: pair[1]):
+            names = ", ".join(joint for joint, _ in joints_between)
             raise ModelError(f"joints change their order along {link}: {names}\n  Build the scene again.")
-        return tuple(found)
+        return tuple(joints_between)
 
     @cached_property
     def stations(self) -> tuple[tuple[str, int, float, float], ...]:
@@ -249,17 +249,23 @@ class ElasticMotion(ABC):
         return _STRIDE / fastest if fastest else math.inf
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def identity(self) -> tuple[str, ...]:
         """Data that determine a run, in addition to the rigid linkage and its parameters."""
-        made = self._motion.description.equations, self._joints.description.equations
-        own = self.layout
-        return *made, repr(self.info), repr(self.stiffened), repr(own.names), own.constants.tobytes().hex()
+        hashes = self._motion.description.equations, self._joints.description.equations
+        layout = self.layout
+        return (
+            *hashes,
+            repr(self.info),
+            repr(self.stiffened),
+            repr(layout.names),
+            layout.constants.tobytes().hex(),
+        )
 
     def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
         """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""
-        made = _beams.BeamEquations(self.moved(stepping), self.layout, thesis)
-        self.check(made, made.sparse(0.0)[0], 0.0)
-        return made
+        equations_of_motion = _beams.BeamEquations(self.moved(stepping), self.layout, thesis)
+        self.check(equations_of_motion, equations_of_motion.sparse(0.0)[0], 0.0)
+        return equations_of_motion
 
     def moved(self, stepping: bool = False) -> RigidMotion:
         """Return the rigid motion at its start, to be followed in time."""
@@ -300,34 +306,34 @@ class ElasticMotion(ABC):
         see :mod:`symgen.runtime.beams.frames`.
         """
         order = np.argsort(times, kind="stable")
-        status, *found = equations.motion.along(np.ascontiguousarray(times[order]))
+        status, *arrays = equations.motion.along(np.ascontiguousarray(times[order]))
         self.check(equations, status, equations.motion.t)
         back = np.argsort(order)
-        y, solutions, links, loads = (rows[back] for rows in found)
+        y, solutions, links, loads = (rows[back] for rows in arrays)
         n, count = self.rigid.description.coordinates, len(times)
         solutions = self._path.with_drive(solutions, n) if self._path else solutions
         links, loads = links.reshape(count, -1, len(MOTION)), loads.reshape(count, -1, len(APPLIED))
         return (y[:, :n], y[:, n:], solutions), links, loads
 
-    def own_unknowns(self, k: int, links: Array, displacements: Array) -> Array:
+    def local_unknowns(self, k: int, links: Array, displacements: Array) -> Array:
         """Return the unknowns of a link in its own axes, (times, n).
 
         ``links`` is the motion of the links, (times, links, columns), ``displacements`` (times, unknowns).
         """
-        found: Array = displacements[:, self.layout.of_links[k]]
-        found[:, self.layout.of_links[k] < 0] = 0.0
+        local: Array = displacements[:, self.layout.of_links[k]]
+        local[:, self.layout.of_links[k] < 0] = 0.0
         u, w = (list(ends) for ends in zip(*self.beams[k].joints, strict=True))
-        along, across = frames(links[:, k]).local(found[:, u].T, found[:, w].T)
-        found[:, u], found[:, w] = along.T, across.T
-        return found
+        along, across = frames(links[:, k]).local(local[:, u].T, local[:, w].T)
+        local[:, u], local[:, w] = along.T, across.T
+        return local
 
     @cached_property
     def undetermined(self) -> tuple[str, ...]:
         """Points whose rigid motion the crank and the drivers leave free, at the start."""
         d = self.rigid.description
         q, still = self._start[: d.coordinates], np.zeros(d.coordinates)
-        found = self.rigid.evaluator.blocks("constraint_jacobian", 0.0, q, still)["constraint_jacobian"]
-        jacobian = found.reshape(-1, d.coordinates)
+        matrix = self.rigid.evaluator.blocks("constraint_jacobian", 0.0, q, still)["constraint_jacobian"]
+        jacobian = matrix.reshape(-1, d.coordinates)
         jacobian = jacobian / np.linalg.norm(jacobian, axis=1)[:, None]
         values, right = np.linalg.svd(jacobian)[1:]
         free = right[np.count_nonzero(values > _RANK * values.max(initial=0.0)) :]

@@ -48,25 +48,25 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
     displacements
         (times, unknowns).
     """
-    own = [motion.own_unknowns(k, links, displacements) for k in range(len(motion.beams))]
-    found = _strains(motion, own)
+    local = [motion.local_unknowns(k, links, displacements) for k in range(len(motion.beams))]
+    variables = _strains(motion, local)
     names = motion.layout.names
     for point in motion.rigid.description.free:
         columns = [names.index(f"{point}.{axis}") for axis in "xy"]
-        found.append(displacement(point, displacements[:, columns]))
-    found += [length_change(b.info.link, _stretch(b, own[k])) for k, b in enumerate(motion.beams)]
-    return found
+        variables.append(displacement(point, displacements[:, columns]))
+    variables += [length_change(b.info.link, _stretch(b, local[k])) for k, b in enumerate(motion.beams)]
+    return variables
 
 
-def _strains(motion: ElasticMotion, own: Sequence[Array]) -> list[Variable]:
+def _strains(motion: ElasticMotion, local: Sequence[Array]) -> list[Variable]:
     """Return strains at the stations by the unknowns of each link on its axes, (times, n)."""
-    found = []
+    variables = []
     for name, k, at, fibre in motion.stations:
         beam = motion.beams[k]
         rows = beam.rows(at)
-        bending, axial = own[k] @ rows.curvature * fibre, own[k] @ rows.axial_strain
-        found += strains(name, beam, at, bending, axial)
-    return found
+        bending, axial = local[k] @ rows.curvature * fibre, local[k] @ rows.axial_strain
+        variables += strains(name, beam, at, bending, axial)
+    return variables
 
 
 def coordinate_of(motion: ElasticMotion, times: Array) -> Coordinate:
@@ -128,45 +128,45 @@ def length_change(link: str, values: Array) -> Variable:
     return Variable(f"{link}.length_change", "m", about, (), values)
 
 
-def _stretch(beam: Beam, own: Array) -> Array:
+def _stretch(beam: Beam, local: Array) -> Array:
     """Return the change of the distance between the ends [m], to the second order of bending.
 
     The integral of the axial strain, less half the integral of the square of the slope from the line between
     the ends. Turning the link as a whole changes nothing, however far linear displacements go.
     """
     (u0, w0), *_, (u1, w1) = beam.joints
-    turned = (own[:, w1] - own[:, w0]) / beam.properties.length
-    whole = own if beam.expansion is None else own @ beam.expansion.T
+    turned = (local[:, w1] - local[:, w0]) / beam.properties.length
+    whole = local if beam.expansion is None else local @ beam.expansion.T
     shortened = -beam.properties.length * turned**2
     for part in beam.segments:
         here = whole[:, list(part.dofs)]
         shortened += np.einsum("ti,ij,tj->t", here, part.matrix("geometric", 3)[0], here)
-    found: Array = own[:, u1] - own[:, u0] - shortened / 2
-    return found
+    stretch: Array = local[:, u1] - local[:, u0] - shortened / 2
+    return stretch
 
 
-def recovered(motion: ElasticMotion, found: Motion) -> list[Variable]:
+def recovered(motion: ElasticMotion, run: Motion) -> list[Variable]:
     """Return deformed positions of moving joints, deflections at stations, and greatest stresses of links."""
-    d, names, made = motion.rigid.description, motion.layout.names, []
+    d, names, variables = motion.rigid.description, motion.layout.names, []
     for k, point in enumerate(d.free):
         columns = [names.index(f"{point}.{axis}") for axis in d.axes]
-        place = found.q[:, 2 * k : 2 * k + 2] + found.displacements[:, columns]
-        made.append(position(point, place))
+        place = run.q[:, 2 * k : 2 * k + 2] + run.displacements[:, columns]
+        variables.append(position(point, place))
     for name, k, at, _ in motion.stations:
         beam = motion.beams[k]
-        own = found.own(motion, k)
-        made.append(bow(name, beam, at, deflection(beam, own, at)))
+        local = run.local(motion, k)
+        variables.append(bow(name, beam, at, deflection(beam, local, at)))
     for k, beam in enumerate(motion.beams):
         if not any(beam.properties.fibre):  # no section is given
             continue
-        own = found.own(motion, k)
-        stress, place = beam.greatest_stress(own)
+        local = run.local(motion, k)
+        stress, place = beam.greatest_stress(local)
         link = beam.info.link
         about = f"greatest stress of both outer fibres of {link}, over its length"
-        made.append(Variable(f"{link}.greatest_stress", "Pa", about, (), stress))
+        variables.append(Variable(f"{link}.greatest_stress", "Pa", about, (), stress))
         about = f"fraction of the length of {link} at which its stress is greatest"
-        made.append(Variable(f"{link}.greatest_stress_at", "1", about, (), place))
-    return made
+        variables.append(Variable(f"{link}.greatest_stress_at", "1", about, (), place))
+    return variables
 
 
 def bow(name: str, beam: Beam, at: float, values: Array) -> Variable:
@@ -175,11 +175,11 @@ def bow(name: str, beam: Beam, at: float, values: Array) -> Variable:
     return Variable(f"{name}.deflection", "m", about, (), values)
 
 
-def deflection(beam: Beam, own: Array, at: float) -> Array:
+def deflection(beam: Beam, local: Array, at: float) -> Array:
     """Return the displacement across a link [m] less that of the straight line between its ends, (times,)."""
     (_, first), *_, (_, last) = beam.joints
-    found: Array = own @ beam.rows(at).w - (1 - at) * own[:, first] - at * own[:, last]
-    return found
+    deflected: Array = local @ beam.rows(at).w - (1 - at) * local[:, first] - at * local[:, last]
+    return deflected
 
 
 def in_mode(
@@ -257,9 +257,9 @@ def compared_run(times: Array, counts: Counts, order: int) -> tuple[NDArray[np.i
     even = len(gaps) and np.min(gaps) > (1 - 1e-9) * np.max(gaps)
     for every in range(1, max(1, len(times) // _SHARED if even else 1) + 1):
         shared = np.arange(len(times) - 1, -1, -every)[::-1]
-        taken = np.diff(np.cumsum(counts)[shared], prepend=0)
-        fewer = np.ceil(taken / most ** (1 / order) - 1e-9)
-        growth = (taken / np.maximum(fewer, 1.0))[taken > 0] ** order
+        steps_between = np.diff(np.cumsum(counts)[shared], prepend=0)
+        fewer = np.ceil(steps_between / most ** (1 / order) - 1e-9)
+        growth = (steps_between / np.maximum(fewer, 1.0))[steps_between > 0] ** order
         least_growth = float(np.min(growth[int(every > 1) :], initial=np.inf))
         if least_growth >= least:
             return places[shared], fewer.astype(np.intp), least_growth
@@ -324,18 +324,18 @@ class Errors:
 
     def _differences(self, coarse: Array, fine: Array, places: NDArray[np.intp] | None = None) -> Array:
         """Return the largest difference at each time, (times,), or at some places of the times."""
-        found = np.zeros(len(fine))
+        largest = np.zeros(len(fine))
         if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
-            return found + math.inf
+            return largest + math.inf
         links = self._links if places is None else self._links[places]
         of, count = self.motion, len(self.motion.beams)
-        own = ([of.own_unknowns(k, links, values) for k in range(count)] for values in (coarse, fine))
-        both = (_strains(of, each) for each in own)
+        local = ([of.local_unknowns(k, links, values) for k in range(count)] for values in (coarse, fine))
+        both = (_strains(of, each) for each in local)
         pairs = [(a.values, b.values) for a, b in zip(*both, strict=True) if b.name.endswith(".stress")]
         if places is None or not self._peaks:
             self._peaks = [float(np.max(np.abs(b))) for _, b in pairs]
         least = _NOISE * max(self._peaks, default=0.0)
         for (a, b), peak in zip(pairs, self._peaks, strict=True):
             if peak > least:
-                found = np.maximum(found, np.abs(a - b) / peak)
-        return found
+                largest = np.maximum(largest, np.abs(a - b) / peak)
+        return largest

@@ -74,8 +74,8 @@ class Path:
         from scipy.interpolate import CubicHermiteSpline
 
         nodes = self.spacing * np.arange(len(self.rows))
-        found: Array = CubicHermiteSpline(nodes, self.angles, self.rates)(times)
-        return found
+        angles: Array = CubicHermiteSpline(nodes, self.angles, self.rates)(times)
+        return angles
 
     def time_at(self, angle: float) -> float | None:
         """Return the first time [s] at which the crank has turned to a direction [rad], or None."""
@@ -105,13 +105,13 @@ class Path:
         if ahead * self.rates[0] < 0.0:
             ahead += math.copysign(2 * math.pi, self.rates[0])
         around = math.copysign(2 * math.pi * revolutions, self.rates[0])
-        found = self.time_at(self.angles[0] + ahead + around)
-        if found is None:
+        time = self.time_at(self.angles[0] + ahead + around)
+        if time is None:
             raise ModelError(
                 f"the motor does not turn the crank to {math.degrees(direction):g} degrees within "
                 f"{self.end:g} s"
             )
-        return found
+        return time
 
 
 class Machine:
@@ -173,8 +173,8 @@ class Machine:
         status, _ = drive(stepper, 0.0, chosen, None)
         check_wall("following the rigid linkage with its motor")
         if status != _core.DONE:
-            said = problem(status, stepper, equations, evaluator, chosen)
-            raise SimulationError(f"{said}\n  This is the rigid linkage with its motor.", time=stepper.t)
+            message = problem(status, stepper, equations, evaluator, chosen)
+            raise SimulationError(f"{message}\n  This is the rigid linkage with its motor.", time=stepper.t)
         states, references = np.ascontiguousarray(stepper.result[:, : 2 * n]), stepper.references
         accelerations = self._solutions(times, states, references)[:, :n]
         rows = np.ascontiguousarray(np.hstack([states, accelerations]))
@@ -185,12 +185,12 @@ class Machine:
         equations, evaluator = self._equations, self._model.evaluator
         whole = np.zeros((len(times), equations.dim))
         whole[:, : states.shape[1]] = states
-        found = np.zeros((len(times), equations.solutions(times[:1], whole[:1]).shape[1]))
-        for held, rows in wound(evaluator, references):
-            equations.set_parameters(held)
-            found[rows] = equations.solutions(times[rows], whole[rows])
+        solutions = np.zeros((len(times), equations.solutions(times[:1], whole[:1]).shape[1]))
+        for parameters, rows in wound(evaluator, references):
+            equations.set_parameters(parameters)
+            solutions[rows] = equations.solutions(times[rows], whole[rows])
         equations.set_parameters(evaluator.given)
-        return found
+        return solutions
 
     def revolutions(self, count: int) -> Path:
         """Return the motion from the start until the crank has come round so many times.
@@ -200,12 +200,12 @@ class Machine:
         SimulationError
             When it does not come round.
         """
-        found = self.path(self._period * count)
-        while found.time_at(self._angle + math.copysign(2 * math.pi * count, self._speed)) is None:
-            if found.end > _LONGEST * count * self._period:
+        path = self.path(self._period * count)
+        while path.time_at(self._angle + math.copysign(2 * math.pi * count, self._speed)) is None:
+            if path.end > _LONGEST * count * self._period:
                 raise self._stalled()
-            found = self.path(1.5 * found.end)
-        return found
+            path = self.path(1.5 * path.end)
+        return path
 
     def _stalled(self) -> SimulationError:
         return SimulationError(
@@ -249,9 +249,9 @@ class Machine:
             period, ratio = self.revolution(math.sqrt(x))
             change = math.copysign(ratio**2, ratio) - x
             if abs(change) <= _REPEATS * x:
-                found = replace(self.path(period, math.sqrt(x)), repeats=True)
-                self._check_repeats(found)
-                return found
+                path = replace(self.path(period, math.sqrt(x)), repeats=True)
+                self._check_repeats(path)
+                return path
             step = change
             if before is not None and change != before[1]:
                 secant = -change * (x - before[0]) / (change - before[1])
@@ -273,9 +273,11 @@ class Machine:
         # Not at the start itself, where loads may jump.
         times = np.linspace(0.0, path.end, len(path.rows))[1:-1]
         states, references = np.ascontiguousarray(path.rows[1:-1, : 2 * n]), path.references[1:-1]
-        gone = 2 * math.pi * np.round((path.references[-1] - path.references[0]) / (2 * math.pi))
+        revolutions_of_references = (
+            2 * math.pi * np.round((path.references[-1] - path.references[0]) / (2 * math.pi))
+        )
         now = self._solutions(times, states, references)[:, :-1]
-        later = self._solutions(path.end + times, states, references + gone)[:, :-1]
+        later = self._solutions(path.end + times, states, references + revolutions_of_references)[:, :-1]
         size = np.max(np.abs(now), axis=0)
         for part in (slice(0, n), slice(n, None)):
             if np.any(np.abs(later - now)[:, part] > _PERIODIC * np.max(size[part], initial=0.0)):

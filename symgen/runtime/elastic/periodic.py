@@ -88,8 +88,13 @@ def periodic(
         @cache
         def errors() -> tuple[float, float | None]:
             # Each pose is found from the one before: equations of its own give the same bits at any time.
-            own, clock = motion.equations(task.form == "thesis", stepping=True), Pace(0.0, motion.period)
-            return compare(own, shot, _shot(motion, own, math.ceil(FINER * per_turn), clock), clock)[1:]
+            equations, clock = (
+                motion.equations(task.form == "thesis", stepping=True),
+                Pace(0.0, motion.period),
+            )
+            return compare(
+                equations, shot, _shot(motion, equations, math.ceil(FINER * per_turn), clock), clock
+            )[1:]
 
         if wall_left() is not None:
             errors()
@@ -100,12 +105,12 @@ def periodic(
         other = _shot(motion, equations, math.ceil(ratio * per_turn), pace)
         if wall_left() is not None:
             passes += whole(shot)
-        found, error, shift = compare(equations, shot, other, pace)
+        result, error, shift = compare(equations, shot, other, pace)
         apart = math.inf if shift is None else shift / abs(shot.multipliers[0])
         sure = apart <= FLOQUET_SETTLED
         settled = apart <= _CLOSE or (sure and closed) or max(2 * per_turn, slowest) > worth
         if error <= task.rtol and settled:
-            passes[:] = [found] if found else whole(shot)
+            passes[:] = [result] if result else whole(shot)
             return replace(passes[0], errors=known(error, shift))
         if per_turn >= _MOST:
             problem = f"shooting does not come within {task.rtol:g} of the peak stress"
@@ -142,12 +147,12 @@ def _compared(
     at = times[::every] if every > 1 else times
     # Recorded times may end shorter steps than these, as many in both runs: their error is far smaller.
     counts = [step_counts(motion, at, (x if at is times else shot).per_turn) for x in (shot, other)]
-    found, finer = _followed(motion, equations, at, [shot, other], counts, pace)
-    parts = Errors(motion, equations, at, GAUSS.order).of(found.displacements, finer.displacements)
+    result, finer = _followed(motion, equations, at, [shot, other], counts, pace)
+    parts = Errors(motion, equations, at, GAUSS.order).of(result.displacements, finer.displacements)
     # Steps longer than half a vibration turn all multipliers to one, and agree on it.
     sizes = abs(shot.multipliers[0]), abs(other.multipliers[0])
     shift = SAFETY * abs(sizes[1] - sizes[0]) if shot.per_turn >= slowest else None
-    return found if at is times else None, float(np.max(parts)), shift
+    return result if at is times else None, float(np.max(parts)), shift
 
 
 def again(
@@ -209,25 +214,27 @@ def _followed(
     the assembly of its matrices. The loads act on the first column only; the others are what other starts,
     and the phase, add to it.
     """
-    if any(not np.array_equal(own, counts[0]) for own in counts):
+    if any(not np.array_equal(own_counts, counts[0]) for own_counts in counts):
         return [
-            found
-            for shot, own in zip(shots, counts, strict=True)
-            for found in _followed(motion, equations, times, [shot], [own], pace)
+            result
+            for shot, own_counts in zip(shots, counts, strict=True)
+            for result in _followed(motion, equations, times, [shot], [own_counts], pace)
         ]
     first, part = shots[0], times / motion.period
     columns = [first.start, *((s - first.start[0], v - first.start[1]) for s, v in (x.start for x in shots))]
     columns += [shot.phase for shot in shots if shot.phase is not None]
     starts = np.hstack([s for s, _ in columns]), np.hstack([v for _, v in columns])
     both = stepped(motion, equations, GAUSS, times, counts[0], starts, pace=pace)
-    made = []
+    results = []
     for k, shot in enumerate(shots):
         steps, lag = shot.steps + int(np.sum(counts[0])), shot.lag * part * shot.unit**-part
-        own = [x[:, :, 0] + x[:, :, 1 + k] for x in both]
+        own_counts = [x[:, :, 0] + x[:, :, 1 + k] for x in both]
         if shot.phase is not None:
-            own = [y - lag[:, None] * x[:, :, 1 + len(shots) + k] for x, y in zip(both, own, strict=True)]
-        made.append(Found(own[0], own[1], steps, floquet=shot.multipliers, counts=counts[0]))
-    return made
+            own_counts = [
+                y - lag[:, None] * x[:, :, 1 + len(shots) + k] for x, y in zip(both, own_counts, strict=True)
+            ]
+        results.append(Found(own_counts[0], own_counts[1], steps, floquet=shot.multipliers, counts=counts[0]))
+    return results
 
 
 def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int, pace: Pace) -> _Shot:
@@ -235,16 +242,16 @@ def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int,
     status, *_, basis = equations.matrices(0.0)
     motion.check(equations, status, 0.0)
     n = motion.layout.unknowns
-    own = np.array([np.eye(n), np.zeros((n, n)), np.zeros((n, n))]) if basis is None else basis
-    free = own.shape[2]
-    s = np.hstack([np.zeros((n, 1)), own[0], np.zeros((n, free))])
-    v = np.hstack([np.zeros((n, 1)), own[1], own[0]])
+    columns = np.array([np.eye(n), np.zeros((n, n)), np.zeros((n, n))]) if basis is None else basis
+    free = columns.shape[2]
+    s = np.hstack([np.zeros((n, 1)), columns[0], np.zeros((n, free))])
+    v = np.hstack([np.zeros((n, 1)), columns[1], columns[0]])
     steps = _beams.BeamSteps(equations, GAUSS, 2 * free + 1)
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     _turn(motion, equations, steps, step_counts(motion, _ends(motion), per_turn), pace)
     ends_s, ends_v = steps.displacements, steps.rates
     # The free unknowns are those that R copies: one row of R is a unit row for each.
-    rows = [int(np.flatnonzero(np.all(own[0] == np.eye(free)[k], axis=1))[0]) for k in range(free)]
+    rows = [int(np.flatnonzero(np.all(columns[0] == np.eye(free)[k], axis=1))[0]) for k in range(free)]
     end = np.vstack([ends_s[rows], ends_v[rows]])
     if not np.all(np.isfinite(end)):
         raise SimulationError(f"{motion.rigid.name}: the motion grows without bound within one revolution")
@@ -252,7 +259,7 @@ def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int,
 
     def state(y: Array) -> tuple[Array, Array]:
         p, pv = y[:free], y[free:]
-        return (own[0] @ p)[:, None], (own[1] @ p + own[0] @ pv)[:, None]
+        return (columns[0] @ p)[:, None], (columns[1] @ p + columns[0] @ pv)[:, None]
 
     open_phase = _open_phase(transition) if motion.has_motor else None
     if open_phase is not None:
@@ -272,10 +279,10 @@ def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int,
             "  Change the speed, or give the links damping: elastic.damping."
         )
     y = np.asarray(np.linalg.solve(np.eye(2 * free) - transition, forced), dtype=float)
-    found = tuple(complex(z) for z in multipliers)
+    eigenvalues = tuple(complex(z) for z in multipliers)
     if open_phase is None:
-        return _Shot(state(y), found, per_turn, steps.steps)
-    return _Shot(state(y), found, per_turn, steps.steps, state(right), unit, lag)
+        return _Shot(state(y), eigenvalues, per_turn, steps.steps)
+    return _Shot(state(y), eigenvalues, per_turn, steps.steps, state(right), unit, lag)
 
 
 def _open_phase(transition: Array) -> tuple[float, Array, Array] | None:
@@ -305,12 +312,12 @@ def _turn(
     begin = 0.0
     pace.restart(0.0)
     for end, count in zip(_ends(motion).tolist(), turns.tolist(), strict=True):
-        taken = 0
-        while taken < count:
-            to = min(taken + pace.chunk(), count)
-            motion.check(equations, steps.advance(begin, end, count, taken, to), end)
-            taken = to
-            at = begin + (end - begin) * taken / count
+        steps_done = 0
+        while steps_done < count:
+            to = min(steps_done + pace.chunk(), count)
+            motion.check(equations, steps.advance(begin, end, count, steps_done, to), end)
+            steps_done = to
+            at = begin + (end - begin) * steps_done / count
             if pace.spent(at, f", with {int(np.sum(turns))} steps per revolution"):
                 none: Counts = np.zeros(0, dtype=np.intp)
                 empty = np.zeros((0, motion.layout.unknowns))
@@ -335,9 +342,9 @@ def speed_response(
         except SimulationError as error:
             if not is_spent():
                 raise
-            found = _swept(model, speeds[:k], runs, time.perf_counter() - begun) if runs else None
+            response = _swept(model, speeds[:k], runs, time.perf_counter() - begun) if runs else None
             problem = f"{error}\n  {k} of {len(speeds)} speeds were found."
-            raise SimulationError(problem, time=error.time, partial=found) from None
+            raise SimulationError(problem, time=error.time, partial=response) from None
         pace.spent(k + 1.0)
         if progress:
             progress((k + 1) / len(speeds))

@@ -99,30 +99,30 @@ def run(
     passes: list[Found] = []
     try:
         if task.method == "quasi-static":
-            found = held(motion, equations, times, pace)
+            states = held(motion, equations, times, pace)
         elif task.method == "periodic":
-            found = periodic(motion, equations, task, times, pace, passes)
+            states = periodic(motion, equations, task, times, pace, passes)
         elif task.method in BEAM_METHODS:
             begun = initial(motion, equations, task)
-            found = adapted(motion, equations, task, times, progress, keeping, pace, passes, begun)
+            states = adapted(motion, equations, task, times, progress, keeping, pace, passes, begun)
         else:
             begun = initial(motion, equations, task)
-            found = explicit(motion, equations, task, times, progress, keeping, begun)
+            states = explicit(motion, equations, task, times, progress, keeping, begun)
     except OutOfTime as stop:
         raise _out_of_time(motion, task, times[:count], stop, passes, pace) from None
-    if not all(np.all(np.abs(x) < _BOUND) for x in (found.displacements, found.rates) if x is not None):
+    if not all(np.all(np.abs(x) < _BOUND) for x in (states.displacements, states.rates) if x is not None):
         raise SimulationError(
             f"{motion.rigid.name}: the motion grows without bound: the step is too long for "
             f"{task.method}, or the motion is unstable\n"
             "  Take more steps, or check the Floquet multipliers (symgen periodic, model.periodic())."
         )
-    made = _result(motion, task, times[:count], found, found.spent + pace.wall)
-    made._estimate_later(partial(_mesh_error, motion, task, times, found, wall_left()))
-    return made
+    result = _result(motion, task, times[:count], states, states.spent + pace.wall)
+    result._estimate_later(partial(_mesh_error, motion, task, times, states, wall_left()))
+    return result
 
 
 def _mesh_error(
-    motion: ElasticMotion, task: Task, times: Array, found: Found, max_wall: float | None
+    motion: ElasticMotion, task: Task, times: Array, states: Found, max_wall: float | None
 ) -> float | None:
     """Return the error of stresses by elements, over their peak; None if not known.
 
@@ -134,16 +134,16 @@ def _mesh_error(
     def repeated(one: ElasticMotion, of: _beams.BeamEquations) -> Array:
         if task.method == "quasi-static":
             return held(one, of, times, pace).displacements
-        counts = step_counts(motion, times, _EXPLICIT) if found.counts is None else found.counts
+        counts = step_counts(motion, times, _EXPLICIT) if states.counts is None else states.counts
         if task.method == "periodic":
             # The times may lie in the first part of the revolution.
             to_last = int(np.sum(counts))
-            return again(one, of, times, counts, max(to_last, found.steps - to_last), pace)
+            return again(one, of, times, counts, max(to_last, states.steps - to_last), pace)
         return stepped(one, of, method, times, counts, initial(one, of, task), pace=pace)[0]
 
     try:
         with limited(max_wall):
-            coarse = repeated(motion, equations) if found.counts is None else found.displacements
+            coarse = repeated(motion, equations) if states.counts is None else states.displacements
             finer = motion.refined()
             fine = repeated(finer, _equations(finer, task))
     except (OutOfTime, SimulationError, ModelError):
@@ -163,17 +163,17 @@ def _out_of_time(
     pace: Pace,
 ) -> SimulationError:
     """Return the error of a run that took all of its wall time, with the best that it found."""
-    found, reached = (passes[-1], np.arange(len(times))) if passes else (stop.found, stop.reached)
+    states, reached = (passes[-1], np.arange(len(times))) if passes else (stop.states, stop.reached)
     recorded = reached < len(times)  # jumps of loads follow
-    found, reached = found.at(np.flatnonzero(recorded)), reached[recorded]
+    states, reached = states.at(np.flatnonzero(recorded)), reached[recorded]
     problem = f"{motion.rigid.name}: {out_of_time(stop.t, float(np.max(times)))}"
     if passes:
         problem += (
-            f"\n  The result of {found.steps} steps is kept; the run with more steps, from which its error "
+            f"\n  The result of {states.steps} steps is kept; the run with more steps, from which its error "
             "would follow, was not finished."
         )
-    finite = len(reached) and bool(np.all(np.isfinite(found.displacements)))
-    partial = _result(motion, task, times[reached], found, pace.wall) if finite else None
+    finite = len(reached) and bool(np.all(np.isfinite(states.displacements)))
+    partial = _result(motion, task, times[reached], states, pace.wall) if finite else None
     return SimulationError(problem, time=stop.t, partial=partial)
 
 
@@ -207,17 +207,17 @@ def _result(
     motion: ElasticMotion,
     task: Task,
     times: Array,
-    found: Found,
+    states: Found,
     wall: float,
 ) -> ElasticResult:
     d, rigid = motion.rigid.description, motion.rigid
-    how: dict[str, Any] = {"method": task.method, "form": task.form, "rtol": task.rtol}
-    how |= {"t_end": float(np.max(times)), "geometric_stiffness": motion.stiffened}
-    how |= {} if task.method in ("quasi-static", "periodic") else {"initial": task.initial}
-    source = _Recorded(motion, task, found.at(np.arange(len(times))), times, wall, is_spent())
-    made = ElasticResult._later(
+    attributes: dict[str, Any] = {"method": task.method, "form": task.form, "rtol": task.rtol}
+    attributes |= {"t_end": float(np.max(times)), "geometric_stiffness": motion.stiffened}
+    attributes |= {} if task.method in ("quasi-static", "periodic") else {"initial": task.initial}
+    source = _Recorded(motion, task, states.at(np.arange(len(times))), times, wall, is_spent())
+    result = ElasticResult._later(
         source,
-        **of_model(d, rigid.parameters, **how, **made_with(rigid.evaluator.library, rigid.typed)),
+        **of_model(d, rigid.parameters, **attributes, **made_with(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,
         coordinate=coordinate_of(motion, times),
         drift=Drift(),
@@ -226,8 +226,8 @@ def _result(
         times=times if motion.speed else None,
     )
     if motion.info.outputs is not None:
-        _ = made.variables  # a name that no output has is refused at once
-    return made
+        _ = result.variables  # a name that no output has is refused at once
+    return result
 
 
 @dataclass
@@ -240,7 +240,7 @@ class _Recorded:
 
     motion: ElasticMotion
     task: Task
-    found: Found
+    states: Found
     times: Array
     wall: float
     spent: bool
@@ -253,10 +253,10 @@ class _Recorded:
     @Once
     def _moved(self) -> tuple[tuple[Array, Array, Array], Motion]:
         """Return the rigid motion, and the whole."""
-        found = self.found
+        states = self.states
         rigid, links, loads = self.motion.rigid_motion(self.equations, self.times)
         thesis = self.task.form == "thesis"
-        return rigid, Motion(self.times, rigid[0], links, loads, found.displacements, found.rates, thesis)
+        return rigid, Motion(self.times, rigid[0], links, loads, states.displacements, states.rates, thesis)
 
     @Once
     def _shapes(self) -> list[Variable]:
@@ -297,20 +297,20 @@ class _Recorded:
 
     def statistics(self) -> Mapping[str, Any]:
         """Return counts, errors, shares of second order, powers, and multipliers."""
-        motion, found = self.motion, self.found
+        motion, states = self.motion, self.states
         return Later(
             {
                 "unknowns": motion.layout.unknowns - motion.layout.constraints,
-                "steps": found.steps,
-                "error": lambda: found.errors()[0],
+                "steps": states.steps,
+                "error": lambda: states.errors()[0],
                 "damping_ratios": lambda: list(motion.damping_ratios),
                 "second_order": lambda: self._shares,
                 "mean_powers_w": self._mean_powers,
                 "power_balance": lambda: self._balance.balance if self._balance else None,
                 "omitted_power": lambda: self._balance.omitted_share if self._balance else None,
                 "wall_s": self.wall,
-                "floquet": [[z.real, z.imag] for z in found.floquet],
-                "floquet_error": lambda: found.errors()[1],
+                "floquet": [[z.real, z.imag] for z in states.floquet],
+                "floquet_error": lambda: states.errors()[1],
             }
         )
 
@@ -321,8 +321,8 @@ class _Recorded:
         notes = [
             *([] if self.spent else _of_speed(motion)),
             *_of_motor(motion, task),
-            *_of_stability(self.found),
-            *_of_steps(motion, task, self.found),
+            *_of_stability(self.states),
+            *_of_steps(motion, task, self.states),
             *d.remarks,
             *of_crank(motion, whole),
             *of_reductions(motion),
@@ -363,30 +363,30 @@ def _of_motor(motion: ElasticMotion, task: Task) -> list[str]:
     return [f"mean speed of the crank with its motor in the steady state: {60.0 / motion.period:.6g} rpm"]
 
 
-def _of_steps(motion: ElasticMotion, task: Task, found: Found) -> list[str]:
+def _of_steps(motion: ElasticMotion, task: Task, states: Found) -> list[str]:
     """Report steps that were added to those requested: every recorded time ends one."""
     if (
         task.steps is None
-        or found.counts is None
-        or np.sum(found.counts) <= math.ceil(task.steps * max(task.revolutions, 1.0))
+        or states.counts is None
+        or np.sum(states.counts) <= math.ceil(task.steps * max(task.revolutions, 1.0))
     ):
         return []
     return [
-        f"{task.steps} steps per revolution were requested, {int(np.sum(found.counts))} were taken: every "
+        f"{task.steps} steps per revolution were requested, {int(np.sum(states.counts))} were taken: every "
         "recorded time ends a step; request fewer samples for longer steps"
     ]
 
 
-def _of_stability(found: Found) -> list[str]:
-    if not found.floquet:
+def _of_stability(states: Found) -> list[str]:
+    if not states.floquet:
         return []
-    stable = is_stable(abs(found.floquet[0]), found.errors()[1])
+    stable = is_stable(abs(states.floquet[0]), states.errors()[1])
     if stable is None:
         return [
             "not known whether it is stable: the Floquet multipliers still change as steps are halved, by "
             "vibrations that these do not resolve; take more steps per revolution, or a reduction"
         ]
-    nearest = min(abs(z - 1.0) for z in found.floquet)
+    nearest = min(abs(z - 1.0) for z in states.floquet)
     if stable and nearest < _UNIT:
         return [
             f"a Floquet multiplier is one within {nearest:.1g}: the steady state is not the only one, or in "
@@ -395,6 +395,6 @@ def _of_stability(found: Found) -> list[str]:
     if stable:
         return []
     return [
-        f"unstable: the largest Floquet multiplier is {abs(found.floquet[0]):.6g}; a deviation from the "
+        f"unstable: the largest Floquet multiplier is {abs(states.floquet[0]):.6g}; a deviation from the "
         "steady state grows by that factor in each revolution"
     ]

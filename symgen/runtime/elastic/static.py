@@ -55,7 +55,7 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
             f"{motion.rigid.name}: nothing holds its free crank, so that loads do not determine its shape\n"
             '  Hold the crank: mode = "held" under [crank]. Runs may start undeformed.'
         )
-    found = np.zeros((len(times), motion.layout.unknowns))
+    displacements = np.zeros((len(times), motion.layout.unknowns))
     for k in np.argsort(times, kind="stable").tolist():
         t = float(times[k])
         status, _, _, stiffness, load, basis = equations.matrices(t, _beams.QUASI_STATIC)
@@ -69,11 +69,11 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
         if solve is None:
             raise _no_shape(motion, equations, t, stiffness, sizes)
         shape = solve(load)
-        found[k] = shape if whole is None else whole @ shape
+        displacements[k] = shape if whole is None else whole @ shape
         for _ in range(REFINED):
-            rest = equations.unbalanced(found[k])
-            found[k] -= solve(rest) if whole is None else whole @ solve(rest @ whole)
-    return found
+            rest = equations.unbalanced(displacements[k])
+            displacements[k] -= solve(rest) if whole is None else whole @ solve(rest @ whole)
+    return displacements
 
 
 def of_modes(
@@ -102,7 +102,7 @@ def of_modes(
         )
     places = np.linspace(0.0, 1.0, _PLACES)
     tables = [beam.table(places.tolist()) for beam in motion.beams]
-    found, first = np.zeros((len(times), motion.layout.unknowns)), dict[int, Array]()
+    displacements, first = np.zeros((len(times), motion.layout.unknowns)), dict[int, Array]()
     for k, t in enumerate(times.tolist()):
         modes = elastic_modes(motion, equations, t)
         count = modes.shapes.shape[1] - modes.rigid
@@ -114,8 +114,10 @@ def of_modes(
             )
         for number, size in enumerate(amplitudes):
             shape = np.real(modes.shapes[:, modes.rigid + number])
-            own = [motion.own_unknowns(j, links, shape[None])[0] for j in range(len(tables))]
-            moved = np.array([[table["u"] @ s, table["w"] @ s] for table, s in zip(tables, own, strict=True)])
+            local = [motion.local_unknowns(j, links, shape[None])[0] for j in range(len(tables))]
+            moved = np.array(
+                [[table["u"] @ s, table["w"] @ s] for table, s in zip(tables, local, strict=True)]
+            )
             moved = np.moveaxis(moved, 1, 2).reshape(-1, 2)
             largest = moved[np.argmax(np.linalg.norm(moved, axis=1))]
             sign = np.sign(largest[np.argmax(np.abs(largest))])
@@ -123,8 +125,8 @@ def of_modes(
                 sign = np.sign(np.sum(first[number] * moved))
             scale = sign * size / np.linalg.norm(largest)
             first.setdefault(number, sign * moved)
-            found[k] += scale * shape
-    return found
+            displacements[k] += scale * shape
+    return displacements
 
 
 def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) -> Start:
@@ -144,19 +146,19 @@ def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) 
     """
     if task.initial == "undeformed":
         return None
-    found: list[Array] = []
+    parts_of_state: list[Array] = []
     for apart in turn(motion) * _APART / np.pi ** np.arange(_SHORTER):  # no multiples of a load's period
         times = apart * np.arange(5.0)
         if isinstance(task.initial, str):
             shapes = quasi_static(motion, equations, times)
         else:
             shapes = of_modes(motion, equations, times, task.initial)
-        found.append(np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) @ shapes / (12 * apart))
-        size = float(np.max(np.abs(found[-1])))
+        parts_of_state.append(np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) @ shapes / (12 * apart))
+        size = float(np.max(np.abs(parts_of_state[-1])))
         round_off = _ROUNDED * float(np.max(np.abs(shapes))) / apart
-        changes = [float(np.max(np.abs(a - found[-1]))) for a in found[-3:-1]]
+        changes = [float(np.max(np.abs(a - parts_of_state[-1]))) for a in parts_of_state[-3:-1]]
         if len(changes) == 2 and max(changes) <= _SETTLED * size + round_off:
-            return shapes[0][:, None].copy(), found[-3][:, None]
+            return shapes[0][:, None].copy(), parts_of_state[-3][:, None]
     raise ModelError(
         f"{motion.rigid.name}: the loads jump at the start, so that the quasi-static shape has no rate\n"
         "  Start it undeformed."
@@ -213,9 +215,9 @@ def _unsymmetric(
 
 def _used(resting: Array, loaded: Array) -> float:
     """Return the largest 1/p with which K_0 + p (K - K_0) is singular, -inf if none is."""
-    found = np.linalg.eigvals(np.linalg.solve(resting, resting - loaded))
-    real = np.abs(found.imag) <= _REAL * np.abs(found)
-    return float(np.max(found.real[real], initial=-math.inf))
+    eigenvalues = np.linalg.eigvals(np.linalg.solve(resting, resting - loaded))
+    real = np.abs(eigenvalues.imag) <= _REAL * np.abs(eigenvalues)
+    return float(np.max(eigenvalues.real[real], initial=-math.inf))
 
 
 def _no_shape(
@@ -249,10 +251,10 @@ def _banded(matrix: Array) -> Array:
     """Return the diagonals of a symmetric matrix from the main one down, for banded solvers."""
     rows, columns = np.nonzero(matrix)
     below = rows - columns
-    made = np.zeros((len(matrix), int(np.max(below, initial=0)) + 1)).T
+    bands = np.zeros((len(matrix), int(np.max(below, initial=0)) + 1)).T
     lower = below >= 0
-    made[below[lower], columns[lower]] = matrix[rows[lower], columns[lower]]
-    return made
+    bands[below[lower], columns[lower]] = matrix[rows[lower], columns[lower]]
+    return bands
 
 
 def held(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, pace: Pace) -> Found:
@@ -260,8 +262,8 @@ def held(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, p
     parts = []
     for first in range(0, len(times), _HELD):
         parts.append(quasi_static(motion, equations, times[first : first + _HELD]))
-        done = min(first + _HELD, len(times))
-        if done < len(times) and pace.spent(float(times[done - 1])):
-            reached = np.arange(done)
-            raise OutOfTime(float(times[done - 1]), Found(np.concatenate(parts), None, done), reached)
+        end = min(first + _HELD, len(times))
+        if end < len(times) and pace.spent(float(times[end - 1])):
+            reached = np.arange(end)
+            raise OutOfTime(float(times[end - 1]), Found(np.concatenate(parts), None, end), reached)
     return Found(np.concatenate(parts), None, len(times))

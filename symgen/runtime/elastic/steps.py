@@ -14,7 +14,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
-from symgen.runtime.elastic.kept import Stages
+from symgen.runtime.elastic.checkpoint import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import (
     FINER,
@@ -192,8 +192,8 @@ def stepped(
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     order = np.argsort(times, kind="stable")
     shape = s.shape if s.shape[1] > 1 else (n,)
-    found, rates = np.zeros((len(times), *shape)), np.zeros((len(times), *shape))
-    reached, taken = stages.resumed(steps, found, rates) if stages else (0, 0)
+    displacements, rates = np.zeros((len(times), *shape)), np.zeros((len(times), *shape))
+    reached, steps_done = stages.resumed(steps, displacements, rates) if stages else (0, 0)
     now = float(times[order[reached - 1]]) if reached else 0.0
     cause = f", with {int(np.sum(counts))} steps"
     jumps, unseen = motion.jumps.tolist(), 0
@@ -202,32 +202,34 @@ def stepped(
     for place in range(reached, len(times)):
         k, count = order[place], int(counts[place])
         t = float(times[k])
-        while taken < count and t > now:
+        while steps_done < count and t > now:
             if unseen <= 0:
                 unseen = pace.chunk()
-            to = min(taken + unseen, count)
-            status = steps.advance(now, t, count, taken, to)
+            to = min(steps_done + unseen, count)
+            status = steps.advance(now, t, count, steps_done, to)
             if status == _core.NOT_FINITE:
-                found[:] = np.nan
-                return stages.finished(found, rates) if stages else (found, rates)
+                displacements[:] = np.nan
+                return stages.finished(displacements, rates) if stages else (displacements, rates)
             motion.check(equations, status, t)
-            unseen, taken = unseen - (to - taken), to
-            at = now + (t - now) * taken / count
+            unseen, steps_done = unseen - (to - steps_done), to
+            at = now + (t - now) * steps_done / count
             over = unseen <= 0 and pace.spent(at, cause)
             if stages:
-                stages.look(at, steps, found, rates, (place, taken), last=over)
+                stages.look(at, steps, displacements, rates, (place, steps_done), last=over)
             if progress:
                 progress(at / float(times[order[-1]]))
             if over:
-                done = np.sort(order[:place])
-                raise OutOfTime(at, Found(found[done], rates[done], int(np.sum(counts[:place]))), done)
-        now, taken = max(t, now), 0
-        found[k], rates[k] = steps.displacements.reshape(shape), steps.rates.reshape(shape)
+                indices = np.sort(order[:place])
+                raise OutOfTime(
+                    at, Found(displacements[indices], rates[indices], int(np.sum(counts[:place]))), indices
+                )
+        now, steps_done = max(t, now), 0
+        displacements[k], rates[k] = steps.displacements.reshape(shape), steps.rates.reshape(shape)
         if jumps and t == jumps[0][0]:
             now = jumps.pop(0)[1]
             if not method.collocated:
                 motion.check(equations, steps.start(now, steps.displacements, steps.rates), now)
-    return stages.finished(found, rates) if stages else (found, rates)
+    return stages.finished(displacements, rates) if stages else (displacements, rates)
 
 
 def adapted(
@@ -263,9 +265,9 @@ def adapted(
     method = BEAM_METHODS[task.method]
     stages = None
     if keeping is not None:
-        told = (repr(task), times.tobytes().hex(), *motion.told)
+        identity = (repr(task), times.tobytes().hex(), *motion.identity)
         library = library_of_runs(motion.rigid.evaluator.library, motion.rigid.typed)
-        stages = Stages(mark_of_kernels(motion.rigid.evaluator, library, equations, *told), keeping)
+        stages = Stages(mark_of_kernels(motion.rigid.evaluator, library, equations, *identity), keeping)
     spent = stages.spent if stages else 0.0
     errors = Errors(motion, equations, times, method.order)
     counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
@@ -276,18 +278,18 @@ def adapted(
         return passes[-1]
 
     most = max(_MOST * max(1.0, task.revolutions), float(np.sum(counts)))
-    found = run(counts)
+    states = run(counts)
     if task.steps is not None:
-        return replace(found, errors=_estimated(motion, task, times, found, start, stages))
+        return replace(states, errors=_estimated(motion, task, times, states, start, stages))
     order = np.argsort(times, kind="stable")
     more, before = 1.0, 0.0
     while np.sum(counts) <= most:
         finer = finer_counts(counts)
         compared = run(finer)
-        parts = errors.of(found.displacements, compared.displacements)[order]
+        parts = errors.of(states.displacements, compared.displacements)[order]
         error = float(np.max(parts))
         if error <= task.rtol:
-            return replace(found, errors=known(error))
+            return replace(states, errors=known(error))
         errors.check_round_off(task.method, task.rtol)
         # Vibrations that decay need their steps only up to the last time at which they show.
         last = int(np.flatnonzero(parts > task.rtol)[-1])
@@ -303,18 +305,18 @@ def adapted(
             counts, resolved = _counts_by_part(motion, equations, task, times, counts, errors, start)
             before = math.inf
         if np.array_equal(counts, finer):
-            found = compared
+            states = compared
         elif np.sum(counts) <= most:
-            found = run(counts)
+            states = run(counts)
         if resolved and np.sum(counts) <= most:
             # These steps suffice, as a rule, and a run with fewer takes less time.
-            error = _by_another(errors, method, counts, found.displacements, start, falls=True)
+            error = _by_another(errors, method, counts, states.displacements, start, falls=True)
             if error <= task.rtol:
-                return replace(found, errors=known(error))
+                return replace(states, errors=known(error))
             more, before = next_factor(error, task.rtol, method.order, True), error
             counts = np.ceil(more * counts - 1e-9).astype(np.intp)
             if np.sum(counts) <= most:
-                found = run(counts)
+                states = run(counts)
     remedy = (
         "Take gauss, whose error falls faster, or a larger rtol."
         if method.order <= _SLOW
@@ -328,7 +330,7 @@ def adapted(
 
 
 def _estimated(
-    motion: ElasticMotion, task: Task, times: Array, found: Found, start: Start, stages: Stages | None
+    motion: ElasticMotion, task: Task, times: Array, states: Found, start: Start, stages: Stages | None
 ) -> Callable[[], tuple[float | None, float | None]]:
     """Return a function that computes the error of a run; called at once if the run is limited or kept."""
     counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
@@ -338,7 +340,7 @@ def _estimated(
         # Each pose is found from the one before: equations of its own give the same bits at any time.
         equations, method = motion.equations(task.form == "thesis", stepping=True), BEAM_METHODS[task.method]
         of = Errors(motion, equations, times, method.order)
-        return _by_another(of, method, counts, found.displacements, start, stages), None
+        return _by_another(of, method, counts, states.displacements, start, stages), None
 
     if stages or wall_left() is not None:
         errors()
@@ -349,7 +351,7 @@ def _by_another(
     errors: Errors,
     method: BeamMethod,
     counts: Counts,
-    found: Array,
+    displacements: Array,
     start: Start,
     stages: Stages | None = None,
     falls: bool = False,
@@ -361,7 +363,7 @@ def _by_another(
     places, others, growth = compared_run(errors.times, counts, method.order)
     of = errors.motion, errors.equations, method, errors.times[places], others, start, None, stages
     safety = (SAFETY / (growth - 1.0) if falls else SAFETY_FEWER) if growth else None
-    return float(np.max(errors.of(found[places], stepped(*of)[0], places, safety)))
+    return float(np.max(errors.of(displacements[places], stepped(*of)[0], places, safety)))
 
 
 def _counts_by_part(
@@ -382,12 +384,13 @@ def _counts_by_part(
     pace = Pace(0.0, float(times[part[-1]]))
     before = 0.0
     while np.sum(counts) < _MOST:
-        own = counts[: len(part)]
-        finer = finer_counts(own)
-        found, compared = (
-            stepped(motion, equations, method, times[part], c, start, pace=pace)[0] for c in (own, finer)
+        counts_of_part = counts[: len(part)]
+        finer = finer_counts(counts_of_part)
+        states, compared = (
+            stepped(motion, equations, method, times[part], c, start, pace=pace)[0]
+            for c in (counts_of_part, finer)
         )
-        error = float(np.max(errors.of(found, compared, part)))
+        error = float(np.max(errors.of(states, compared, part)))
         falls = method.order > _SLOW and error < before * 2.0 ** (1 - method.order)
         if error <= task.rtol or falls:
             needed = (_GROWN * _PART * error / task.rtol) ** (1 / method.order)

@@ -57,8 +57,8 @@ def mark_of(
     method = chosen.method
     options = [getattr(chosen, name) for name in chosen.__slots__ if name not in _OF_NO_RUN]
     counts, numbers = _core.scheme_of(method)
-    how = (method.name, method.kind, counts, numbers.tobytes().hex(), options, t0, y0.tobytes().hex())
-    return mark_of_kernels(kernels, library, equations, *how, *more)
+    content = (method.name, method.kind, counts, numbers.tobytes().hex(), options, t0, y0.tobytes().hex())
+    return mark_of_kernels(kernels, library, equations, *content, *more)
 
 
 def mark_of_kernels(
@@ -70,7 +70,7 @@ def mark_of_kernels(
     """
     from symgen.version import __version__
 
-    told = (
+    content = (
         __version__,
         platform.machine(),
         platform.system(),
@@ -81,7 +81,7 @@ def mark_of_kernels(
         kernels.given.tobytes().hex(),
         *more,
     )
-    return hashlib.sha256(repr(told).encode()).hexdigest()
+    return hashlib.sha256(repr(content).encode()).hexdigest()
 
 
 @dataclass(slots=True)
@@ -153,17 +153,17 @@ def keeping(
     """
     if file is None and resumed is None:
         return None
-    for given in (file, resumed):
-        if given is not None and not isinstance(given, str | os.PathLike):
-            raise ModelError(f"expected the path of a checkpoint, got {given!r}")
+    for path_of in (file, resumed):
+        if path_of is not None and not isinstance(path_of, str | os.PathLike):
+            raise ModelError(f"expected the path of a checkpoint, got {path_of!r}")
     if not (is_real(every) and every >= 0):
         raise ModelError(f"expected checkpoint_every to be a number of seconds, got {every!r}")
     path = None if file is None else Path(file)
     if path is not None and not path.parent.is_dir():
         raise ResultError(f"cannot write the checkpoint {path}: there is no folder {path.parent}")
     if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
-        what = "it is a folder" if path.is_dir() else f"nothing can be written into {path.parent}"
-        raise ResultError(f"cannot write the checkpoint {path}: {what}")
+        problem = "it is a folder" if path.is_dir() else f"nothing can be written into {path.parent}"
+        raise ResultError(f"cannot write the checkpoint {path}: {problem}")
     return Keeping(path, every, None if resumed is None else Path(resumed))
 
 
@@ -216,13 +216,13 @@ def resume(file: str | os.PathLike[str], run: _core.Run, mark: str) -> float:
     ResultError
         When the file is missing, broken, or of another run.
     """
-    found, spent = stored(file, mark)
+    content, spent = stored(file, mark)
     try:
-        run.restore(found["equations"].tobytes(), found["run"].tobytes())
-        run.passages.extend((t, sound, int(k)) for t, sound, k in found["passages"].tolist())
+        run.restore(content["equations"].tobytes(), content["run"].tobytes())
+        run.passages.extend((t, sound, int(k)) for t, sound, k in content["passages"].tolist())
         run.events.extend(
             (t, int(i), bool(rising), state)
-            for (t, i, rising), state in zip(found["events"].tolist(), found["event_states"], strict=True)
+            for (t, i, rising), state in zip(content["events"].tolist(), content["event_states"], strict=True)
         )
         return spent
     except (KeyError, TypeError, ValueError) as error:
@@ -241,10 +241,10 @@ def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], flo
     try:
         with path.open("rb") as stream, NpzFile(stream, allow_pickle=False) as archive:
             header: dict[str, Any] = json.loads(str(archive["header"]))
-            found = {name: archive[name] for name in archive.files if name != "header"}
+            arrays = {name: archive[name] for name in archive.files if name != "header"}
         known, theirs = header["symgen_checkpoint"], header["mark"]
         stopped, spent = float(header["t"]), float(header["wall_s"])
-        if known == FORMAT and header["digest"] != _digest(found):
+        if known == FORMAT and header["digest"] != _digest(arrays):
             raise ValueError("its bytes are not those that were written")
     except FileNotFoundError:
         raise ResultError(f"there is no checkpoint {path}") from None
@@ -257,7 +257,7 @@ def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], flo
             f"{path} is the checkpoint of another run, stopped at t = {stopped:g} s\n"
             "  Resume with the scene, parameters, options, machine and version of symgen it was begun with."
         )
-    return found, spent
+    return arrays, spent
 
 
 def _digest(arrays: Mapping[str, Any]) -> str:

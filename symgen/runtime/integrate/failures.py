@@ -60,12 +60,12 @@ def problem(
     return _of_the_loads(status, stepper, evaluator, chosen, lost_rank, at, where)
 
 
-def unfinished(stepper: _core.Run, chosen: Options, at: str, why: str = "") -> str:
-    """Return the message for a run that needs more than ``max_steps``; ``why`` is the cause."""
+def unfinished(stepper: _core.Run, chosen: Options, at: str, reason: str = "") -> str:
+    """Return the message for a run that needs more than ``max_steps``; ``reason`` is the cause."""
     if stepper.steps < chosen.max_steps:
         return (
             f"the steps are too short for the run to come to its end {at}: at {stepper.h:.2g} s a step "
-            f"it would take more than max_steps = {chosen.max_steps}{why}\n"
+            f"it would take more than max_steps = {chosen.max_steps}{reason}\n"
             "  Shorten the run, loosen rtol and atol, or raise max_steps."
         )
     return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
@@ -83,7 +83,7 @@ def of_sliding(jump: str, at: str, where: str, units: Mapping[str, str] = Mappin
     )
 
 
-def _smooth(jump: str, own: Mapping[str, str]) -> str:
+def _smooth(jump: str, smooth_forms: Mapping[str, str]) -> str:
     """Return the smooth function to write in a scene instead of a jump, with its width."""
     written, _, place = jump.rpartition(" in ")
     x = written[written.index("(") + 1 : -1]
@@ -93,7 +93,7 @@ def _smooth(jump: str, own: Mapping[str, str]) -> str:
         smooth = f"sqrt({inner}**2 + w**2) instead of {written}, or tanh({inner}/w) for a quotient by it"
     words = set(re.findall(r"\.([a-z_]+)", x)) or {x}
     units = {"m/s" if w == "rate" and "actuators" in place else _UNITS.get(w, "") for w in words}
-    unit = own.get(x) or ("" if len(units) > 1 or re.search(r"[*/(]", x) else units.pop())
+    unit = smooth_forms.get(x) or ("" if len(units) > 1 or re.search(r"[*/(]", x) else units.pop())
     width = f'w = "1e-3 {unit}"' if unit else f"w, in the unit of {x}"
     return f"Write {smooth}, with a small width under [parameters]: {width}."
 

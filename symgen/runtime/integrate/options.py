@@ -58,7 +58,7 @@ class Options:
 BAUMGARTE_RATE = 10.0
 
 
-def options(*asked: Any, **named: Any) -> Options:
+def options(*positional: Any, **named: Any) -> Options:
     """Check the options of a run as :func:`_options` does, once for each set of them.
 
     Raises
@@ -67,9 +67,9 @@ def options(*asked: Any, **named: Any) -> Options:
         If an option is out of its range, or does not apply to the method.
     """
     try:
-        return _remembered(*asked, **named)
+        return _remembered(*positional, **named)
     except TypeError:  # not hashable, so neither a number nor a name: the check raises its error
-        return _options(*asked, **named)
+        return _options(*positional, **named)
 
 
 def _options(
@@ -109,7 +109,7 @@ def _options(
     rtol, atol, step, rate, max_drift, max_step = (
         None if x is None else float(x) for x in (rtol, atol, step, rate, max_drift, max_step)
     )
-    kept = (*_kept(chosen, stabilisation, rate, max_drift), max_step or 0.0)
+    constraint_options = (*_constraint_options(chosen, stabilisation, rate, max_drift), max_step or 0.0)
     if not 2 <= samples <= 10_000_000:
         raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
     if max_steps < 1:
@@ -121,7 +121,7 @@ def _options(
         raise ModelError("max_step limits the steps of methods that choose their own: give a smaller step")
     if chosen.adaptive and step is None:
         rtol, atol = _tolerances(rtol, atol, precision)
-        return Options(chosen, t_end, rtol, atol, 0.0, samples, max_steps, *kept)
+        return Options(chosen, t_end, rtol, atol, 0.0, samples, max_steps, *constraint_options)
     if rtol is not None or atol is not None:
         if chosen.adaptive:
             raise ModelError(
@@ -133,7 +133,7 @@ def _options(
     if step < precision.coarsened(1e-12) * t_end:
         name = precision.name
         raise ModelError(f"step = {step:g} s is too small against t_end = {t_end:g} s for {name}")
-    return Options(chosen, t_end, 0.0, 0.0, step, samples, max_steps, *kept)
+    return Options(chosen, t_end, 0.0, 0.0, step, samples, max_steps, *constraint_options)
 
 
 def recorded_at(t_eval: ArrayLike, start: float, end: float) -> Array:
@@ -146,11 +146,12 @@ def recorded_at(t_eval: ArrayLike, start: float, end: float) -> Array:
     """
     times = reals(t_eval, "t_eval")
     if not len(times) or np.any(np.diff(times) <= 0.0) or times[0] < start or times[-1] > end:
-        got = ", ".join(f"{t:.6g}" for t in times[:_SHOWN].tolist()) + (
+        text = ", ".join(f"{t:.6g}" for t in times[:_SHOWN].tolist()) + (
             ", ..." if len(times) > _SHOWN else ""
         )
         raise ModelError(
-            f"expected increasing times from {start:g} s to {end:g} s for t_eval, at least one, got [{got}]\n"
+            f"expected increasing times from {start:g} s to {end:g} s for t_eval, at least one, got "
+            f"[{text}]\n"
             "  t_end sets the end of the run."
         )
     return times
@@ -176,7 +177,7 @@ def _tolerances(rtol: float | None, atol: float | None, precision: Precision) ->
     return rtol, max(_ATOL * rtol, floor) if atol is None else atol
 
 
-def _kept(
+def _constraint_options(
     method: Method, stabilisation: str, rate: float | None, max_drift: float | None
 ) -> tuple[str, float, float]:
     """Check how the constraints are kept, and fill in the defaults."""

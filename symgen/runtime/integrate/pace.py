@@ -131,23 +131,23 @@ class Pace:
         """Begin another run over the same range, whose wall time counts towards the same limit."""
         self._marked, self._at, self._looked = time.perf_counter(), at, math.nan
 
-    def spent(self, t: float, why: str | Callable[[], str] = "") -> bool:
+    def spent(self, t: float, reason: str | Callable[[], str] = "") -> bool:
         """Return True if the wall time is spent at the time ``t`` of the motion; warn of a long run.
 
-        ``why`` is appended to the warning: the cause, if known.
+        ``reason`` is appended to the warning: the cause, if known.
         """
         now = time.perf_counter()
         wall, span = now - self._begun, now - self._marked
         if span >= max(_SPAN, _SHARE * wall):
-            made, left = t - self._at, self._end - t
+            progress, left = t - self._at, self._end - t
             self._marked, self._at = now, t
-            remaining = left * span / made if made > 0.0 else math.inf
+            remaining = left * span / progress if progress > 0.0 else math.inf
             if remaining >= _AGAIN * self._announced:
                 self._announced = remaining
-                self._warn(t, wall, remaining, why() if callable(why) else why)
+                self._warn(t, wall, remaining, reason() if callable(reason) else reason)
         return is_spent()
 
-    def _warn(self, t: float, wall: float, remaining: float, why: str) -> None:
+    def _warn(self, t: float, wall: float, remaining: float, reason: str) -> None:
         estimate = f"about {in_words(remaining)} remain" if math.isfinite(remaining) else "no end is in sight"
         limited_to = _LIMIT.get()
         limit = (
@@ -156,7 +156,8 @@ class Pace:
             else f"the run ends after max_wall = {limited_to.seconds:g} s"
         )
         warnings.warn(
-            f"{self._place.format(t, self._end)} after {wall:.1f} s: {estimate} at this pace{why}; {limit}",
+            f"{self._place.format(t, self._end)} after {wall:.1f} s: {estimate} at this pace{reason}; "
+            f"{limit}",
             SlowRunWarning,
             stacklevel=3,
         )
@@ -165,11 +166,11 @@ class Pace:
 class OutOfTime(Exception):
     """An elastic motion took all of its wall time at a time ``t`` [s].
 
-    ``found`` holds the results at the recorded times of the indices ``reached``.
+    ``states`` holds the results at the recorded times of the indices ``reached``.
     """
 
-    def __init__(self, t: float, found: Any, reached: NDArray[np.intp]) -> None:
-        self.t, self.found, self.reached = t, found, reached
+    def __init__(self, t: float, states: Any, reached: NDArray[np.intp]) -> None:
+        self.t, self.states, self.reached = t, states, reached
         super().__init__(t)
 
 

@@ -28,28 +28,28 @@ def out_of_range(name: str, value: Any) -> ArgumentError:
     )
 
 
-def real(value: Any, what: str) -> float:
+def real(value: Any, name: str) -> float:
     """Return a finite number; raise ModelError for anything else."""
     if not is_real(value):
-        raise ModelError(f"expected a finite number for {what}, got {value!r}")
+        raise ModelError(f"expected a finite number for {name}, got {value!r}")
     return float(value)
 
 
-def count(value: Any, what: str) -> int:
+def count(value: Any, name: str) -> int:
     """Return a whole number; raise ModelError for anything else."""
     if type(value) is int:
         return value
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-        raise ModelError(f"expected a whole number for {what}, got {value!r}")
+        raise ModelError(f"expected a whole number for {name}, got {value!r}")
     return int(value)
 
 
-def reals(values: Any, what: str) -> Array:
+def reals(values: Any, name: str) -> Array:
     """Return finite numbers as an array of one axis; raise ModelError for anything else."""
     try:
-        found = np.asarray(values)
+        array = np.asarray(values)
     except (TypeError, ValueError):
-        found = np.array(None)
-    if found.dtype.kind not in "iuf" or not np.all(np.isfinite(found)):
-        raise ModelError(f"expected finite numbers for {what}, got {values!r}")
-    return np.atleast_1d(found.astype(float)).ravel()
+        array = np.array(None)
+    if array.dtype.kind not in "iuf" or not np.all(np.isfinite(array)):
+        raise ModelError(f"expected finite numbers for {name}, got {values!r}")
+    return np.atleast_1d(array.astype(float)).ravel()

@@ -62,11 +62,11 @@ class Batch:
         self.dtype = np.dtype(object if typed.digits else typed.precision.dtype)
         tolerance = typed.precision.coarsened(getattr(description, "rank_tolerance", 0.0))
         derived = np.zeros(self.library.derived)  # until the kernel 'setup' writes them
-        taken = np.array([*parameters, *derived, tolerance], np.float64).astype(self.dtype)
-        self._parameters = taken
+        row = np.array([*parameters, *derived, tolerance], np.float64).astype(self.dtype)
+        self._parameters = row
         self._evaluate = self._in_python
         if self.library.functions:
-            self._parameters = taken[:, None]
+            self._parameters = row[:, None]
             if len(derived):
                 behind = self._parameters[len(parameters) :]
                 self.library.functions["setup"](None, None, None, self._parameters, None, behind)
@@ -77,10 +77,10 @@ class Batch:
             self._in_library.restype, self._in_library.argtypes = None, _ARGUMENTS
 
     def __call__(
-        self, what: str, t: ArrayLike, q: ArrayLike, u: ArrayLike | None, work: ArrayLike | None, threads: int
+        self, name: str, t: ArrayLike, q: ArrayLike, u: ArrayLike | None, work: ArrayLike | None, threads: int
     ) -> tuple[dict[str, Rows], dict[str, Rows]]:
         """Return the results of a kernel by name, and the remainders of wider numbers."""
-        info = self._kernel(what)
+        info = self._kernel(name)
         if whole(threads, "threads") < 1:
             raise ModelError(f"expected one thread or more, got {threads}")
         n = self.description.coordinates
@@ -92,31 +92,31 @@ class Batch:
         rest = {} if low is None else {b.name: part(low, b) for b in blocks}
         return {b.name: part(high, b) for b in blocks}, rest
 
-    def _kernel(self, what: str) -> KernelInfo:
+    def _kernel(self, kernel: str) -> KernelInfo:
         """Return the kernel with this name, or the kernel with a result of this name."""
         kernels = [k for k in self.description.kernels if k.blocks and k.name not in _WITHIN]
         for k in kernels:
-            if k.name == what:
+            if k.name == kernel:
                 return k
         for k in kernels:
-            if any(b.name == what for b in k.blocks):
+            if any(b.name == kernel for b in k.blocks):
                 return k
         known = {k.name for k in kernels} | {b.name for k in kernels for b in k.blocks}
         name = self.description.name
-        raise ModelError(f"{name} has no kernel or result {what!r}. {nearest(str(what), known)}")
+        raise ModelError(f"{name} has no kernel or result {kernel!r}. {nearest(str(kernel), known)}")
 
     def _rows(self, name: str, values: ArrayLike, size: int, count: int | None = None) -> Rows:
         try:
-            found = np.asarray(values, dtype=self.dtype)
+            array = np.asarray(values, dtype=self.dtype)
         except (TypeError, ValueError):
-            found = np.zeros(0)
-        if found.ndim != 2 or found.shape[1] != size:
+            array = np.zeros(0)
+        if array.ndim != 2 or array.shape[1] != size:
             raise ModelError(f"expected rows of {size} numbers for {name}, got the shape {np.shape(values)}")
-        if any(step % found.itemsize for step in found.strides):
-            found = found.copy()
-        if count is not None and len(found) != count:
-            raise ModelError(f"expected as many rows of {name} as of q, {count}, got {len(found)}")
-        return found
+        if any(step % array.itemsize for step in array.strides):
+            array = array.copy()
+        if count is not None and len(array) != count:
+            raise ModelError(f"expected as many rows of {name} as of q, {count}, got {len(array)}")
+        return array
 
     def _times(self, t: ArrayLike, count: int) -> Rows:
         times = np.empty(count, self.dtype)
@@ -145,21 +145,21 @@ class Batch:
         count = len(states.q)
         high = _columns(info.out_size, count, self.dtype)
         low = _columns(info.out_size, count, self.dtype) if self.typed.precision.low else None
-        given = (_Given * 5)(
+        arguments = (_Given * 5)(
             _given(states.t[:, None], None),
             _given(states.q, None),
             _given(states.u, None),
             _given(self._parameters[None, :], None),
             _given(states.work, states.rest, info.work_size),
         )
-        memory_size = self._size * (sum(g.size for g in given) + self.library.derived + info.out_size)
+        memory_size = self._size * (sum(g.size for g in arguments) + self.library.derived + info.out_size)
         results = info.out_size, high.strides[0] // high.itemsize, _pointer(high), _pointer(low)
         address = self.library.addresses[info.name]
 
         def run(first: int, last: int) -> None:
             memory = np.empty(memory_size + _CACHE_LINE, np.uint8)
             begin = _pointer(memory) or 0
-            self._in_library(address, first, last, given, *results, begin + -begin % _CACHE_LINE)
+            self._in_library(address, first, last, arguments, *results, begin + -begin % _CACHE_LINE)
 
         groups = -(-count // self._lanes)
         if threads == 1 or groups < 2:
@@ -194,8 +194,8 @@ def lanes_of(library: Library, name: str) -> tuple[int, int]:
 def _fitted(rows: Rows, size: int) -> Rows:
     """Return rows with ``size`` entries, truncated or filled with zeros."""
     fitted = np.zeros((len(rows), size), rows.dtype)
-    kept = min(size, rows.shape[1])
-    fitted[:, :kept] = rows[:, :kept]
+    width = min(size, rows.shape[1])
+    fitted[:, :width] = rows[:, :width]
     return fitted
 
 

@@ -124,8 +124,8 @@ class Evaluator:
         that name, for implicit methods.
         """
         d = self.description
-        own = typed if typed and not typed.is_plain else None
-        library = own.kernels(False) if own else self.library
+        library_of_type = typed if typed and not typed.is_plain else None
+        library = library_of_type.kernels(False) if library_of_type else self.library
         entries = places(d, tangent.description) if tangent else ()
         return _core.Equations(
             library,
@@ -135,14 +135,14 @@ class Evaluator:
             self.given,
             self.work_size,
             d.first_pivot,
-            own.precision.coarsened(d.rank_tolerance) if own else d.rank_tolerance,
+            library_of_type.precision.coarsened(d.rank_tolerance) if library_of_type else d.rank_tolerance,
             redundant,
             slack,
             events=len(d.events),
             switches=len(d.switches),
             windings=d.windings,
             turns=len(d.turns),
-            core=own.stepping if own else _core.DOUBLE,
+            core=library_of_type.stepping if library_of_type else _core.DOUBLE,
             stabilisation=stabilisation,
             tangent=entries,
             tangent_library=tangent.library if tangent else None,
@@ -175,12 +175,12 @@ class Duals:
         if not np.iscomplexobj(q) or self._tangents is None:
             return self.values.many_blocks(kernel, times, q, u, work)
         d = self.values.description
-        given = np.zeros((len(times), d.coordinates + len(d.constraints))) if work is None else work
-        found = self.values.many_blocks(kernel, times, q.real, u.real, given.real)
+        work_rows = np.zeros((len(times), d.coordinates + len(d.constraints))) if work is None else work
+        values = self.values.many_blocks(kernel, times, q.real, u.real, work_rows.real)
         direction = np.broadcast_to(UNIT * self._direction, (len(times), len(self._direction)))
-        seeds = np.hstack([given.real, q.imag, u.imag, direction, given.imag])
+        seeds = np.hstack([work_rows.real, q.imag, u.imag, direction, work_rows.imag])
         slopes = self._tangents.many_blocks(f"{kernel}_tangent", times, q.real, u.real, seeds)
-        return {name: value + 1j * slopes[f"{name}_tangent"] for name, value in found.items()}
+        return {name: value + 1j * slopes[f"{name}_tangent"] for name, value in values.items()}
 
 
 def as_taken(library: Library, values: Sequence[float] | Array, rank_tolerance: float = 0.0) -> Array:
@@ -189,10 +189,10 @@ def as_taken(library: Library, values: Sequence[float] | Array, rank_tolerance: 
     The array holds the values, the output of the kernel 'setup' for them, and the rank tolerance. Runs do the
     same in their own type, in ``set_up`` of the core, and batches in the generated C.
     """
-    taken = np.array([*values, *np.zeros(library.derived), rank_tolerance])
+    row = np.array([*values, *np.zeros(library.derived), rank_tolerance])
     if library.derived:
-        _core.set_up(library.addresses["setup"], taken, len(values), library.derived)
-    return taken
+        _core.set_up(library.addresses["setup"], row, len(values), library.derived)
+    return row
 
 
 def at_rows(address: int, y: Array, n: int, p: Array, width: int, work: Array | None = None) -> Array:

@@ -130,10 +130,10 @@ def _manifest(file: Path, changed: int) -> Any:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-def _check_tag(tag: str, expected: str, what: str) -> None:
+def _check_tag(tag: str, expected: str, noun: str) -> None:
     if tag != expected:
         raise StaleBinaryError(
-            f"{what} was compiled from the equations {tag[:12]}..., expected {expected[:12]}...\n"
+            f"{noun} was compiled from the equations {tag[:12]}..., expected {expected[:12]}...\n"
             "  Compile it again: 'pip install -e .' in a checkout, 'symgen cache clear' for a scene."
         )
 
@@ -152,12 +152,12 @@ def open_mpmath(source: str, description: Described, digits: int) -> Library:
         def kernel(t: Any, q: Any, u: Any, p: Any, work: Any, out: Any) -> None:
             with mpmath.workdps(digits):
                 for state in range(1 if out is None or out.ndim == 1 else out.shape[1]):
-                    given = [_numbers(a, state, mpmath) for a in (t, q, u, p, work, out)]
+                    arguments = [_numbers(a, state, mpmath) for a in (t, q, u, p, work, out)]
                     try:
-                        function(*given)
+                        function(*arguments)
                     except ZeroDivisionError:
-                        given[5] = [mpmath.nan] * len(given[5])
-                    for array, values in zip((work, out), given[4:], strict=True):
+                        arguments[5] = [mpmath.nan] * len(arguments[5])
+                    for array, values in zip((work, out), arguments[4:], strict=True):
                         if array is not None:
                             _column(array, state)[:] = [_real(x, mpmath) for x in values]
 
@@ -181,10 +181,10 @@ def _real(value: Any, mpmath: Any) -> Any:
     return value if isinstance(value, mpmath.mpf) else mpmath.nan
 
 
-def _defined(source: str, description: Described, what: str) -> dict[str, Callable[..., None]]:
+def _defined(source: str, description: Described, noun: str) -> dict[str, Callable[..., None]]:
     namespace: dict[str, Any] = {}
-    exec(compile(source, f"<{description.name} {what} kernels>", "exec"), namespace)  # noqa: S102 - our own code
-    _check_tag(namespace["equations"], description.equations, f"the {what} kernels")
+    exec(compile(source, f"<{description.name} {noun} kernels>", "exec"), namespace)  # noqa: S102 - our own code
+    _check_tag(namespace["equations"], description.equations, f"the {noun} kernels")
     return {k.name: namespace[k.name] for k in description.kernels}
 
 

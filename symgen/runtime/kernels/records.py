@@ -18,8 +18,8 @@ def record(kind: type[Record], data: Any) -> Record:
     ValueError
         When a field is missing, unknown, or of another type than declared; it names the field.
     """
-    made: Record = _read(kind, data, kind.__name__)
-    return made
+    instance: Record = _read(kind, data, kind.__name__)
+    return instance
 
 
 def _read(kind: Any, data: Any, where: str) -> Any:

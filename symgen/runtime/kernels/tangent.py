@@ -25,5 +25,5 @@ def places(description: Description, tangent: Description) -> NDArray[np.int_]:
         return np.zeros((0, 3), dtype=np.int_)
     rows = [name for block in solution.blocks for name in block.rows]
     columns = [*description.of_coordinates(), *description.of_coordinates("v")]
-    found = [entry for block in info.blocks for entry in block.places(rows, columns)]
-    return np.array(sorted(found, key=lambda entry: (entry[1], entry[0])), dtype=np.int_)
+    entries = [entry for block in info.blocks for entry in block.places(rows, columns)]
+    return np.array(sorted(entries, key=lambda entry: (entry[1], entry[0])), dtype=np.int_)

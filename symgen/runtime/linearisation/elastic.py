@@ -59,12 +59,12 @@ def sensitivity(
     """
     motion.check_determined()
     pose, d = Pose(motion, parameters, t), motion.rigid.description
-    found = sensitivity_of(d, {}, parameters, np.zeros(0), np.zeros((0, len(parameters))), t)
+    result = sensitivity_of(d, {}, parameters, np.zeros(0), np.zeros((0, len(parameters))), t)
     if "frequencies" in outputs:
         values, slopes = pose.frequencies()
-        found = with_outputs(found, frequency_units(len(values)), values, slopes)
-    asked = [name for name in outputs if name != "frequencies"]
-    return with_outputs(found, *pose.static(asked)) if asked else found
+        result = with_outputs(result, frequency_units(len(values)), values, slopes)
+    requested = [name for name in outputs if name != "frequencies"]
+    return with_outputs(result, *pose.static(requested)) if requested else result
 
 
 def frequency_units(count: int) -> dict[str, str]:
@@ -92,10 +92,10 @@ class Pose:
         dq, du = moved_pose(tangents, parameters, ())
         residual, by = tangents.slopes.residual, tangents.columns(parameters)
         forced = residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du + residual[:, by]
-        own = np.zeros((len(rigid.parameters), len(parameters)))
-        own[[[*rigid.parameters].index(name) for name in parameters], range(len(parameters))] = 1.0
+        directions = np.zeros((len(rigid.parameters), len(parameters)))
+        directions[[[*rigid.parameters].index(name) for name in parameters], range(len(parameters))] = 1.0
         #: Differentials of coordinates, rates, parameters, and accelerations with multipliers.
-        self.moved = [dq, du, own, tangents.solved(forced)]
+        self.moved = [dq, du, directions, tangents.solved(forced)]
         self.kernels = {kind: (rigid.analysis(kind), rigid.analysis(kind + _TANGENTS)) for kind in _KINDS}
 
     def add_time(self, later: Array, rate: Array) -> None:
@@ -116,10 +116,10 @@ class Pose:
         if resting:
             rates, work, u, w = (np.zeros_like(x) for x in (rates, work, u, w))
         at = self.t, self.q, rates
-        found = values.blocks(kernel, *at, np.append(work, 0.0))
+        blocks = values.blocks(kernel, *at, np.append(work, 0.0))
         direction = np.concatenate([work, q, u, p, w, work, [0.0]])
         slopes = tangents.blocks(f"{kernel}_tangent", *at, direction)
-        return {name: value + 1j * UNIT * slopes[f"{name}_tangent"] for name, value in found.items()}
+        return {name: value + 1j * UNIT * slopes[f"{name}_tangent"] for name, value in blocks.items()}
 
     def linkage(self, j: int) -> ElasticMotion:
         """Return the motion with links and tables that have tangents along parameter j."""
@@ -130,7 +130,7 @@ class Pose:
         links = [self._link(bare, k, row, cause) for k, row in enumerate(tables["properties"])]
         return self.motion.with_constants(tables, links)
 
-    def _link(self, made: ElasticMotion, k: int, row: Dual, parameter: str) -> Beam:
+    def _link(self, motion: ElasticMotion, k: int, row: Dual, parameter: str) -> Beam:
         info = self.motion.beams[k].info
         if info.modes:
             raise ModelError(
@@ -138,24 +138,24 @@ class Pose:
                 '  Leave out the reduction, or take reduction = "guyan".'
             )
         properties = properties_of(row)
-        lumps, profiles = made.lumps(info.link), made.profiles(info.link)
+        lumps, profiles = motion.lumps(info.link), motion.profiles(info.link)
         places = [*(x.at for x in lumps), *(x.at for x in profiles)] if info.nodes else []
         if any(abs((at / properties.length).imag) > _MOVED * UNIT / properties.length.real for at in places):
             raise ModelError(
                 f"elements of link {info.link} end at loads or masses that move along it with {parameter}: "
                 "derivatives by it are not available"
             )
-        found = beam(info, replace(properties, ratio=0.0), lumps, profiles)
-        return damped(found, properties.ratio) if properties.ratio else found
+        link = beam(info, replace(properties, ratio=0.0), lumps, profiles)
+        return damped(link, properties.ratio) if properties.ratio else link
 
     def assembled(self, j: int, analysis: int) -> tuple[ElasticMotion, Dual, Assembled]:
         """Return links with tangents along parameter j, their rigid motion, and the matrices."""
-        made = self.linkage(j)
+        motion = self.linkage(j)
         rows, loads, joined = self.of_motion(j, analysis == AT_REST)
-        found = assembled(made, rows, loads, joined, analysis)
-        if self.motion.has_motor and (shaft := made.layout.shaft) >= 0:
-            found.mass[shaft, shaft] += self.duals("elastic_motion", "shaft", j)["shaft"].flat[0]
-        return made, rows, found.narrowed()
+        matrices = assembled(motion, rows, loads, joined, analysis)
+        if self.motion.has_motor and (shaft := motion.layout.shaft) >= 0:
+            matrices.mass[shaft, shaft] += self.duals("elastic_motion", "shaft", j)["shaft"].flat[0]
+        return motion, rows, matrices.narrowed()
 
     def of_motion(self, j: int, resting: bool = False) -> tuple[Dual, Dual, dict[str, Dual]]:
         """Return weights of links, of forces along them, and blocks of joints, with tangents along j.
@@ -171,12 +171,12 @@ class Pose:
     def frequencies(self) -> tuple[Array, Array]:
         """Return the frequencies at rest of modes with strain [Hz], and their derivatives."""
         modes = elastic_modes(self.motion, self.equations, self.t)
-        found, shapes = modes.frequencies[modes.rigid :], modes.shapes[:, modes.rigid :]
+        frequencies, shapes = modes.frequencies[modes.rigid :], modes.shapes[:, modes.rigid :]
         each = (self.assembled(j, AT_REST)[2] for j in range(len(self.parameters)))
         matrices = [(at.mass, at.stiffness, at.bound) for at in each]
-        return found, frequency_slopes(self.motion.rigid.name, found, shapes, matrices)
+        return frequencies, frequency_slopes(self.motion.rigid.name, frequencies, shapes, matrices)
 
-    def static(self, asked: Sequence[str]) -> tuple[dict[str, str], Array, Array]:
+    def static(self, requested: Sequence[str]) -> tuple[dict[str, str], Array, Array]:
         """Return units of scalar quasi-static outputs by name, their values and their derivatives."""
         if self.motion.rigid.redundant:
             raise ModelError(
@@ -186,16 +186,16 @@ class Pose:
         shape = quasi_static(self.motion, self.equations, np.array([self.t]))[0]
 
         def along(j: int) -> list[Variable]:
-            made, rows, at = self.assembled(j, QUASI_STATIC)
-            return outputs_of(made, rows[None], (shape + 1j * UNIT * _differential(at, shape))[None])
+            motion, rows, at = self.assembled(j, QUASI_STATIC)
+            return outputs_of(motion, rows[None], (shape + 1j * UNIT * _differential(at, shape))[None])
 
         each = map(along, range(len(self.parameters)))
-        units, values, slopes = derived(asked, each, "with elastic links", ("frequencies",))
+        units, values, slopes = derived(requested, each, "with elastic links", ("frequencies",))
         return units, values[0], slopes[0]
 
 
-def check_smooth(motion: ElasticMotion, what: str, cause: str) -> None:
-    """Raise ModelError where ``what`` of a motion has no derivatives: for a cause, if any, or another one."""
+def check_smooth(motion: ElasticMotion, noun: str, cause: str) -> None:
+    """Raise ModelError where ``noun`` of a motion has no derivatives: for a cause, if any, or another one."""
     switches = motion.rigid.description.switches
     causes = [cause] if cause else []
     if switches:
@@ -205,7 +205,7 @@ def check_smooth(motion: ElasticMotion, what: str, cause: str) -> None:
     if motion.rigid.redundant:
         causes.append("redundant constraints leave axial forces undetermined")
     if causes:
-        raise ModelError(f"{motion.rigid.name}: derivatives of its {what} are not available: {causes[0]}")
+        raise ModelError(f"{motion.rigid.name}: derivatives of its {noun} are not available: {causes[0]}")
     motion.check_determined()
 
 
@@ -230,16 +230,16 @@ def frequency_slopes(
     for j, (mass, stiffness, bound) in enumerate(matrices):
         for i, square in enumerate((2 * np.pi * frequencies) ** 2):
             phi = shapes[:, i]
-            held = (stiffness + stiffness.T) / 2 - square * mass
-            mu = np.linalg.lstsq(bound.real.T, -held.real @ phi, rcond=None)[0]
-            change = phi @ held.imag @ phi + 2 * mu @ bound.imag @ phi
+            residual = (stiffness + stiffness.T) / 2 - square * mass
+            mu = np.linalg.lstsq(bound.real.T, -residual.real @ phi, rcond=None)[0]
+            change = phi @ residual.imag @ phi + 2 * mu @ bound.imag @ phi
             slopes[i, j] = change / UNIT / (phi @ mass.real @ phi)
-    found: Array = slopes / (8 * np.pi**2 * frequencies[:, None])
-    return found
+    by_parameter: Array = slopes / (8 * np.pi**2 * frequencies[:, None])
+    return by_parameter
 
 
 def derived(
-    asked: Sequence[str], along: Iterable[Sequence[Variable]], where: str, others: Sequence[str] = ()
+    requested: Sequence[str], along: Iterable[Sequence[Variable]], where: str, others: Sequence[str] = ()
 ) -> tuple[dict[str, str], Array, Array]:
     """Return the units of scalar outputs by name, their values (times, scalars), and their derivatives.
 
@@ -250,18 +250,18 @@ def derived(
     ModelError
         For a name that is not known, ``where``; ``others`` are further names for the hint.
     """
-    each = [_scalars(asked, {v.name: v for v in variables}, where, others) for variables in along]
+    each = [_scalars(requested, {v.name: v for v in variables}, where, others) for variables in along]
     units, duals = each[-1]
     return units, duals.real, np.stack([x.imag for _, x in each], axis=-1) / UNIT
 
 
 def _scalars(
-    asked: Sequence[str], known: Mapping[str, Variable], where: str, others: Sequence[str]
+    requested: Sequence[str], known: Mapping[str, Variable], where: str, others: Sequence[str]
 ) -> tuple[dict[str, str], Dual]:
     """Return the units of scalar outputs by name, each once, and their values (times, scalars)."""
     units: dict[str, str] = {}
     columns: list[Dual] = []
-    for name in asked:
+    for name in requested:
         owner, _, part = name.rpartition(".")
         v = known.get(name) or known.get(owner)
         if v is None or (v.name != name and part not in v.components):
@@ -291,5 +291,5 @@ def _differential(at: Assembled, shape: Array) -> Array:
     scaled = shape * sizes
     mu = np.linalg.lstsq(rows.real.T, at.load.real / sizes - stiffness.real @ scaled, rcond=None)[0]
     right = np.concatenate([at.load / sizes, np.zeros(m)]) - whole_matrix @ np.concatenate([scaled, mu])
-    found: Array = np.linalg.solve(whole_matrix.real, right.imag / UNIT)[:n] / sizes
-    return found
+    solution: Array = np.linalg.solve(whole_matrix.real, right.imag / UNIT)[:n] / sizes
+    return solution

@@ -71,8 +71,8 @@ class Course:
         self._weights = weights
 
     def _times(self, count: int) -> Array:
-        found: Array = self.end * (0.5 - 0.5 * np.cos(np.pi * np.arange(count + 1) / count))
-        return found
+        times: Array = self.end * (0.5 - 0.5 * np.cos(np.pi * np.arange(count + 1) / count))
+        return times
 
     def _more(self, count: int) -> int:
         if count >= _MOST:
@@ -85,7 +85,7 @@ class Course:
     def _assembled(self, t: float) -> Dual:
         """Return matrices and weights of links with tangents along each parameter, (parameters, numbers)."""
         pose, layout = Pose(self.motion, self.parameters, t, self.equations), self.motion.layout
-        found = []
+        matrices = []
         for j in range(len(self.parameters)):
             _, weights, at = pose.assembled(j, IN_MOTION)
             parts = [at.mass, at.damping, at.stiffness, at.load]
@@ -95,8 +95,8 @@ class Course:
                     bound = np.zeros((layout.constraints, layout.unknowns + 1), complex)
                     bound[:, layout.joint_places[:-1]] = joined[name].reshape(layout.constraints, -1)
                     parts.append(bound[:, :-1])
-            found.append(np.concatenate([x.ravel() for x in (*parts, weights)]))
-        return np.array(found)
+            matrices.append(np.concatenate([x.ravel() for x in (*parts, weights)]))
+        return np.array(matrices)
 
     @staticmethod
     def _last_terms(values: Array, least: Any = 0.0) -> float:
@@ -110,22 +110,22 @@ class Course:
         met = apart == 0.0
         terms = self._weights / np.where(met, 1.0, apart)
         terms = np.where(np.any(met, axis=1)[:, None], met, terms)  # all at the start
-        found: Array = terms / np.sum(terms, axis=1, keepdims=True)
-        return found
+        weights: Array = terms / np.sum(terms, axis=1, keepdims=True)
+        return weights
 
     def rows(self, j: int, times: Array) -> Dual:
         """Return the weights of links at times with tangents along parameter j, (times, links, columns)."""
-        found: Dual = self.between(times) @ self._weights_of_links[:, j]
-        return found.reshape(len(times), -1, len(MOTION))
+        rows: Dual = self.between(times) @ self._weights_of_links[:, j]
+        return rows.reshape(len(times), -1, len(MOTION))
 
     def parted(self, rows: Array) -> list[Array]:
         """Return the matrices in rows of numbers (..., numbers)."""
-        found, begin = [], 0
+        parts, begin = [], 0
         for shape in self.shapes:
             size = int(np.prod(shape))
-            found.append(rows[..., begin : begin + size].reshape(*rows.shape[:-1], *shape))
+            parts.append(rows[..., begin : begin + size].reshape(*rows.shape[:-1], *shape))
             begin += size
-        return found
+        return parts
 
 
 def highest(terms: Array, least: Any = 0.0) -> float:

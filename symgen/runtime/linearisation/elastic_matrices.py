@@ -64,28 +64,37 @@ def assembled(
     mass, damping, stiffness = (np.zeros((n + 1, n + 1), np.clongdouble) for _ in range(3))
     load = np.zeros(n + 1, np.clongdouble)
     for k, link in enumerate(motion.beams):
-        own, axes = whole(link.pieces, len(link.dofs)), frames(rows[k][None])
+        superelement, axes = whole(link.pieces, len(link.dofs)), frames(rows[k][None])
         places = layout.of_links[k]
         turned = np.eye(len(link.dofs), dtype=np.clongdouble)
         for end in link.joints:
             turned[np.ix_(end, end)] = np.array(axes.local(*np.eye(2)))
-        damped, stiff = own.damping.astype(complex), own.stiffness.astype(complex)
+        damped, stiff = superelement.damping.astype(complex), superelement.stiffness.astype(complex)
         forces = np.zeros(len(link.dofs), complex)
         if analysis != AT_REST:
-            forces = axes.load(own.load_x, own.load_y, own.load_out, own.load_turn)[0]
-            stiff += axes.stiffness_geometric0 * own.axial0 + axes.stiffness_geometric1 * own.axial1
-            stiff += axes.stiffness_geometric2 * own.axial2
+            forces = axes.load(
+                superelement.load_x, superelement.load_y, superelement.load_out, superelement.load_turn
+            )[0]
+            stiff += (
+                axes.stiffness_geometric0 * superelement.axial0
+                + axes.stiffness_geometric1 * superelement.axial1
+            )
+            stiff += axes.stiffness_geometric2 * superelement.axial2
             along = [i for i, name in enumerate(motion.info.loads) if name == link.info.link]
             for i, row in enumerate(loads[along]):
                 f = dict(zip(APPLIED, row, strict=True))
-                forces = forces + f["load_force_x"] * own.force_x[i] + f["load_force_y"] * own.force_y[i]
+                forces = (
+                    forces
+                    + f["load_force_x"] * superelement.force_x[i]
+                    + f["load_force_y"] * superelement.force_y[i]
+                )
                 for weight, of_force in STIFFNESS_OF_FORCES.items():
-                    stiff += f[weight] * getattr(own, of_force)[i]
+                    stiff += f[weight] * getattr(superelement, of_force)[i]
         if analysis == IN_MOTION:
-            of_rates, of_places = _turning(own, axes, link.joints)
+            of_rates, of_places = _turning(superelement, axes, link.joints)
             damped, stiff = damped + of_rates, stiff + of_places
         at = np.ix_(places, places)
-        for to, matrix in ((mass, own.mass), (damping, damped), (stiffness, stiff)):
+        for to, matrix in ((mass, superelement.mass), (damping, damped), (stiffness, stiff)):
             np.add.at(to, at, turned.T @ matrix @ turned)
         np.add.at(load, places, turned.T @ forces)
     for to, name, slots in (
@@ -102,19 +111,25 @@ def assembled(
     return Assembled(mass[:n, :n], damping[:n, :n], stiffness[:n, :n], load[:n], bound[:, :n])
 
 
-def _turning(own: Piece, axes: Frames, joints: tuple[tuple[int, int], ...]) -> tuple[Dual, Dual]:
+def _turning(superelement: Piece, axes: Frames, joints: tuple[tuple[int, int], ...]) -> tuple[Dual, Dual]:
     """Return the damping and stiffness of a link by the rotation of its axes, on these axes."""
-    n = len(own.mass)
+    n = len(superelement.mass)
     ends, quarter = np.zeros((n, n)), np.zeros((n, n))
     for u, w in joints:  # (u, w) are rotated back by a right angle, to (w, -u)
         ends[u, u] = ends[w, w] = quarter[u, w] = 1.0
         quarter[w, u] = -1.0
-    of_rates = axes.damping_gyroscopic * own.gyroscopic + axes.damping_mass_quarter * own.mass @ quarter
-    of_places = axes.stiffness_centrifugal * own.centrifugal + axes.stiffness_gyroscopic * own.gyroscopic
-    of_places = of_places + axes.stiffness_mass_ends * own.mass @ ends
-    of_places = of_places + axes.stiffness_mass_quarter * own.mass @ quarter
-    of_places = of_places + axes.stiffness_gyroscopic_quarter * own.gyroscopic @ quarter
-    return of_rates, of_places + axes.stiffness_damping_quarter * own.damping @ quarter
+    of_rates = (
+        axes.damping_gyroscopic * superelement.gyroscopic
+        + axes.damping_mass_quarter * superelement.mass @ quarter
+    )
+    of_places = (
+        axes.stiffness_centrifugal * superelement.centrifugal
+        + axes.stiffness_gyroscopic * superelement.gyroscopic
+    )
+    of_places = of_places + axes.stiffness_mass_ends * superelement.mass @ ends
+    of_places = of_places + axes.stiffness_mass_quarter * superelement.mass @ quarter
+    of_places = of_places + axes.stiffness_gyroscopic_quarter * superelement.gyroscopic @ quarter
+    return of_rates, of_places + axes.stiffness_damping_quarter * superelement.damping @ quarter
 
 
 def damped(link: Beam, ratio: complex) -> Beam:
@@ -124,14 +139,14 @@ def damped(link: Beam, ratio: complex) -> Beam:
     phi, is 2 ratio L sqrt(A) L^T. In the eigenvectors of A, d sqrt(A) has the entries of dA over the sums of
     two angular frequencies.
     """
-    own = whole(link.pieces, len(link.dofs))
+    superelement = whole(link.pieces, len(link.dofs))
     at = np.ix_(*[[j for j in range(len(link.dofs)) if j not in link.fixed]] * 2)
-    lower = np.linalg.cholesky(own.mass[at].real)
+    lower = np.linalg.cholesky(superelement.mass[at].real)
     inverse = np.linalg.inv(lower)
     # dL is L times the lower part of L^-1 dM L^-T, with half of its diagonal.
-    change = inverse @ own.mass[at].imag @ inverse.T
+    change = inverse @ superelement.mass[at].imag @ inverse.T
     half = np.tril(change) - np.diag(np.diagonal(change)) / 2
-    stiff = inverse @ own.stiffness[at] @ inverse.T
+    stiff = inverse @ superelement.stiffness[at] @ inverse.T
     stiff = stiff - 1j * (half @ stiff.real + stiff.real @ half.T)
     squares, vectors = np.linalg.eigh(stiff.real)
     speeds = np.sqrt(np.where(np.arange(len(squares)) < _RIGID, 0.0, squares))
@@ -139,6 +154,6 @@ def damped(link: Beam, ratio: complex) -> Beam:
     rates = vectors.T @ stiff.imag @ vectors / np.where(sums > 0.0, sums, np.inf)
     root = vectors @ (np.diag(speeds) + 1j * rates) @ vectors.T
     root = root + 1j * (half @ root.real + root.real @ half.T)
-    damping = own.damping.astype(complex)
+    damping = superelement.damping.astype(complex)
     damping[at] += 2 * ratio * lower @ root @ lower.T
-    return replace(link, pieces=(replace(own, damping=damping),))
+    return replace(link, pieces=(replace(superelement, damping=damping),))

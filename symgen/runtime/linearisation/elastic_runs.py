@@ -60,11 +60,11 @@ def sensitivity(
     check_smooth(motion, "runs", "a motor moves its crank" if motion.has_motor else "")
     order = np.argsort(times, kind="stable")
     course = Course(motion, tuple(parameters), float(times[order[-1]]))
-    taken = _stepped(_scheme(BEAM_METHODS[method]), course, times[order], counts)
-    found = np.zeros((len(times), len(parameters), motion.layout.unknowns), complex)
-    for k, displacements in zip(order.tolist(), taken, strict=True):
-        found[k] = displacements
-    along = (outputs_of(links, course.rows(j, times), found[:, j]) for j, links in enumerate(course.links))
+    states = _stepped(_scheme(BEAM_METHODS[method]), course, times[order], counts)
+    tangents = np.zeros((len(times), len(parameters), motion.layout.unknowns), complex)
+    for k, displacements in zip(order.tolist(), states, strict=True):
+        tangents[k] = displacements
+    along = (outputs_of(links, course.rows(j, times), tangents[:, j]) for j, links in enumerate(course.links))
     units, values, slopes = derived(outputs, along, "of a run of elastic links")
     return sensitivity_of(motion.rigid.description, units, parameters, values, slopes, times)
 
@@ -109,8 +109,8 @@ def _scheme(method: BeamMethod) -> _Scheme:
 
 
 def _times(matrices: NDArray[Any], vectors: NDArray[Any]) -> Array:
-    found: Array = (matrices @ vectors[..., None])[..., 0]
-    return found
+    product: Array = (matrices @ vectors[..., None])[..., 0]
+    return product
 
 
 class _State:
@@ -176,12 +176,12 @@ def _at(course: Course, times: Array, state: _State) -> tuple[Reduced, Iterator[
     """Return the equations at times of any shape, and their tangents along each parameter."""
     between = course.between(times.ravel()).reshape(*times.shape, -1)
     values = between @ course.values
-    found = reduced(course.parted(values), state.independent)
+    matrices = reduced(course.parted(values), state.independent)
 
     def tangents() -> Iterator[Reduced]:
         for tangent in course.tangents:
             slopes = between @ tangent
-            if found.basis is None:
+            if matrices.basis is None:
                 yield reduced(course.parted(slopes), state.independent)
                 continue
             dual = reduced(course.parted(values + 1j * UNIT * slopes), state.independent)
@@ -189,16 +189,16 @@ def _at(course: Course, times: Array, state: _State) -> tuple[Reduced, Iterator[
             mass, damping, stiffness, load = of
             yield Reduced(mass, damping, stiffness, load, None)
 
-    return found, tangents()
+    return matrices, tangents()
 
 
 def _first_accelerations(course: Course, state: _State) -> Array:
     """Return the accelerations that begin the first step, with their tangents: those of loads at rest."""
     values, tangents = _at(course, np.zeros(1), state)
-    found = [np.linalg.solve(values.mass[0], values.load[0])]
+    accelerations = [np.linalg.solve(values.mass[0], values.load[0])]
     for x in tangents:
-        found.append(np.linalg.solve(values.mass[0], x.load[0] - x.mass[0] @ found[0]))
-    return np.array(found)
+        accelerations.append(np.linalg.solve(values.mass[0], x.load[0] - x.mass[0] @ accelerations[0]))
+    return np.array(accelerations)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,16 +217,16 @@ def _system(weights: _Weights, at: Reduced) -> Array:
     """Return the matrices of the accelerations at all stages of steps, (steps, stages n, stages n)."""
     steps, k, n = at.load.shape
     pairs = (weights.inertia, at.mass), (weights.rate, at.damping), (weights.place, at.stiffness)
-    made = np.zeros((steps, k, n, k, n))
+    system = np.zeros((steps, k, n, k, n))
     for by, matrix in pairs:
-        made += by[:, None, :, None] * matrix[:, :, :, None, :]
-    return made.reshape(steps, k * n, k * n)
+        system += by[:, None, :, None] * matrix[:, :, :, None, :]
+    return system.reshape(steps, k * n, k * n)
 
 
 def _ends(scheme: _Scheme, weights: _Weights, x: Array) -> list[Array]:
     """Return the parts of places, rates and accelerations at the ends of steps by x (steps, stages, ...)."""
-    found = [np.tensordot(x, by, axes=(1, 0)) for by in (weights.end_place, weights.end_rate)]
-    return [*found, x[:, -1]] if scheme.keeps else found
+    increments = [np.tensordot(x, by, axes=(1, 0)) for by in (weights.end_place, weights.end_rate)]
+    return [*increments, x[:, -1]] if scheme.keeps else increments
 
 
 def _chunk(scheme: _Scheme, course: Course, state: _State, begins: Array, h: float) -> None:
@@ -241,9 +241,11 @@ def _chunk(scheme: _Scheme, course: Course, state: _State, begins: Array, h: flo
     size = orders * n
     # Accelerations at the stages by places, rates and accelerations at the start, and by loads.
     later = at.damping + weights.until[:, None, None] * at.stiffness
-    held = scheme.inertia0 * at.mass + h * scheme.rate0 * at.damping + h * h * scheme.place0 * at.stiffness
+    effective = (
+        scheme.inertia0 * at.mass + h * scheme.rate0 * at.damping + h * h * scheme.place0 * at.stiffness
+    )
     columns = np.concatenate(
-        [-at.stiffness, -later, *([-held] if scheme.keeps else []), at.load[..., None]], -1
+        [-at.stiffness, -later, *([-effective] if scheme.keeps else []), at.load[..., None]], -1
     )
     inverse = np.linalg.inv(_system(weights, at))
     by_start = (inverse @ columns.reshape(steps, k * n, -1)).reshape(steps, k, n, -1)

@@ -83,8 +83,8 @@ class FreePose(LoopPose):
 
     def _solved(self, left: Array) -> Array:
         """Return the direction of accelerations and wrench that changes the equations by minus these."""
-        found: Array = -np.linalg.lstsq(self.matrix, left.T, rcond=RANK)[0].T @ self.unknowns
-        return found
+        solution: Array = -np.linalg.lstsq(self.matrix, left.T, rcond=RANK)[0].T @ self.unknowns
+        return solution
 
     def started(self, order: int, variable: int) -> Array:
         """Return the direction of everything by a free variable (order 0) or its rate (1)."""
@@ -178,8 +178,8 @@ class FreePose(LoopPose):
         whole = self.loop("mass_matrix", self.t, self.q, self.u)["mass_matrix"]
         basis = np.array([self._moved(i) for i in self.free])
         inverse = np.linalg.inv(turned)
-        found: Array = inverse.T @ basis @ whole @ basis.T @ inverse
-        return found
+        matrix: Array = inverse.T @ basis @ whole @ basis.T @ inverse
+        return matrix
 
     def state_space(self, inputs: Sequence[str], coordinates: Sequence[str] | None) -> Linearisation:
         """Return A, B, C and D in independent coordinates, the free variables when absent.
@@ -232,13 +232,13 @@ def check_closed(loop: LoopKernels, state: State) -> None:
             f"expected a state of {d.name} of {n} joint variables and rates, got {len(state.q)} and "
             f"{len(state.u)}\n  model.state({{...}}) returns one."
         )
-    found = loop("position", state.t, state.q, state.u)
+    blocks = loop("position", state.t, state.q, state.u)
     lengths = np.array([1.0, 1.0, 1.0, d.size, d.size, d.size])
     columns = np.array([d.size if v.is_length else 1.0 for v in d.variables])
     prescribed = loop.prescribed(state.t)
     off = (state.q[loop.inputs] - prescribed[:, 0]) / columns[loop.inputs]
-    defect = max(float(np.max(np.abs(found["closure_defect"] / lengths[[0, 0, 0, 3]]))), *np.abs(off), 0.0)
-    opening = found["closure_jacobian"] @ state.u / lengths
+    defect = max(float(np.max(np.abs(blocks["closure_defect"] / lengths[[0, 0, 0, 3]]))), *np.abs(off), 0.0)
+    opening = blocks["closure_jacobian"] @ state.u / lengths
     off = (state.u[loop.inputs] - prescribed[:, 1]) / columns[loop.inputs]
     speed = max(float(np.max(np.abs(state.u / columns))), 1e-300)
     rate = max(float(np.max(np.abs(opening))), *np.abs(off), 0.0)

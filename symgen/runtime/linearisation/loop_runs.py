@@ -89,7 +89,7 @@ def at_run(
         When a derivative is not finite.
     """
     d = loop.description
-    own = [p.name for p in d.parameters]
+    names = [p.name for p in d.parameters]
     begin = pose(state_of(path, 0))
     initial = {d.variables[i].name + mark: (k, i) for k, mark in enumerate(("", "'")) for i in begin.free}
     first = np.array([begin.started(*initial[x]) if x in initial else begin.by_parameter(x) for x in by]).T
@@ -100,21 +100,23 @@ def at_run(
     )
     ends = [begin] if along is None else [pose(state_of(path, i)) for i in path.ends]
     if along is None:
-        found = [begin.by_state(first, parameters, seeds)]
+        slopes_at_times = [begin.by_state(first, parameters, seeds)]
     else:
-        steps = along([-1 if name in initial else own.index(name) for name in by])
+        steps = along([-1 if name in initial else names.index(name) for name in by])
         if fewer(len(begin.outputs) * len(ends), len(by)):
             slopes = [_by_state(end, parameters, seeds) for end in ends]
-            found = carried_back(path, steps, slopes, 0, first)
+            slopes_at_times = carried_back(path, steps, slopes, 0, first)
         else:
             moved, _ = carried_forward(path, steps, first)
-            found = [end.by_state(x, parameters, seeds) for end, (x, _) in zip(ends, moved, strict=True)]
+            slopes_at_times = [
+                end.by_state(x, parameters, seeds) for end, (x, _) in zip(ends, moved, strict=True)
+            ]
     values = [end.values for end in ends]
     units = {name: d.variables[i].unit + ("/s" if k else "") for name, (k, i) in initial.items()}
     if along is None:
-        return sensitivity_of(d, begin.outputs, by, values[0], found[0], float(path.t[0]), units)
+        return sensitivity_of(d, begin.outputs, by, values[0], slopes_at_times[0], float(path.t[0]), units)
     times = path.t[[*path.ends]]
-    return sensitivity_of(d, begin.outputs, by, np.array(values), np.array(found), times, units)
+    return sensitivity_of(d, begin.outputs, by, np.array(values), np.array(slopes_at_times), times, units)
 
 
 def steps_of(

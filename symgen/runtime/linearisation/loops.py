@@ -50,12 +50,12 @@ def sensitivity(
     SimulationError
         When the loop does not reach a time; when a derivative is not finite.
     """
-    found, n = [], loop.description.coordinates
+    results, n = [], loop.description.coordinates
     for t in times:
         q, u, acceleration = moving_at(loop, begin, t)[: 3 * n].reshape(3, n)
-        found.append(_Driven(loop, tangents, t, q, u, acceleration).derivatives(parameters))
+        results.append(_Driven(loop, tangents, t, q, u, acceleration).derivatives(parameters))
         begin = Closed(t, q.copy(), begin.rank)
-    return found
+    return results
 
 
 def check_poles(loop: LoopKernels, t: float, q: Array) -> None:
@@ -107,8 +107,8 @@ class LoopPose:
         work[:, : self.places[3] - self.places[1]] = np.concatenate([self.acceleration, self.wrench])
         work[:, self.places[3] - self.places[1] :][:, : self.size] = rows
         states = np.tile(np.concatenate([self.q, self.u, [0.0]]), (len(rows), 1))
-        found = self.tangents.many(kernel, np.full(len(rows), self.t), states, work)[f"{name}_tangent"]
-        return found.reshape(*np.shape(direction)[:-1], math.prod(found.shape[1:]))
+        tangents = self.tangents.many(kernel, np.full(len(rows), self.t), states, work)[f"{name}_tangent"]
+        return tangents.reshape(*np.shape(direction)[:-1], math.prod(tangents.shape[1:]))
 
     def called(self, kernel: str, direction: Array) -> dict[str, Array]:
         """Return all results of a kernel along a direction, by name."""
@@ -172,15 +172,15 @@ class LoopPose:
     @property
     def values(self) -> Array:
         """Values of all outputs."""
-        found = self.called("values", np.zeros(self.size)).values() if self.outputs else ()
-        return np.concatenate([x.ravel() for x in found]) if found else np.zeros(0)
+        values = self.called("values", np.zeros(self.size)).values() if self.outputs else ()
+        return np.concatenate([x.ravel() for x in values]) if values else np.zeros(0)
 
     def check_determined(self, free: Array) -> None:
         """Raise ModelError for an output that changes along any of some directions (directions, tangents)."""
         if not len(free) or not self.outputs:
             return
-        by, found = self.along("slopes", self.wrenches), self.along("slopes", free)
-        changed = np.max(np.abs(found), axis=0) > _LEFT * np.max(np.abs(by), axis=0)
+        by, by_free = self.along("slopes", self.wrenches), self.along("slopes", free)
+        changed = np.max(np.abs(by_free), axis=0) > _LEFT * np.max(np.abs(by), axis=0)
         for name in (name for name, moves in zip(self.outputs, changed, strict=True) if moves):
             raise ModelError(
                 f"{name} is not determined: closure equations of {self.loop.description.name} are redundant"
@@ -190,8 +190,8 @@ class LoopPose:
 class _Driven(LoopPose):
     """A pose that inputs prescribe."""
 
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
         if self.tangents.has("efforts"):
             left = self.called("efforts", np.zeros(self.size))["efforts_left"].ravel()
             self.wrench = self._balanced(left)

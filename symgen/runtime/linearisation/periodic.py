@@ -158,14 +158,16 @@ class _Orbit:
 
     def _explicit(self) -> list[Array]:
         """Return the rates of all blocks of the rigid motion by the time itself, by poses."""
-        found = []
+        accelerations = []
         for values in _stacked(self.tangents(self.count)):
             rates = np.tensordot(self.rate, values.real, axes=1)
             left = rates - values.imag / UNIT
             size, gap = (np.max(np.abs(x), axis=0, initial=0.0) for x in (rates, left))
             least = _EXPLICIT * np.max(size, initial=0.0)
-            found.append(np.where(gap <= _EXPLICIT * np.maximum(size, least), 0.0, left).astype(float))
-        return found
+            accelerations.append(
+                np.where(gap <= _EXPLICIT * np.maximum(size, least), 0.0, left).astype(float)
+            )
+        return accelerations
 
     def along(self, j: int) -> list[_Tangents]:
         """Return the rigid motion in all poses with tangents along parameter j at held crank angles."""
@@ -185,8 +187,8 @@ class _Orbit:
         n = len(self.times)
         half = np.pi * (times[:, None] - self.times) / self.motion.period
         close = np.abs(np.sin(half)) < 1e-14
-        found: Array = np.where(close, 1.0, np.sin(n * half) / (n * np.where(close, 1.0, np.sin(half))))
-        return found
+        weights: Array = np.where(close, 1.0, np.sin(n * half) / (n * np.where(close, 1.0, np.sin(half))))
+        return weights
 
     def tangents(self, j: int) -> list[_Tangents]:
         """Return the rigid motion in all poses with tangents along parameter j."""
@@ -194,19 +196,19 @@ class _Orbit:
 
     def solved(self) -> list[tuple[Dual, Dual]]:
         """Return displacements (poses, unknowns) and weights of links, with tangents along each parameter."""
-        found, solve, state = [], None, (np.zeros(0), np.zeros(0))
+        states, solve, state = [], None, (np.zeros(0), np.zeros(0))
         for j in range(self.count):
             along = self.along(j)
-            made = [assembled(self.links[j], x.rows, x.loads, x.joined, IN_MOTION) for x in along]
+            matrices = [assembled(self.links[j], x.rows, x.loads, x.joined, IN_MOTION) for x in along]
             if solve is None:
-                solve = self._solver(made)
-                still = np.zeros((len(made), len(made[0].bound)))
-                state = solve(np.array([x.load.real for x in made]), still)
+                solve = self._solver(matrices)
+                still = np.zeros((len(matrices), len(matrices[0].bound)))
+                state = solve(np.array([x.load.real for x in matrices]), still)
             places, mu = state
             rates = self.rate @ places
             second = self.rate @ rates
             load, opened = [], []
-            for k, x in enumerate(made):
+            for k, x in enumerate(matrices):
                 force = x.load.imag - x.mass.imag @ second[k] - x.damping.imag @ rates[k]
                 force = force - x.stiffness.imag @ places[k] - x.bound.imag.T @ mu[k]
                 longer = 2 * x.mass.real @ second[k] + x.damping.real @ rates[k]
@@ -214,10 +216,10 @@ class _Orbit:
                 opened.append(-x.bound.imag @ places[k] / UNIT)
             moved = solve(np.array(load), np.array(opened))[0]
             duals = (places + 1j * UNIT * moved).astype(complex)
-            found.append((duals, np.array([x.rows for x in along])))
-        return found
+            states.append((duals, np.array([x.rows for x in along])))
+        return states
 
-    def _solver(self, made: Sequence[Assembled]) -> Callable[[Wide, Wide], tuple[Wide, Wide]]:
+    def _solver(self, assembled_matrices: Sequence[Assembled]) -> Callable[[Wide, Wide], tuple[Wide, Wide]]:
         """Return the solution for forces (poses, unknowns) and for constraints (poses, constraints).
 
         It is refined with residuals in long double.
@@ -225,10 +227,10 @@ class _Orbit:
         from scipy.linalg import lu_factor, lu_solve
 
         mass, damping, stiffness, bound = (
-            np.array([getattr(x, name).real for x in made])
+            np.array([getattr(x, name).real for x in assembled_matrices])
             for name in ("mass", "damping", "stiffness", "bound")
         )
-        count, n, m = len(made), stiffness.shape[1], bound.shape[1]
+        count, n, m = len(assembled_matrices), stiffness.shape[1], bound.shape[1]
         sizes = np.sqrt(np.max(np.abs(np.diagonal(stiffness, axis1=1, axis2=2)), axis=0)).astype(float)
         self.sizes = sizes = np.where(sizes > 0.0, sizes, 1.0)
         weights = np.max(np.abs(bound / sizes), axis=2, initial=0.0)
@@ -246,8 +248,8 @@ class _Orbit:
         factors = lu_factor(system.reshape(count * (n + m), -1), overwrite_a=True)
 
         def times(matrices: Wide, rows: Wide) -> Wide:
-            found: Wide = np.einsum("kij,kj->ki", matrices, rows)
-            return found
+            product: Wide = np.einsum("kij,kj->ki", matrices, rows)
+            return product
 
         def solve(forces: Wide, opened: Wide) -> tuple[Wide, Wide]:
             s, mu = np.zeros((count, n), np.longdouble), np.zeros((count, m), np.longdouble)

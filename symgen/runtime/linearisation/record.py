@@ -66,11 +66,11 @@ class Linearisation:
     @property
     def state_space(self) -> StateSpace:
         """The model as a ``scipy.signal.StateSpace``; raise ModelError without inputs or outputs."""
-        for what, names in (("inputs", self.inputs), ("outputs", self.outputs)):
+        for kind, names in (("inputs", self.inputs), ("outputs", self.outputs)):
             if not names:
                 raise ModelError(
-                    f"a StateSpace needs {what}, and this model has none\n"
-                    f"  {'Add [inputs] to the scene.' if what == 'inputs' else 'Give outputs to linearise.'}"
+                    f"a StateSpace needs {kind}, and this model has none\n"
+                    f"  {'Add [inputs] to the scene.' if kind == 'inputs' else 'Give outputs to linearise.'}"
                 )
         from scipy.signal import StateSpace
 
@@ -168,8 +168,8 @@ class Sensitivity:
         output, parameter = names
         for name, known in ((output, self.outputs), (parameter, self.parameters)):
             check_known(name, known, "there is no derivative of or by")
-        found = self.derivatives[..., self.outputs.index(output), self.parameters.index(parameter)]
-        return found if found.ndim else float(found)
+        values = self.derivatives[..., self.outputs.index(output), self.parameters.index(parameter)]
+        return values if values.ndim else float(values)
 
 
 def sensitivity_of(
@@ -194,7 +194,7 @@ def sensitivity_of(
 
 
 def with_outputs(
-    found: Sensitivity, units: Mapping[str, str], values: Array, derivatives: Array
+    sensitivity: Sensitivity, units: Mapping[str, str], values: Array, derivatives: Array
 ) -> Sensitivity:
     """Return derivatives at one time with those of further outputs, by name their units.
 
@@ -205,29 +205,30 @@ def with_outputs(
     """
     return _finite(
         replace(
-            found,
-            derivatives=np.vstack([found.derivatives, derivatives]),
-            outputs=(*found.outputs, *units),
-            values=np.append(found.values, values),
-            units=found.units | dict(units),
+            sensitivity,
+            derivatives=np.vstack([sensitivity.derivatives, derivatives]),
+            outputs=(*sensitivity.outputs, *units),
+            values=np.append(sensitivity.values, values),
+            units=sensitivity.units | dict(units),
         )
     )
 
 
-def _finite(found: Sensitivity) -> Sensitivity:
+def _finite(sensitivity: Sensitivity) -> Sensitivity:
     """Return derivatives; raise SimulationError with output and parameter of one that is not finite."""
-    for *i, row, column in np.argwhere(~np.isfinite(found.derivatives)).tolist():
-        t = float(np.asarray(found.t)[tuple(i)])
+    for *i, row, column in np.argwhere(~np.isfinite(sensitivity.derivatives)).tolist():
+        t = float(np.asarray(sensitivity.t)[tuple(i)])
         raise SimulationError(
-            f"the derivative of {found.outputs[row]} by {found.parameters[column]} is not finite at "
+            f"the derivative of {sensitivity.outputs[row]} by {sensitivity.parameters[column]} is not "
+            "finite at "
             f"t = {t:.9g} s",
             time=t,
         )
-    return found
+    return sensitivity
 
 
 def at_times(
-    found: Callable[[Sequence[float]], Sequence[Sensitivity]], at: Any, t_eval: Any, start: float
+    sensitivities: Callable[[Sequence[float]], Sequence[Sensitivity]], at: Any, t_eval: Any, start: float
 ) -> Sensitivity:
     """Return derivatives at a time [s], the start when absent, or at all times of ``t_eval``.
 
@@ -237,12 +238,12 @@ def at_times(
         For both, no times, or times that are not finite.
     """
     if t_eval is None:
-        return found([start if at is None else float(at)])[0]
+        return sensitivities([start if at is None else float(at)])[0]
     times = reals(t_eval, "t_eval")
     if at is not None or not len(times):
         raise ModelError(
             "give at or t_eval, not both" if len(times) else "expected times for t_eval, got none"
         )
-    each = found(times.tolist())
+    each = sensitivities(times.tolist())
     derivatives, values = (np.array([getattr(x, of) for x in each]) for of in ("derivatives", "values"))
     return replace(each[0], derivatives=derivatives, values=values, t=times)

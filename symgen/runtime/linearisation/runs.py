@@ -160,9 +160,9 @@ def followed(
             if room <= 0:
                 break
             rows = np.zeros(room), np.zeros((room, len(state))), np.zeros((room, held.stop - held.start))
-            status, taken = stepper.advance_noting(*rows)
-            for of, found in zip((t, y, references), rows, strict=True):
-                of.append(found[:taken])
+            status, count = stepper.advance_noting(*rows)
+            for of, row in zip((t, y, references), rows, strict=True):
+                of.append(row[:count])
         if status == _core.ENDED:
             return Path(np.array([stepper.t]), np.zeros(0), np.zeros(0), (), event=stepper.ended_by)
         if status != _core.DONE:
@@ -255,12 +255,14 @@ def at_run(
         return LinkageVariations(equations, chosen.method, kernels, entries, columns + states)
 
     if not states and fewer((len(shown) + len(integrands)) * len(ends), len(names)):
-        found = carried_back(path, along(len(names)), slopes, len(integrands), first, jumps)
+        slopes_at_times = carried_back(path, along(len(names)), slopes, len(integrands), first, jumps)
         _, integrals = carried_forward(path, along(0), first[:, :0], len(integrands))
     else:
         moved, integrals = carried_forward(path, along(len(names)), first, len(integrands), jumps)
         ended = zip(slopes, moved, strict=True)
-        found = [np.vstack([by_state @ x + direct, summed]) for (by_state, direct), (x, summed) in ended]
+        slopes_at_times = [
+            np.vstack([by_state @ x + direct, summed]) for (by_state, direct), (x, summed) in ended
+        ]
     order = [names.index(name) for name in by]
     of_outputs = [[end.slopes.values[name] for name in shown] for end in ends]
     if path.event is not None:
@@ -272,7 +274,7 @@ def at_run(
         {name: ends[0].slopes.units.get(name, "s") for name in shown} | of_integrals,
         by,
         np.hstack([np.reshape(of_outputs, (len(ends), len(shown))), integrals]),
-        np.array(found)[..., order],
+        np.array(slopes_at_times)[..., order],
         path.t[[*path.ends]],
         {name: start.slopes.units[name] for name in chosen_initial},
     )
@@ -290,28 +292,28 @@ def _places(
     """Return row, column and place of the slopes of residual, Phi, dPhi/dt and integrands."""
     d, n = kernels.description, start.n
     points = [f"{p}_{{}}{axis}" for p in d.free for axis in d.axes]
-    state = [x.format(what) for what in ("", "v") for x in points]
+    state = [x.format(infix) for infix in ("", "v") for x in points]
     unknowns = [*(x.format("a") for x in points), *(f"{c}_lambda" for c in d.constraints)]
     columns = {name: i for i, name in enumerate([*state, *unknowns, *parameters])}
     rows = {"residual": unknowns, "constraints": unknowns[n:], "rates": unknowns[n:], "outputs": integrands}
-    found: dict[str, list[tuple[int, int, int]]] = {name: [] for name in rows}
+    entries: dict[str, list[tuple[int, int, int]]] = {name: [] for name in rows}
     for kernel in ("stage", "closing", "integrand_slopes"):
         for block in kernels.info(kernel).blocks if kernels.has(kernel) else ():
             labels = {label: i for i, label in enumerate(rows[block.name])}
             for k, label in enumerate(block.rows):
                 row, column = label.split()
                 if column in columns:  # other parameters may not be requested
-                    found[block.name].append((labels[row], columns[column], block.offset + k))
-    return [np.array(each, dtype=np.int_).reshape(-1, 3) for each in found.values()]
+                    entries[block.name].append((labels[row], columns[column], block.offset + k))
+    return [np.array(each, dtype=np.int_).reshape(-1, 3) for each in entries.values()]
 
 
 def _slices(path: Path, first: int, last: int) -> tuple[Array, Array, Array]:
     return path.t[first : last + 1], path.y[first : last + 1], path.references[first : last + 1]
 
 
-def _check(status: int, t: Array, taken: int) -> None:
+def _check(status: int, t: Array, count: int) -> None:
     if status != _core.DONE:
-        at = float(t[min(taken, len(t) - 1)])
+        at = float(t[min(count, len(t) - 1)])
         cause = (
             "the constraints lose rank"
             if status == _core.SINGULAR
@@ -332,12 +334,12 @@ def carried_forward(
     count = first.shape[1]
     moved, summed = np.zeros((len(first), along.columns)), np.zeros((integrals, along.columns))
     moved[:, :count] = first
-    begin, found, sums = 0, [], []
+    begin, tangents, sums = 0, [], []
 
     def go(begin: int, end: int) -> None:
         part = _slices(path, begin, end)
-        status, taken = along.forward(*part, moved, summed)
-        _check(status, part[0], taken)
+        status, count = along.forward(*part, moved, summed)
+        _check(status, part[0], count)
 
     for end in path.ends if count or integrals else ():
         for jump in jumps:
@@ -346,10 +348,10 @@ def carried_forward(
                 begin = jump.step
                 moved[:, :count] += np.outer(jump.change, jump.by_state @ moved[:, :count] + jump.direct)
         go(begin, end)
-        found.append((moved[:, :count].copy(), summed[:, :count].copy()))
+        tangents.append((moved[:, :count].copy(), summed[:, :count].copy()))
         sums.append(along.sums)
         begin = end
-    return found, np.reshape(sums, (len(path.ends), integrals))
+    return tangents, np.reshape(sums, (len(path.ends), integrals))
 
 
 def carried_back(
@@ -364,7 +366,7 @@ def carried_back(
 
     ``slopes`` are those of outputs at each end by the state, and by the directions at a held state.
     """
-    found = []
+    gradients = []
     for end, (by_state, direct) in zip(path.ends, slopes, strict=True):
         passed = [jump for jump in jumps if jump.step <= end]
         rows = []
@@ -372,15 +374,15 @@ def carried_back(
             (seed, weights, gradient), last = seeds, end
             for jump in (*reversed(passed), None):
                 part = _slices(path, jump.step if jump else 0, last)
-                status, taken = along.backward(*part, seed, weights, gradient)
-                _check(status, part[0][::-1], taken)
+                status, count = along.backward(*part, seed, weights, gradient)
+                _check(status, part[0][::-1], count)
                 if jump:
                     weight, last = seed @ jump.change, jump.step
                     seed[:] += weight * jump.by_state
                     gradient[:] += weight * jump.direct
             rows.append(gradient + seed @ first)
-        found.append(np.array(rows))
-    return found
+        gradients.append(np.array(rows))
+    return gradients
 
 
 def _seeds(by_state: Array, direct: Array, integrals: int) -> Iterator[tuple[Array, Array, Array]]:

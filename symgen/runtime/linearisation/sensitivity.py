@@ -118,14 +118,14 @@ def at_equilibrium(
     dq = dq - tangents.free @ np.linalg.solve(stiffness, tangents.free.T @ unbalanced)
     multipliers = (tangents.bound.T @ (by_q @ dq + force[:, by])) / tangents.scale[:, None]
     still = np.zeros_like(dq)
-    found = _of_outputs(tangents, outputs, parameters, dq, still, np.vstack([still, multipliers]))
-    found = replace(found, at_equilibrium=True)
-    for what in spectra:
+    result = _of_outputs(tangents, outputs, parameters, dq, still, np.vstack([still, multipliers]))
+    result = replace(result, at_equilibrium=True)
+    for name in spectra:
         moved = np.vstack([dq, multipliers])
-        names, values, slopes = spectrum(tangents, vibration(), moved, parameters, what)
+        names, values, slopes = spectrum(tangents, vibration(), moved, parameters, name)
         units = {"real": "1/s", "imag": "rad/s"}
-        found = with_outputs(found, {x: units.get(x[-4:], "Hz") for x in names}, values, slopes)
-    return found
+        result = with_outputs(result, {x: units.get(x[-4:], "Hz") for x in names}, values, slopes)
+    return result
 
 
 def _closing(tangents: Tangents, parameters: Sequence[str]) -> Array:
@@ -195,14 +195,14 @@ def jumps_between(
     by
         Names of the parameters among the directions, and number of directions.
     """
-    found = []
+    crossings = []
     for i in (np.flatnonzero(np.any(np.diff(branches, axis=0), axis=1)) + 1).tolist():
         before, after = tangents(i, i - 1), tangents(i, i)
         change = before.moving - after.moving
         if np.any(change):
             (switch,) = np.flatnonzero(branches[i] - branches[i - 1])
-            found.append(Jump(i, change, *passing(before, f"switch.{switch}", *by)))
-    return found
+            crossings.append(Jump(i, change, *passing(before, f"switch.{switch}", *by)))
+    return crossings
 
 
 def passing(at: Tangents, gap: str, parameters: Sequence[str], directions: int) -> tuple[Array, Array]:
@@ -225,10 +225,10 @@ def total_slopes(
     With the name of a gap, those at the time at which it passes zero, followed by the slopes of this time.
     """
     rows, residual = end.slopes.rows(outputs), end.slopes.residual
-    held = rows[:, end.by_solution]
+    by_multipliers = rows[:, end.by_solution]
 
     def total(columns: slice | list[int]) -> Array:
-        return rows[:, columns] + held @ end.solved(residual[:, columns])
+        return rows[:, columns] + by_multipliers @ end.solved(residual[:, columns])
 
     by_state, direct = total(slice(0, 2 * end.n)), np.zeros((len(outputs), directions))
     direct[:, : len(parameters)] = total(end.columns(parameters))

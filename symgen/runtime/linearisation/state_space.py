@@ -133,11 +133,11 @@ class Tangents:
         They are refined by residuals in long double: forces of masses of very different sizes cancel.
         """
         matrix = np.block([[self.mass, self.jacobian.T], [self.jacobian, np.zeros((self.m, self.m))]])
-        found = self._solved(right.astype(float))
+        solution = self._solved(right.astype(float))
         for _ in range(_REFINEMENTS):
-            left = right.astype(np.longdouble) - matrix.astype(np.longdouble) @ found
-            found = found + self._solved(left.astype(float))
-        return found
+            left = right.astype(np.longdouble) - matrix.astype(np.longdouble) @ solution
+            solution = solution + self._solved(left.astype(float))
+        return solution
 
     def _solved(self, right: Array) -> Array:
         force, gamma = right[: self.n], right[self.n :]
@@ -342,11 +342,11 @@ def _slopes(kernels: Evaluator, parameters: Sequence[str], state: State, solutio
     infos = {b.name: b for b in kernels.info("values").blocks} if kernels.has("values") else {}
     values = {infos[k].about: float(v[0]) for k, v in kernels.blocks("values", *at).items()} if infos else {}
     rows = {"residual": unknowns, "rates": bound, "constraints": bound, "outputs": list(values)}
-    found = {name: np.zeros((len(labels), len(columns))) for name, labels in rows.items()}
+    matrices = {name: np.zeros((len(labels), len(columns))) for name, labels in rows.items()}
     entries = kernels("slopes", *at)
     for block in kernels.info("slopes").blocks:
         for row, column, place in block.places(rows[block.name], columns):
-            found[block.name][row, column] = entries[place]
-    outputs = dict(zip(values, found["outputs"], strict=True))
+            matrices[block.name][row, column] = entries[place]
+    outputs = dict(zip(values, matrices["outputs"], strict=True))
     units = {b.about: b.unit for b in infos.values()}
-    return Slopes(found["residual"], found["rates"], found["constraints"], outputs, values, units)
+    return Slopes(matrices["residual"], matrices["rates"], matrices["constraints"], outputs, values, units)

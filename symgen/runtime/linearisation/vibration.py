@@ -29,7 +29,7 @@ _APART = 1e-6
 
 
 def spectrum(
-    tangents: Tangents, kernels: Evaluator, moved: Array, parameters: Sequence[str], what: str
+    tangents: Tangents, kernels: Evaluator, moved: Array, parameters: Sequence[str], spectrum_name: str
 ) -> tuple[list[str], Array, Array]:
     """Return ``poles`` or ``frequencies`` of small vibrations: names, values and derivatives, a row each.
 
@@ -55,25 +55,26 @@ def spectrum(
     matrices = _matrices(tangents, kernels)
     mass, stiffness, damping = (matrices[name] for name in _SYSTEM)
     free, title = tangents.free, tangents.description.name
-    found = _eigenvalues(*(free.T @ matrix @ free for matrix in (mass, stiffness, damping)))
-    if what == "frequencies":
-        found = found[found.imag > 0]
-        found = found[np.argsort(np.abs(found))]
-        if not len(found):
+    eigenvalues = _eigenvalues(*(free.T @ matrix @ free for matrix in (mass, stiffness, damping)))
+    if spectrum_name == "frequencies":
+        eigenvalues = eigenvalues[eigenvalues.imag > 0]
+        eigenvalues = eigenvalues[np.argsort(np.abs(eigenvalues))]
+        if not len(eigenvalues):
             raise ModelError(
                 f"no mode of {title} oscillates at this equilibrium, so there are no frequencies\n"
                 "  Give poles, which include motions that grow or decay."
             )
-    for i, s in enumerate(found):
-        close = np.flatnonzero(np.abs(found[:i] - s) <= _APART * np.abs(s))
+    for i, s in enumerate(eigenvalues):
+        close = np.flatnonzero(np.abs(eigenvalues[:i] - s) <= _APART * np.abs(s))
         if len(close):
             raise ModelError(
-                f"{what} {close[0] + 1} and {i + 1} of {title} are equal, so that they have no derivatives "
+                f"{spectrum_name} {close[0] + 1} and {i + 1} of {title} are equal, so that they have no "
+                "derivatives "
                 "one by one"
             )
     changes = _changes(tangents, kernels, moved, parameters)
-    derivatives = np.zeros((len(found), len(parameters)), dtype=complex)
-    for i, s in enumerate(found):
+    derivatives = np.zeros((len(eigenvalues), len(parameters)), dtype=complex)
+    for i, s in enumerate(eigenvalues):
         whole = s**2 * mass + s * damping + stiffness
         left, _, right = np.linalg.svd(free.T @ whole @ free)
         phi, psi = free @ right[-1].conj(), free @ left[:, -1].conj()
@@ -85,12 +86,12 @@ def spectrum(
             change = psi @ (s**2 * by_mass + s * by_damping + by_stiffness) @ phi
             change += psi @ (turned.T @ mu) + nu @ (turned @ phi)
             derivatives[i, k] = -change / below
-    if what == "frequencies":
-        names = [f"frequency.{i}" for i in range(1, len(found) + 1)]
-        return names, found.imag / (2 * np.pi), derivatives.imag / (2 * np.pi)
-    parts = [(i, part) for i, s in enumerate(found) for part in ("real", "imag")[: 1 + bool(s.imag)]]
+    if spectrum_name == "frequencies":
+        names = [f"frequency.{i}" for i in range(1, len(eigenvalues) + 1)]
+        return names, eigenvalues.imag / (2 * np.pi), derivatives.imag / (2 * np.pi)
+    parts = [(i, part) for i, s in enumerate(eigenvalues) for part in ("real", "imag")[: 1 + bool(s.imag)]]
     names = [f"pole.{i + 1}.{part}" for i, part in parts]
-    values, rows = (np.array([getattr(x[i], part) for i, part in parts]) for x in (found, derivatives))
+    values, rows = (np.array([getattr(x[i], part) for i, part in parts]) for x in (eigenvalues, derivatives))
     return names, values, rows
 
 

@@ -35,8 +35,8 @@ def starts_at_pole(kernels: LoopKernels, t: float, q: Array) -> bool:
     """Return whether a loop under forces may start at a pole of the angles of one ball alone."""
     d = kernels.description
     solved = d.having("dependent")
-    own = {j for ball in d.balls for j in (*ball.angles, *ball.behind)}
-    if own & {*d.having("free")} or not ball_pole(kernels, t, q):
+    numbers = {j for ball in d.balls for j in (*ball.angles, *ball.behind)}
+    if numbers & {*d.having("free")} or not ball_pole(kernels, t, q):
         return False
     turned = in_other_angles(kernels, kernels.equations(solved, min(6, len(solved))), q)
     values = np.linalg.svd(scaled_screws(turned[0], t, turned[1])[:, solved], compute_uv=False)
@@ -62,8 +62,8 @@ def ball_pole(kernels: LoopKernels, t: float, q: Array) -> list[str]:
     weakest[solved] = right[len(solved) - 1]
     part = np.flatnonzero(np.abs(weakest) > _TAKES_PART * np.max(np.abs(weakest)))
     rows = {d.variables[j].row for j in part}
-    own = all(v.role == "dependent" for v in d.variables if v.row in rows)
-    if not own or any(d.joints[k] != "S" for k in rows):
+    is_dependent = all(v.role == "dependent" for v in d.variables if v.row in rows)
+    if not is_dependent or any(d.joints[k] != "S" for k in rows):
         return []
     ahead, behind = (standing(kernels, t, q + x * scale * weakest) for x in (_STEP, -_STEP))
     moved = float(np.max(np.abs(ahead - behind))) / (2.0 * _STEP)

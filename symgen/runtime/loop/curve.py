@@ -41,8 +41,8 @@ class LoopConstraints:
 
     def unknowns(self, q: Array) -> Array:
         """Return the unknowns [m] of a pose."""
-        found: Array = (q * self.scale)[self.solved]
-        return found
+        unknowns: Array = (q * self.scale)[self.solved]
+        return unknowns
 
     def residual(self, x: Array, t: float) -> Array:
         """Return the small rotation, times the size, and the displacement by which the loop is open [m]."""
@@ -163,12 +163,12 @@ def _inside(
 def _resampled(curve: Curve[LoopConstraints], path: list[CurvePoint], samples: int) -> list[CurvePoint]:
     """Return points at equal distances along the path."""
     along = np.concatenate([[0.0], np.cumsum([np.linalg.norm(b.x - a.x) for a, b in pairwise(path)])])
-    found = []
+    points = []
     for s in np.linspace(0.0, along[-1], samples):
         i = min(max(int(np.searchsorted(along, s)), 1), len(path) - 1)
         part = float((s - along[i - 1]) / (along[i] - along[i - 1]))
         point = path[i - 1] if part <= 0.0 else path[i] if part >= 1.0 else None
         point = point or curve.between(path[i - 1], path[i], part)
         if point is not None:
-            found.append(point)
-    return found
+            points.append(point)
+    return points

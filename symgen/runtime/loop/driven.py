@@ -81,36 +81,41 @@ def follow(
     rows = kernels.empty(len(times))
     failed, low, high = None, first, first
     for way in (slice(None, first), slice(first, None)):  # of two ends the earlier is reported
-        wanted = ahead[way] if way.start is not None else ahead[way][::-1].copy()
-        if not len(wanted):
+        targets = ahead[way] if way.start is not None else ahead[way][::-1].copy()
+        if not len(targets):
             continue
-        made = tuple(a[way] for a in rows) if way.start is not None else kernels.empty(first)
-        longest = max(abs(wanted[-1] - begin.t), LEAST_RANGE) / PARTS
+        followed = tuple(a[way] for a in rows) if way.start is not None else kernels.empty(first)
+        longest = max(abs(targets[-1] - begin.t), LEAST_RANGE) / PARTS
         q = np.append(begin.q, 0.0)  # in the end the last pose that was reached
-        status, count, at = follow_over(kernels, equations, begin.t, q, wanted, longest, *made)
+        status, count, at = follow_over(kernels, equations, begin.t, q, targets, longest, *followed)
         if way.start is not None:
             high = first + count
         else:
             low = first - count
-            for whole, found in zip(rows, made, strict=True):
-                whole[low:first] = found[:count][::-1]
+            for whole, part in zip(rows, followed, strict=True):
+                whole[low:first] = part[:count][::-1]
         if status != _core.DONE and failed is None:
-            failed = status, at, q[:-1], float(wanted[min(count, len(wanted) - 1)])
-    kept = order[low:high]
+            failed = status, at, q[:-1], float(targets[min(count, len(targets) - 1)])
+    indices = order[low:high]
     states, out, diagnosis = (a[low:high] for a in rows)
-    if np.any(np.diff(kept) < 0):
-        asked = np.argsort(kept)
-        kept, states, out, diagnosis = kept[asked], states[asked], out[asked], diagnosis[asked]
-    if failed and not len(kept):
+    if np.any(np.diff(indices) < 0):
+        permutation = np.argsort(indices)
+        indices, states, out, diagnosis = (
+            indices[permutation],
+            states[permutation],
+            out[permutation],
+            diagnosis[permutation],
+        )
+    if failed and not len(indices):
         raise SimulationError(why_stopped(kernels, equations, *failed), time=failed[1])
     turn = _recorded(
         kernels,
         begin,
-        times[kept],
+        times[indices],
         states,
         out,
         diagnosis,
-        values[kept],
+        values[indices],
         time.perf_counter() - begun,
         over,
         forces,
@@ -140,7 +145,7 @@ def follow_through(
     equations = kernels.stepping(d.having("dependent"), begin.rank)
     count = len(times)
     rows = kernels.empty(count)
-    kept = [
+    selected = [
         i
         for i in range(count)
         if equations.follow(
@@ -148,10 +153,10 @@ def follow_through(
         )[0]
         == _core.DONE
     ]
-    states, out, diagnosis = (a[kept] for a in rows)
-    values = np.array([kernels.lead_at(t)[0] for t in times[kept]])
+    states, out, diagnosis = (a[selected] for a in rows)
+    values = np.array([kernels.lead_at(t)[0] for t in times[selected]])
     wall = time.perf_counter() - begun
-    turn = _recorded(kernels, begin, times[kept], states, out, diagnosis, values, wall, "input", forces)
+    turn = _recorded(kernels, begin, times[selected], states, out, diagnosis, values, wall, "input", forces)
     first = kernels.lead
     ends = ", ".join(kernels.value_at(t).partition(" = ")[2] for t in turning[:_SHOWN])
     if not turning:
@@ -229,21 +234,21 @@ def _recorded(
     d = kernels.description
     equations = kernels.equations(d.having("dependent"), begin.rank)
     limits = tuple(refine(kernels, equations, begin, Samples(times, states, out, diagnosis)))
-    told: list[Pole] = []
+    reported: list[Pole] = []
     if forces:
-        told = [_pole(kernels, p) for p in poles(kernels, equations, times, states, diagnosis)]
-    made = _known(kernels, equations, times, states, out, diagnosis, told)
+        reported = [_pole(kernels, p) for p in poles(kernels, equations, times, states, diagnosis)]
+    recorded = _known(kernels, equations, times, states, out, diagnosis, reported)
     blind = diagnosis[:, _loop.STATUS] == _loop.BLIND  # of those that have no limit
     ranges = {}
     if forces:
         masks = undetermined(kernels, times, states)
         for mask in masks.values():
             mask[blind] = False
-        ranges = ranges_of(made, masks)
+        ranges = ranges_of(recorded, masks)
     else:
         info = d.kernel("outputs")
         moved = {b.name for b in info.blocks if b.unit in OF_MOTION} if info else set()
-        made = tuple(v for v in made if v.name in moved)
+        recorded = tuple(v for v in recorded if v.name in moved)
     first = kernels.lead
     end = float(times[-1]) if len(times) else begin.t
     closure = float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0))
@@ -251,18 +256,18 @@ def _recorded(
     coordinate = over_time(times)
     if over == "input":
         coordinate = Coordinate(first.name, first.unit, first.name, values)
-    given = dict(zip((p.name for p in d.parameters), kernels.given.tolist(), strict=True))
+    parameters = dict(zip((p.name for p in d.parameters), kernels.given.tolist(), strict=True))
     return Turn(
         **of_model(
             d,
-            given,
+            parameters,
             method="closure",
             t_end=end,
             **made_with(kernels.library, kernels.typed),
         ),
         axes=("x", "y", "z"),
         coordinate=coordinate,
-        variables=tuple(v for v in made if v.name != coordinate.name),
+        variables=tuple(v for v in recorded if v.name != coordinate.name),
         drift=Drift(closure * d.size, rates),
         final=_final(d, states),
         statistics={
@@ -272,7 +277,7 @@ def _recorded(
             "closure": closure,
             "least_singular": float(np.min(diagnosis[:, _loop.SOUNDNESS], initial=1.0)),
             "rank": begin.rank,
-            "poles": [asdict(p) for p in told],
+            "poles": [asdict(p) for p in reported],
             "undetermined": ranges,
             "wall_s": wall,
         },
@@ -280,7 +285,7 @@ def _recorded(
             *_of_open(kernels, closure),
             *of_blind(kernels, times[blind]),
             *limits,
-            *_notes(kernels, times, states, told, ranges),
+            *_notes(kernels, times, states, reported, ranges),
         ),
         times=times if over == "input" else None,
     )
@@ -304,24 +309,24 @@ def _known(
     states: Array,
     out: Array,
     diagnosis: Array,
-    told: Sequence[Pole],
+    reported: Sequence[Pole],
 ) -> tuple[Variable, ...]:
     """Return the outputs, not a number where a pole stands or forces cannot be found."""
     d = kernels.description
     met = diagnosis[:, _loop.STATUS] == _loop.POLE
     for k in np.flatnonzero(met):
         out[k] = beside_pole(kernels, equations, float(times[k]), states[k, : d.coordinates], out[k])
-    made = tuple(variables(d, out))
+    recorded = tuple(variables(d, out))
     blind = diagnosis[:, _loop.STATUS] == _loop.BLIND
     placed = {x.name for x in d.variables}
-    for v in made:
+    for v in recorded:
         columns = v.values.reshape(len(times), -1)
         for i, name in enumerate(component_names(v)):
-            if any(name in p.residues for p in told):
+            if any(name in p.residues for p in reported):
                 columns[met, i] = np.nan
         if v.name not in placed:
             v.values[blind] = np.nan
-    return made
+    return recorded
 
 
 def _pole(kernels: LoopKernels, pole: PoleAt) -> Pole:
@@ -352,13 +357,13 @@ def _notes(
     kernels: LoopKernels,
     times: Array,
     states: Array,
-    told: list[Pole],
+    reported: list[Pole],
     ranges: Mapping[str, Sequence[Sequence[int]]],
 ) -> Iterator[str]:
     d = kernels.description
     n = d.coordinates
     first = kernels.lead
-    for p in told:
+    for p in reported:
         drives = {name: x for name, x in p.residues.items() if name.endswith(".drive")} or p.residues
         names = ", ".join(f"{name} {x:.9g}" for name, x in list(drives.items())[:_SHOWN])
         yield (

@@ -39,7 +39,7 @@ def follow_over(
     equations: _loop.LoopEquations,
     t: float,
     q: Array,
-    wanted: Array,
+    targets: Array,
     longest: float,
     *rows: Array,
 ) -> tuple[int, int, float]:
@@ -50,24 +50,24 @@ def follow_over(
     begin, reached = (t, q[:-1].copy()), 0
     for _ in range(_MOST):
         rest = tuple(a[reached:] for a in rows)
-        status, count, at = equations.follow(begin[0], q, wanted[reached:], longest, *rest)
+        status, count, at = equations.follow(begin[0], q, targets[reached:], longest, *rest)
         reached += count
         if status == _core.DONE or status in (_core.NOT_FINITE, _loop.INCONSISTENT):
             return status, reached, at
-        far = _beyond(kernels, equations, begin, (at, q[:-1]), float(wanted[reached]))
+        far = _beyond(kernels, equations, begin, (at, q[:-1]), float(targets[reached]))
         if far is None:
             return status, reached, at
         way = np.sign(far[0] - at)
-        inside = int(np.count_nonzero((far[0] - wanted[reached:]) * way > 0.0))
+        inside = int(np.count_nonzero((far[0] - targets[reached:]) * way > 0.0))
         part = slice(reached, reached + inside)
         between = tuple(a[part] for a in rows)
-        if inside and not _inside(kernels, equations, begin, (at, q[:-1]), far, wanted[part], between):
+        if inside and not _inside(kernels, equations, begin, (at, q[:-1]), far, targets[part], between):
             return status, reached, at
         reached += inside
         begin = far
         q[:-1] = far[1]
-        if reached == len(wanted):
-            return _core.DONE, reached, float(wanted[-1])
+        if reached == len(targets):
+            return _core.DONE, reached, float(targets[-1])
     return status, reached, at
 
 
@@ -95,10 +95,10 @@ def _beyond(
         far = t + step, np.append(_ONWARD @ poses, 0.0)
         if equations.close(*far) != _core.DONE:
             continue
-        found = far[1][:-1]
+        rows = far[1][:-1]
         links = [standing(kernels, float(x), pose) for x, pose in zip(times, poses, strict=True)]
-        if np.max(np.abs(_ONWARD @ np.array(links) - standing(kernels, far[0], found))) < _LINKS:
-            return far[0], found
+        if np.max(np.abs(_ONWARD @ np.array(links) - standing(kernels, far[0], rows))) < _LINKS:
+            return far[0], rows
     return None
 
 
@@ -109,19 +109,19 @@ def follow_about(
 
     Times rise or fall; ``follow`` has the arguments of ``equations.follow``. None where that fails.
     """
-    found = kernels.empty(len(times))
+    all_rows = kernels.empty(len(times))
     order = np.argsort(np.abs(times - begin[0]), kind="stable")
     for part in (order[times[order] >= begin[0]], order[times[order] < begin[0]]):
         if not len(part):
             continue
-        rows, wanted = kernels.empty(len(part)), times[part]
-        longest = max(float(np.max(np.abs(wanted - begin[0]))), 1e-12)
-        status, *_ = follow(begin[0], np.append(begin[1], 0.0), wanted, longest, *rows)
+        rows, targets = kernels.empty(len(part)), times[part]
+        longest = max(float(np.max(np.abs(targets - begin[0]))), 1e-12)
+        status, *_ = follow(begin[0], np.append(begin[1], 0.0), targets, longest, *rows)
         if status != _core.DONE:
             return None
-        for whole, own in zip(found, rows, strict=True):
-            whole[part] = own
-    return found
+        for whole, part_rows in zip(all_rows, rows, strict=True):
+            whole[part] = part_rows
+    return all_rows
 
 
 def _inside(
@@ -130,19 +130,19 @@ def _inside(
     begin: tuple[float, Array],
     near: tuple[float, Array],
     far: tuple[float, Array],
-    wanted: Array,
+    targets: Array,
     rows: Rows,
 ) -> bool:
     """Give poses at times between the place where following stopped and the far side of the pole."""
-    back, q = kernels.empty(len(wanted)), np.append(far[1], 0.0)
+    back, q = kernels.empty(len(targets)), np.append(far[1], 0.0)
     longest = max(abs(far[0] - near[0]), 1e-12)
-    _, count, at = equations.follow(far[0], q, wanted[::-1].copy(), longest, *back)
-    left = len(wanted) - count
-    for whole, found in zip(rows, back, strict=True):
-        whole[left:] = found[:count][::-1]
+    _, count, at = equations.follow(far[0], q, targets[::-1].copy(), longest, *back)
+    left = len(targets) - count
+    for whole, row in zip(rows, back, strict=True):
+        whole[left:] = row[:count][::-1]
     sides = [near, (at, q[:-1]), far, begin]
     for i in range(left):
-        t = float(wanted[i])
+        t = float(targets[i])
         sides.sort(key=lambda side: abs(side[0] - t))
         closed = (_closed_at(equations, side, t) for side in sides)
         pose = next((x for x in closed if x is not None), None)

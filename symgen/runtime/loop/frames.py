@@ -40,12 +40,12 @@ def standing(kernels: LoopKernels, t: float, q: Array) -> Array:
     """
     d = kernels.description
     table = kernels("rows", t, q, np.zeros_like(q))["rows"]
-    whole, told = np.eye(4), []
+    whole, features = np.eye(4), []
     for k, row in enumerate(table[:-1]):
         whole = whole @ product([row])
         spins = d.joints[k] == d.joints[k + 1] == "S"
-        told += [whole[:3, 0], whole[:3, 3] / d.size, *([] if spins else [whole[:3, 1]])]
-    return np.concatenate(told)
+        features += [whole[:3, 0], whole[:3, 3] / d.size, *([] if spins else [whole[:3, 1]])]
+    return np.concatenate(features)
 
 
 def ball_angles(kernels: LoopKernels, q: Array) -> list[Array]:

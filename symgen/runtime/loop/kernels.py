@@ -70,8 +70,8 @@ class LoopKernels:
         if work is not None:
             memory[: len(work)] = work
         address = self.library.addresses[kernel]
-        given = np.array([float(t)]), np.append(q, 0.0), np.append(u, 0.0), self.parameters
-        _core.call(address, (*self._sizes, info.work_size, info.out_size), *given, memory, out)
+        arguments = np.array([float(t)]), np.append(q, 0.0), np.append(u, 0.0), self.parameters
+        _core.call(address, (*self._sizes, info.work_size, info.out_size), *arguments, memory, out)
         return {b.name: part(out, b) for b in info.blocks}
 
     def many(self, kernel: str, times: Array, rows: Array, work: Array) -> dict[str, Array]:
@@ -236,9 +236,9 @@ class LoopKernels:
         start, rate, _ = self.lead_at(0.0)
         if rate:
             times = (values - start) / rate
-            found = self.leads_at(times)
-            met = np.abs(found[:, 0] - values) <= CLOSE * np.maximum(1.0, np.abs(values))
-            if np.all(met) and np.all(found[:, 1] == rate):
+            input_values = self.leads_at(times)
+            met = np.abs(input_values[:, 0] - values) <= CLOSE * np.maximum(1.0, np.abs(values))
+            if np.all(met) and np.all(input_values[:, 1] == rate):
                 return np.asarray(times)
         times = first_times(self.leads_at, values)
         missed = np.flatnonzero(np.isnan(times))

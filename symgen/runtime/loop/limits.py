@@ -66,10 +66,10 @@ def refine(
     if kernels.typed is not None or not len(samples.times):
         return
     sound = samples.diagnosis[:, _loop.SOUNDNESS]
-    done = samples.diagnosis[:, _loop.STATUS] == _core.DONE
-    good = np.flatnonzero(done & (sound > _BETTER * WEAK))
+    is_done = samples.diagnosis[:, _loop.STATUS] == _core.DONE
+    good = np.flatnonzero(is_done & (sound > _BETTER * WEAK))
     poor = []
-    for i in np.flatnonzero(done & (sound < WEAK)):
+    for i in np.flatnonzero(is_done & (sound < WEAK)):
         start = _nearest(samples, begin, good, int(i))
         q = samples.states[i, : len(begin.q)]
         if _refined(kernels, equations, start, samples, int(i)):
@@ -92,10 +92,11 @@ def refine(
             )
     errors = CLOSED / sound[poor] ** 3
     if poor and np.max(errors) > REPORTED:
-        told = [i for i, error in zip(poor, errors, strict=True) if error > REPORTED]
-        values = ", ".join(kernels.value_at(float(samples.times[i])) for i in told[:_SHOWN])
+        reported = [i for i, error in zip(poor, errors, strict=True) if error > REPORTED]
+        values = ", ".join(kernels.value_at(float(samples.times[i])) for i in reported[:_SHOWN])
         yield (
-            f"near a loss of rank of the screws ({values}{', ...' if len(told) > _SHOWN else ''}) rounding "
+            f"near a loss of rank of the screws ({values}{', ...' if len(reported) > _SHOWN else ''}) "
+            "rounding "
             f"limits accelerations and forces: relative error up to {min(1.0, np.max(errors)):.0e}"
         )
 
@@ -140,11 +141,11 @@ def _continued(
     names, left = {v.name for v in d.variables}, []
     for b in info.blocks:
         entries = slice(b.offset, b.offset + b.shape[0] * b.shape[1])
-        name, _, what = b.name.partition(".")
+        name, _, word = b.name.partition(".")
         if at_pole and b.name not in names:  # values of variables are those of the pose
             samples.out[i, entries] = np.where(rough[entries], np.nan, limit[entries])
             left += [b.name] if np.any(rough[entries]) else []
-        elif not at_pole and (name not in names or what == "drive"):
+        elif not at_pole and (name not in names or word == "drive"):
             samples.out[i, entries] = np.where(better[entries], limit[entries], samples.out[i, entries])
     samples.diagnosis[i, _loop.STATUS] = _core.DONE
     return left
@@ -162,10 +163,10 @@ def _around(
         return None
     reach = _APART * kernels.lead_scale / abs(rate)
     times = t + reach * _STEPS
-    found = follow_about(kernels, partial(follow_over, kernels, equations), start, times)
-    if found is None or np.any(found[2][:, _loop.STATUS] != _core.DONE):
+    rows = follow_about(kernels, partial(follow_over, kernels, equations), start, times)
+    if rows is None or np.any(rows[2][:, _loop.STATUS] != _core.DONE):
         return None
-    return Samples(times, *found)
+    return Samples(times, *rows)
 
 
 def _refined(

@@ -99,11 +99,11 @@ class LoopModel(Model):
         """Follow the closure from the scene's own parameters to these; None where that does not lead here."""
         d, kernels = self.description, self.kernels
         q, t = np.append(d.start, 0.0), 0.0
-        own, asked = np.array([p.default for p in d.parameters]), np.array(self.given)
+        defaults, requested = np.array([p.default for p in d.parameters]), np.array(self.given)
         scale = kernels.scale
         equations = kernels.equations(d.having("dependent"), d.rank)
         for part in STAGES:
-            stage = kernels.at((1 - part) * own + part * asked)
+            stage = kernels.at((1 - part) * defaults + part * requested)
             try:
                 t = stage.time_of(d.begin) if d.span else 0.0
             except ModelError:
@@ -137,39 +137,39 @@ class LoopModel(Model):
         return super()._refused(name)
 
     @takes(Poses)
-    def _kinematics(self, asked: Poses) -> Turn:
-        return self._evaluated(asked, forces=False)
+    def _kinematics(self, request: Poses) -> Turn:
+        return self._evaluated(request, forces=False)
 
     @takes(Poses)
-    def _inverse_dynamics(self, asked: Poses) -> Turn:
-        return self._evaluated(asked, forces=True)
+    def _inverse_dynamics(self, request: Poses) -> Turn:
+        return self._evaluated(request, forces=True)
 
-    def _evaluated(self, asked: Poses, forces: bool) -> Turn:
-        at, over, start, stop = asked.at, asked.over, asked.start, asked.stop
+    def _evaluated(self, request: Poses, forces: bool) -> Turn:
+        at, over, start, stop = request.at, request.over, request.start, request.stop
         if over not in (None, "input", "time"):
             raise ModelError(f"expected over to be 'input' or 'time', got {over!r}")
         in_time = over == "time"
         if at is not None:
-            if asked.through or not (start is stop is asked.samples is None):
+            if request.through or not (start is stop is request.samples is None):
                 raise ModelError("give values at which to evaluate the loop, or a range of them, not both")
             values = reals(at, "times" if in_time else "values of the input")
         else:
             ends = (0.0, self.description.t_end) if in_time else self.description.span
             low, high = ends[0] if start is None else start, ends[1] if stop is None else stop
-            number = 361 if asked.samples is None else asked.samples
+            number = 361 if request.samples is None else request.samples
             if not 2 <= number <= 10_000_000:
                 raise ModelError(f"expected between 2 and 10 million samples, got {number}")
             if not low < high:
                 unit = " s" if in_time else ""
                 raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}{unit}")
-            if asked.through:
+            if request.through:
                 if in_time:
                     raise ModelError("through is for a range of the input, not of the time")
                 begin = followed(self.kernels, self.closed_start(), low)
                 return follow_through(self.kernels, begin, high, number, forces)
             values = np.linspace(low, high, number)
-        given = {"times": values} if in_time else {"values": values}
-        return follow(self.kernels, self.closed_start(), forces=forces, **given)
+        coordinate = {"times": values} if in_time else {"values": values}
+        return follow(self.kernels, self.closed_start(), forces=forces, **coordinate)
 
     def _assemblies(
         self, at: float | None = None, over: str | None = None
@@ -180,58 +180,58 @@ class LoopModel(Model):
             driven(self.description)
             t = at if over == "time" else self.kernels.time_of(at)
         names = [v.name for v in self.description.variables]
-        found = search(self.kernels, t, begin.q).closures
-        poses = (dict(zip(names, q.tolist(), strict=True)) for q in found)
+        closures = search(self.kernels, t, begin.q).closures
+        poses = (dict(zip(names, q.tolist(), strict=True)) for q in closures)
         return AssemblyModes(poses, "closures of loops of joints are searched from many starts")
 
     @takes(Derivatives)
-    def _sensitivity(self, asked: Derivatives) -> Sensitivity:
+    def _sensitivity(self, request: Derivatives) -> Sensitivity:
         from symgen.runtime.linearisation.loops import sensitivity
         from symgen.runtime.linearisation.record import at_times
 
-        at = asked.at
-        if not asked.outputs:
+        at = request.at
+        if not request.outputs:
             raise ModelError("expected outputs to differentiate, got none")
         if not self.is_driven:
-            return self._along_run(asked)
-        if isinstance(at, State) or asked.t_end is not None or asked.of_run:
+            return self._along_run(request)
+        if isinstance(at, State) or request.t_end is not None or request.of_run:
             raise ModelError(
                 f"the inputs of {self.name} prescribe its motion, so that there is no run: give a time for "
                 "at, or times for t_eval"
             )
-        by = self._differentiated(asked.parameters)
-        kernels = self._tangents("loop_sensitivity", asked.outputs)
+        by = self._differentiated(request.parameters)
+        kernels = self._tangents("loop_sensitivity", request.outputs)
         begin = self.closed_start()
 
-        def found(times: Sequence[float]) -> list[Sensitivity]:
+        def derivatives(times: Sequence[float]) -> list[Sensitivity]:
             return sensitivity(self.kernels, kernels, begin, times, by)
 
         t = None if at is None else real(at, "the time of derivatives")
-        return at_times(found, t, asked.t_eval, begin.t)
+        return at_times(derivatives, t, request.t_eval, begin.t)
 
-    def _along_run(self, asked: Derivatives) -> Sensitivity:
+    def _along_run(self, request: Derivatives) -> Sensitivity:
         """Return derivatives along a run under forces; without an end those at the state."""
         from symgen.runtime.linearisation.free_loops import FreePose
         from symgen.runtime.linearisation.loop_runs import at_run, follow, steps_of
         from symgen.runtime.linearisation.runs import Path
 
         d, rank = self.description, self.closed_start().rank
-        if asked.at is not None and not isinstance(asked.at, State):
+        if request.at is not None and not isinstance(request.at, State):
             raise ModelError(f"{self.name} moves freely: give t_end or t_eval for derivatives along its run")
-        start = self.initial_state() if asked.at is None else asked.at
+        start = self.initial_state() if request.at is None else request.at
         free = [d.variables[i].name for i in d.having("free")]
-        by = self._differentiated(asked.parameters, [*free, *(f"{name}'" for name in free)])
-        kernels = self._tangents("loop_linearisation", asked.outputs)
+        by = self._differentiated(request.parameters, [*free, *(f"{name}'" for name in free)])
+        kernels = self._tangents("loop_linearisation", request.outputs)
 
         def pose(state: State) -> FreePose:
             return FreePose(self.kernels, kernels, state)
 
-        if not asked.along:
+        if not request.along:
             y = np.concatenate([start.q, start.u])[None]
             only = Path(np.array([start.t]), y, np.zeros((1, 0)), (0,))
             return at_run(only, pose, self.kernels, None, by)
         pose(start)
-        times, chosen = asked.run()
+        times, chosen = request.run()
         path = follow(self.kernels, rank, start, chosen, times)
         of_steps = self._kernels_of("loop_variation", (), lanes=True)
         return at_run(path, pose, self.kernels, steps_of(self.kernels, of_steps, rank, chosen), by)
@@ -282,8 +282,8 @@ class LoopModel(Model):
 
     def _jacobian(self, state: State | None = None) -> Array:
         at = self.initial_state() if state is None else state
-        found: Array = self.kernels("position", at.t, at.q, at.u)["closure_jacobian"]
-        return found
+        jacobian: Array = self.kernels("position", at.t, at.q, at.u)["closure_jacobian"]
+        return jacobian
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         return self._free_pose(state, ()).mass_matrix(coordinates)
@@ -329,26 +329,26 @@ class LoopModel(Model):
         """Return the kernels of an analysis; in ``lanes`` compiled ones take vectors."""
         if self._analyses is None:
             raise ModelError(f"{self.name} was made without its scene: build it with symgen.build")
-        found: tuple[LoopDescription, Library] = self._analyses(kind, outputs, lanes)
-        return found
+        kernels: tuple[LoopDescription, Library] = self._analyses(kind, outputs, lanes)
+        return kernels
 
     @takes(Run)
-    def _simulate(self, asked: Run) -> Result:
+    def _simulate(self, request: Run) -> Result:
         from symgen.runtime.linearisation.free_loops import check_closed
         from symgen.runtime.loop.motion import run
 
-        chosen = asked.options(self.description.t_end, self._type)
+        chosen = request.options(self.description.t_end, self._type)
         if chosen.stabilisation == "baumgarte":
             raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
         if chosen.method.kind != "explicit":
             raise ModelError(
                 f"{chosen.method.name} is for linkages of points and links, not for loops of joints"
             )
-        kept_in = asked.keeping()
-        begin, state = self.closed_start(), asked.state
+        keeping = request.keeping()
+        begin, state = self.closed_start(), request.state
         rates = np.array([v.start_rate for v in self.description.variables])
         if state is not None:
             check_closed(self.kernels, state)
             begin, rates = Closed(state.t, state.q.copy(), begin.rank), state.u
-        with limited(asked.max_wall):
-            return run(self.kernels, begin, rates, chosen, asked.progress, kept_in, asked.t_eval)
+        with limited(request.max_wall):
+            return run(self.kernels, begin, rates, chosen, request.progress, keeping, request.t_eval)

@@ -64,10 +64,10 @@ def run(
     check_end(begin.t, chosen)
     d = kernels.description
     equations = kernels.stepping([*d.having("dependent"), *d.having("free")], begin.rank)
-    own, q = kernels, begin.q
+    kernels_in_use, q = kernels, begin.q
     if ball_pole(kernels, begin.t, begin.q):
-        own, q = in_other_angles(kernels, equations, begin.q)
-    y0 = np.concatenate([q, rates_at(own, replace(begin, q=q), rates), [0.0]])
+        kernels_in_use, q = in_other_angles(kernels, equations, begin.q)
+    y0 = np.concatenate([q, rates_at(kernels_in_use, replace(begin, q=q), rates), [0.0]])
     times = sample_times(begin.t, chosen, t_eval)
     stepper = stepper_of(equations, chosen, begin.t, y0, times)
     checkpoints = None
@@ -88,16 +88,16 @@ def rates_at_start(kernels: LoopKernels, begin: Closed) -> Array:
     return rates_at(kernels, begin, np.array([v.start_rate for v in kernels.description.variables]))
 
 
-def rates_at(kernels: LoopKernels, begin: Closed, given: Array) -> Array:
+def rates_at(kernels: LoopKernels, begin: Closed, prescribed: Array) -> Array:
     """Return all rates at a closed pose from those of the free variables."""
     d = kernels.description
-    u = given.copy()
+    u = prescribed.copy()
     u[kernels.inputs] = kernels.prescribed(begin.t)[:, 1]
     scale = kernels.scale
-    solved, held = d.having("dependent"), d.having("input", "free")
+    solved, independent = d.having("dependent"), d.having("input", "free")
     screws = scaled_screws(kernels, begin.t, begin.q)
-    asked = screws[:, held] @ (u / scale)[held]
-    u[solved] = -np.linalg.lstsq(screws[:, solved], asked, rcond=None)[0] * scale[solved]
+    required = screws[:, independent] @ (u / scale)[independent]
+    u[solved] = -np.linalg.lstsq(screws[:, solved], required, rcond=None)[0] * scale[solved]
     return u
 
 
@@ -113,24 +113,24 @@ def _recorded(
     n, times = d.coordinates, stepper.sampled
     rows = np.column_stack([stepper.result, np.zeros(len(times))])
     samples = Samples(kernels, equations.rank, times, rows, stepper.references, begin.q)
-    made = tuple(variables(d, samples.outputs()))
+    recorded = tuple(variables(d, samples.outputs()))
     q, u = np.split(stepper.state[: 2 * n], 2)
     if len(times) and times[-1] == stepper.t:  # in the angles of the record, which passages of poles change
-        last = {x.name: float(x.values[-1]) for x in made if not x.components}
+        last = {x.name: float(x.values[-1]) for x in recorded if not x.components}
         q = np.array([last.get(v.name, x) for v, x in zip(d.variables, q, strict=True)])
         u = np.array([last.get(f"{v.name}.rate", x) for v, x in zip(d.variables, u, strict=True)])
-    ranges = ranges_of(made, samples.undetermined())
-    given = dict(zip((p.name for p in d.parameters), kernels.given.tolist(), strict=True))
+    ranges = ranges_of(recorded, samples.undetermined())
+    parameters = dict(zip((p.name for p in d.parameters), kernels.given.tolist(), strict=True))
     return Result(
         **of_model(
             d,
-            given,
+            parameters,
             **options_of(chosen),
             **made_with(kernels.library, kernels.typed),
         ),
         axes=_AXES,
         coordinate=over_time(times),
-        variables=made,
+        variables=recorded,
         drift=drift_of(stepper),
         final={
             v.name: {"value": x, "rate": s, "unit": v.unit}

@@ -22,14 +22,14 @@ def why_stopped(
     """Return the cause, the value of the input at which the loop stopped, and a remedy."""
     d = kernels.description
     solved = d.having("dependent")
-    at, wanted = kernels.value_at(t), kernels.value_at(target)
+    at, target_value = kernels.value_at(t), kernels.value_at(target)
     if status == _core.NOT_FINITE:
         return (
             f"an input, an effort or a load has no finite value, or no finite rate, beyond {at}\n"
             "  Look at their expressions there."
         )
-    own = scaled_screws(kernels, t, q)[:, solved]
-    _, values, right = np.linalg.svd(own)
+    columns = scaled_screws(kernels, t, q)[:, solved]
+    _, values, right = np.linalg.svd(columns)
     weakest = d.row(solved[int(np.argmax(np.abs(right[len(values) - 1])))])
     least = values[len(solved) - 1] / values[0]
     if status == _loop.INCONSISTENT:
@@ -42,19 +42,20 @@ def why_stopped(
         )
     if names := ball_pole(kernels, t, q):
         return (
-            f"the loop cannot be followed beyond {at} towards {wanted}: the angles {', '.join(names)} of a "
+            f"the loop cannot be followed beyond {at} towards {target_value}: the angles {', '.join(names)} "
+            "of a "
             "ball joint have a pole near it, a property of these angles and not of the loop\n"
             "  Evaluate values on either side of it, or turn the axes of the rows next to the ball (theta, "
             "alpha) so that its pole lies elsewhere."
         )
-    why = (
+    reason = (
         "its screws lose rank there, at a dead centre or at the limit of the range in which it can be "
         f"assembled; {weakest} is least constrained (smallest singular value: {least:.1e} of the largest)"
         if least < _WEAK
         else "no closure of the same branch was found"
     )
     return (
-        f"the loop cannot be followed beyond {at} towards {wanted}: {why}\n"
+        f"the loop cannot be followed beyond {at} towards {target_value}: {reason}\n"
         "  Stay below this value, continue past a turning point of the input (--through, through=True), "
         "change the lengths, or choose another input."
     )

@@ -50,18 +50,18 @@ def poles(
     if not kernels.has("inverse") or not any(d.variables[i].unknown for i in d.having("dependent")):
         return []
     n, before = d.coordinates, -1
-    found: list[tuple[float, Array, tuple[float, Array]]] = []  # with a pose from which it is followed
+    candidates: list[tuple[float, Array, tuple[float, Array]]] = []  # with a pose from which it is followed
     for i in np.argsort(times, kind="stable"):
         t, hold, status = float(times[i]), diagnosis[i, _loop.HOLD], diagnosis[i, _loop.STATUS]
         if status == _loop.POLE:
-            if not found or found[-1][0] != t:
-                found.append((t, states[i, :n], (t, states[i, :n])))
+            if not candidates or candidates[-1][0] != t:
+                candidates.append((t, states[i, :n], (t, states[i, :n])))
         elif before >= 0 and status == _core.DONE and diagnosis[before, _loop.HOLD] * hold < 0.0:
             start = float(times[before]), states[before, :n]
             passed = _between(kernels, equations, start, t)
-            found += [(*passed, start)] if passed else []
+            candidates += [(*passed, start)] if passed else []
         before = i if status == _core.DONE else -1
-    return [PoleAt(t, q, _residue(kernels, equations, t, q, start)) for t, q, start in found]
+    return [PoleAt(t, q, _residue(kernels, equations, t, q, start)) for t, q, start in candidates]
 
 
 def _between(
@@ -148,25 +148,26 @@ def _residue(
         return _limit(kernels, equations, t, start)
     solved, inputs = d.having("dependent"), d.having("input")
     unknown = [k for k, j in enumerate(solved) if d.variables[j].unknown]
-    given = [j for j in inputs if not d.variables[j].unknown]
+    known_inputs = [j for j in inputs if not d.variables[j].unknown]
     u, work = at_state(kernels, equations, t, q)
     motion = kernels("motion", t, q, u)
     screws, rates = motion["screws"], motion["screw_rates"]
     inverse = np.linalg.pinv(screws[:, solved], rcond=_RANK)
-    gain = -inverse @ screws[:, given]
-    slope = -inverse @ (rates[:, given] + rates[:, solved] @ gain)
+    gain = -inverse @ screws[:, known_inputs]
+    slope = -inverse @ (rates[:, known_inputs] + rates[:, solved] @ gain)
     needed = kernels("inverse", t, q, u, work[: len(q)])["inverse_efforts"]
     known = kernels("given", t, q, u)["given_efforts"] if kernels.has("given") else np.zeros(len(q))
     across = np.vstack([screws[3:], screws[:3]])  # reciprocal product with (force, moment)
     basis = np.linalg.pinv(across[:, solved].T, rcond=_RANK)
     wrench = basis @ (known - needed)[solved]
-    missing = (needed + across.T @ wrench - known)[given]
+    missing = (needed + across.T @ wrench - known)[known_inputs]
     left, _, right = np.linalg.svd(gain[unknown].T)
     row, column = left[:, -1], right[-1]
     rise, size = float(row @ slope[unknown].T @ column), float(np.max(np.abs(slope))) + 1e-300
     if not abs(rise) > _RANK * size:
         names = [
-            ", ".join(d.variables[j].name for j in which) for which in ([solved[k] for k in unknown], given)
+            ", ".join(d.variables[j].name for j in which)
+            for which in ([solved[k] for k in unknown], known_inputs)
         ]
         raise ModelError(
             f"drives at {names[0]} have no hold on {names[1]} at {kernels.value_at(t)}, and none near it: "
@@ -187,22 +188,22 @@ def _limit(
         return {}
     times, rows = around
     parts = times[:, None] * rows
-    found = _HALFWAY @ parts
-    found[np.abs(found) < _SMOOTH * np.max(np.abs(parts), axis=0)] = 0.0
+    limit = _HALFWAY @ parts
+    limit[np.abs(limit) < _SMOOTH * np.max(np.abs(parts), axis=0)] = 0.0
     # Efforts have poles, motions have none, although the angles of a ball change fast there.
-    return {b.name: part(found, b) * (b.unit not in OF_MOTION) for b in info.blocks}
+    return {b.name: part(limit, b) * (b.unit not in OF_MOTION) for b in info.blocks}
 
 
 def _differences(kernels: LoopKernels, t: float, q: Array, wrenches: list[Array]) -> list[dict[str, Array]]:
     """Return the change of the outputs due to each of these closing wrenches, in which they are affine."""
     base, u = np.zeros(len(q) + 6), np.zeros(len(q))
     without = kernels("outputs", t, q, u, base)
-    found = []
+    differences = []
     for wrench in wrenches:
         size = float(np.max(np.abs(wrench))) or 1.0
         base[len(q) :] = wrench / size
         with_it = kernels("outputs", t, q, u, base)
         change = {name: with_it[name] - without[name] for name in without}
         noise = {name: 1e-13 * (np.abs(without[name]) + 1.0) for name in without}
-        found.append({n: size * np.where(np.abs(x) > noise[n], x, 0.0) for n, x in change.items()})
-    return found
+        differences.append({n: size * np.where(np.abs(x) > noise[n], x, 0.0) for n, x in change.items()})
+    return differences

@@ -57,15 +57,15 @@ class Samples:
     def parts(self) -> tuple[Part, ...]:
         """The samples by the angles they are recorded in."""
         if not self.turns.any():
-            rows, found = np.arange(len(self.times)), self._solver.solutions(self.times, self.states)
-            whole = Part(rows, False, self.kernels, self.times, self.states, found)
+            rows, solutions = np.arange(len(self.times)), self._solver.solutions(self.times, self.states)
+            whole = Part(rows, False, self.kernels, self.times, self.states, solutions)
             return (whole,) if len(rows) else ()
         parts = []
         kinds, which = np.unique(self.turns, axis=0, return_inverse=True)
         for kind, turns in enumerate(kinds):
             rows = np.flatnonzero(which.ravel() == kind)
-            held = self._hold(turns)
-            kernels = LoopKernels(self.kernels.description, self.kernels.library, held.tolist())
+            parameters = self._hold(turns)
+            kernels = LoopKernels(self.kernels.description, self.kernels.library, parameters.tolist())
             times, states = self.times[rows], self.states[rows]
             part = Part(
                 rows, bool(turns.any()), kernels, times, states, self._solver.solutions(times, states)
@@ -75,11 +75,11 @@ class Samples:
         return tuple(parts)
 
     def _hold(self, turns: Array) -> Array:
-        held = self.kernels.given.copy()
+        parameters = self.kernels.given.copy()
         end = len(self.kernels.description.tunable) + len(turns)
-        held[end - len(turns) : end] = turns
-        self._solver.set_parameters(held)
-        return held
+        parameters[end - len(turns) : end] = turns
+        self._solver.set_parameters(parameters)
+        return parameters
 
     def outputs(self) -> Array:
         """Return the kernel 'outputs' at every sample, angles of balls as in the table."""
@@ -105,7 +105,7 @@ class Samples:
         solved = np.zeros((len(self.times), n))
         for part in self.parts:
             solved[part.rows] = part.found[:, :n]
-        found: list[tuple[int, Array, Array, Array]] = []
+        changed: list[tuple[int, Array, Array, Array]] = []
         table = self.states[:, :n].copy()
         signs = self._signs()
         for i in np.flatnonzero(self.turns.any(axis=1)).tolist():
@@ -123,9 +123,9 @@ class Samples:
                         if alpha >= 0:
                             near[alpha] += np.pi
             table[i] = q
-            found.append((i, q, u, a))
+            changed.append((i, q, u, a))
         self._hold(np.zeros(self.turns.shape[1]))
-        return found
+        return changed
 
     def _signs(self) -> NDArray[np.intp]:
         """Return the sign of cos(eta) of every ball at every sample, zero where nothing tells.
@@ -160,27 +160,31 @@ class Samples:
 
         The wrench of the ball behind that link is given in its frame.
         """
-        found = {}
+        by_ball = {}
         balls = zip(self.kernels.description.balls, self.kernels.balls, self.turns[i], strict=True)
         for ball, (_, alpha), turn in balls:
             if turn and ball.behind:
                 at = ball.angles[:2]
-                own, used = (np.array([x[at[0]], 0.0, x[at[1]], alpha, 0.0]) for x in (q, self.states[i]))
+                in_table, used = (
+                    np.array([x[at[0]], 0.0, x[at[1]], alpha, 0.0]) for x in (q, self.states[i])
+                )
                 ahead = np.array([0.0, 0.0, 0.0, turn, 0.0])
-                found[f"joint{ball.row + 2}"] = product([own])[:3, :3].T @ product([ahead, used])[:3, :3]
-        return found
+                by_ball[f"joint{ball.row + 2}"] = (
+                    product([in_table])[:3, :3].T @ product([ahead, used])[:3, :3]
+                )
+        return by_ball
 
     def _write(self, i: int, row: Array, q: Array, u: Array, a: Array) -> None:
         d, blind, frames = self.kernels.description, self._blind(q), self._frames(i, q)
         info = d.kernel("outputs")
-        own = {j for b in d.balls for j in (*b.angles, *b.behind) if j >= 0}
+        ball_variables = {j for b in d.balls for j in (*b.angles, *b.behind) if j >= 0}
         for block in info.blocks if info else ():
-            name, _, what = block.name.partition(".")
-            for j in own:
+            name, _, word = block.name.partition(".")
+            for j in ball_variables:
                 if d.variables[j].name == name:
                     values = {"": q, "rate": u, "acceleration": a}
-                    known = what in values and not (what and j in blind)
-                    row[block.offset] = values[what][j] if known else np.nan
+                    known = word in values and not (word and j in blind)
+                    row[block.offset] = values[word][j] if known else np.nan
             for at, turned in frames.items():
                 if block.name.endswith((f".{at}.force", f".{at}.moment")):
                     entries = slice(block.offset, block.offset + 3)
@@ -202,10 +206,10 @@ class Samples:
 
     def undetermined(self) -> dict[str, Mask]:
         """Return which entries of the outputs redundant closure leaves undetermined, at all samples."""
-        found: dict[str, Mask] = {}
+        masks: dict[str, Mask] = {}
         for part in self.parts:
             for name, mask in undetermined(part.kernels, part.times, part.states).items():
-                found.setdefault(name, np.zeros((len(self.times), mask.shape[1]), dtype=bool))[part.rows] = (
+                masks.setdefault(name, np.zeros((len(self.times), mask.shape[1]), dtype=bool))[part.rows] = (
                     mask
                 )
-        return found
+        return masks

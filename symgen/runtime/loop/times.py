@@ -86,8 +86,8 @@ def _passages(lead: Input, values: Array, nodes: Array, reached: Array) -> Array
     for sign in (1.0, -1.0):
         part = np.flatnonzero(sign * (values - reached[0]) > 0.0)
         farthest = np.maximum.accumulate(sign * reached)
-        found = np.searchsorted(farthest, sign * values[part] - _slack(values[part]))
-        brackets.append((part[found < len(nodes)], found[found < len(nodes)]))
+        positions = np.searchsorted(farthest, sign * values[part] - _slack(values[part]))
+        brackets.append((part[positions < len(nodes)], positions[positions < len(nodes)]))
     which, ends = (np.concatenate(x) for x in zip(*brackets, strict=True))
     at_node = np.abs(reached[ends] - values[which]) <= _slack(values[which])
     times[which[at_node]] = nodes[ends[at_node]]

@@ -41,7 +41,7 @@ def assemblies(
         poses = modes_of_groups(constraints, near, t)
     except NotInGroups as problem:
         poses, incomplete = _search(constraints, near, t, tries), f"{problem}: searched from many poses"
-    found: list[Array] = []
+    unique: list[Array] = []
     for pose in poses:
         q = polished(constraints, pose, t)
         if q is None:
@@ -51,10 +51,10 @@ def assemblies(
             continue
         if not _isolated(constraints, q, t):
             incomplete = incomplete or "poses at dead centres are left out"
-        elif all(np.max(np.abs(q - other)) > _SAME * length for other in found):
-            found.append(q)
-    found.sort(key=lambda q: (round(float(np.linalg.norm(q - near) / length), 6), q.tolist()))
-    return found, incomplete
+        elif all(np.max(np.abs(q - other)) > _SAME * length for other in unique):
+            unique.append(q)
+    unique.sort(key=lambda q: (round(float(np.linalg.norm(q - near) / length), 6), q.tolist()))
+    return unique, incomplete
 
 
 def _search(constraints: Constraints, near: Array, t: float, tries: int) -> Iterator[Array]:

@@ -58,15 +58,15 @@ class Quadratics:
     def values(self, rows: Sequence[int], x: Poses) -> Poses:
         """Return the constraints of some rows at poses (..., n): (..., rows)."""
         bent = np.einsum("...i,rij,...j->...r", x, self.curvature[rows], x)
-        found: Poses = self.constant[rows] + x @ self.slope[rows].T + bent / 2
-        return found
+        values: Poses = self.constant[rows] + x @ self.slope[rows].T + bent / 2
+        return values
 
     def slopes(self, rows: Sequence[int], columns: Sequence[int], x: Poses) -> Poses:
         """Return the derivatives of rows by columns at poses (..., n): (..., rows, columns)."""
-        found: Poses = self.slope[np.ix_(rows, columns)] + np.einsum(
+        slopes: Poses = self.slope[np.ix_(rows, columns)] + np.einsum(
             "rci,...i->...rc", self.curvature[np.ix_(rows, columns)], x
         )
-        return found
+        return slopes
 
     def having(self, rows: Iterable[int], columns: Iterable[int]) -> dict[int, set[int]]:
         """Return the columns on which each row depends."""
@@ -116,8 +116,8 @@ class _Point:
 def _solved(matrix: Poses, right: Poses) -> Poses:
     if np.any(np.abs(np.linalg.det(matrix)) < _DEGENERATE**2):
         raise NotInGroups(_SINGULAR)
-    found: Poses = np.linalg.solve(matrix, right[..., None])[..., 0]
-    return found
+    solution: Poses = np.linalg.solve(matrix, right[..., None])[..., 0]
+    return solution
 
 
 def _placed(x: Poses, columns: Sequence[int], values: Poses) -> Poses:
@@ -158,12 +158,12 @@ class _Circle:
             circle = squared**0.5 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
             return _placed(np.broadcast_to(x, (len(angles), len(x))), self.columns, centre + circle)
 
-        found = []
+        solutions = []
         for angle in _roots(lambda angles: self._missed(of, around(angles))):
             for pose in _chosen(of, self.points, around(np.array([angle]))[0]):
                 if abs(of.values([self.last], pose)[0]) < _OPEN:
-                    found.append(pose)
-        return found
+                    solutions.append(pose)
+        return solutions
 
     def _missed(self, of: Quadratics, poses: Poses) -> Array:
         """Return the product over all signs of the last row and of the divisors of the poses."""
@@ -174,8 +174,8 @@ class _Circle:
             signs = [(way, divisor * squared) for ways, squared, divisor in solved for way in ways]
         for pose, divisor in signs:
             missed = missed * of.values([self.last], pose)[:, 0] * divisor
-        found: Array = missed.real
-        return found
+        error: Array = missed.real
+        return error
 
 
 def _roots(function: Callable[[Array], Array]) -> list[float]:
@@ -185,7 +185,7 @@ def _roots(function: Callable[[Array], Array]) -> list[float]:
     """
     nodes = chebyshev.chebpts1(_DEGREE + 1)
     series = np.linalg.inv(chebyshev.chebvander(nodes, _DEGREE))
-    half, centres, found = np.pi / _ARCS, 2 * np.pi * (np.arange(_ARCS) + 0.5) / _ARCS, list[float]()
+    half, centres, angles = np.pi / _ARCS, 2 * np.pi * (np.arange(_ARCS) + 0.5) / _ARCS, list[float]()
     while len(centres):
         values = function((centres[:, None] + half * nodes).ravel()).reshape(len(centres), -1)
         size = np.max(np.abs(values), axis=1)
@@ -193,12 +193,12 @@ def _roots(function: Callable[[Array], Array]) -> list[float]:
             raise NotInGroups("the last constraint of a group has no separate roots")
         terms = (values / size[:, None]) @ series.T
         ended = (np.abs(terms[:, -3:]).max(axis=1) < _ENDED) | (half < _SHORTEST)
-        for centre, own in zip(centres[ended], terms[ended], strict=True):
-            roots = chebyshev.chebroots(own)
+        for centre, coefficients in zip(centres[ended], terms[ended], strict=True):
+            roots = chebyshev.chebroots(coefficients)
             near = (np.abs(roots.imag) < _PAIR) & (np.abs(roots.real) < 1 + _PAIR)
-            found += (centre + half * roots.real[near]).tolist()
+            angles += (centre + half * roots.real[near]).tolist()
         centres, half = np.concatenate([centres[~ended] - half / 2, centres[~ended] + half / 2]), half / 2
-    return found
+    return angles
 
 
 def modes_of_groups(constraints: Constraints, near: Array, t: float) -> list[Array]:
@@ -226,8 +226,8 @@ def modes_of_groups(constraints: Constraints, near: Array, t: float) -> list[Arr
 
 
 def _ways(of: Quadratics, group: _Point | _Circle, x: Array) -> list[Array]:
-    found = group.solved(of, x)
-    ways = found if isinstance(found, list) else found[0]
+    solutions = group.solved(of, x)
+    ways = solutions if isinstance(solutions, list) else solutions[0]
     return [way for way in ways if np.isfinite(way).all()]
 
 
@@ -265,12 +265,12 @@ def _groups(of: Quadratics, rows: Sequence[int], columns: Sequence[int]) -> list
     having = of.having(rows, columns)
     places = [(row, i, 0) for row in rows for i, column in enumerate(columns) if column in having[row]]
     try:
-        found = groups_of(np.array(places, dtype=np.intp).reshape(-1, 3), rows, len(columns))
+        groups = groups_of(np.array(places, dtype=np.intp).reshape(-1, 3), rows, len(columns))
     except ValueError:
         raise NotInGroups("some constraints do not determine as many coordinates") from None
     return [
-        (list(found.rows[start:end]), [columns[i] for i in found.columns[start:end]])
-        for start, end in pairwise(found.starts)
+        (list(groups.rows[start:end]), [columns[i] for i in groups.columns[start:end]])
+        for start, end in pairwise(groups.starts)
     ]
 
 
@@ -292,9 +292,9 @@ def _solver(of: Quadratics, rows: list[int], columns: list[int]) -> _Point | _Ci
         except NotInGroups:
             continue
         points = [_point(of, *part) for part in parts]
-        found = [p for p in points if p is not None]
-        if len(found) == len(points) and (best is None or _signs(found) < _signs(best.points)):
-            best = _Circle(row, on, found, last)
+        known = [p for p in points if p is not None]
+        if len(known) == len(points) and (best is None or _signs(known) < _signs(best.points)):
+            best = _Circle(row, on, known, last)
     if best is None:
         raise NotInGroups(f"one angle does not break up a group of {len(rows)} unknowns into points")
     return best

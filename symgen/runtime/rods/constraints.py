@@ -59,8 +59,8 @@ class Constraints:
     def _scaled(self, kernel: str, q: Array, u: Array, t: float, columns: int = 1) -> Array:
         if not self.m:
             return np.zeros(0)
-        found = self._call("constraints", q, u, t)
-        value, scale = found[: self.m], found[self.m : 2 * self.m]
+        blocks = self._call("constraints", q, u, t)
+        value, scale = blocks[: self.m], blocks[self.m : 2 * self.m]
         if kernel != "constraints":
             value = self._call(kernel, q, u, t)[: self.m * columns]
         scaled: Array = (value.reshape(self.m, columns) / scale[:, None]).ravel()
@@ -83,8 +83,8 @@ class Constraints:
         """Return the value of every drive by name [rad or m]."""
         if not self.kinematics.has("drives"):
             return {}
-        found = self.kinematics.blocks("drives", t, self._rest, self._rest)
-        return {name: float(value[0]) for name, value in found.items()}
+        blocks = self.kinematics.blocks("drives", t, self._rest, self._rest)
+        return {name: float(value[0]) for name, value in blocks.items()}
 
     def units(self) -> dict[str, str]:
         """Return the unit of every drive."""
@@ -101,20 +101,20 @@ class Constraints:
 
     def errors(self, poses: Poses) -> tuple[float, float]:
         """Return the largest of Phi over its scale [m] and of its rate [m/s] at many poses."""
-        found = self.kinematics.many("closure", poses.times, poses.q, poses.u)
-        values, scale, rates = np.split(found[:, : 3 * self.m], 3, axis=1)
+        closure = self.kinematics.many("closure", poses.times, poses.q, poses.u)
+        values, scale, rates = np.split(closure[:, : 3 * self.m], 3, axis=1)
         place, rate = (float(np.max(np.abs(x / scale), initial=0.0)) for x in (values, rates))
         return place, rate
 
     def moving(self, poses: Poses) -> tuple[Array, Array]:
         """Return positions [m] and velocities [m/s] of all points at many poses, (poses, points, axes)."""
-        found = self.evaluator.many_blocks("points", poses.times, poses.q, poses.u)
-        return found["positions"], found["velocities"]
+        blocks = self.evaluator.many_blocks("points", poses.times, poses.q, poses.u)
+        return blocks["positions"], blocks["velocities"]
 
     def accelerating(self, poses: Poses) -> Array:
         """Return the accelerations [m/s^2] of all points at many poses, (poses, points, axes)."""
-        given = poses.times, poses.q, poses.u, poses.accelerations
-        return self.evaluator.many_blocks("point_accelerations", *given)["point_accelerations"]
+        states = poses.times, poses.q, poses.u, poses.accelerations
+        return self.evaluator.many_blocks("point_accelerations", *states)["point_accelerations"]
 
     def turning(self, poses: Poses) -> dict[str, tuple[Array, Array]]:
         """Return angular velocity [rad/s] and acceleration [rad/s^2] of links in the plane, (poses,) each."""
@@ -126,15 +126,15 @@ class Constraints:
         if not self.kinematics.has("drives"):
             return {}
         still = np.zeros((len(times), self.n))
-        found = self.kinematics.many_blocks("drives", times, still, still)
-        return {name: values.reshape(len(times)) for name, values in found.items()}
+        blocks = self.kinematics.many_blocks("drives", times, still, still)
+        return {name: values.reshape(len(times)) for name, values in blocks.items()}
 
     def turned_over(self, q: Array, t: float) -> bool:
         """Return True if a driven link points against its prescribed direction, as its constraint allows."""
         places = dict(zip(self.description.points, self.places(q, t), strict=True))
         for name, angle in self.drives(t).items():
-            link, _, what = name.partition(".")
-            if what == "angle":
+            link, _, word = name.partition(".")
+            if word == "angle":
                 start, end = self.description.links[link][:2]
                 along = places[end] - places[start]
                 if along[0] * np.cos(angle) + along[1] * np.sin(angle) < 0:

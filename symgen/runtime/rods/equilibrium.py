@@ -179,9 +179,9 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     raise _none(constraints, q, here, best, statics.force(here), length)
 
 
-def _balanced(found: Linearised) -> float:
+def _balanced(linearised: Linearised) -> float:
     """Return the residual that is accepted where steps no longer reduce it [N]."""
-    return max(100 * found.noise, 1e-10 * found.scale)
+    return max(100 * linearised.noise, 1e-10 * linearised.scale)
 
 
 def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
@@ -231,34 +231,34 @@ def _none(
     axes = len(constraints.description.axes)
     pushed = np.linalg.norm((best.basis @ (best.basis.T @ force)).reshape(-1, axes), axis=1)
     order = [int(i) for i in np.argsort(-pushed, kind="stable")[:3] if pushed[i] > 0]
-    what = ", ".join(f"{constraints.description.free[i]} by {pushed[i]:.3g} N" for i in order)
+    points = ", ".join(f"{constraints.description.free[i]} by {pushed[i]:.3g} N" for i in order)
     if np.max(np.abs(here - start)) > _AWAY * length:
         return SimulationError(
             "there is no equilibrium within reach: nothing holds the linkage, which is still pushed at "
-            f"{what}\n  Hold it: ground a point, or add a spring or a drive."
+            f"{points}\n  Hold it: ground a point, or add a spring or a drive."
         )
     return SimulationError(
-        f"no equilibrium was found from this start: still pushed at {what}\n  Start from another pose."
+        f"no equilibrium was found from this start: still pushed at {points}\n  Start from another pose."
     )
 
 
-def describe(statics: Statics, q: Array, found: Linearised) -> Equilibrium:
+def describe(statics: Statics, q: Array, linearised: Linearised) -> Equilibrium:
     """Return the equilibrium with its reactions and the outputs that the scene selects."""
     constraints, t = statics.constraints, statics.t
     d, evaluator, rest = constraints.description, constraints.evaluator, np.zeros(constraints.n)
     work = np.zeros(evaluator.work_size + constraints.n + constraints.m + 1)
-    work[constraints.n : constraints.n + constraints.m] = found.multipliers
+    work[constraints.n : constraints.n + constraints.m] = linearised.multipliers
     info = d.kernel("outputs")
     outputs = evaluator.blocks("outputs", t, q, rest, work) if info else {}
     return Equilibrium(
         state=state_at(evaluator, t, q, rest),
-        stability=found.stability(),
-        freedoms=found.freedoms,
-        residual=float(np.max(np.abs(found.unbalanced), initial=0.0)),
-        scale=found.scale,
-        multipliers=dict(zip(d.constraints, found.multipliers.tolist(), strict=True)),
+        stability=linearised.stability(),
+        freedoms=linearised.freedoms,
+        residual=float(np.max(np.abs(linearised.unbalanced), initial=0.0)),
+        scale=linearised.scale,
+        multipliers=dict(zip(d.constraints, linearised.multipliers.tolist(), strict=True)),
         reactions=reactions_at(evaluator, t, q, rest, work),
         outputs=outputs,
         units={b.name: b.unit for b in info.blocks} if info else {},
-        linearised=found,
+        linearised=linearised,
     )

@@ -113,8 +113,8 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
     RangeError
         When it does not take a value in the range.
     """
-    wanted = reals(values, "values of the input").tolist()
-    if not wanted:
+    input_values = reals(values, "values of the input").tolist()
+    if not input_values:
         raise ModelError("expected at least one value of the input")
     times = np.linspace(start, stop, _GRID)
     over_times = drives(times)
@@ -123,44 +123,45 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
         raise ModelError(
             f"{name} has no driven link whose direction could be given\n  Give a range of time instead."
         )
-    taken = over_times[first]
+    drive_values = over_times[first]
     is_angle = first.endswith(".angle")
     targets = []
-    for value in wanted:
-        target = _target(taken, value, 2 * math.pi if is_angle else 0.0)
+    for value in input_values:
+        target = _target(drive_values, value, 2 * math.pi if is_angle else 0.0)
         if target is None:
             unit, size = ("deg", math.pi / 180) if is_angle else ("m", 1.0)
             raise RangeError(
-                f"{first} is between {np.min(taken) / size:.9g} and {np.max(taken) / size:.9g} {unit} from "
+                f"{first} is between {np.min(drive_values) / size:.9g} and "
+                f"{np.max(drive_values) / size:.9g} {unit} from "
                 f"t = {start:g} s to {stop:g} s, and does not come to {value / size:.9g} {unit}\n"
                 "  Give a longer range of time."
             )
         targets.append(target)
-    return _first(lambda at: drives(at)[first], times, taken, np.array(targets))
+    return _first(lambda at: drives(at)[first], times, drive_values, np.array(targets))
 
 
-def _target(taken: Array, value: float, period: float) -> float | None:
+def _target(drive_values: Array, value: float, period: float) -> float | None:
     """Return the value of the drive that is equal to the given one and taken first; None without one."""
-    low, high = float(np.min(taken)), float(np.max(taken))
+    low, high = float(np.min(drive_values)), float(np.max(drive_values))
     if not period:
         return value if low <= value <= high else None
     first = math.ceil((low - value) / period - _SLACK)
     last = math.floor((high - value) / period + _SLACK)
     targets = [min(max(value + period * k, low), high) for k in range(first, last + 1)]
-    return min(targets, key=lambda v: int(np.argmax(_crossed(taken, v))), default=None)
+    return min(targets, key=lambda v: int(np.argmax(_crossed(drive_values, v))), default=None)
 
 
-def _crossed(taken: Array, target: float) -> NDArray[np.bool_]:
-    gap = taken - target
+def _crossed(drive_values: Array, target: float) -> NDArray[np.bool_]:
+    gap = drive_values - target
     return gap[:-1] * gap[1:] <= 0.0
 
 
-def _first(drive: Callable[[Array], Array], times: Array, taken: Array, targets: Array) -> Array:
+def _first(drive: Callable[[Array], Array], times: Array, drive_values: Array, targets: Array) -> Array:
     """Return the first times at which a drive has some values, bisected down to neighbouring numbers."""
-    before = np.array([int(np.argmax(_crossed(taken, target))) for target in targets])
+    before = np.array([int(np.argmax(_crossed(drive_values, target))) for target in targets])
     low, high = times[before], times[before + 1]
     for end, place in ((high, before + 1), (low, before)):  # where both have it, the first
-        met = taken[place] == targets
+        met = drive_values[place] == targets
         low, high = np.where(met, end, low), np.where(met, end, high)
     return bisected(drive, targets, low, high)
 

@@ -53,8 +53,8 @@ def driven(constraints: Constraints, q: Array, t: float) -> None:
         )
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class Followed:
 
 
 def analyse(
-    constraints: Constraints, q: Array, t: float, asked: Instants, through: bool, of: Sequence[str] | None
+    constraints: Constraints, q: Array, t: float, instants: Instants, through: bool, of: Sequence[str] | None
 ) -> Motion:
     """Follow the linkage from the pose q at the time t over a range, and return its motion.
 
@@ -88,43 +88,44 @@ def analyse(
         chosen_names(constraints, of),
         converters(constraints.description.units),
     )
-    if not 2 <= asked.samples <= 1_000_000:
-        raise ModelError(f"expected between 2 and 1 million points, got {asked.samples}")
-    if through and asked.at is not None:
+    if not 2 <= instants.samples <= 1_000_000:
+        raise ModelError(f"expected between 2 and 1 million points, got {instants.samples}")
+    if through and instants.at is not None:
         raise ModelError("give at or through, not both: values are evaluated on one assembly branch")
     driven(constraints, q, t)
-    times = asked.times(constraints.description.name, constraints.driving)
-    found = follow(constraints, q, t, asked, times, through)
-    if not len(found.samples):
-        where = "; ".join(p.describe(shown) for p in found.poses)
+    times = instants.times(constraints.description.name, constraints.driving)
+    followed = follow(constraints, q, t, instants, times, through)
+    if not len(followed.samples):
+        where = "; ".join(p.describe(shown) for p in followed.poses)
         raise SimulationError(
-            f"the linkage does not get from t = {t:g} s to the range {asked.start:g} s to {asked.stop:g} s"
+            f"the linkage does not get from t = {t:g} s to the range {instants.start:g} s to "
+            f"{instants.stop:g} s"
             f"{f': {where}' if where else ''}\n  Choose another range, or another assembly to start from."
         )
-    samples, near = found.samples, found.near
-    if asked.at is not None:
-        order = _order_of(found, times, shown)
+    samples, near = followed.samples, followed.near
+    if instants.at is not None:
+        order = _order_of(followed, times, shown)
         samples, near = samples[order], near[order]
     return recorded(
         constraints,
         samples,
-        Along(constraints.description, constraints.moving(found.path)[0], near),
-        found.poses,
-        found.unassemblable,
-        found.out_of_reach,
+        Along(constraints.description, constraints.moving(followed.path)[0], near),
+        followed.poses,
+        followed.unassemblable,
+        followed.out_of_reach,
         chosen,
-        asked.stop,
-        asked.over if asked.at is not None else "time",
+        instants.stop,
+        instants.over if instants.at is not None else "time",
         began,
     )
 
 
-def _order_of(found: Followed, times: Array, shown: Mapping[str, tuple[str, float]]) -> NDArray[np.intp]:
+def _order_of(followed: Followed, times: Array, shown: Mapping[str, tuple[str, float]]) -> NDArray[np.intp]:
     """Return the samples at given times, in their order; raise SimulationError if one is missing."""
-    places = {t: i for i, t in enumerate(found.samples.times.tolist())}
+    places = {t: i for i, t in enumerate(followed.samples.times.tolist())}
     for t in times.tolist():
         if t not in places:
-            where = "; ".join(p.describe(shown) for p in found.poses)
+            where = "; ".join(p.describe(shown) for p in followed.poses)
             raise SimulationError(
                 f"the linkage does not reach t = {t:.9g} s{f': {where}' if where else ''}", time=t
             )
@@ -132,7 +133,7 @@ def _order_of(found: Followed, times: Array, shown: Mapping[str, tuple[str, floa
 
 
 def follow(
-    constraints: Constraints, q: Array, t: float, asked: Instants, times: Array, through: bool = False
+    constraints: Constraints, q: Array, t: float, instants: Instants, times: Array, through: bool = False
 ) -> Followed:
     """Follow the linkage from the pose q at the time t over a range, and sample it at times in it.
 
@@ -145,25 +146,27 @@ def follow(
     SimulationError
         When the curve cannot be followed, naming the time.
     """
-    if not (math.isfinite(asked.start) and math.isfinite(asked.stop) and asked.start < asked.stop):
+    if not (
+        math.isfinite(instants.start) and math.isfinite(instants.stop) and instants.start < instants.stop
+    ):
         raise ModelError(
-            f"expected a range of time with start before stop, got {asked.start:g} to {asked.stop:g} s"
+            f"expected a range of time with start before stop, got {instants.start:g} to {instants.stop:g} s"
         )
     driven(constraints, q, t)
-    curve = Curve(constraints, constraints.length(q), _duration(constraints, q, t, asked))
+    curve = Curve(constraints, constraints.length(q), _duration(constraints, q, t, instants))
     reach = _STEPS * LONGEST * curve.duration
-    if asked.stop - asked.start > reach:
+    if instants.stop - instants.start > reach:
         raise ModelError(
             f"expected a range of at most {reach:.3g} s, {_STEPS} steps at the speed of the drives, got "
-            f"{asked.start:g} to {asked.stop:g} s"
+            f"{instants.start:g} to {instants.stop:g} s"
         )
-    ends = min(asked.start, t), max(asked.stop, t)
+    ends = min(instants.start, t), max(instants.stop, t)
     sound = along_branch(constraints, q, t, *ends, np.unique(times))
     if sound is not None:
         samples = sound.poses[sound.asked]
         return Followed(samples, sound.asked, sound.poses, [], [], [])
-    path = _path(curve, q, t, asked, through)
-    poses = singular_poses(curve, path, asked.start, asked.stop)
+    path = _path(curve, q, t, instants, through)
+    poses = singular_poses(curve, path, instants.start, instants.stop)
     rows: list[tuple[float, Array, Array, Array]] = []
     near: list[int] = []
     begin = 0
@@ -173,11 +176,11 @@ def follow(
         near += [begin + i for _, i in sampled]
         begin += len(part) - 1
     covered = [_span(curve, part) for part in monotone(path)]
-    others, apart = _elsewhere(curve, q, asked, covered)
+    others, apart = _elsewhere(curve, q, instants, covered)
     poses += others
     passed = [(t, q, np.zeros_like(q), np.zeros_like(q)) for q, t in (curve.split(p.x) for p in path)]
     nearest = np.array(near, dtype=np.intp)
-    gaps = _gaps([*covered, *apart], asked)
+    gaps = _gaps([*covered, *apart], instants)
     return Followed(_poses(rows, constraints.n), nearest, _poses(passed, constraints.n), poses, gaps, apart)
 
 
@@ -186,29 +189,31 @@ def _poses(rows: Sequence[tuple[float, Array, Array, Array]], n: int) -> Poses:
     return Poses(np.array([row[0] for row in rows]), states)
 
 
-def _duration(constraints: Constraints, q: Array, t: float, asked: Instants) -> float:
+def _duration(constraints: Constraints, q: Array, t: float, instants: Instants) -> float:
     """Return about the time in which the drives move by the linkage's size, at most about the range.
 
     Points of the linkage would do as well, but next to a dead centre they are as fast as one likes. A power
     of two divides times without rounding, so that the curve starts exactly at t.
     """
-    whole = max(asked.stop, t) - min(asked.start, t)
+    whole = max(instants.stop, t) - min(instants.start, t)
     fastest = float(np.max(np.abs(constraints.drift(q, t)), initial=0.0))
     return 2.0 ** round(math.log2(min(whole, constraints.length(q) / fastest) if fastest > 0 else whole))
 
 
-def _path(curve: Curve[Constraints], q: Array, t: float, asked: Instants, through: bool) -> list[CurvePoint]:
+def _path(
+    curve: Curve[Constraints], q: Array, t: float, instants: Instants, through: bool
+) -> list[CurvePoint]:
     """Return the curve through the start, from low to high times unless it has turning points."""
     x = curve.at(curve.join(q, t))
     if x is None:
         raise SimulationError(f"the pose to start from does not meet the constraints at t = {t:g} s", time=t)
-    ends = min(asked.start, t), max(asked.stop, t)
+    ends = min(instants.start, t), max(instants.stop, t)
     forward = curve.walk(curve.point(x), ends, through, _STEPS)
     if forward[-1] is forward[0] and len(forward) > 1:
         return forward
     if forward[-1].speed > TURNING and forward[-1].x[-1] < ends[1] / curve.duration:
         raise _stuck(curve, forward[-1])
-    if asked.start >= t:
+    if instants.start >= t:
         return forward
     back = curve.walk(curve.point(x, np.append(np.zeros(len(q)), -1.0)), ends, through, _STEPS)
     if back[-1].speed < -TURNING and back[-1].x[-1] > ends[0] / curve.duration:
@@ -307,27 +312,30 @@ def _near_crossing(
 
 
 def _elsewhere(
-    curve: Curve[Constraints], q: Array, asked: Instants, covered: list[Range]
+    curve: Curve[Constraints], q: Array, instants: Instants, covered: list[Range]
 ) -> tuple[list[SingularPose], list[Range]]:
     """Look for assemblies in the times not covered; return their dead centres and ranges."""
     poses: list[SingularPose] = []
     apart: list[Range] = []
-    for low, high in _gaps(covered, asked):
+    for low, high in _gaps(covered, instants):
         for t in low + (high - low) * (np.arange(_PROBES) + 0.5) / _PROBES:
             if any(a <= t <= b for a, b in apart) or not np.isfinite(curve.constraints.residual(q, t)).all():
                 continue
-            found, _ = assemblies(curve.constraints, q, float(t), tries=8)
-            if not found:
+            others, _ = assemblies(curve.constraints, q, float(t), tries=8)
+            if not others:
                 continue
-            start = curve.at(curve.join(found[0], float(t)))
+            start = curve.at(curve.join(others[0], float(t)))
             if start is None:
                 continue
             ways = [np.append(np.zeros(len(q)), s) for s in (1.0, -1.0)]
-            ends = [curve.walk(curve.point(start, w), (asked.start, asked.stop), False, _STEPS) for w in ways]
+            ends = [
+                curve.walk(curve.point(start, w), (instants.start, instants.stop), False, _STEPS)
+                for w in ways
+            ]
             path = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(ends[1][1:])] + ends[0]
-            poses += singular_poses(curve, path, asked.start, asked.stop)
+            poses += singular_poses(curve, path, instants.start, instants.stop)
             times = [p.x[-1] * curve.duration for p in path]
-            apart.append((float(max(min(times), asked.start)), float(min(max(times), asked.stop))))
+            apart.append((float(max(min(times), instants.start)), float(min(max(times), instants.stop))))
     return poses, apart
 
 
@@ -336,12 +344,12 @@ def _span(curve: Curve[Constraints], part: list[CurvePoint]) -> Range:
     return ends[0], ends[1]
 
 
-def _gaps(covered: list[Range], asked: Instants) -> list[Range]:
-    gaps, at = [], asked.start
+def _gaps(covered: list[Range], instants: Instants) -> list[Range]:
+    gaps, at = [], instants.start
     for low, high in sorted(covered):
         if low > at:
-            gaps.append((float(at), float(min(low, asked.stop))))
+            gaps.append((float(at), float(min(low, instants.stop))))
         at = max(at, high)
-    if at < asked.stop:
-        gaps.append((float(at), asked.stop))
+    if at < instants.stop:
+        gaps.append((float(at), instants.stop))
     return gaps

@@ -46,12 +46,12 @@ def least_velocities(
 
     rows, right = [], []
     if evaluator.has("constraint_jacobian"):
-        kept = np.setdiff1d(np.arange(len(evaluator.description.constraints)), redundant)
+        independent = np.setdiff1d(np.arange(len(evaluator.description.constraints)), redundant)
         scale = evaluator.blocks("constraints", 0.0, q, still)["constraint_scale"]
         drift = evaluator.blocks("velocity_constraints", 0.0, q, still)["velocity_constraints"]
         jacobian = matrix("constraint_jacobian", "constraint_jacobian")
-        rows.append(jacobian.multiply(1 / scale[:, None]).tocsr()[kept])
-        right.append(-(drift / scale)[kept])
+        rows.append(jacobian.multiply(1 / scale[:, None]).tocsr()[independent])
+        right.append(-(drift / scale)[independent])
     constraints = len(right[0]) if right else 0
     if evaluator.has("start_velocity"):
         rows.append(matrix("start_velocity", "start_jacobian"))
@@ -63,23 +63,23 @@ def least_velocities(
     masses = (root @ masses @ root).tocsc()
     if not _is_positive(masses):
         return None
-    conditions, wanted = vstack(rows, format="csc"), np.concatenate(right)
+    conditions, rates = vstack(rows, format="csc"), np.concatenate(right)
     scaled = conditions @ root
     sizes = norm(scaled, axis=1)
     weights = 1 / np.where(sizes > 0.0, sizes, 1.0)
     scaled = diags_array(weights) @ scaled
-    compliance = -_COMPLIANCE * eye_array(len(wanted))
+    compliance = -_COMPLIANCE * eye_array(len(rates))
     factors = splu(block_array([[masses, scaled.T], [scaled, compliance]], format="csc"))
-    moved, multipliers, miss, u = np.zeros_like(q), np.zeros_like(wanted), -wanted, still
+    moved, multipliers, miss, u = np.zeros_like(q), np.zeros_like(rates), -rates, still
     for _ in range(_CORRECTIONS):
         unbalanced = masses @ moved + scaled.T @ multipliers
         change = factors.solve(-np.concatenate([unbalanced, weights * miss]))
         moved, multipliers = moved + change[: len(q)], multipliers + change[len(q) :]
-        left = conditions @ (root @ moved) - wanted
+        left = conditions @ (root @ moved) - rates
         if not np.max(np.abs(left)) < np.max(np.abs(miss)):
             break
         miss, u = left, root @ moved
-    size = float(np.max(np.abs(wanted), initial=0.0))
+    size = float(np.max(np.abs(rates), initial=0.0))
     missed = np.abs(miss)
     return u, missed[:constraints], missed[constraints:], size
 

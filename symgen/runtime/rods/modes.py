@@ -145,11 +145,11 @@ def analyse(evaluator: Evaluator, equilibrium: Equilibrium) -> Modes:
         squares = np.where(np.abs(squares) <= small, 0.0, squares)
         values = np.where(squares < 0, np.sqrt(np.abs(squares)), 1j * np.sqrt(np.abs(squares)))
         free = _separated(squares, lin.basis @ np.linalg.solve(root.T, shapes))
-    found = [
+    results = [
         Mode(_kind(complex(s)), complex(s), _shape(evaluator, equilibrium, free[:, i]))
         for i, s in enumerate(values)
     ]
-    return Modes(equilibrium, tuple(found))
+    return Modes(equilibrium, tuple(results))
 
 
 def _congruent(root: Array, matrix: Array) -> Array:

@@ -27,17 +27,17 @@ class Poses:
     @property
     def q(self) -> Array:
         """Coordinates [m]."""
-        found: Array = self.states[:, 0]
-        return found
+        coordinates: Array = self.states[:, 0]
+        return coordinates
 
     @property
     def u(self) -> Array:
         """Velocities [m/s]."""
-        found: Array = self.states[:, 1]
-        return found
+        rates: Array = self.states[:, 1]
+        return rates
 
     @property
     def accelerations(self) -> Array:
         """Accelerations [m/s^2]."""
-        found: Array = self.states[:, 2]
-        return found
+        second_rates: Array = self.states[:, 2]
+        return second_rates

@@ -85,13 +85,13 @@ def _neighbours(evaluator: Evaluator, q: Array, drives: tuple[int, ...]) -> list
     if not len(free):
         return None
     size = extent(evaluator, q)
-    found = []
+    neighbours = []
     for k in range(_NEIGHBOURS):
         direction = np.random.default_rng(k).standard_normal(len(free)) @ free
         near = _onto(evaluator, q + _AWAY * size * direction / np.max(np.abs(direction)), size, drives)
         if near is not None:
-            found.append(near)
-    return found
+            neighbours.append(near)
+    return neighbours
 
 
 def extent(evaluator: Evaluator, q: Array) -> float:
@@ -102,9 +102,9 @@ def extent(evaluator: Evaluator, q: Array) -> float:
 
 def violation(evaluator: Evaluator, t: float, q: Array, u: Array) -> tuple[float, float]:
     """Return the largest violations of constraints [m] and of their rates [m/s] at a state."""
-    found = evaluator.blocks("constraints", t, q, u)
+    blocks = evaluator.blocks("constraints", t, q, u)
     rates = evaluator.blocks("velocity_constraints", t, q, u)["velocity_constraints"]
-    errors = [np.max(np.abs(x / found["constraint_scale"])) for x in (found["constraints"], rates)]
+    errors = [np.max(np.abs(x / blocks["constraint_scale"])) for x in (blocks["constraints"], rates)]
     return float(errors[0]), float(errors[1])
 
 
@@ -128,8 +128,8 @@ def _onto(evaluator: Evaluator, q: Array, size: float, drives: tuple[int, ...]) 
     for _ in range(_NEWTON):
         jacobian, scale = _scaled_jacobian(evaluator, 0.0, q)
         error = evaluator.blocks("constraints", 0.0, q, np.zeros_like(q))["constraints"] / scale
-        kept = np.delete(jacobian, drives, axis=0), np.delete(-error, drives)
-        step = np.linalg.lstsq(*kept, rcond=_rank(evaluator))[0]
+        without_drives = np.delete(jacobian, drives, axis=0), np.delete(-error, drives)
+        step = np.linalg.lstsq(*without_drives, rcond=_rank(evaluator))[0]
         q = q + step
         if not np.max(np.abs(step)) <= size:
             return None

@@ -199,8 +199,8 @@ def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> Initi
 
 def _values(evaluator: Evaluator) -> str:
     """Return the tunable parameters with their values."""
-    given = zip(evaluator.description.tunable, evaluator.given, strict=False)
-    return ", ".join(f"{p.name} = {v:g} {p.unit}" for p, v in given) or "the drawing"
+    tunable = zip(evaluator.description.tunable, evaluator.given, strict=False)
+    return ", ".join(f"{p.name} = {v:g} {p.unit}" for p, v in tunable) or "the drawing"
 
 
 def _label(evaluator: Evaluator, row: str) -> str:
@@ -216,19 +216,19 @@ def _place(evaluator: Evaluator, row: str) -> str:
         return evaluator.description.driver(link) if "drive" in constraint else f"links.{link}"
     if row.startswith("the guide"):
         return "guides"
-    name, _, what = row.partition(" ")
-    if what == "angle" and f"{name}_drive" in evaluator.description.constraints:
+    name, _, word = row.partition(" ")
+    if word == "angle" and f"{name}_drive" in evaluator.description.constraints:
         return evaluator.description.driver(name)
     tables = {"": "links", "angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
-    return f"{tables.get(what.partition(' ')[0], 'links')}.{name}"
+    return f"{tables.get(word.partition(' ')[0], 'links')}.{name}"
 
 
 def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ...]) -> Array:
     large = evaluator.description.coordinates > LARGE
-    found = least_velocities(evaluator, starter.q, redundant) if large else starter.velocities(redundant)
-    if found is None:
+    solution = least_velocities(evaluator, starter.q, redundant) if large else starter.velocities(redundant)
+    if solution is None:
         raise not_positive(evaluator)
-    u, of_constraints, of_start, size = found
+    u, of_constraints, of_start, size = solution
     missed = float(np.max(np.concatenate((of_constraints, of_start)), initial=0.0))
     if missed <= CONSISTENT * size:
         return u
@@ -238,8 +238,8 @@ def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ..
         place = _place(evaluator, row)
     else:
         worst = int(np.argmax(of_constraints))
-        kept = np.setdiff1d(np.arange(len(evaluator.description.constraints)), redundant)
-        row, by, place = evaluator.description.labels[kept[worst]], of_constraints[worst], "drivers"
+        independent = np.setdiff1d(np.arange(len(evaluator.description.constraints)), redundant)
+        row, by, place = evaluator.description.labels[independent[worst]], of_constraints[worst], "drivers"
     raise InitialStateError(
         f"the velocities at the start contradict the constraints: {row} is missed by {by:.3g} m/s, "
         f"a constraint by {np.max(of_constraints, initial=0.0):.3g} m/s\n"

@@ -50,30 +50,30 @@ class RotorModel(Model):
         """Return the numbers of links, masses and axis by name."""
         d = self.description
         info = d.kernels[[k.name for k in d.kernels].index("rotor")]
-        taken = as_taken(self._library, self.given)
+        parameters = as_taken(self._library, self.given)
         out = _core.evaluate(
             self._library.addresses["rotor"],
             (*d.sizes, info.work_size, info.out_size),
             0.0,
             np.zeros(0),
             np.zeros(0),
-            taken,
+            parameters,
             None,
         )
-        found = {b.name: part(out, b) for b in info.blocks}
+        blocks = {b.name: part(out, b) for b in info.blocks}
         for b in info.blocks:
             if b.name in ("links", "above_zero", "at_least_zero"):
-                _refuse(self.name, b, found[b.name].reshape(b.shape))
-        if not all(np.all(np.isfinite(x)) for x in found.values()):
+                _refuse(self.name, b, blocks[b.name].reshape(b.shape))
+        if not all(np.all(np.isfinite(x)) for x in blocks.values()):
             raise ModelError(f"{self.name}: a number of the scene is not finite at these parameters")
-        return {"masses": np.zeros(0), **found}
+        return {"masses": np.zeros(0), **blocks}
 
     def _modes(self) -> RotorModes:
         self._refuse_types("modes of rotors are")
         numbers = self._numbers()
-        made = structure(self.description, numbers)
+        assembled = structure(self.description, numbers)
         speed = float(numbers["rotation"].ravel()[3])
-        frequencies, shapes, noise = _modes_of(self.name, made, speed)
+        frequencies, shapes, noise = _modes_of(self.name, assembled, speed)
         lost = noise > _ROUND_OFF
         errors = np.zeros(0)
         if len(frequencies) <= _REFINED:
@@ -81,9 +81,10 @@ class RotorModel(Model):
             finer, _, noise = (x[..., : len(lost)] for x in _modes_of(self.name, halved, speed))
             errors = np.where(lost | (noise > _ROUND_OFF), np.inf, relative(frequencies, finer))
         notes = []
-        if made.rotation > _ROTATED:
+        if assembled.rotation > _ROTATED:
             notes.append(
-                f"the rotation bends or twists links by {made.rotation:.3g} rad; frequencies are those about "
+                f"the rotation bends or twists links by {assembled.rotation:.3g} rad; frequencies are those "
+                "about "
                 "the drawn shape"
             )
         if np.any(lost):
@@ -93,7 +94,14 @@ class RotorModel(Model):
                 f"{_ROUND_OFF:.1%}; a higher speed or fewer elements lessen it"
             )
         return RotorModes(
-            self.name, speed, frequencies, shapes, made.names, parts(made, shapes), errors, tuple(notes)
+            self.name,
+            speed,
+            frequencies,
+            shapes,
+            assembled.names,
+            parts(assembled, shapes),
+            errors,
+            tuple(notes),
         )
 
 
@@ -111,7 +119,7 @@ def _refuse(name: str, block: BlockInfo, values: Array) -> None:
             )
 
 
-def _modes_of(name: str, made: Structure, speed: float) -> tuple[Array, NDArray[Any], Array]:
+def _modes_of(name: str, assembled: Structure, speed: float) -> tuple[Array, NDArray[Any], Array]:
     """Return frequencies [Hz] by rising size and complex shapes (n, modes) of M s'' + C s' + K s = 0.
 
     In the modes of M and K, of squared frequencies w^2, the state (w q, q') has a skew-symmetric matrix, so
@@ -128,7 +136,7 @@ def _modes_of(name: str, made: Structure, speed: float) -> tuple[Array, NDArray[
         Where K is not positive: above the first critical speed, or where a free link twists out of its place.
     """
     try:
-        speeds, modes, rigid = modes_at_rest(name, made.mass, made.stiffness, made.sizes)
+        speeds, modes, rigid = modes_at_rest(name, assembled.mass, assembled.stiffness, assembled.sizes)
     except UnstableError:
         if speed == 0.0:
             raise ModelError(f"{name}: the stiffness matrix of the frame at rest is not positive") from None
@@ -140,18 +148,18 @@ def _modes_of(name: str, made: Structure, speed: float) -> tuple[Array, NDArray[
             "  rotation: weld the link, or draw its width in that plane."
         ) from None
     n = len(speeds)
-    gyroscopic = modes.T @ made.gyroscopic @ modes
+    gyroscopic = modes.T @ assembled.gyroscopic @ modes
     skew = np.block(
         [[np.zeros((n, n)), np.diag(speeds)], [-np.diag(speeds), (gyroscopic.T - gyroscopic) / 2]]
     )
     values, vectors = np.linalg.eigh(1j * skew)
-    found, shapes = np.maximum(values[n:], 0.0), modes @ vectors[n:, n:]
+    squares, shapes = np.maximum(values[n:], 0.0), modes @ vectors[n:, n:]
     turned = np.linalg.svd(gyroscopic[:rigid, :rigid], compute_uv=False)
     still = rigid - (np.count_nonzero(turned > n * _EPS * np.max(np.abs(gyroscopic))) + 1) // 2
-    found[:still], shapes[:, :still] = 0.0, modes[:, :still]
-    energies = _EPS * np.sum((made.sizes[:, None] * np.abs(shapes)) ** 2, axis=0)
-    scale = np.where(np.arange(n) < still, abs(speed), found) ** 2
+    squares[:still], shapes[:, :still] = 0.0, modes[:, :still]
+    energies = _EPS * np.sum((assembled.sizes[:, None] * np.abs(shapes)) ** 2, axis=0)
+    scale = np.where(np.arange(n) < still, abs(speed), squares) ** 2
     noise = np.divide(energies, scale, out=np.full(n, 0.0 if speed == 0.0 else np.inf), where=scale > 0.0)
     largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(n)]
     shapes = np.divide(shapes, largest, out=np.zeros_like(shapes), where=np.abs(largest) > 0.0)
-    return found / (2 * math.pi), shapes, noise
+    return squares / (2 * math.pi), shapes, noise

@@ -62,16 +62,16 @@ class _Link:
         """Return the sum of a kernel's output over the elements, (n, n) or (n,) of the structure."""
         n, size = self.basis.shape[1], len(NODE)
         q = self.section if section is None else section
-        found: Array = np.zeros((n, n)) if kernel != "load" else np.zeros(n)
+        matrix: Array = np.zeros((n, n)) if kernel != "load" else np.zeros(n)
         for k, motion in enumerate(motions):
             rows = self.basis[k * size : (k + 2) * size]
             used = np.flatnonzero(np.any(rows, axis=0))
             at, out = rows[:, used], getattr(kernels(_BLOCK), kernel)(q=q, u=motion)
             if kernel == "load":
-                found[used] += at.T @ out
+                matrix[used] += at.T @ out
             else:
-                found[np.ix_(used, used)] += at.T @ out.reshape(2 * size, -1) @ at
-        return found
+                matrix[np.ix_(used, used)] += at.T @ out.reshape(2 * size, -1) @ at
+        return matrix
 
 
 def structure(d: RotorDescription, numbers: Mapping[str, Array], divided: int = 1) -> Structure:
@@ -104,12 +104,12 @@ def structure(d: RotorDescription, numbers: Mapping[str, Array], divided: int = 
         if point not in d.free:
             continue
         motion = np.concatenate([omega, np.array([x, y, z]) - through, [0.0]])
-        found = kernels(_BLOCK).body(q=np.ones(8), u=motion, p=np.array(body))
+        rigid = kernels(_BLOCK).body(q=np.ones(8), u=motion, p=np.array(body))
         at = names.point(point) + (names.welded(point) if any(body[1:]) else [])
         size = len(at)
-        for kernel, matrix in zip(_OF_BODY, found[:108].reshape(3, 6, 6), strict=True):
+        for kernel, matrix in zip(_OF_BODY, rigid[:108].reshape(3, 6, 6), strict=True):
             sums[kernel][np.ix_(at, at)] += matrix[:size, :size]
-        load[at] += found[108 : 108 + size]
+        load[at] += rigid[108 : 108 + size]
     steady = _steady(d, sums["stiffness"], load)
     tensed = [_tensed(link, steady) for link in links]
     geometric = sum(
@@ -160,7 +160,7 @@ class _Names:
         owner = "" if welded else f"{link.link}_"
         return [self._number(f"{owner}{point}.r{axis}") for axis in "xyz"]
 
-    def own(self, link: RotorLink, name: str, node: int) -> int:
+    def local(self, link: RotorLink, name: str, node: int) -> int:
         """Return an unknown of a node of a link in its axes."""
         return self._number(f"{link.link}.{name}@{node}")
 
@@ -175,10 +175,10 @@ class _Names:
         for node in range(last + 1):
             if node not in (0, last):
                 for name in NODE:
-                    self.own(link, name, node)
+                    self.local(link, name, node)
                 continue
             for k in _OWN:
-                self.own(link, NODE[k], node)
+                self.local(link, NODE[k], node)
             self.rotation(link, link.start if node == 0 else link.end)
 
 
@@ -207,9 +207,9 @@ def _placed(
     for node in range(count + 1):
         here = size * node
         if node not in (0, count):
-            basis[range(here, here + size), [names.own(link, name, node) for name in NODE]] = 1.0
+            basis[range(here, here + size), [names.local(link, name, node) for name in NODE]] = 1.0
             continue
-        basis[[here + k for k in _OWN], [names.own(link, NODE[k], node) for k in _OWN]] = 1.0
+        basis[[here + k for k in _OWN], [names.local(link, NODE[k], node) for k in _OWN]] = 1.0
         point = link.start if node == 0 else link.end
         if point in d.free:
             basis[np.ix_([here + k for k in _MOVED], names.point(point))] = axes
@@ -227,36 +227,36 @@ def _steady(d: RotorDescription, stiffness: Array, load: Array) -> Array:
     scale = 1.0 / np.sqrt(np.diag(stiffness))
     scale[~np.isfinite(scale)] = 0.0
     scaled = stiffness * np.outer(scale, scale)
-    found: Array = scale * np.linalg.lstsq(scaled, scale * load, rcond=1e-12)[0]
-    left = scale * (stiffness @ found - load)
+    solution: Array = scale * np.linalg.lstsq(scaled, scale * load, rcond=1e-12)[0]
+    left = scale * (stiffness @ solution - load)
     if np.max(np.abs(left), initial=0.0) > _BALANCED * np.max(np.abs(scale * load), initial=0.0):
         raise ModelError(
             f"{d.name}: the load of its rotation has no balance as drawn: joints let links swing out\n"
             "  Weld the links, or draw them where they rotate steadily."
         )
-    return found
+    return solution
 
 
 def _tensed(link: _Link, steady: Array) -> Array:
     """Return the motions of the elements with their axial force at the first node [N], tension positive."""
-    size, found = len(NODE), link.motions.copy()
-    for k, motion in enumerate(found):
-        own = link.basis[k * size : (k + 2) * size] @ steady
+    size, motions = len(NODE), link.motions.copy()
+    for k, motion in enumerate(motions):
+        ends = link.basis[k * size : (k + 2) * size] @ steady
         call: Any = kernels(_BLOCK)
-        force = call.stiffness(q=link.section, u=motion).reshape(2 * size, -1)[0] @ own
+        force = call.stiffness(q=link.section, u=motion).reshape(2 * size, -1)[0] @ ends
         motion[6] = call.load(q=link.section, u=motion)[0] - force
-    return found
+    return motions
 
 
-def parts(found: Structure, shapes: NDArray[Any]) -> Mapping[str, Array]:
+def parts(assembled: Structure, shapes: NDArray[Any]) -> Mapping[str, Array]:
     """Return the parts of the strain energy of shapes (n, modes) by the kind of strain, (modes,) each.
 
     Zero where the energy is round-off of rigid motions.
     """
     energies = {
         k: np.einsum("im,ij,jm->m", shapes.conj(), matrix, shapes, optimize=True).real
-        for k, matrix in found.strains.items()
+        for k, matrix in assembled.strains.items()
     }
     total = sum(energies.values(), np.zeros(shapes.shape[1]))
-    noise = _STRAINED * np.sum((found.sizes[:, None] * np.abs(shapes)) ** 2, axis=0)
+    noise = _STRAINED * np.sum((assembled.sizes[:, None] * np.abs(shapes)) ** 2, axis=0)
     return {k: np.divide(x, total, out=np.zeros_like(x), where=total > noise) for k, x in energies.items()}

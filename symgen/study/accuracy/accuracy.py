@@ -132,7 +132,7 @@ def report(
 ) -> Accuracy:
     """Return the error report of a set of kernels; see :func:`accuracy`."""
     epsilon = precision_named(precision).epsilon
-    total, done = sum(len(p.states.all) for p in parts), 0
+    total, finished = sum(len(p.states.all) for p in parts), 0
     outputs: list[OutputAccuracy] = []
     condition: tuple[float, str] | None = None
     sums: list[Cancelling] = []
@@ -141,9 +141,9 @@ def report(
         errors = Errors(part, epsilon, np.random.default_rng(seed))
         for at in part.states.all:
             errors.look(at)
-            done += 1
+            finished += 1
             if progress:
-                progress(done / total)
+                progress(finished / total)
         outputs += errors.outputs()
         condition = errors.condition or condition
         notes += part.states.notes

@@ -56,12 +56,12 @@ class Cancelling:
 
 def cancelling(part: Kernels, places: Iterable[Place]) -> list[Cancelling]:
     """Return the cancelling sums that affect the given entries, each where its effect is largest."""
-    found: dict[tuple[str, str, Node], Cancelling] = {}
+    by_node: dict[tuple[str, str, Node], Cancelling] = {}
     words = _Words(part)
     for place in places:
         tape = part.tapes[place.kernel]
         for lost in lost_digits(tape, tape.values(place.at.arrays), place.entry):
-            made = Cancelling(
+            entry = Cancelling(
                 part.prefix + lost.kernel,
                 words.name(lost.kernel, lost.name),
                 words.text(lost.kernel, lost.node),
@@ -73,9 +73,9 @@ def cancelling(part: Kernels, places: Iterable[Place]) -> list[Cancelling]:
                 lost.in_result - math.log10(max(1.0, place.condition)),
             )
             key = lost.kernel, lost.name, lost.node
-            if key not in found or made.rank > found[key].rank:
-                found[key] = made
-    return sorted(found.values(), key=lambda c: c.rank, reverse=True)
+            if key not in by_node or entry.rank > by_node[key].rank:
+                by_node[key] = entry
+    return sorted(by_node.values(), key=lambda c: c.rank, reverse=True)
 
 
 class _Words:
@@ -87,9 +87,9 @@ class _Words:
             f"{g.name}[{i}]": x.name for g in part.system.groups for i, x in enumerate(g.quantities)
         }
         setup = part.program.setup
-        for array, given in setup.inputs if setup else ():
+        for array, inputs in setup.inputs if setup else ():
             behind = range(setup.out_size if setup else 0)
-            self._arguments |= {f"{array}[{given + i}]": f"setup[{i}]" for i in behind}
+            self._arguments |= {f"{array}[{inputs + i}]": f"setup[{i}]" for i in behind}
         self._print = Printer({})
         #: Entries of ``work``, which 'factor' writes and 'solve' reads, have no names.
         self._named = {k: v for k, v in self._arguments.items() if not k.startswith("work")}
@@ -106,8 +106,8 @@ class _Words:
     def text(self, kernel: str, node: Node) -> str:
         """Return the text of an expression, with shared terms inserted while it is short."""
         values = {a.target: a.value for a in self._kernels[kernel].assignments}
-        while made_up := [r for r in references([node]) if _MADE_UP.fullmatch(r) and r in values]:
-            longer = insert(node, {r: values[r] for r in made_up})
+        while intermediate := [r for r in references([node]) if _MADE_UP.fullmatch(r) and r in values]:
+            longer = insert(node, {r: values[r] for r in intermediate})
             if len(self._print(longer)) > _LONGEST:
                 break
             node = longer

@@ -144,12 +144,12 @@ class Errors:
         names = tuple(m for matrices in exports.values() for m in matrices)
         exact = dict(zip(names, self.part.exact.matrices(names, at.arrays), strict=True))
         for kernel, matrices in exports.items():
-            found, tape = self.part.call(kernel, at.arrays), self.part.tapes[kernel]
+            result, tape = self.part.call(kernel, at.arrays), self.part.tapes[kernel]
             spread, first = tape.conditions(tape.values(at.arrays)), 0
             for name in matrices:
                 truth = list(exact[name])
                 places = range(first, first + len(truth))
-                self._output(kernel, name).add(at, found, truth, [spread[i] for i in places], first)
+                self._output(kernel, name).add(at, result, truth, [spread[i] for i in places], first)
                 first += len(truth)
 
     def _look_at_solutions(self, at: At) -> None:
@@ -169,13 +169,13 @@ class Errors:
             spread = equations.spread([float(x) for x in truth], [float(x) for x in right])
             if kernel == "accelerations":
                 tape = self.part.tapes[kernel]
-                own = tape.conditions(tape.values(at.arrays))
-                spread = [max(own[i], s) for i, s in enumerate(spread)]
-            found = self.part.call(kernel, at.arrays | {"rhs": random})
+                conditions = tape.conditions(tape.values(at.arrays))
+                spread = [max(conditions[i], s) for i, s in enumerate(spread)]
+            solution = self.part.call(kernel, at.arrays | {"rhs": random})
             parts = (0, n, whole.rows) if kernel == "accelerations" else (0, whole.rows)
             for name, a, b in zip(_SOLVERS[kernel], parts, parts[1:], strict=False):
                 if b > a:
-                    self._output(kernel, name).add(at, found, truth[a:b], spread[a:b], a)
+                    self._output(kernel, name).add(at, solution, truth[a:b], spread[a:b], a)
 
     @property
     def _coordinates(self) -> int:
@@ -227,14 +227,14 @@ class _Output:
         #: Largest errors in ulps and relative to the condition: value, entry and state.
         self.worst: dict[str, tuple[Worst, Place]] = {}
 
-    def add(self, at: At, found: Array, truth: Sequence[Any], spread: Sequence[float], first: int) -> None:
+    def add(self, at: At, computed: Array, truth: Sequence[Any], spread: Sequence[float], first: int) -> None:
         """Compare the entries from ``first`` on with the reference; ``spread`` is the effect of rounding."""
         self.count = len(truth)
         with mpmath.workdps(DIGITS):
             largest = float(max(map(abs, truth), default=mpmath.mpf(0)))
             size = max(largest, *spread)
             for i, (exact, moved) in enumerate(zip(truth, spread, strict=True)):
-                value = number(found[first + i])
+                value = number(computed[first + i])
                 if value == exact:
                     continue
                 error = float(abs(value - exact)) if mpmath.isfinite(value) else math.inf
@@ -249,8 +249,8 @@ class _Output:
         size = float(abs(exact))
         ulp = math.ldexp(self.epsilon, int(mpmath.frexp(exact)[1]) - 1)
         beyond = error / (self.epsilon * max(size, moved))
-        for what, measured in (("ulps", error / ulp), ("beyond", beyond)):
-            if what not in self.worst or measured > getattr(self.worst[what][0], what):
+        for measure, measured in (("ulps", error / ulp), ("beyond", beyond)):
+            if measure not in self.worst or measured > getattr(self.worst[measure][0], measure):
                 worst = Worst(
                     self._label(i, first),
                     at.label,
@@ -261,7 +261,7 @@ class _Output:
                     moved / size,
                     beyond,
                 )
-                self.worst[what] = worst, Place(self.kernel, self.name, at, first + i, moved / size)
+                self.worst[measure] = worst, Place(self.kernel, self.name, at, first + i, moved / size)
 
     def _label(self, i: int, first: int) -> str:
         """Return the row and column names of an entry; indices if it has none."""
@@ -303,8 +303,8 @@ class _Equations:
 
     def __init__(self, whole: mpmath.matrix, left_out: Sequence[int]) -> None:
         self.size = whole.rows
-        self.kept = [i for i in range(whole.rows) if i not in left_out]
-        matrix = np.array([[float(whole[i, j]) for j in self.kept] for i in self.kept])
+        self.indices = [i for i in range(whole.rows) if i not in left_out]
+        matrix = np.array([[float(whole[i, j]) for j in self.indices] for i in self.indices])
         scale = np.ones(len(matrix))
         for _ in range(4):
             scale /= np.sqrt(np.max(np.abs(matrix * np.outer(scale, scale)), axis=1))
@@ -315,10 +315,10 @@ class _Equations:
 
     def spread(self, solution: Sequence[float], rhs: Sequence[float]) -> list[float]:
         """Return |A^-1| (|A| |x| + |b|): effect of rounding of every entry on the solution, per epsilon."""
-        x, b = (np.abs(np.array(v)[self.kept]) for v in (solution, rhs))
-        found = np.zeros(self.size)
-        found[self.kept] = self._inverse @ (self._sizes @ x + b)
-        return found.tolist()
+        x, b = (np.abs(np.array(v)[self.indices]) for v in (solution, rhs))
+        spread = np.zeros(self.size)
+        spread[self.indices] = self._inverse @ (self._sizes @ x + b)
+        return spread.tolist()
 
 
 def _over(a: float, b: float) -> float:

@@ -135,8 +135,10 @@ def kernels_of(
         model, system = with_forces(cast("Any", model)), derive(override(read_scene(scene), set or {}))
     else:
         system = derive(scene)
-    own: list[Kernels] = method.load("accuracy")(model, Asked(scene, set, system, typed, count, seed, run))
-    return system.title, own
+    kernels: list[Kernels] = method.load("accuracy")(
+        model, Asked(scene, set, system, typed, count, seed, run)
+    )
+    return system.title, kernels
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,57 +154,59 @@ class Asked:
     run: bool
 
 
-def of_user_system(model: SystemModel, asked: Asked) -> list[Kernels]:
+def of_user_system(model: SystemModel, request: Asked) -> list[Kernels]:
     """Return the kernels of a user-defined system."""
-    states = of_block(asked.system, asked.count, asked.seed)
-    return [Kernels("", asked.system, _of_system(model), states, without=("solve",))]
+    states = of_block(request.system, request.count, request.seed)
+    return [Kernels("", request.system, _of_system(model), states, without=("solve",))]
 
 
-def of_loop_model(model: LoopModel, asked: Asked) -> list[Kernels]:
+def of_loop_model(model: LoopModel, request: Asked) -> list[Kernels]:
     """Return the kernels of a loop in the requested type."""
-    states = of_loop(model, asked.count, asked.seed, asked.run)
-    own = Kernels("", asked.system, _of_loop(model.kernels), states)
-    return [own if asked.typed == FLOAT64 else _in_type(own, model, asked.typed)]
+    states = of_loop(model, request.count, request.seed, request.run)
+    kernels = Kernels("", request.system, _of_loop(model.kernels), states)
+    return [kernels if request.typed == FLOAT64 else _in_type(kernels, model, request.typed)]
 
 
-def of_rods(model: RodModel, asked: Asked) -> list[Kernels]:
+def of_rods(model: RodModel, request: Asked) -> list[Kernels]:
     """Return the kernels of the equations of motion of a linkage in the requested type."""
-    labels, system = model.description.labels, asked.system
+    labels, system = model.description.labels, request.system
     redundant = tuple(labels.index(name) for name in model.redundant)
     if system.saddle_point:
         tolerance = repr(model.description.rank_tolerance)
         system = replace(system, saddle_point=replace(system.saddle_point, rank_tolerance=tolerance))
-    states = of_linkage(model, asked.count, asked.seed, asked.run)
-    own = Kernels("", system, _of_evaluator(model.evaluator), states, redundant)
-    return [own if asked.typed == FLOAT64 else _in_type(own, model, asked.typed)]
+    states = of_linkage(model, request.count, request.seed, request.run)
+    kernels = Kernels("", system, _of_evaluator(model.evaluator), states, redundant)
+    return [kernels if request.typed == FLOAT64 else _in_type(kernels, model, request.typed)]
 
 
-def of_spatial(model: ElasticModel | SpatialModel, asked: Asked) -> list[Kernels]:
+def of_spatial(model: ElasticModel | SpatialModel, request: Asked) -> list[Kernels]:
     """Return the kernels of the rigid motion, and in double precision those of its rigid parts."""
-    (own,) = found = of_rods(model.rigid, asked)
-    if asked.typed == FLOAT64:
-        for kind, made in elastic_systems(resolve_linkage(load_scene(asked.scene, asked.set))).items():
-            found.append(Kernels(f"{kind}.", made, _of_evaluator(model.rigid.analysis(kind)), own.states))
-    return found
+    (of_motion,) = kernels = of_rods(model.rigid, request)
+    if request.typed == FLOAT64:
+        for kind, system in elastic_systems(resolve_linkage(load_scene(request.scene, request.set))).items():
+            kernels.append(
+                Kernels(f"{kind}.", system, _of_evaluator(model.rigid.analysis(kind)), of_motion.states)
+            )
+    return kernels
 
 
-def of_elastic(model: ElasticModel, asked: Asked) -> list[Kernels]:
+def of_elastic(model: ElasticModel, request: Asked) -> list[Kernels]:
     """Return the kernels of the rigid motion, and in double precision those of elastic links."""
-    found = of_spatial(model, asked)
-    if asked.typed != FLOAT64:
-        return found
+    kernels = of_spatial(model, request)
+    if request.typed != FLOAT64:
+        return kernels
     for name, block in sorted({(b.info.element, b.info.block) for b in model.beams}):
         system, call = element(name), _of_module(elements.kernels(block))
-        states = of_beams(model, name, system, asked.count, asked.seed)
-        found.append(Kernels(f"element_{name}.", system, call, states))
-    return found
+        states = of_beams(model, name, system, request.count, request.seed)
+        kernels.append(Kernels(f"element_{name}.", system, call, states))
+    return kernels
 
 
 #: Kernels of the initial assembly: their velocity argument holds the position along the path.
 _LEADING = ("assembly",)
 
 
-def _in_type(own: Kernels, model: RodModel | LoopModel, typed: Precision) -> Kernels:
+def _in_type(kernels: Kernels, model: RodModel | LoopModel, typed: Precision) -> Kernels:
     """Return the same kernels in another number type, with the states that it can represent."""
     if model._typed is None:
         raise ModelError(f"{model.name} has no kernels for batches: build it with symgen.build")
@@ -212,33 +216,33 @@ def _in_type(own: Kernels, model: RodModel | LoopModel, typed: Precision) -> Ker
         tuned = Batch(model.description, types, arrays["p"].tolist())
         size = next(k.work_size for k in model.description.kernels if k.name == kernel)
         rows = (arrays["q"][None, :], arrays["u"][None, :], arrays["work"][None, :size] if size else None)
-        found, rest = tuned(kernel, arrays["t"], *rows, 1)
-        wide = [number(x) for block in found.values() for x in block.ravel()]
+        result, rest = tuned(kernel, arrays["t"], *rows, 1)
+        wide = [number(x) for block in result.values() for x in block.ravel()]
         low = [number(x) for block in rest.values() for x in block.ravel()] or [0.0] * len(wide)
         whole = [mpmath.fadd(a, b, exact=True) for a, b in zip(wide, low, strict=True)]
         return np.array(whole, dtype=object)
 
-    def held(at: At) -> At:
-        kept = {k: a.astype(typed.dtype).astype(float) for k, a in at.arrays.items()}
-        return replace(at, arrays=kept)
+    def in_precision(at: At) -> At:
+        rounded = {k: a.astype(typed.dtype).astype(float) for k, a in at.arrays.items()}
+        return replace(at, arrays=rounded)
 
-    states = replace(own.states, all=tuple(held(at) for at in own.states.all))
-    return Kernels(own.prefix, own.system, call, states, own.redundant, ("solve",))
+    states = replace(kernels.states, all=tuple(in_precision(at) for at in kernels.states.all))
+    return Kernels(kernels.prefix, kernels.system, call, states, kernels.redundant, ("solve",))
 
 
 def _of_evaluator(evaluator: Evaluator) -> Call:
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
-        own = Evaluator(evaluator.description, evaluator.library, arrays["p"])
+        variant = Evaluator(evaluator.description, evaluator.library, arrays["p"])
         t, q, u = float(arrays["t"][0]), arrays["q"], arrays["u"]
-        work = np.zeros(max(own.work_size, len(arrays["work"])) + 1)
+        work = np.zeros(max(variant.work_size, len(arrays["work"])) + 1)
         work[: len(arrays["work"])] = arrays["work"]
         if kernel != "solve":
-            return own(kernel, t, q, u, work)
-        own("factor", t, q, u, work)  # stores its factors in work
+            return variant(kernel, t, q, u, work)
+        variant("factor", t, q, u, work)  # stores its factors in work
         out = np.append(arrays["rhs"], 0.0)
         q, u = np.append(q, 0.0), np.append(u, 0.0)
-        address, sizes = own.library.addresses[kernel], own.description.sizes_of(kernel)
-        _core.call(address, sizes, arrays["t"], q, u, own.parameters, work, out)
+        address, sizes = variant.library.addresses[kernel], variant.description.sizes_of(kernel)
+        _core.call(address, sizes, arrays["t"], q, u, variant.parameters, work, out)
         return out[:-1]
 
     return call
@@ -246,18 +250,18 @@ def _of_evaluator(evaluator: Evaluator) -> Call:
 
 def _of_loop(kernels: LoopKernels) -> Call:
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
-        own = LoopKernels(kernels.description, kernels.library, arrays["p"].tolist())
-        found = own(kernel, float(arrays["t"][0]), arrays["q"], arrays["u"], arrays["work"])
-        return np.concatenate([block.ravel() for block in found.values()])
+        variant = LoopKernels(kernels.description, kernels.library, arrays["p"].tolist())
+        result = variant(kernel, float(arrays["t"][0]), arrays["q"], arrays["u"], arrays["work"])
+        return np.concatenate([block.ravel() for block in result.values()])
 
     return call
 
 
 def _of_system(model: SystemModel) -> Call:
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
-        given: dict[str, Any] = {k: arrays[k] for k in ("q", "u", "p", "work") if k in arrays}
-        found = model.evaluate(kernel, t=float(arrays["t"][0]) if "t" in arrays else 0.0, **given)
-        return np.concatenate([block.ravel() for block in found.values()])
+        known: dict[str, Any] = {k: arrays[k] for k in ("q", "u", "p", "work") if k in arrays}
+        result = model.evaluate(kernel, t=float(arrays["t"][0]) if "t" in arrays else 0.0, **known)
+        return np.concatenate([block.ravel() for block in result.values()])
 
     return call
 
@@ -271,19 +275,19 @@ def _in_numpy(block: System) -> Call:
     sizes = {k.name: k.out_size for k in program.kernels}
 
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
-        found = np.zeros(sizes[kernel])
+        result = np.zeros(sizes[kernel])
         work = arrays["work"].copy() if "work" in arrays else None
-        functions[kernel](None, *(arrays.get(k) for k in ("q", "u", "p")), work, found)
-        return found
+        functions[kernel](None, *(arrays.get(k) for k in ("q", "u", "p")), work, result)
+        return result
 
     return call
 
 
 def _of_module(module: Any) -> Call:
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
-        given = {k: arrays[k] for k in ("q", "u", "p") if k in arrays}
-        given |= {"work": arrays["work"].copy()} if "work" in arrays else {}  # kernels may write to it
-        found: Array = getattr(module, kernel)(**given)
-        return found
+        known = {k: arrays[k] for k in ("q", "u", "p") if k in arrays}
+        known |= {"work": arrays["work"].copy()} if "work" in arrays else {}  # kernels may write to it
+        result: Array = getattr(module, kernel)(**known)
+        return result
 
     return call

@@ -67,7 +67,7 @@ def _moved(model: LoopModel, count: int, notes: list[str]) -> Iterator[tuple[str
         except SimulationError as error:
             notes.append(f"the run ends at t = {error.time:.4g} s: {str(error).partition(chr(10))[0]}")
             return
-        q, u = (np.array([final[v.name][what] for v in d.variables]) for what in ("value", "rate"))
+        q, u = (np.array([final[v.name][entry] for v in d.variables]) for entry in ("value", "rate"))
         pose = _closed(kernels, float(t), q)
         yield f"run, t = {t:.4g} s", float(t), q if pose is None else pose, u
 
@@ -100,19 +100,19 @@ def _elsewhere(
 def _moving(kernels: LoopKernels, random: Random, kind: str, label: str, t: float, q: Array, u: Array) -> At:
     """Return a closed pose with consistent rates and accelerations, and a random closing wrench."""
     d = kernels.description
-    n, solved, given, u = d.coordinates, d.having("dependent"), d.having("input", "free"), u.copy()
+    n, solved, inputs, u = d.coordinates, d.having("dependent"), d.having("input", "free"), u.copy()
     prescribed = kernels.prescribed(t)
     u[kernels.inputs] = prescribed[:, 1]
     zero = np.zeros(n)
     screws = kernels("motion", t, q, zero)["screws"]
-    u[solved] = _following(screws, solved, screws[:, given] @ u[given])
+    u[solved] = _following(screws, solved, screws[:, inputs] @ u[inputs])
     moving = kernels("motion", t, q, u)
     a = random.standard_normal(n)
     a[kernels.inputs] = prescribed[:, 2]
-    a[solved] = _following(screws, solved, screws[:, given] @ a[given] + moving["screw_drift"])
+    a[solved] = _following(screws, solved, screws[:, inputs] @ a[inputs] + moving["screw_drift"])
     work = np.concatenate([a, random.standard_normal(6)])
     return At(kind, label, {"t": np.array([t]), "q": q, "u": u, "p": kernels.given, "work": work})
 
 
-def _following(screws: Array, solved: list[int], asked: Array) -> Array:
-    return np.asarray(np.linalg.lstsq(screws[:, solved], -asked, rcond=_RANK)[0], dtype=np.float64)
+def _following(screws: Array, solved: list[int], rates: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(screws[:, solved], -rates, rcond=_RANK)[0], dtype=np.float64)

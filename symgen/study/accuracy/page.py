@@ -31,10 +31,10 @@ COLUMNS = (
 )
 
 
-def print_accuracy(found: Accuracy, console: Console) -> None:
+def print_accuracy(accuracy: Accuracy, console: Console) -> None:
     """Print a report: states, errors of every output, and the sums with the largest cancellation."""
-    console.print(head(found))
-    rows = [(o, o.worst) for o in found.outputs]
+    console.print(head(accuracy))
+    rows = [(o, o.worst) for o in accuracy.outputs]
     shown = table(
         "",
         ("output", "ulps", "of entry", "of largest", "condition", "beyond", "entry and state", "lost by"),
@@ -46,11 +46,11 @@ def print_accuracy(found: Accuracy, console: Console) -> None:
     if exact:
         console.print(f"Without any error: {exact}.")
     console.print(_MEANING)
-    if found.condition:
-        size, where = found.condition
+    if accuracy.condition:
+        size, where = accuracy.condition
         console.print(f"Condition of the equations of motion, scaled: at most {size:.2g} ({where}).")
-    print_cancelling(found.cancelling, console)
-    for note in found.notes:
+    print_cancelling(accuracy.cancelling, console)
+    for note in accuracy.notes:
         console.print(f"Note: {note}.")
 
 
@@ -60,13 +60,14 @@ entry, the largest error over the largest entry of the output; condition: sum |x
 beyond: the largest error relative to the effect of input rounding, epsilon times condition."""
 
 
-def head(found: Accuracy) -> str:
+def head(accuracy: Accuracy) -> str:
     """Return one line with the kernels, states and number types compared."""
-    states = ", ".join(f"{n} {_KINDS[kind]}" for kind, n in found.states.items())
-    kernels = len(dict.fromkeys(o.kernel for o in found.outputs))
+    states = ", ".join(f"{n} {_KINDS[kind]}" for kind, n in accuracy.states.items())
+    kernels = len(dict.fromkeys(o.kernel for o in accuracy.outputs))
     return (
-        f"{found.title}: {len(found.outputs)} outputs of {kernels} kernels in {found.precision} against "
-        f"{found.digits} digits, at {sum(found.states.values())} states ({states}; seed {found.seed})"
+        f"{accuracy.title}: {len(accuracy.outputs)} outputs of {kernels} kernels in {accuracy.precision} "
+        f"against {accuracy.digits} digits, at {sum(accuracy.states.values())} states "
+        f"({states}; seed {accuracy.seed})"
     )
 
 
@@ -83,9 +84,9 @@ def _row(o: OutputAccuracy, worst: Worst) -> Sequence[str]:
     )
 
 
-def print_cancelling(found: Sequence[Cancelling], console: Console) -> None:
+def print_cancelling(entries: Sequence[Cancelling], console: Console) -> None:
     """Print the sums with the largest loss of digits."""
-    if not found:
+    if not entries:
         console.print("No sum cancels.")
         return
     shown = table(
@@ -93,7 +94,7 @@ def print_cancelling(found: Sequence[Cancelling], console: Console) -> None:
         ("of output", "digits", "in output", "needless", "sum"),
         (
             (c.output, *map(_digits, (c.digits, c.in_output, c.needless)), f"{c.name} = {c.expression}")
-            for c in found
+            for c in entries
         ),
         texts=(0, 4),
     )
@@ -112,30 +113,30 @@ def _short(x: float) -> str:
     return f"{x:.1f}" if x < 100 else f"{x:.1e}"
 
 
-def print_summaries(found: Iterable[Accuracy], console: Console) -> None:
+def print_summaries(results: Iterable[Accuracy], console: Console) -> None:
     """Print a table with one row per report."""
-    console.print(table("Errors of kernels", COLUMNS, map(summary_row, found)))
+    console.print(table("Errors of kernels", COLUMNS, map(summary_row, results)))
 
 
-def markdown(found: Iterable[Accuracy]) -> str:
+def markdown(results: Iterable[Accuracy]) -> str:
     """Return the Markdown table of several reports."""
     lines = [f"| {' | '.join(COLUMNS)} |", f"|{'---|' * len(COLUMNS)}"]
-    lines += [f"| {' | '.join(summary_row(a))} |" for a in found]
+    lines += [f"| {' | '.join(summary_row(a))} |" for a in results]
     return "\n".join(lines) + "\n"
 
 
-def summary_row(found: Accuracy) -> tuple[str, ...]:
+def summary_row(accuracy: Accuracy) -> tuple[str, ...]:
     """Return the table row of a scene: its solution, and its largest errors relative to their conditions."""
-    by_largest = max(found.outputs, key=lambda o: o.beyond_largest)
-    solved = next((o for o in found.outputs if o.output == "accelerations"), None)
-    verdicts = {o.verdict for o in found.outputs}
+    by_largest = max(accuracy.outputs, key=lambda o: o.beyond_largest)
+    solved = next((o for o in accuracy.outputs if o.output == "accelerations"), None)
+    verdicts = {o.verdict for o in accuracy.outputs}
     return (
-        found.scene,
-        str(len(found.outputs)),
+        accuracy.scene,
+        str(len(accuracy.outputs)),
         f"{solved.of_largest:.1e}" if solved else "",
-        _short(found.condition[0]) if found.condition else "",
-        _short(found.worst.beyond),
-        _name(found.worst),
+        _short(accuracy.condition[0]) if accuracy.condition else "",
+        _short(accuracy.worst.beyond),
+        _name(accuracy.worst),
         _short(by_largest.beyond_largest),
         _name(by_largest),
         next((v for v in ("code", "small entry", "problem") if v in verdicts), ""),
@@ -146,7 +147,7 @@ def _name(o: OutputAccuracy) -> str:
     return o.output if o.kernel in (o.output, "outputs") else f"{o.kernel}: {o.output}"
 
 
-def save(found: Sequence[Accuracy], file: Path) -> None:
+def save(results: Sequence[Accuracy], file: Path) -> None:
     """Write reports as JSON or as a Markdown table, depending on the file name extension.
 
     Raises
@@ -155,8 +156,8 @@ def save(found: Sequence[Accuracy], file: Path) -> None:
         If the file cannot be written.
     """
     if file.suffix.lower() == ".md":
-        text = markdown(found)
+        text = markdown(results)
     else:
-        data = [a.summary() for a in found]
+        data = [a.summary() for a in results]
         text = json.dumps(data[0] if len(data) == 1 else {"scenes": data}, indent=1, allow_nan=False) + "\n"
     write_text(file, text)

@@ -66,13 +66,13 @@ def of_beams(model: ElasticModel, element: str, system: System, count: int, seed
     segments = [
         (b.info.link, i, s) for b in model.beams for i, s in enumerate(b.segments, 1) if s.element == element
     ]
-    found = []
+    states = []
     for k in range(max(count, len(segments))):
         link, i, segment = segments[k % len(segments)]
         arguments = np.array(segment.arguments)
         arrays = _between(system, random) | {"q": arguments, "u": random.uniform(0, 1, 1) * arguments[0]}
-        found.append(At("open", f"element {i} of {link}", arrays))
-    return States(tuple(found))
+        states.append(At("open", f"element {i} of {link}", arrays))
+    return States(tuple(states))
 
 
 def _between(system: System, random: Random) -> dict[str, Array]:
@@ -158,10 +158,10 @@ def _closed(evaluator: Evaluator, t: float, q: Array) -> Array | None:
         return q
     zero, size = np.zeros_like(q), float(np.max(np.abs(q)))
     for _ in range(_NEWTON):
-        found = evaluator.blocks("constraints", t, q, zero)
-        scale = found["constraint_scale"]
+        values = evaluator.blocks("constraints", t, q, zero)
+        scale = values["constraint_scale"]
         jacobian = _jacobian(evaluator, t, q) / scale[:, None]
-        step = np.linalg.lstsq(jacobian, -found["constraints"] / scale, rcond=_RANK)[0]
+        step = np.linalg.lstsq(jacobian, -values["constraints"] / scale, rcond=_RANK)[0]
         q = q + step
         if not np.all(np.isfinite(q)):
             return None

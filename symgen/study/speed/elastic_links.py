@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 _ELASTIC, _PEAKS = 8192, 1024
 
 
-def elastic(model: ElasticModel, asked: Asked) -> Subject:
+def elastic(model: ElasticModel, request: Asked) -> Subject:
     """Return a linkage with elastic links as a subject."""
-    return Elastic(in_types(asked, model), asked.t_end, asked.samples)
+    return Elastic(in_types(request, model), request.t_end, request.samples)
 
 
 class Elastic(Subject):
@@ -64,10 +64,10 @@ class Elastic(Subject):
 
     def call(self, setting: Setting) -> Result:
         """Run the elastic motion; with fixed steps, this includes a run with half the number of steps."""
-        given = {"steps": setting.steps} if setting.rtol is None else {"rtol": setting.rtol}
+        accuracy = {"steps": setting.steps} if setting.rtol is None else {"rtol": setting.rtol}
         model = self.models[setting.precision]
         return model.simulate(
-            method=setting.method, revolutions=self.revolutions, samples=self.samples, **given
+            method=setting.method, revolutions=self.revolutions, samples=self.samples, **accuracy
         )
 
     def _strains(self, setting: Setting) -> Array:

@@ -20,8 +20,8 @@ def sizes(largest: Array, units: Sequence[str]) -> Array:
     """
     kinds = np.array(units)
     of_kind = np.array([np.max(largest[kinds == unit]) for unit in kinds])
-    found: Array = np.where(largest > _NOISE * of_kind, largest, np.where(of_kind > 0, of_kind, 1.0))
-    return found
+    scales: Array = np.where(largest > _NOISE * of_kind, largest, np.where(of_kind > 0, of_kind, 1.0))
+    return scales
 
 
 def distance(a: Array, b: Array) -> Array:

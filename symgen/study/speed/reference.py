@@ -32,10 +32,10 @@ def _scipy(
 ) -> Array:
     from scipy.integrate import solve_ivp
 
-    found = solve_ivp(f, (times[0], times[-1]), y0, method=method, t_eval=times, rtol=rtol, atol=atol)
-    if not found.success:
-        raise SimulationError(f"SciPy's {method} gave up: {found.message}", time=float(found.t[-1]))
-    states: Array = found.y.T
+    solution = solve_ivp(f, (times[0], times[-1]), y0, method=method, t_eval=times, rtol=rtol, atol=atol)
+    if not solution.success:
+        raise SimulationError(f"SciPy's {method} gave up: {solution.message}", time=float(solution.t[-1]))
+    states: Array = solution.y.T
     return states
 
 
@@ -52,10 +52,10 @@ def _cvode(
     def slope(t: float, y: Array, yp: Array) -> None:
         yp[:] = f(t, y)
 
-    found = CVODE(slope, method=method, rtol=rtol, atol=atol, max_num_steps=_STEPS).solve(times, y0)
-    if not found.success:
-        raise SimulationError(f"CVODE's {method} gave up: {found.message}", time=float(found.t[-1]))
-    states: Array = found.y
+    solution = CVODE(slope, method=method, rtol=rtol, atol=atol, max_num_steps=_STEPS).solve(times, y0)
+    if not solution.success:
+        raise SimulationError(f"CVODE's {method} gave up: {solution.message}", time=float(solution.t[-1]))
+    states: Array = solution.y
     return states
 
 
@@ -111,14 +111,14 @@ def reference(
     end = model.description.t_end if t_end is None else real(t_end, "t_end")
     count(samples, "samples")
     atol = 1e-3 * rtol if atol is None else atol
-    for what, value in (
+    for argument, value in (
         ("rtol", rtol),
         ("atol", atol),
         ("t_end after the start", end - begin.t),
         ("samples", samples - 1),
     ):
-        if not real(value, what) > 0:
-            raise ModelError(f"expected {what} above zero, got {value!r}")
+        if not real(value, argument) > 0:
+            raise ModelError(f"expected {argument} above zero, got {value!r}")
     f = right_hand_side(model.initial_state(), model.evaluator, len(model.redundant), work_of_loads=True)
     times = np.linspace(begin.t, end, samples)
     start = np.zeros(len(f.start))
@@ -140,9 +140,9 @@ def reference(
     lost = ~np.isfinite(states).all(axis=1)
     if lost.any():
         raise SimulationError(f"{name} returned states that are not finite", time=float(times[lost.argmax()]))
-    how = {"method": name, "rtol": rtol, "atol": atol, "backend": model.backend}
-    found = recorded(model.evaluator, len(model.redundant), times, states, None, **how)
-    return replace(found, statistics={**found.statistics, "evaluations": calls[0], "wall_s": wall})
+    options = {"method": name, "rtol": rtol, "atol": atol, "backend": model.backend}
+    result = recorded(model.evaluator, len(model.redundant), times, states, None, **options)
+    return replace(result, statistics={**result.statistics, "evaluations": calls[0], "wall_s": wall})
 
 
 def _named(solver: str | Solver) -> tuple[str, Solver]:

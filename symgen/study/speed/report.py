@@ -21,22 +21,24 @@ if TYPE_CHECKING:
 _MARKERS = "osD^vP*Xd<>p"
 
 
-def print_work_precision(found: WorkPrecision, console: Console) -> None:
+def print_work_precision(measurement: WorkPrecision, console: Console) -> None:
     """Print errors and times of every setting, the orders of convergence, and remarks."""
-    error = f"error at end [{found.unit}]"
-    about = f"{found.title}: to t = {found.t_end:g} s, {found.samples} samples"
+    error = f"error at end [{measurement.unit}]"
+    about = f"{measurement.title}: to t = {measurement.t_end:g} s, {measurement.samples} samples"
     head = ("method", "setting", error, "largest", "best", "median", "steps", "evaluations")
-    console.print(table(about, head, (_row(p, found) for p in found.points)))
+    console.print(table(about, head, (_row(p, measurement) for p in measurement.points)))
     columns = ("method", "order seen", "by theory", "over steps", "within 0.2")
-    console.print(table("Order of convergence, at fixed steps", columns, map(_of_order, found.orders)))
-    console.print(f"Error: {found.measured}. Times are those of the whole call, result included, warm.")
-    console.print(f"Reference: {found.reference}; it differs by {found.uncertainty:.1e} from a looser one.")
-    for note in found.notes:
+    console.print(table("Order of convergence, at fixed steps", columns, map(_of_order, measurement.orders)))
+    console.print(f"Error: {measurement.measured}. Times are those of the whole call, result included, warm.")
+    console.print(
+        f"Reference: {measurement.reference}; it differs by {measurement.uncertainty:.1e} from a looser one."
+    )
+    for note in measurement.notes:
         console.print(f"Note: {note}.")
 
 
-def _row(p: Point, found: WorkPrecision) -> tuple[str, ...]:
-    mark = "" if p.told else "~"
+def _row(p: Point, measurement: WorkPrecision) -> tuple[str, ...]:
+    mark = "" if p.resolved else "~"
     errors = (f"{mark}{p.end:.1e}", f"{mark}{p.along:.1e}")
     times = (seconds(p.best), seconds(p.median))
     counts = ("" if n is None else str(n) for n in (p.steps, p.evaluations))
@@ -55,7 +57,7 @@ def _name(p: Point) -> str:
     return p.method if p.precision == "float64" else f"{p.method}, {p.precision}"
 
 
-def draw(found: WorkPrecision, file: str | os.PathLike[str]) -> None:
+def draw(measurement: WorkPrecision, file: str | os.PathLike[str]) -> None:
     """Plot errors over wall time with one curve per method, and save the figure.
 
     Raises
@@ -68,14 +70,16 @@ def draw(found: WorkPrecision, file: str | os.PathLike[str]) -> None:
     figure = Figure(figsize=(7.5, 5.2), layout="constrained")
     axes = figure.subplots()
     curves: dict[str, list[Point]] = {}
-    for p in found.points:
+    for p in measurement.points:
         curves.setdefault(_name(p), []).append(p)
     for k, (name, points) in enumerate(curves.items()):
         curve(axes, name, [(p.along, p.best) for p in points], k)
-    if found.uncertainty > 0:
-        axes.axvspan(axes.get_xlim()[0], found.uncertainty, color="0.9", label="reference not told from it")
-    finish(axes, found.measured, found.unit)
-    figure.suptitle(f"{found.title}, to t = {found.t_end:g} s", fontsize="medium")
+    if measurement.uncertainty > 0:
+        axes.axvspan(
+            axes.get_xlim()[0], measurement.uncertainty, color="0.9", label="reference not told from it"
+        )
+    finish(axes, measurement.measured, measurement.unit)
+    figure.suptitle(f"{measurement.title}, to t = {measurement.t_end:g} s", fontsize="medium")
     save(figure, file)
 
 

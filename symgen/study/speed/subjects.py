@@ -98,10 +98,10 @@ class Subject(ABC):
 
     def chosen(self, methods: Sequence[str] | None) -> list[str]:
         """Return the selected methods, by default all; raise ModelError for an unknown one."""
-        asked = list(self.orders if methods is None else dict.fromkeys(methods))
-        for name in asked:
+        selected = list(self.orders if methods is None else dict.fromkeys(methods))
+        for name in selected:
             check_known(name, self.orders, "there is no integrator")
-        return asked
+        return selected
 
 
 def subject(
@@ -123,9 +123,9 @@ def subject(
         precision(name)
     checked = scene if isinstance(scene, Scene) else load_scene(scene, set=set)
     model = build_scene(checked, backend=backend)
-    asked = Asked(checked, backend, precisions, t_end, samples)
-    found: Subject = method_of(model).load("subject")(model, asked)
-    return found
+    request = Asked(checked, backend, precisions, t_end, samples)
+    result: Subject = method_of(model).load("subject")(model, request)
+    return result
 
 
 class Asked(NamedTuple):
@@ -138,40 +138,40 @@ class Asked(NamedTuple):
     samples: int
 
 
-def loop(model: LoopModel, asked: Asked) -> Subject:
+def loop(model: LoopModel, request: Asked) -> Subject:
     """Return a loop under forces as a subject; errors as of :func:`subject`."""
     if model.is_driven:
         raise ModelError(
             f"the inputs of {model.name} move it: nothing is integrated in time\n"
             "  'symgen inverse-dynamics' evaluates it and prints its closure error."
         )
-    return FreeLoop(_and_widest(asked, in_types(asked, model)), asked.t_end, asked.samples)
+    return FreeLoop(_and_widest(request, in_types(request, model)), request.t_end, request.samples)
 
 
-def rods(model: RodModel, asked: Asked) -> Subject:
+def rods(model: RodModel, request: Asked) -> Subject:
     """Return a linkage of rods and bodies as a subject."""
-    wanted = [f"{p}.position" for p in model.description.free]
-    analysis = asked.scene.analysis.model_copy(update={"outputs": wanted})
-    watched = asked._replace(scene=asked.scene.model_copy(update={"analysis": analysis}))
+    outputs = [f"{p}.position" for p in model.description.free]
+    analysis = request.scene.analysis.model_copy(update={"outputs": outputs})
+    watched = request._replace(scene=request.scene.model_copy(update={"analysis": analysis}))
     models = _and_widest(watched, in_types(watched))
-    return Rods(models, asked.t_end, asked.samples)
+    return Rods(models, request.t_end, request.samples)
 
 
-def in_types(asked: Asked, plain: Any = None) -> dict[str, Any]:
+def in_types(request: Asked, plain: Any = None) -> dict[str, Any]:
     """Return the model in each number type, including float64."""
-    scene, backend = asked.scene, asked.backend
+    scene, backend = request.scene, request.backend
     models = {FLOAT64.name: plain or build_scene(scene, backend=backend)}
-    for name in asked.precisions:
+    for name in request.precisions:
         if name not in models:
             models[name] = build_scene(scene, backend=backend, precision=name)
     return models
 
 
-def _and_widest(asked: Asked, models: dict[str, Any]) -> dict[str, Any]:
+def _and_widest(request: Asked, models: dict[str, Any]) -> dict[str, Any]:
     """Add the model in the reference's number type, or double precision if no compiler supports it."""
     with suppress(BuildError, ModelError):
         if "float128" not in models:
-            models["float128"] = build_scene(asked.scene, backend=asked.backend, precision="float128")
+            models["float128"] = build_scene(request.scene, backend=request.backend, precision="float128")
     return models
 
 
@@ -192,8 +192,8 @@ class Rods(Subject):
         """Yield tolerances for adaptive methods, numbers of steps for others."""
         if not INTEGRATORS[method].adaptive:
             return self.order_settings(method, precision)
-        found = tolerances(method, TIGHTEST * PRECISIONS[precision].epsilon)
-        return (replace(setting, precision=precision) for setting in found)
+        settings = tolerances(method, TIGHTEST * PRECISIONS[precision].epsilon)
+        return (replace(setting, precision=precision) for setting in settings)
 
     def order_settings(self, method: str, precision: str) -> Iterator[Setting]:
         """Yield fixed steps; nothing for methods that are always adaptive."""
@@ -255,11 +255,11 @@ class FreeLoop(Rods):
         self.orders = {name: m.order for name, m in INTEGRATORS.items() if m.kind == "explicit"}
         model = models[FLOAT64.name]
         result = self.call(Setting("dop853", "", rtol=1e-6))
-        found = self._outputs(result)
-        if not found.size:
+        outputs = self._outputs(result)
+        if not outputs.size:
             raise ModelError(f"{model.name} records no outputs to compare: list some under analysis.outputs")
         units = [v.unit for v in result.variables for _ in range(v.values.size // result.count)]
-        self._sizes = sizes(np.max(np.abs(found), axis=0), units)
+        self._sizes = sizes(np.max(np.abs(outputs), axis=0), units)
 
     @staticmethod
     def _outputs(result: Result) -> Array:

@@ -29,7 +29,7 @@ _NEAR, _ENOUGH = 3.0, 1e-13
 class Point:
     """One setting of one method: final and largest error, wall time and counts.
 
-    ``told`` is False if the error is within the uncertainty of the reference.
+    ``resolved`` is False if the error is within the uncertainty of the reference.
     """
 
     method: str
@@ -41,7 +41,7 @@ class Point:
     median: float
     steps: int | None
     evaluations: int | None
-    told: bool
+    resolved: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,28 +118,29 @@ def work_precision(
     """
     if repeats < 1 or not longest > 0:
         raise ModelError(f"expected repeats >= 1 and longest > 0 s, got {repeats} and {longest:g} s")
-    what = subject(scene, set, backend, t_end, samples, precisions)
-    asked = what.chosen(methods)
+    subject_of_scene = subject(scene, set, backend, t_end, samples, precisions)
+    selected = subject_of_scene.chosen(methods)
     try:
-        reference = what.reference()
+        reference = subject_of_scene.reference()
     except SimulationError as error:
         raise SimulationError(
-            f"the reference does not reach t_end = {what.t_end:g} s: {error}\n  Give an earlier --t-end.",
+            f"the reference does not reach t_end = {subject_of_scene.t_end:g} s: {error}\n"
+            "  Give an earlier --t-end.",
             time=error.time,
             partial=error.partial,
         ) from None
-    measured = _Measured(what, reference, longest)
-    pairs = [(m, p) for m in asked for p in dict.fromkeys(precisions)]
-    sweeps = [what.settings(m, p) for m, p in pairs]
-    times = _timed(what, list(chain(*map(measured.worthwhile, sweeps))), repeats, progress)
+    measured = _Measured(subject_of_scene, reference, longest)
+    pairs = [(m, p) for m in selected for p in dict.fromkeys(precisions)]
+    sweeps = [subject_of_scene.settings(m, p) for m, p in pairs]
+    times = _timed(subject_of_scene, list(chain(*map(measured.worthwhile, sweeps))), repeats, progress)
     points = tuple(measured.point(setting, times[setting]) for setting in times)
     orders = tuple(measured.order(m, p) for m, p in pairs)
     return WorkPrecision(
-        title=what.title,
-        t_end=what.t_end,
+        title=subject_of_scene.title,
+        t_end=subject_of_scene.t_end,
         samples=samples,
-        unit=what.unit,
-        measured=what.measured,
+        unit=subject_of_scene.unit,
+        measured=subject_of_scene.measured,
         reference=reference.about,
         uncertainty=reference.uncertainty,
         points=points,
@@ -152,10 +153,10 @@ class _Measured:
     """The runs of a subject by setting, each performed once, and their errors."""
 
     def __init__(self, what: Subject, reference: Reference, longest: float) -> None:
-        self.what, self.reference, self.longest = what, reference, longest
+        self.subject, self.reference, self.longest = what, reference, longest
         self.size = what.size()
         self.goal = max(_NEAR * reference.uncertainty, _ENOUGH * self.size)
-        self.found: dict[Setting, tuple[float, float, int | None, int | None]] = {}
+        self.errors: dict[Setting, tuple[float, float, int | None, int | None]] = {}
         self.walls: dict[Setting, float] = {}
         self.failures: dict[str, str] = {}
         self.warm: set[tuple[str, str]] = set()
@@ -165,29 +166,29 @@ class _Measured:
 
     def _run(self, setting: Setting) -> tuple[float, float]:
         """Run a setting once; return its largest error and its wall time [s]."""
-        if setting not in self.found:
+        if setting not in self.errors:
             begun = perf_counter()
             try:
                 if (kind := (setting.method, setting.precision)) not in self.warm:
                     # Caches filled by the first call must not end the sweep as too long a run.
-                    self.what.call(setting)
+                    self.subject.call(setting)
                     self.warm.add(kind)
                     begun = perf_counter()
-                result = self.what.call(setting)
+                result = self.subject.call(setting)
                 self.walls[setting] = perf_counter() - begun
-                run = self.what.read(result)
+                run = self.subject.read(result)
             except SimulationError as error:
                 first = str(error).partition("\n")[0]
                 self.failures[setting.method] = f"{setting.method} fails with {setting.text}: {first}"
-                self.found[setting] = (math.inf, math.inf, 0, None)
+                self.errors[setting] = (math.inf, math.inf, 0, None)
                 self.walls[setting] = perf_counter() - begun
                 return math.inf, self.walls[setting]
             gaps = distance(run.along, self.reference.along[-len(run.along) :]).tolist()
-            self.found[setting] = (gaps[-1], max(gaps), run.steps, run.evaluations)
-        return self.found[setting][1], self.walls[setting]
+            self.errors[setting] = (gaps[-1], max(gaps), run.steps, run.evaluations)
+        return self.errors[setting][1], self.walls[setting]
 
     def point(self, setting: Setting, times: Sequence[float]) -> Point:
-        end, along, steps, evaluations = self.found[setting]
+        end, along, steps, evaluations = self.errors[setting]
         return Point(
             method=setting.method,
             precision=setting.precision,
@@ -198,20 +199,20 @@ class _Measured:
             median=median(times),
             steps=steps,
             evaluations=evaluations,
-            told=along > _NEAR * self.reference.uncertainty,
+            resolved=along > _NEAR * self.reference.uncertainty,
         )
 
     def order(self, method: str, precision: str) -> Order:
-        wanted = self.what.order_settings(method, precision)
-        settings = self.worthwhile(wanted)
-        steps, errors = [s.steps or 0 for s in settings], [self.found[s][0] for s in settings]
+        fixed_steps = self.subject.order_settings(method, precision)
+        settings = self.worthwhile(fixed_steps)
+        steps, errors = [s.steps or 0 for s in settings], [self.errors[s][0] for s in settings]
         floor = max(self.reference.uncertainty, PRECISIONS[precision].epsilon * self.size)
         observed, used = observed_order(steps, errors, floor, self.size)
-        return Order(method, precision, self.what.orders[method], observed, used)
+        return Order(method, precision, self.subject.orders[method], observed, used)
 
 
 def _timed(
-    what: Subject, settings: Sequence[Setting], repeats: int, progress: Callable[[float], None] | None
+    measured: Subject, settings: Sequence[Setting], repeats: int, progress: Callable[[float], None] | None
 ) -> dict[Setting, list[float]]:
     times: dict[Setting, list[float]] = {setting: [] for setting in settings}
     collecting = gc.isenabled()
@@ -220,7 +221,7 @@ def _timed(
         for turn in range(repeats):
             for setting, spent in times.items():
                 begun = perf_counter()
-                what.call(setting)
+                measured.call(setting)
                 spent.append(perf_counter() - begun)
             if progress:
                 progress((turn + 1) / repeats)
@@ -232,7 +233,7 @@ def _timed(
 
 def _of_reference(points: Sequence[Point], reference: Reference) -> list[str]:
     """Return a note if errors are within the uncertainty of the reference."""
-    lost = sum(not p.told for p in points)
+    lost = sum(not p.resolved for p in points)
     if not lost:
         return []
     return [

@@ -43,8 +43,8 @@ def at_nodes(
     ``state`` and ``acting`` have numbers of all rows, (count, k) or (k,), by their first column.
     """
     rows, work = np.zeros((count, 18)), np.zeros((count, 8))
-    for into, given in ((rows, state), (work, acting)):
-        for at, values in given.items():
+    for into, arrays in ((rows, state), (work, acting)):
+        for at, values in arrays.items():
             into[:, at : at + np.shape(values)[-1]] = values
     p = np.array([properties.get(name, 0.0) for name in _PROPERTIES])
     return at_rows(kernels("corotational_node").ADDRESSES[kernel], rows, 6, p, _WRITTEN[kernel], work)
@@ -63,8 +63,8 @@ class Lumps:
         state = {at: x[:, self.places].reshape(-1, 3) for at, x in ((PLACE, q), (VELOCITY, v), (SECOND, a))}
         acting = {BODY: np.tile(self.bodies, (len(q), 1))}
         x, y = self.gravity
-        found = at_nodes("body", len(q) * len(self.places), state, acting, g_x=x, g_y=y)
-        return found.reshape(len(q), -1, 8)
+        blocks = at_nodes("body", len(q) * len(self.places), state, acting, g_x=x, g_y=y)
+        return blocks.reshape(len(q), -1, 8)
 
     @property
     def diagonal(self) -> Array:
@@ -74,8 +74,8 @@ class Lumps:
 
     def add(self, residual: Array, q: Array, v: Array, a: Array) -> None:
         """Add inertia less gravity to residuals (times, unknowns)."""
-        for own, found in zip(self.places, np.moveaxis(self._of(q, v, a), 1, 0), strict=True):
-            residual[:, own] += found[:, :3]
+        for unknowns, of_lump in zip(self.places, np.moveaxis(self._of(q, v, a), 1, 0), strict=True):
+            residual[:, unknowns] += of_lump[:, :3]
 
     def energies(self, q: Array, v: Array) -> Array:
         """Return kinetic energy, zero strain energy, and the potential of gravity [J], (times, 3)."""
@@ -104,9 +104,9 @@ class Along:
         each = np.repeat(np.hstack([axes, force]), nodes, axis=0)
         acting = {FORCE: np.hstack([np.tile(self.shares, (times, 1)), each])}
         state = {PLACE: q[:, self.places].reshape(-1, 3)}
-        found = at_nodes("force", times * nodes, state, acting).reshape(times, nodes, 3)
-        for k, own in enumerate(self.places):
-            residual[:, own] -= found[:, k]
+        forces = at_nodes("force", times * nodes, state, acting).reshape(times, nodes, 3)
+        for k, unknowns in enumerate(self.places):
+            residual[:, unknowns] -= forces[:, k]
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,9 +161,9 @@ class Posed:
                 angle, speed = q[:, [section.place]], v[:, [section.place]]
             length = -section.length if backwards else section.length
             state = {PLACE: base, ANGLE: angle, VELOCITY: velocity, SPEED: speed}
-            found = at_nodes("far_end", len(q), state, length=length)
+            ends = at_nodes("far_end", len(q), state, length=length)
             at = slice(2 * self._free.index(point), 2 * self._free.index(point) + 2)
-            places[:, at], rates[:, at], second[:, at] = np.split(found, 3, axis=1)
+            places[:, at], rates[:, at], second[:, at] = np.split(ends, 3, axis=1)
         return places, rates, second
 
     def _at(
@@ -182,8 +182,8 @@ def direction_of(start: Array, velocity: Array, end: Array, moving: Array) -> tu
     Places and velocities of the points are (times, 2).
     """
     state = {PLACE: start, VELOCITY: velocity, OTHER: end, MOVING: moving}
-    found = at_nodes("chord", len(start), state)
-    return found[:, :1], found[:, 1:]
+    chord = at_nodes("chord", len(start), state)
+    return chord[:, :1], chord[:, 1:]
 
 
 def lumps_of(motion: ElasticMotion, links: Sequence[LargeLink], gravity: Array) -> Lumps | None:
@@ -208,8 +208,8 @@ def forces_along(motion: ElasticMotion, links: Sequence[LargeLink]) -> Iterator[
                 continue
             shares = np.zeros((len(link.nodes), 2))
             if profile.is_point:
-                own = _node(motion, link, profile.at)
-                shares[link.places[:, 2] == own[2], 0] = 1.0
+                unknowns = _node(motion, link, profile.at)
+                shares[link.places[:, 2] == unknowns[2], 0] = 1.0
             else:
                 nodes = np.array(link.nodes) * link.beam.properties.length
                 for k, (start, length) in enumerate(zip(nodes[:-1], np.diff(nodes), strict=True)):
@@ -221,12 +221,12 @@ def forces_along(motion: ElasticMotion, links: Sequence[LargeLink]) -> Iterator[
 def _node(motion: ElasticMotion, link: LargeLink, at: float) -> Indices:
     """Return the unknowns of the node at a distance [m] from the first point of a link."""
     part = at / link.beam.properties.length
-    found = [k for k, node in enumerate(link.nodes) if abs(node - part) < SAME]
-    if not found:
+    nodes = [k for k, node in enumerate(link.nodes) if abs(node - part) < SAME]
+    if not nodes:
         raise ModelError(
             f"{motion.rigid.name}: elements in large rotation have no node at {part:g} of the length of "
             f"{link.beam.info.link}, within 1 % of another one\n"
             "  Move the mass or force there to the other node, or to the end of the link."
         )
-    own: Indices = link.places[found[0]]
-    return own
+    unknowns: Indices = link.places[nodes[0]]
+    return unknowns

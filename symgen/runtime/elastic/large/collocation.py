@@ -55,10 +55,10 @@ class Moment:
     work: float = 0.0
 
 
-def stacked(found: Sequence[Moment]) -> tuple[Array, ...]:
+def stacked(moments: Sequence[Moment]) -> tuple[Array, ...]:
     """Return times, places, rates, second rates and multipliers of a motion, each (times, numbers)."""
     names = "t", "q", "v", "a", "multipliers"
-    return tuple(np.array([getattr(moment, name) for moment in found]) for name in names)
+    return tuple(np.array([getattr(moment, name) for moment in moments]) for name in names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,24 +122,24 @@ class Pattern:
         low, high = np.minimum(i, j), np.maximum(i, j)
         below = self.starts[high] + low - self.first[high]
         count = self.starts[-1]
-        found: Indices = np.where(i > j, below, np.where(i < j, below + count, i + 2 * count))
-        return found
+        slots: Indices = np.where(i > j, below, np.where(i < j, below + count, i + 2 * count))
+        return slots
 
     @cached_property
     def places(self) -> tuple[Indices, Indices]:
         """Row and column of every slot."""
         count = len(self.position)
-        own = np.repeat(np.arange(count), np.diff(self.starts))
-        other = np.arange(self.starts[-1]) - self.starts[own] + self.first[own]
+        rows = np.repeat(np.arange(count), np.diff(self.starts))
+        other = np.arange(self.starts[-1]) - self.starts[rows] + self.first[rows]
         of, diagonal = np.argsort(self.position), np.arange(count)
-        return of[np.concatenate([own, other, diagonal])], of[np.concatenate([other, own, diagonal])]
+        return of[np.concatenate([rows, other, diagonal])], of[np.concatenate([other, rows, diagonal])]
 
     def matrix(self, entries: Array) -> Any:
         """Return the matrix, compressed by columns, by its numbers at the slots."""
         from scipy.sparse import csc_array
 
-        (row, column), count, kept = self.places, len(self.position), np.flatnonzero(entries)
-        return csc_array((entries[kept], (row[kept], column[kept])), shape=(count, count))
+        (row, column), count, nonzero = self.places, len(self.position), np.flatnonzero(entries)
+        return csc_array((entries[nonzero], (row[nonzero], column[nonzero])), shape=(count, count))
 
     def factorised(self, entries: Array) -> Callable[[Array], Array]:
         """Return the solution by its right-hand side; nan where the matrix is singular."""
@@ -223,8 +223,8 @@ def settled(system: System, at: Moment, span: float) -> Moment:
     offsets = PART * span * np.array([-2.0, -1.0, 1.0, 2.0])
     near = system.rates(at.t + offsets, q + np.outer(offsets, v), np.broadcast_to(v, (4, n)))
     changes = np.array([1.0, -8.0, 8.0, -1.0]) @ near / (12 * PART * span)
-    found = system.core.accelerated(*state, -np.append(system.core.forces(*state)[0], changes))
-    return Moment(at.t, q, v, found[:n], found[n:], at.work)
+    solution = system.core.accelerated(*state, -np.append(system.core.forces(*state)[0], changes))
+    return Moment(at.t, q, v, solution[:n], solution[n:], at.work)
 
 
 def moved(
@@ -251,7 +251,7 @@ def moved(
     """
     h = float(times[-1] - times[0]) / (len(times) - 1) / steps
     stepper, now = Steps(system.core, method, h, system.scale, close), system.start()
-    found: list[Moment] = [now]
+    moments: list[Moment] = [now]
     shape = len(method.c)
     guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
     within = h * np.concatenate([[0.5], method.c, [1.0]])
@@ -263,7 +263,7 @@ def moved(
             )
             for places, rates in zip(*known, strict=True):
                 if pace.spent(now.t):
-                    raise OutOfTime(now.t, found, np.arange(len(found)))
+                    raise OutOfTime(now.t, moments, np.arange(len(moments)))
                 stepped = stepper.step(now.t, now.q, now.v, now.a, now.multipliers, guess, places, rates)
                 if stepped is None:
                     raise SimulationError(
@@ -274,7 +274,7 @@ def moved(
                 now = Moment(now.t + h, q, v, a[-1], multipliers[-1], now.work + work)
                 if at_step is not None:
                     at_step(before, a, multipliers, now)
-        found.append(settled(system, now, h))
+        moments.append(settled(system, now, h))
         if progress is not None:
             progress(end / float(times[-1]))
-    return found, stepper
+    return moments, stepper

@@ -77,13 +77,13 @@ class LargeLinkage(System):
         place |= {f"{name}_theta": section.place for name, section in self._sections.items()}
         entries = [entries_of(of_joints, name, place) for name in _SLOPES]
         y, rows = motion._start[: self._points], [d.constraints.index(name) for name in self._names]
-        found = self._rigid.blocks("constraints", 0.0, y, np.zeros_like(y)) if rows else {}
-        sizes = found["constraint_scale"][rows] if rows else np.zeros(0)
-        held = crank and motion.info.mode == "held"
-        self._shaft = int(crank.places[0, 2]) if crank and held else None
+        blocks = self._rigid.blocks("constraints", 0.0, y, np.zeros_like(y)) if rows else {}
+        sizes = blocks["constraint_scale"][rows] if rows else np.zeros(0)
+        crank_is_held = crank and motion.info.mode == "held"
+        self._shaft = int(crank.places[0, 2]) if crank and crank_is_held else None
         self._start = self._straight(size)
         self._supports = Supports(motion, self.links, pins, self._shaft, self._start[0])
-        kept = [motion.constraints.index(name) for name in self._names]
+        numbers = [motion.constraints.index(name) for name in self._names]
         properties = np.concatenate([link.properties for link in self.links])
         self._elements = Elements(
             kernels(BLOCK).ADDRESSES,
@@ -91,7 +91,7 @@ class LargeLinkage(System):
             properties,
             any(link.beam.properties.stiffness_damping for link in self.links),
         )
-        parts: list[Part] = [self._elements, Rigid(self._rigid, self._joints, rows, kept, sizes, entries)]
+        parts: list[Part] = [self._elements, Rigid(self._rigid, self._joints, rows, numbers, sizes, entries)]
         supported, (row, column) = len(self._supports.rows), np.nonzero(self._supports.rows)
         # Values of supports, then places of points that welds to rigid links need, are known numbers behind
         # the unknowns.
@@ -137,8 +137,8 @@ class LargeLinkage(System):
         y = np.asarray(self.motion._start)
         n = self._points
         q, u = y[:n], y[n:]
-        found = np.zeros((2, size))
-        found[0, :n], found[1, :n] = q, u
+        places = np.zeros((2, size))
+        places[0, :n], places[1, :n] = q, u
         d = self.motion.rigid.description
         points = self._rigid.blocks("points", 0.0, q, u)
         moved = np.array([points["positions"], points["velocities"]])
@@ -149,9 +149,9 @@ class LargeLinkage(System):
             if self._shaft in link.places[:, 2]:
                 angle = float(self.motion.angle_at(np.array(0.0)))
             for node, share in zip(link.places, link.nodes, strict=True):
-                found[:, node[:2]] = (1 - share) * first + share * last
-                found[:, node[2]] = angle, rate
-        return found
+                places[:, node[:2]] = (1 - share) * first + share * last
+                places[:, node[2]] = angle, rate
+        return places
 
     @property
     def loaded(self) -> bool:
@@ -174,21 +174,21 @@ class LargeLinkage(System):
 
     def _added(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return inertia of masses on links and of a motor less loads on links, (times, unknowns)."""
-        n, found = self._points, np.zeros(q.shape)
+        n, forces = self._points, np.zeros(q.shape)
         if self._lumps:
-            self._lumps.add(found, q, v, a)
-        self._add_along(found, t, q, v)
+            self._lumps.add(forces, q, v, a)
+        self._add_along(forces, t, q, v)
         for k, section, posed in self._couples:
             moved = posed(partial(self._ground, t), q, v)[:2]
             loads = self._joints.many_blocks("joints", t, *moved)["load"]
-            found[:, section.place] -= loads[:, n + k]
+            forces[:, section.place] -= loads[:, n + k]
         if self._motor:
             place = self._motor.moves[0][0].place
             terms = self._shaft_terms(self._motor, t, q, v)
-            found[:, place] += terms[:, 0] * a[:, place] - terms[:, 3]
-        return found
+            forces[:, place] += terms[:, 0] * a[:, place] - terms[:, 3]
+        return forces
 
-    def _add_along(self, found: Array, t: Array, q: Array, v: Array) -> None:
+    def _add_along(self, forces: Array, t: Array, q: Array, v: Array) -> None:
         """Subtract the forces along links, whose kernels read links of undeformed length."""
         columns = [APPLIED.index(f"load_force_{axis}") for axis in "xy"]
         for along, posed in self._along:
@@ -197,7 +197,7 @@ class LargeLinkage(System):
                 self.motion._motion.many_blocks(name, t, *moved)[name] for name in ("loads", "links")
             )
             force = loads.reshape(len(t), -1, len(APPLIED))[:, along.row, columns]
-            along.add(found, q, links.reshape(len(t), -1, len(MOTION))[:, along.link, :2], force)
+            along.add(forces, q, links.reshape(len(t), -1, len(MOTION))[:, along.link, :2], force)
 
     def _shaft_terms(self, motor: Posed, t: Array, q: Array, v: Array) -> Array:
         """Return inertia, damping, stiffness and torque of a motor at its rotation, (times, 4)."""
@@ -207,20 +207,20 @@ class LargeLinkage(System):
         """Return the places of a point of the ground at times, (times, 2)."""
         y = np.broadcast_to(self.motion._start[: self._points], (len(t), self._points))
         number = self.motion.rigid.description.points.index(point)
-        found: Array = self._rigid.many_blocks("points", t, y, np.zeros_like(y))["positions"][:, number]
-        return found
+        positions: Array = self._rigid.many_blocks("points", t, y, np.zeros_like(y))["positions"][:, number]
+        return positions
 
     def _diagonal(self, t: Array, q: Array, v: Array) -> Array:
         """Return mass, damping and stiffness of masses on links and of a motor, (3, unknowns of ``_own``).
 
         Slopes of forces along links, and of couples by the lines between the ends of links, are left out.
         """
-        found = np.zeros((3, len(self._own())))
+        diagonals = np.zeros((3, len(self._own())))
         if self._lumps:
-            found[0, : self._lumps.places.size] = self._lumps.diagonal.ravel()
+            diagonals[0, : self._lumps.places.size] = self._lumps.diagonal.ravel()
         if self._motor:
-            found[:, -1] = self._shaft_terms(self._motor, t, q, v)[0, :3]
-        return found
+            diagonals[:, -1] = self._shaft_terms(self._motor, t, q, v)[0, :3]
+        return diagonals
 
     def _own(self) -> Indices:
         """Return unknowns of masses on links and of the shaft of a motor, with entries on the diagonal."""
@@ -231,15 +231,15 @@ class LargeLinkage(System):
     def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""
         n = self._points
-        found = np.sum(self._elements.values("energies", 4, q, v, a), axis=1)
+        sums = np.sum(self._elements.values("energies", 4, q, v, a), axis=1)
         if self._lumps:
-            found[:, :3] += self._lumps.energies(q, v)
+            sums[:, :3] += self._lumps.energies(q, v)
         if self._motor:
             inertia = self._shaft_terms(self._motor, t, q, v)[:, 0]
-            found[:, 0] += inertia * v[:, self._motor.moves[0][0].place] ** 2 / 2
+            sums[:, 0] += inertia * v[:, self._motor.moves[0][0].place] ** 2 / 2
         kinetic, potential = self._joints.many("energy", t, q[:, :n], v[:, :n])[:, :2].T
-        own, strain, of_weight, dissipated = found.T
-        return np.array([own + kinetic, strain, of_weight + potential, dissipated])
+        energy_of_motion, strain, of_weight, dissipated = sums.T
+        return np.array([energy_of_motion + kinetic, strain, of_weight + potential, dissipated])
 
     def torque(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array | None:
         """Return the torque of the shaft on the crank [N m], counter-clockwise, (times,); None if free."""
@@ -258,8 +258,8 @@ class LargeLinkage(System):
         shaft = next(p for p in d.links[info.crank][:2] if p not in d.free)
         arms = q[:, :n].reshape(len(t), -1, 2) - self._ground(t, shaft)[:, None]
         # The power of J^T lambda at the unit rate of the crank.
-        found: Array = -np.sum(pulls[..., 1] * arms[..., 0] - pulls[..., 0] * arms[..., 1], axis=1)
-        return found
+        torque: Array = -np.sum(pulls[..., 1] * arms[..., 0] - pulls[..., 0] * arms[..., 1], axis=1)
+        return torque
 
 
 def _check(motion: ElasticMotion) -> None:
@@ -276,6 +276,6 @@ def _check(motion: ElasticMotion) -> None:
         if of_sections
         else "Run it in rods with springs between them: segments in place of elements."
     )
-    for what, given in refused.items():
-        if given:
-            raise ModelError(f"{name}: elements in large rotation do not support {what}\n  {hint}")
+    for feature, is_present in refused.items():
+        if is_present:
+            raise ModelError(f"{name}: elements in large rotation do not support {feature}\n  {hint}")

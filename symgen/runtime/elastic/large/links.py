@@ -89,21 +89,21 @@ class LargeLink:
         _, first_slope, _, second_slope = hermite(x)
         bow = first_slope * rotations[0] + second_slope * rotations[1]
         place = first + x * chord + bow * np.stack([-chord[1], chord[0]]) - start
-        found: Array = (whole[0] * place[1] - whole[1] * place[0]) / np.linalg.norm(whole, axis=0)
-        return found
+        deflection: Array = (whole[0] * place[1] - whole[1] * place[0]) / np.linalg.norm(whole, axis=0)
+        return deflection
 
 
 def values(kernel: str, elements: Indices, properties: Array, q: Array, v: Array, a: Array) -> Array:
     """Return the results of a kernel for elements at states (times, unknowns), (times, elements, numbers)."""
-    made = Elements(kernels(BLOCK).ADDRESSES, elements, properties, damped=False)
-    return made.values(kernel, _WRITTEN[kernel], q, v, a)
+    elements_of_link = Elements(kernels(BLOCK).ADDRESSES, elements, properties, damped=False)
+    return elements_of_link.values(kernel, _WRITTEN[kernel], q, v, a)
 
 
 def undamped(properties: Array) -> Array:
     """Return the properties of elements without damping."""
-    found = properties.copy()
-    found[:, _DAMPING] = 0.0
-    return found
+    copied = properties.copy()
+    copied[:, _DAMPING] = 0.0
+    return copied
 
 
 def element_properties(properties: Properties, nodes: Sequence[float], gravity: Array) -> Array:
@@ -118,8 +118,12 @@ def element_properties(properties: Properties, nodes: Sequence[float], gravity: 
         axial = value_at(p.axial, middle)
         rows.append([length, mass, rotary, axial, bending, flexible, p.stiffness_damping, *gravity])
     # Elements of the same section are the same to the last bit.
-    found = np.array(rows)
-    return np.where(np.abs(found - found[0]) <= _EQUAL * np.abs(found[0]), found[0], found)
+    rows_of_elements = np.array(rows)
+    return np.where(
+        np.abs(rows_of_elements - rows_of_elements[0]) <= _EQUAL * np.abs(rows_of_elements[0]),
+        rows_of_elements[0],
+        rows_of_elements,
+    )
 
 
 def hermite(x: float) -> tuple[float, float, float, float]:
@@ -129,5 +133,5 @@ def hermite(x: float) -> tuple[float, float, float, float]:
 
 def _along(angle: Array, x: Array, y: Array) -> Array:
     """Return the component of vectors along directions."""
-    found: Array = np.cos(angle) * x + np.sin(angle) * y
-    return found
+    component: Array = np.cos(angle) * x + np.sin(angle) * y
+    return component

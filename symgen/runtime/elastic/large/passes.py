@@ -74,7 +74,7 @@ class Pass:
     balance: float | None
 
 
-def refined_run(of: LargeMotion, asked: Refined, end: float, least: float) -> ElasticResult:
+def refined_run(of: LargeMotion, request: Refined, end: float, least: float) -> ElasticResult:
     """Return the result of a run to a time [s], with at least so many steps.
 
     Raises
@@ -85,28 +85,33 @@ def refined_run(of: LargeMotion, asked: Refined, end: float, least: float) -> El
         Where Newton's method does not converge, however short the steps; with the last motion when the wall
         time is spent.
     """
-    rtol = real(RTOL if asked.rtol is None else asked.rtol, "rtol")
+    rtol = real(RTOL if request.rtol is None else request.rtol, "rtol")
     if not 0.0 < rtol < 1.0:
         raise ModelError(f"expected rtol above zero and below 1, got {rtol!r}")
-    samples = whole(asked.samples, "samples")
+    samples = whole(request.samples, "samples")
     if samples < 2:
         raise ModelError(f"expected 2 samples or more, got {samples}")
-    if asked.max_step is not None:
-        if not real(asked.max_step, "max_step") > 0.0:
-            raise ModelError(f"expected max_step above zero, got {asked.max_step!r}")
-        least = max(least, end / asked.max_step)
+    if request.max_step is not None:
+        if not real(request.max_step, "max_step") > 0.0:
+            raise ModelError(f"expected max_step above zero, got {request.max_step!r}")
+        least = max(least, end / request.max_step)
     times, pace, passes = np.linspace(0.0, end, samples), Pace(0.0, end), list[Pass]()
     try:
-        _refine(passes, of, times, least, rtol, pace, asked.progress)
+        _refine(passes, of, times, least, rtol, pace, request.progress)
     except OutOfTime as stop:
         if not passes:
+<<<<<<< HEAD
             variables, drift = of.outputs(of.system, stop.found), drift_of(of.system, stop.found)
             passes, times = [Pass(variables, 0, 0, math.inf, *drift)], times[stop.reached]
+=======
+            variables, drift = of.outputs(of.system, stop.states), drift_of(of.system, stop.states)
+            passes, times = [Pass(variables, 0, 0, math.inf, drift)], times[stop.reached]
+>>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
         problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall)
         raise SimulationError(f"{of.rigid.name}: {problem}", time=stop.t, partial=result) from None
-    made = _result(of, times, passes[-1], rtol, pace.wall)
-    made._estimate_later(partial(_by_elements, of, times, passes[-1], wall_left()))
-    return made
+    final = _result(of, times, passes[-1], rtol, pace.wall)
+    final._estimate_later(partial(_by_elements, of, times, passes[-1], wall_left()))
+    return final
 
 
 def _refine(
@@ -133,17 +138,21 @@ def _refine(
     steps = math.ceil(least / (len(times) - 1))
     while True:
         try:
-            found, stepper = moved(of.system, GAUSS8, times, steps, pace, progress)
+            moments, stepper = moved(of.system, GAUSS8, times, steps, pace, progress)
         except SimulationError:
             if passes or steps * (len(times) - 1) > _MOST:
                 raise
         else:
-            variables = of.outputs(of.system, found)
+            variables = of.outputs(of.system, moments)
             if passes:
                 passes[-1] = replace(passes[-1], error=mesh_error(passes[-1].variables, variables))
                 if passes[-1].error <= rtol or steps * (len(times) - 1) > _MOST:
                     return
+<<<<<<< HEAD
             passes.append(Pass(variables, steps, stepper.corrections, math.inf, *drift_of(of.system, found)))
+=======
+            passes.append(Pass(variables, steps, stepper.corrections, math.inf, drift_of(of.system, moments)))
+>>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
         steps *= 2
         pace.restart(0.0)
 
@@ -153,12 +162,13 @@ def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | 
     with limited(max_wall):
         finer = of.finer()
         try:
-            found, _ = moved(finer, GAUSS8, times, coarse.steps, Pace(0.0, float(times[-1])))
-            return mesh_error(coarse.variables, of.outputs(finer, found))
+            moments, _ = moved(finer, GAUSS8, times, coarse.steps, Pace(0.0, float(times[-1])))
+            return mesh_error(coarse.variables, of.outputs(finer, moments))
         except (OutOfTime, SimulationError):
             return None
 
 
+<<<<<<< HEAD
 def drift_of(system: System, found: Sequence[Moment]) -> tuple[Drift, float | None]:
     """Return the largest errors of the constraints, of the energy, and of the balance of powers.
 
@@ -179,6 +189,19 @@ def drift_of(system: System, found: Sequence[Moment]) -> tuple[Drift, float | No
     rate, net, imbalance = (np.diff(x) / np.diff(t) for x in (energy, work, error))
     largest = max(float(np.max(np.abs(x), initial=0.0)) for x in (rate, damping, net + damping))
     return drift, float(np.max(np.abs(imbalance))) / largest if largest else None
+=======
+def drift_of(system: System, moments: Sequence[Moment]) -> Drift:
+    """Return the largest errors of the constraints, and of the energy where all work is accounted for."""
+    t, q, v, a, _ = stacked(moments)
+    rows = system.core.rows(t, q, v, *system.prescribed(t))
+    constraint, velocity = (float(np.max(np.abs(x), initial=0.0)) for x in rows)
+    if not system.conservative:
+        return Drift(constraint, velocity)
+    kinetic, strain, potential, _ = system.energies(t, q, v, a)
+    balance = kinetic + strain + potential - [m.work for m in moments]
+    energy, exchanged = np.max(np.abs(balance - balance[0])), max(np.ptp(kinetic), np.ptp(strain + potential))
+    return Drift(constraint, velocity, float(energy), float(exchanged))
+>>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
 
 
 def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) -> ElasticResult:
@@ -188,9 +211,9 @@ def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) 
             f"the error by time steps does not reach rtol = {rtol:g}: links vibrate, as from an abrupt "
             "start, too fast for the steps; give a shorter run, damping, or shorter steps by max_step"
         )
-    how = {"method": "large-rotation", "form": of.form, "rtol": rtol, "t_end": float(times[-1])}
+    attributes = {"method": "large-rotation", "form": of.form, "rtol": rtol, "t_end": float(times[-1])}
     return ElasticResult(
-        **of_model(d, rigid.parameters, **how, **made_with(rigid.evaluator.library, rigid.typed)),
+        **of_model(d, rigid.parameters, **attributes, **made_with(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,
         coordinate=coordinate,
         variables=selected(one.variables, d.elastic.outputs if d.elastic else None),

@@ -73,33 +73,35 @@ def _free(motion: ElasticMotion) -> Iterator[str]:
         )
 
 
-def _outputs(motion: ElasticMotion, linkage: LargeLinkage, found: Sequence[Moment]) -> list[Variable]:
-    times, q, v, a, multipliers = stacked(found)
-    d, made = motion.rigid.description, list[Variable]()
+def _outputs(motion: ElasticMotion, linkage: LargeLinkage, moments: Sequence[Moment]) -> list[Variable]:
+    times, q, v, a, multipliers = stacked(moments)
+    d, variables = motion.rigid.description, list[Variable]()
     for name, k, at, fibre in motion.stations:
         link = linkage.links[k]
         axial, curvature = link.strains(q, v, a, at)
-        made += strains(name, link.beam, at, fibre * curvature, axial)
+        variables += strains(name, link.beam, at, fibre * curvature, axial)
     rigid = rigid_places(motion, times)
     for k, point in enumerate(d.free):
         place = q[:, 2 * k : 2 * k + 2]
-        made.append(displacement(point, place - rigid[point]))
-        made.append(Variable(f"{point}.position", "m", f"position of {point}", ("x", "y"), place))
+        variables.append(displacement(point, place - rigid[point]))
+        variables.append(Variable(f"{point}.position", "m", f"position of {point}", ("x", "y"), place))
     for link in linkage.links:
         info, name = link.beam.info, link.beam.info.link
         first, last = (q[:, link.places[end, :2]] for end in (0, -1))
-        made.append(length_change(name, np.linalg.norm(last - first, axis=1) - link.beam.properties.length))
+        variables.append(
+            length_change(name, np.linalg.norm(last - first, axis=1) - link.beam.properties.length)
+        )
         ends = link.end_forces(q, v, a)
         for point, force in ((info.start, ends[:, 0, :2]), (info.end, ends[:, -1, 3:5])):
-            made.append(joint_force(name, point, force))
+            variables.append(joint_force(name, point, force))
     for name, k, at, _ in motion.stations:
-        made.append(bow(name, linkage.links[k].beam, at, linkage.links[k].deflection(q, at)))
+        variables.append(bow(name, linkage.links[k].beam, at, linkage.links[k].deflection(q, at)))
     if (of_shaft := linkage.torque(times, q, v, a, multipliers)) is not None:
-        made.append(torque(motion.info.crank, of_shaft))
+        variables.append(torque(motion.info.crank, of_shaft))
     kinetic, strain, potential, dissipated = linkage.energies(times, q, v, a)
     # Loads on elastic links have no potential energy among those of rigid parts.
     known = None if linkage.loaded else potential
-    return [*made, *Energies(kinetic, strain, known, dissipated, None, None, None).variables()]
+    return [*variables, *Energies(kinetic, strain, known, dissipated, None, None, None).variables()]
 
 
 def _stretching(motion: ElasticMotion) -> Iterator[str]:

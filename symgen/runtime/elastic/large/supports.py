@@ -39,9 +39,9 @@ def divided(motion: ElasticMotion, elements: int, gravity: Array) -> tuple[list[
         for node, row in enumerate(places):
             point = at.get(node)
             shared = point is not None and point in d.free
-            own = [2 * d.free.index(point), 2 * d.free.index(point) + 1] if point and shared else []
-            row[:] = [*own, *range(size, size + 3 - len(own))]
-            size += 3 - len(own)
+            unknowns = [2 * d.free.index(point), 2 * d.free.index(point) + 1] if point and shared else []
+            row[:] = [*unknowns, *range(size, size + 3 - len(unknowns))]
+            size += 3 - len(unknowns)
             if point is not None and not shared:
                 pins.append(((int(row[0]), int(row[1])), point))
         nodes = tuple(info.node(k) for k in range(info.elements + 1))
@@ -56,17 +56,17 @@ def gravity_of(motion: ElasticMotion) -> Array:
     q, u = np.split(motion._start, 2)
     columns = next(b.columns for b in kernels_of.info("energies").blocks if b.name == "energies")
     at = [columns.index(f"potential_load_{axis}") for axis in "xy"]
-    own = -np.atleast_2d(kernels_of.blocks("energies", 0.0, q, u)["energies"])[0][at]
+    force = -np.atleast_2d(kernels_of.blocks("energies", 0.0, q, u)["energies"])[0][at]
     axes = np.atleast_2d(kernels_of.blocks("links", 0.0, q, u)["links"])[0][:2]
-    return at_nodes("force", 1, acting={FORCE: (1.0, 0.0, *axes, *own)})[0, :2]
+    return at_nodes("force", 1, acting={FORCE: (1.0, 0.0, *axes, *force)})[0, :2]
 
 
 def section_of(links: Sequence[LargeLink], link: str, point: str) -> Section:
     """Return the section of a link at one of its joints."""
-    own = next(k for k in links if k.beam.info.link == link)
-    info = own.beam.info
-    place = int(own.places[info.joint_nodes[info.points.index(point)], 2])
-    return Section(link, info.start, info.end, own.beam.properties.length, place)
+    link_number = next(k for k in links if k.beam.info.link == link)
+    info = link_number.beam.info
+    place = int(link_number.places[info.joint_nodes[info.points.index(point)], 2])
+    return Section(link, info.start, info.end, link_number.beam.properties.length, place)
 
 
 def rotation_of(links: Sequence[LargeLink], name: str) -> Section:
@@ -182,5 +182,5 @@ class Supports:
             return np.full(len(t), self._motion.speed)
         h = _PART * self._motion.rigid.description.t_end
         before, less, more, after = (self._motion.angle_at(t + k * h) for k in (-2, -1, 1, 2))
-        found: Array = (before - 8 * less + 8 * more - after) / (12 * h)
-        return found
+        speed: Array = (before - 8 * less + 8 * more - after) / (12 * h)
+        return speed

@@ -44,9 +44,9 @@ class Frame:
         of = np.vstack([self.vectors.T, np.full(len(self.vectors), float(self.between))])
         right = np.append(direction, 0.0)
         inverse = np.linalg.pinv(of.real)
-        found: Array = inverse @ right
-        found = found + inverse @ (right - of @ found)  # with the tangents of the vectors
-        return found if np.linalg.norm(of @ found - right) < _NONE else None
+        factors: Array = inverse @ right
+        factors = factors + inverse @ (right - of @ factors)  # with the tangents of the vectors
+        return factors if np.linalg.norm(of @ factors - right) < _NONE else None
 
 
 def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> Iterator[Row]:
@@ -67,6 +67,7 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
     ModelError
         Where the second part has no such direction, or the axis of a universal joint is along the link.
     """
+<<<<<<< HEAD
     own = first.vectors
     span = second.span
     if kind == "weld" and len(span) == 1:
@@ -74,13 +75,20 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
         products = [(n, span[0]) for n in _normals(span[0])]
     elif kind == "weld":
         one, two = span[:2]
+=======
+    vectors = first.vectors
+    if kind == "weld":
+        if len(second.span) < 2:
+            raise ModelError(f"{about}: a rod has no rotation about its line\n  {_REMEDY}")
+        one, two = second.span[:2]
+>>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
         two = two - (one @ two) * one
         three = np.cross(one, two)
         products = [(three, one), (three, two), (one, two)]
     else:
         axis = axis / length_of(axis)
         if kind == "universal":
-            across = np.cross(axis, own[0])
+            across = np.cross(axis, vectors[0])
             if np.linalg.norm(across) < _NONE:
                 raise ModelError(f"{about}: expected an axis across the link, got one along it")
             products = [(across / length_of(across), axis)]
@@ -94,7 +102,7 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
             raise ModelError(f"{about}: the axis has no direction fixed in the other link\n  {_REMEDY}")
         missing = 4 - len(factors)
         places = np.concatenate([first.places, second.places, second.places[:1].repeat(missing, axis=0)])
-        yield Row(places, np.concatenate([own @ a, factors, np.zeros(missing)]))
+        yield Row(places, np.concatenate([vectors @ a, factors, np.zeros(missing)]))
 
 
 def _normals(axis: Array) -> Array:
@@ -106,22 +114,22 @@ def _normals(axis: Array) -> Array:
 
 def length_of(vectors: Array) -> Array:
     """Return the lengths of vectors (..., 3), with their tangents."""
-    found: Array = np.sqrt(np.sum(vectors**2, axis=-1))
-    return found
+    length: Array = np.sqrt(np.sum(vectors**2, axis=-1))
+    return length
 
 
 def check_independent(name: str, jacobian: Array, labels: Sequence[str]) -> None:
     """Raise ModelError where constraints with these labels repeat or contradict others at the start."""
-    kept = np.flatnonzero(np.any(jacobian, axis=1))
-    rows = jacobian[kept] / np.linalg.norm(jacobian[kept], axis=1)[:, None]
+    nonzero = np.flatnonzero(np.any(jacobian, axis=1))
+    rows = jacobian[nonzero] / np.linalg.norm(jacobian[nonzero], axis=1)[:, None]
     left, sizes, _ = np.linalg.svd(rows)
     rank = int(np.sum(sizes > _NONE * sizes[0]))
-    repeated = kept[np.any(np.abs(left[:, rank:]) > _NONE, axis=1)]
+    repeated = nonzero[np.any(np.abs(left[:, rank:]) > _NONE, axis=1)]
     if len(repeated):
-        found = dict.fromkeys(labels[k] for k in repeated.tolist() if labels[k] != DIRECTORS)
+        names = dict.fromkeys(labels[k] for k in repeated.tolist() if labels[k] != DIRECTORS)
         raise ModelError(
             f"{name}: expected independent joints, got some that repeat or contradict others: "
-            f"{', '.join(found)}\n  Leave one out, or choose a kind that restricts less."
+            f"{', '.join(names)}\n  Leave one out, or choose a kind that restricts less."
         )
 
 

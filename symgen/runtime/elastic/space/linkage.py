@@ -89,9 +89,9 @@ class LinkageInSpace(System):
         entries = [entries_of(of_joints, name, place) for name in _SLOPES]
         names = of_joints["jacobian"].rows if "jacobian" in of_joints else ()
         rows = [d.constraints.index(name) for name in names]
-        found = self._at_start(self.of_rigid, "constraints") if rows else {}
+        blocks = self._at_start(self.of_rigid, "constraints") if rows else {}
         # Any constant scale will do, so that it has no tangents.
-        sizes = found["constraint_scale"][rows].real if rows else np.zeros(0)
+        sizes = blocks["constraint_scale"][rows].real if rows else np.zeros(0)
         #: Directors of all nodes, (nodes, 3, 3).
         directors = np.concatenate([k.places[:, 3:] for k in self.links]).reshape(-1, 3, 3)
         scale = np.full(size, max(link.length.real for link in self.links))
@@ -130,15 +130,15 @@ class LinkageInSpace(System):
     def names(self) -> tuple[str, ...]:
         """Names of the unknowns: coordinates of points, positions and directors of nodes."""
         d = self.rigid.description
-        found = [""] * self.unknowns
+        labels = [""] * self.unknowns
         for link in self.links:
-            for node, own in enumerate(link.places):
-                for k, place in enumerate(own):
-                    found[place] = (
+            for node, unknowns in enumerate(link.places):
+                for k, place in enumerate(unknowns):
+                    labels[place] = (
                         f"{link.info.link}@{node}.{('', 'd1_', 'd2_', 'd3_')[k // 3]}{'xyz'[k % 3]}"
                     )
-        found[: self._points] = [f"{p}.{axis}" for p in d.free for axis in d.axes]
-        return tuple(found)
+        labels[: self._points] = [f"{p}.{axis}" for p in d.free for axis in d.axes]
+        return tuple(labels)
 
     @property
     def has_drives(self) -> bool:
@@ -170,8 +170,8 @@ class LinkageInSpace(System):
     def _undeformed(self, size: int) -> Array:
         """Return places and rates at t = 0 of straight links that do not spin, (2, unknowns)."""
         d, n, name = self.rigid.description, self._points, self.rigid.name
-        found = np.zeros((2, size), self._q.dtype)
-        found[0, :n], found[1, :n] = self._q, self._u
+        vectors = np.zeros((2, size), self._q.dtype)
+        vectors[0, :n], vectors[1, :n] = self._q, self._u
         points = self._at_start(self.of_rigid, "points")
         moved = np.array([points["positions"], points["velocities"]])
         for link in self.links:
@@ -188,10 +188,10 @@ class LinkageInSpace(System):
             width = width / length_of(width)
             directors = np.array([along, width, np.cross(along, width)])
             for node, share in zip(link.places, link.fractions, strict=True):
-                found[:, node[:3]] = (1 - share) * first + share * last
-                found[0, node[3:]] = directors.ravel()
-                found[1, node[3:]] = np.cross(turning, directors).ravel()
-        return found
+                vectors[:, node[:3]] = (1 - share) * first + share * last
+                vectors[0, node[3:]] = directors.ravel()
+                vectors[1, node[3:]] = np.cross(turning, directors).ravel()
+        return vectors
 
     def _joined(self) -> Iterator[Row]:
         """Yield the constraints of joints that restrict rotations."""
@@ -207,7 +207,7 @@ class LinkageInSpace(System):
 
     def _frame(self, name: str, joint: JointInfo) -> Frame:
         """Return the vectors fixed in a link of a joint; in the ground without a name."""
-        d, given = self.rigid.description, self.straight.shape[1]
+        d, size = self.rigid.description, self.straight.shape[1]
         start = np.concatenate([self.straight[0], self.given(np.zeros(1))[0][0]])
         for link in self.links:
             if link.info.link == name:
@@ -215,9 +215,9 @@ class LinkageInSpace(System):
                 return Frame(places, start[places])
         turned = ("", *d.elastic.driven) if d.elastic else ("",)
         if name in turned:
-            places = given + 3 * len(d.points) + AXES * turned.index(name) + np.arange(AXES).reshape(3, 3)
+            places = size + 3 * len(d.points) + AXES * turned.index(name) + np.arange(AXES).reshape(3, 3)
             return Frame(places, start[places])
-        first = [3 * d.free.index(p) if p in d.free else given + 3 * d.points.index(p) for p in joint.base]
+        first = [3 * d.free.index(p) if p in d.free else size + 3 * d.points.index(p) for p in joint.base]
         places = np.array(first)[:, None] + np.arange(3)
         return Frame(places, start[places], between=True)
 
@@ -262,11 +262,11 @@ class LinkageInSpace(System):
     def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""
         n = self._points
-        found: Array = sum(np.sum(link.values("energies", q, v, a), axis=1) for link in self.links).T
+        sums: Array = sum(np.sum(link.values("energies", q, v, a), axis=1) for link in self.links).T
         rigid = self.of_joints("energy", t, q[:, :n], v[:, :n])
         for k, name in ((0, "kinetic_energy"), (2, "potential_energy")):
-            found[k] += rigid[name].reshape(len(t))
-        return found
+            sums[k] += rigid[name].reshape(len(t))
+        return sums
 
     def directed(self, q: Array, v: Array, kernel: str = "row", width: int = 23) -> Array:
         """Return error, rate and slopes of constraints on directions, (times, rows, 23), or another kernel's.
@@ -282,18 +282,18 @@ class LinkageInSpace(System):
         """Return the rate of the constraint Jacobian, (multipliers, unknowns)."""
         n, rigid, points, t = self.unknowns, len(self.rows), self._points, np.array([moment.t])
         rates = self.prescribed(t)[1]
-        found = np.zeros((self.multipliers, n + rates.shape[1]))
+        rate = np.zeros((self.multipliers, n + rates.shape[1]))
         if rigid:
             joints = self.of_joints("joints", t, moment.q[None, :points], moment.v[None, :points])
-            found[:rigid, :points] = joints["jacobian_rate"][0]
+            rate[:rigid, :points] = joints["jacobian_rate"][0]
         # Slopes of products are linear in the vectors.
         v = np.hstack([moment.v[None], rates])
         first = rigid + 3 * len(self.pins)
         row = first + np.arange(len(self.vectors))[:, None]
-        np.add.at(found, (row, self.vectors), self.directed(v, np.zeros_like(v))[0, :, 2:])
-        return found[:, :n]
+        np.add.at(rate, (row, self.vectors), self.directed(v, np.zeros_like(v))[0, :, 2:])
+        return rate[:, :n]
 
     def _at_start(self, kernels: Duals, kernel: str) -> dict[str, Array]:
         """Return the results of a kernel at the start with rigid links, by name."""
-        found = kernels(kernel, np.zeros(1), self._q[None], self._u[None])
-        return {name: values[0] for name, values in found.items()}
+        blocks = kernels(kernel, np.zeros(1), self._q[None], self._u[None])
+        return {name: values[0] for name, values in blocks.items()}

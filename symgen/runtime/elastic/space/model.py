@@ -98,8 +98,8 @@ class SpatialModel(Model):
 
         by = self._differentiated(parameters)
         if at is not None and not isinstance(at, float | int):
-            made = getattr(at, "provenance", {})
-            if made.get("form") != _FORM or made["parameters"] != dict(self.parameters):
+            provenance = getattr(at, "provenance", {})
+            if provenance.get("form") != _FORM or provenance["parameters"] != dict(self.parameters):
                 raise ModelError(f"{self.name}: expected a run of this model for at: model.simulate()")
             if not outputs:
                 raise ModelError("expected outputs to differentiate, got none")
@@ -115,10 +115,10 @@ class SpatialModel(Model):
         return of_frequencies(self.rigid, by, coordinates, 0.0 if at is None else real(at, "the time"))
 
     @takes(RunInSpace)
-    def _simulate(self, asked: RunInSpace) -> ElasticResult:
+    def _simulate(self, request: RunInSpace) -> ElasticResult:
         self._refuse_types("runs of elastic links in space are")
         d = self.rigid.description
-        end = end_of_scene(d.t_end) if asked.t_end is None else real(asked.t_end, "t_end")
+        end = end_of_scene(d.t_end) if request.t_end is None else real(request.t_end, "t_end")
         if not end > 0.0:
             raise ModelError(f"expected t_end above zero, got {end!r}")
         large = LargeMotion(
@@ -129,15 +129,15 @@ class SpatialModel(Model):
             over_time,
             _FORM,
         )
-        with limited(asked.max_wall):
+        with limited(request.max_wall):
             try:
-                return refined_run(large, asked, end, _STEPS)
+                return refined_run(large, request, end, _STEPS)
             except SimulationError as error:
                 if error.partial is not None:
                     raise
                 raise SimulationError(f"{error}{self._dead_centre(error.time)}", time=error.time) from None
 
-    def _outputs(self, linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
+    def _outputs(self, linkage: LinkageInSpace, moments: Sequence[Moment]) -> list[Variable]:
         """Return the outputs, without places of points at rest unless the scene selects them.
 
         Raises
@@ -148,17 +148,17 @@ class SpatialModel(Model):
         d = self.rigid.description
         still = {f"{p}.position" for p in d.ground if p in d.steady}
         still -= {*((d.elastic and d.elastic.outputs) or ())}
-        made = [v for v in outputs(linkage, found) if v.name not in still]
-        for variable in (v for v in made if v.name.endswith(".axial_strain")):
+        variables = [v for v in outputs(linkage, moments) if v.name not in still]
+        for variable in (v for v in variables if v.name.endswith(".axial_strain")):
             beyond = np.flatnonzero(~(np.abs(variable.values) <= _STRAIN))
             if len(beyond):
-                t, strain = found[beyond[0]].t, variable.values[beyond[0]]
+                t, strain = moments[beyond[0]].t, variable.values[beyond[0]]
                 raise SimulationError(
                     f"{self.name}: expected {variable.name} of at most {_STRAIN:g}, beyond which linear "
                     f"elasticity does not hold, got {strain:.3g} at t = {t:.6g} s",
                     time=t,
                 )
-        return made
+        return variables
 
     def _dead_centre(self, t: float) -> str:
         """Return a line on the dead centre that the linkage with rigid links comes to before a time [s]."""

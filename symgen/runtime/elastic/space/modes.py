@@ -34,29 +34,29 @@ def equilibrium(linkage: LinkageInSpace, t: float) -> Moment:
     ModelError
         Where corrections do not converge, as for a linkage that its loads move.
     """
-    found = linkage.start()
+    moment = linkage.start()
     still = np.zeros(linkage.unknowns)
     end = linkage.rigid.description.t_end
     for time in np.linspace(0.0, t, 2 + int(_POSES * abs(t / end))):
-        found = _at_rest(linkage, replace(found, t=float(time), v=still, a=still))
-    return found
+        moment = _at_rest(linkage, replace(moment, t=float(time), v=still, a=still))
+    return moment
 
 
-def _at_rest(linkage: LinkageInSpace, found: Moment) -> Moment:
-    t, q, multipliers, n = np.array([found.t]), found.q, found.multipliers, linkage.unknowns
+def _at_rest(linkage: LinkageInSpace, moment: Moment) -> Moment:
+    t, q, multipliers, n = np.array([moment.t]), moment.q, moment.multipliers, linkage.unknowns
     still = np.zeros(n)
     for _ in range(_MOST):
-        solve = held(linkage, replace(found, q=q, multipliers=multipliers))
+        solve = held(linkage, replace(moment, q=q, multipliers=multipliers))
         residual = linkage.residual(t, q[None], still[None], still[None], multipliers[None])[0]
-        change = solve(np.concatenate([residual, linkage.errors(found.t, q)]))
+        change = solve(np.concatenate([residual, linkage.errors(moment.t, q)]))
         q, multipliers = q - change[:n], multipliers - change[n:]
         size = float(np.max(np.abs(change[:n]) / linkage.scale))
         if size <= _CLOSE:
-            return replace(found, q=q, multipliers=multipliers)
+            return replace(moment, q=q, multipliers=multipliers)
         if not np.isfinite(size):
             break
     raise ModelError(
-        f"{linkage.name}: no equilibrium with the input held at t = {found.t:g} s\n"
+        f"{linkage.name}: no equilibrium with the input held at t = {moment.t:g} s\n"
         "  Modes are those about an equilibrium: loads must not move the linkage."
     )
 
@@ -76,13 +76,13 @@ def modes_in_space(rigid: RodModel, t: float) -> ElasticModes:
     ModelError
         When there is no equilibrium, or it is unstable.
     """
-    found = _modes(LinkageInSpace(rigid), t)
+    modes = _modes(LinkageInSpace(rigid), t)
 
     def estimate() -> Array:
-        finer = _modes(LinkageInSpace(rigid, divided=2), t).frequencies[: len(found.frequencies)]
-        return relative(found.frequencies[: len(finer)], finer)
+        finer = _modes(LinkageInSpace(rigid, divided=2), t).frequencies[: len(modes.frequencies)]
+        return relative(modes.frequencies[: len(finer)], finer)
 
-    return replace(found, estimate=estimate)
+    return replace(modes, estimate=estimate)
 
 
 def _modes(linkage: LinkageInSpace, t: float) -> ElasticModes:

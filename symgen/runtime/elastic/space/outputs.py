@@ -29,10 +29,15 @@ _AT_STATIONS = {
 _MOMENTS = slice(3, 6)
 
 
-def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
+def outputs(linkage: LinkageInSpace, states: Sequence[Moment]) -> list[Variable]:
     """Return strains and stresses at stations, joint forces and moments of links, places, energies."""
+<<<<<<< HEAD
     t, q, v, a, multipliers = stacked(found)
     links, made, axes = {k.info.link: k for k in linkage.links}, list[Variable](), ("x", "y", "z")
+=======
+    t, q, v, a, _ = stacked(states)
+    links, variables, axes = {k.info.link: k for k in linkage.links}, list[Variable](), ("x", "y", "z")
+>>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
     for name, owner, at in linkage.stations:
         where, link = f"{name}, at {np.real(at):g} of {owner}", links[owner]
         section, first, last = (
@@ -40,25 +45,33 @@ def outputs(linkage: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
             q[:, link.places[0, :3]],
             q[:, link.places[-1, :3]],
         )
-        for k, (what, (unit, about)) in enumerate(_AT_STATIONS.items()):
-            made.append(Variable(f"{name}.{what}", unit, f"{about} at {where}", (), section[:, k]))
+        for k, (word, (unit, about)) in enumerate(_AT_STATIONS.items()):
+            variables.append(Variable(f"{name}.{word}", unit, f"{about} at {where}", (), section[:, k]))
         place, about = section[:, -3:], f"deflection at {where} from the line between the ends"
-        made.append(Variable(f"{name}.deflection", "m", about, axes, place - (1 - at) * first - at * last))
-        made.append(Variable(f"{name}.position", "m", f"position of {where}", axes, place))
+        variables.append(
+            Variable(f"{name}.deflection", "m", about, axes, place - (1 - at) * first - at * last)
+        )
+        variables.append(Variable(f"{name}.position", "m", f"position of {where}", axes, place))
     for name, link in links.items():
         for point, force in link.forces(q, v, a).items():
-            made.append(Variable(f"{name}.{point}.force", "N", f"force on {name} at {point}", axes, force))
+            variables.append(
+                Variable(f"{name}.{point}.force", "N", f"force on {name} at {point}", axes, force)
+            )
         for k, (point, sign) in enumerate(((link.info.start, -1.0), (link.info.end, 1.0))):
             about = f"moment on {name} at {point} about its line, width and thickness"
             moments = sign * link.resultants(q, v, a, float(k))[:, _MOMENTS]
-            made.append(Variable(f"{name}.{point}.moment", "N*m", about, axes, moments))
+            variables.append(Variable(f"{name}.{point}.moment", "N*m", about, axes, moments))
         chord = q[:, link.places[-1, :3]] - q[:, link.places[0, :3]]
-        made.append(length_change(name, length_of(chord) - link.length))
-    made += drives(linkage, found)
+        variables.append(length_change(name, length_of(chord) - link.length))
+    variables += drives(linkage, states)
     for point, place in linkage.positions(t, q).items():
-        made.append(Variable(f"{point}.position", "m", f"position of {point}", axes, place))
+        variables.append(Variable(f"{point}.position", "m", f"position of {point}", axes, place))
     kinetic, strain, potential, dissipated = linkage.energies(t, q, v, a)
+<<<<<<< HEAD
     power = input_power(linkage, t, q, v, a, multipliers)
     about = "power of prescribed motions and of loads without potential"
     made += Energies(kinetic, strain, potential, dissipated, None, None, None).variables()
     return [*made, Variable("input_power", "W", about, (), power)]
+=======
+    return [*variables, *Energies(kinetic, strain, potential, dissipated, None, None, None).variables()]
+>>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)

@@ -64,15 +64,15 @@ def of_run(
     linkage, directions = LinkageInSpace(rigid), [*_directions(rigid, parameters, coordinates)]
     tangents = Tangents(linkage, directions, GAUSS8, float(times[1] - times[0]) / steps)
     pace = Pace(0.0, float(times[-1]))
-    found, _ = moved(linkage, GAUSS8, times, steps, pace, at_step=tangents.step, close=_CLOSE)
+    moments, _ = moved(linkage, GAUSS8, times, steps, pace, at_step=tangents.step, close=_CLOSE)
     # A run reports no second rates at its start.
     (dq, dv), *later = tangents.kept[::steps]
     by = [(dq, dv, 0.0 * dq, np.zeros((linkage.multipliers, len(directions))))]
-    by += [(*x, *tangents.settled(m, *x)) for m, x in zip(found[1:], later, strict=True)]
+    by += [(*x, *tangents.settled(m, *x)) for m, x in zip(moments[1:], later, strict=True)]
 
     def along(j: int) -> list[Variable]:
         duals = []
-        for m, changes in zip(found, by, strict=True):
+        for m, changes in zip(moments, by, strict=True):
             q, v, a, multipliers = (1j * UNIT * x[:, j] for x in changes)
             duals.append(Moment(m.t, m.q + q, m.v + v, m.a + a, m.multipliers + multipliers))
         return outputs_of(directions[j], duals)
@@ -109,9 +109,9 @@ def of_frequencies(
             change = change - solve(right + matrix @ change)
         q, multipliers = at.q + 1j * UNIT * change[:n], at.multipliers + 1j * UNIT * change[n:]
         each.append(matrices(along, replace(at, q=q, multipliers=multipliers)))
-    found = frequency_slopes(rigid.name, frequencies, shapes, each)
+    by_parameter = frequency_slopes(rigid.name, frequencies, shapes, each)
     units = frequency_units(len(frequencies))
-    return sensitivity_of(rigid.description, units, parameters, frequencies, found, t)
+    return sensitivity_of(rigid.description, units, parameters, frequencies, by_parameter, t)
 
 
 def _directions(

@@ -83,7 +83,19 @@ def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters
     forces[:, :points] -= joints["load"]
     if rigid:
         forces[:, :points] += np.einsum("tr,trn->tn", multipliers[:, :rigid], joints["jacobian"])
+<<<<<<< HEAD
     pushed = slopes * multipliers[:, rigid + 3 * len(of.pins) :, None]
+=======
+        errors[:, :rigid] = of.of_rigid("constraints", *state)["constraints"][:, of.rows] / of.sizes
+        values = of.of_rigid("velocity_constraints", *state)["velocity_constraints"]
+        speeds[:, :rigid] = values[:, of.rows] / of.sizes
+    for k, (_, point) in enumerate(of.pins):
+        pinned = slice(rigid + 3 * k, rigid + 3 * k + 3)
+        errors[:, pinned], speeds[:, pinned] = (-x[:, 3 * point : 3 * point + 3] for x in (places, rates))
+    values = of.directed(np.hstack([q, places]), np.hstack([v, rates]))
+    errors[:, first:], speeds[:, first:] = values[..., 0], values[..., 1]
+    pushed = values[..., 2:] * multipliers[:, first:, None]
+>>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
     np.add.at(forces.T, of.vectors, np.moveaxis(pushed, 0, -1))
     return ByParameters(*(x.imag / UNIT for x in (forces[:, :n], errors, speeds)))
 
@@ -96,10 +108,10 @@ def matrices(of: LinkageInSpace, at: Moment) -> tuple[Array, Array, Array]:
     mass, stiffness = np.zeros((2, size, size), complex)
     bound = np.zeros((of.multipliers, size), complex)
     for link in of.links:
-        own = link.elements
-        found = link.values("tangent", at.q[None], still, still).reshape(-1, 3, 24, 24)
-        for to, slopes in ((mass, found[:, 0]), (stiffness, found[:, 2])):
-            np.add.at(to, (own[:, :, None], own[:, None]), slopes)
+        unknowns = link.elements
+        blocks = link.values("tangent", at.q[None], still, still).reshape(-1, 3, 24, 24)
+        for to, slopes in ((mass, blocks[:, 0]), (stiffness, blocks[:, 2])):
+            np.add.at(to, (unknowns[:, :, None], unknowns[:, None]), slopes)
     d = of.rigid.description
     points = d.coordinates
     work = np.zeros((1, points + len(d.constraints)), complex)
@@ -110,8 +122,8 @@ def matrices(of: LinkageInSpace, at: Moment) -> tuple[Array, Array, Array]:
             np.add.at(to, tuple(of.entries[name].T), joints[name][0])
     if rigid:
         bound[:rigid, :points] = joints["jacobian"][0]
-    for k, (own, _) in enumerate(of.pins):
-        bound[rigid + 3 * k + np.arange(3), own] = 1.0
+    for k, (unknowns, _) in enumerate(of.pins):
+        bound[rigid + 3 * k + np.arange(3), unknowns] = 1.0
     q = np.hstack([at.q[None], places])
     slopes = of.directed(q, np.zeros_like(q))[0, :, 2:]
     np.add.at(bound, (first + np.arange(len(slopes))[:, None], of.vectors), slopes)
@@ -154,9 +166,11 @@ class Tangents:
 
     def _held(self, *moments: Moment) -> ByParameters:
         """Return the tangents at held motions along all directions, which are the last axis."""
-        found = [by_parameters(of, moments) for of in self._along]
+        parts_of_links = [by_parameters(of, moments) for of in self._along]
         names = "forces", "errors", "rates"
-        return ByParameters(*(np.stack([getattr(x, name) for x in found], axis=-1) for name in names))
+        return ByParameters(
+            *(np.stack([getattr(x, name) for x in parts_of_links], axis=-1) for name in names)
+        )
 
     def _slopes(self, moment: Moment) -> Slopes:
         return self._of.slopes(moment.t, moment.q, moment.v, moment.a, moment.multipliers)
@@ -195,7 +209,7 @@ class Tangents:
         q = before.q + h * np.outer(method.c, before.v) + h * h * (method.a @ (method.a @ a))
         matrix, right = np.zeros((len(a), len(a), len(self._row))), []
         stages = [Moment(*x) for x in zip(before.t + h * method.c, q, v, a, multipliers, strict=True)]
-        held = self._held(*stages)
+        derivatives = self._held(*stages)
         for k, (c, moment) in enumerate(zip(method.c.tolist(), stages, strict=True)):
             slopes, turning = self._slopes(moment), np.zeros(len(self._row))
             places = self._row[self._bound] - n, np.minimum(self._column[self._bound], n)
@@ -208,12 +222,12 @@ class Tangents:
             matrix[k, k] += slopes.mass + np.where(self._bound, 0.0, slopes.jacobian)
             moved = self._one.matrix(by_places)[:, :n] @ (self.q + h * c * self.v)
             right.append(
-                np.vstack([held.forces[k], held.rates[k]])
+                np.vstack([derivatives.forces[k], derivatives.rates[k]])
                 + self._one.matrix(by_rates)[:, :n] @ self.v
                 + moved
             )
-        found = -_solved(self._all.matrix(matrix.ravel()), np.concatenate(right))
-        da = found.reshape(len(a), n + of.multipliers, -1)[:, :n]
+        solution = -_solved(self._all.matrix(matrix.ravel()), np.concatenate(right))
+        da = solution.reshape(len(a), n + of.multipliers, -1)[:, :n]
         dq = self.q + h * self.v + h * h * np.tensordot(method.b @ method.a, da, 1)
         dv = self.v + h * np.tensordot(method.b, da, 1)
         ended = before.q + h * before.v + h * h * (method.b @ method.a) @ a, before.v + h * method.b @ a
@@ -255,8 +269,8 @@ class Tangents:
             changes = changes + weight / (12 * PART * self._h) * self._rows(near, dq + later * dv, dv)
         forces = self._held(at).forces[0] + self._one.matrix(slopes.damping)[:n, :n] @ dv
         forces = forces + self._one.matrix(slopes.stiffness)[:n, :n] @ dq
-        found = -of.pattern.factorised(slopes.mass + slopes.jacobian)(np.vstack([forces, changes]))
-        return found[:n], found[n:]
+        solution = -of.pattern.factorised(slopes.mass + slopes.jacobian)(np.vstack([forces, changes]))
+        return solution[:n], solution[n:]
 
 
 class Compressed:
@@ -272,8 +286,8 @@ class Compressed:
         from scipy.sparse import csc_array
 
         count, entries = len(self._starts) - 1, entries[self._order]
-        kept = np.flatnonzero(entries)
-        data = entries[kept], self._rows[kept], np.searchsorted(kept, self._starts)
+        nonzero = np.flatnonzero(entries)
+        data = entries[nonzero], self._rows[nonzero], np.searchsorted(nonzero, self._starts)
         return csc_array(data, shape=(count, count))
 
 
@@ -282,5 +296,5 @@ def _solved(matrix: Any, right: Array) -> Array:
     from scipy.sparse.linalg import splu
 
     factors = splu(matrix)
-    found: Array = factors.solve(right)
-    return found + factors.solve(right - matrix @ found)
+    solution: Array = factors.solve(right)
+    return solution + factors.solve(right - matrix @ solution)

@@ -60,7 +60,7 @@ class Stages:
         self._finished.append((self._left["displacements"][place], self._left["rates"][place]))
         return self._finished[-1]
 
-    def resumed(self, steps: BeamSteps, found: Array, rates: Array) -> tuple[int, int]:
+    def resumed(self, steps: BeamSteps, displacements: Array, rates: Array) -> tuple[int, int]:
         """Bring a run that has begun to where it was left, if it was.
 
         Returns
@@ -71,7 +71,7 @@ class Stages:
         if self._left is None:
             return 0, 0
         steps.restore(self._left["steps"].tobytes())
-        found[:], rates[:] = self._left["now"]
+        displacements[:], rates[:] = self._left["now"]
         reached, taken = (int(k) for k in self._left["place"])
         self._left = None
         return reached, taken
@@ -80,7 +80,7 @@ class Stages:
         self,
         t: float,
         steps: BeamSteps,
-        found: Array,
+        displacements: Array,
         rates: Array,
         place: tuple[int, int],
         last: bool = False,
@@ -95,14 +95,14 @@ class Stages:
         arrays = {
             "displacements": np.array([pair[0] for pair in self._finished]),
             "rates": np.array([pair[1] for pair in self._finished]),
-            "now": np.array([found, rates]),
+            "now": np.array([displacements, rates]),
             "place": np.array(place, dtype=float),
             "steps": np.frombuffer(steps.save(), np.uint8),
         }
         wall = self.spent + time.perf_counter() - self._begun
         store(file, self._checkpoints.mark, t, wall, arrays)
 
-    def finished(self, found: Array, rates: Array) -> Pair:
+    def finished(self, displacements: Array, rates: Array) -> Pair:
         """Record displacements and rates of a finished run, and return them."""
-        self._finished.append((found, rates))
-        return found, rates
+        self._finished.append((displacements, rates))
+        return displacements, rates
