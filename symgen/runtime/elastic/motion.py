@@ -252,14 +252,8 @@ class ElasticMotion(ABC):
     def identity(self) -> tuple[str, ...]:
         """Data that determine a run, in addition to the rigid linkage and its parameters."""
         hashes = self._motion.description.equations, self._joints.description.equations
-        layout = self.layout
-        return (
-            *hashes,
-            repr(self.info),
-            repr(self.stiffened),
-            repr(layout.names),
-            layout.constants.tobytes().hex(),
-        )
+        names, constants = repr(self.layout.names), self.layout.constants.tobytes().hex()
+        return *hashes, repr(self.info), repr(self.stiffened), names, constants
 
     def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
         """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""

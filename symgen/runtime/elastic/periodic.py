@@ -88,13 +88,8 @@ def periodic(
         @cache
         def errors() -> tuple[float, float | None]:
             # Each pose is found from the one before: equations of its own give the same bits at any time.
-            equations, clock = (
-                motion.equations(task.form == "thesis", stepping=True),
-                Pace(0.0, motion.period),
-            )
-            return compare(
-                equations, shot, _shot(motion, equations, math.ceil(FINER * per_turn), clock), clock
-            )[1:]
+            alone, clock = motion.equations(task.form == "thesis", stepping=True), Pace(0.0, motion.period)
+            return compare(alone, shot, _shot(motion, alone, math.ceil(FINER * per_turn), clock), clock)[1:]
 
         if wall_left() is not None:
             errors()
@@ -228,12 +223,11 @@ def _followed(
     results = []
     for k, shot in enumerate(shots):
         steps, lag = shot.steps + int(np.sum(counts[0])), shot.lag * part * shot.unit**-part
-        own_counts = [x[:, :, 0] + x[:, :, 1 + k] for x in both]
+        states = [x[:, :, 0] + x[:, :, 1 + k] for x in both]
         if shot.phase is not None:
-            own_counts = [
-                y - lag[:, None] * x[:, :, 1 + len(shots) + k] for x, y in zip(both, own_counts, strict=True)
-            ]
-        results.append(Found(own_counts[0], own_counts[1], steps, floquet=shot.multipliers, counts=counts[0]))
+            free = (x[:, :, 1 + len(shots) + k] for x in both)
+            states = [y - lag[:, None] * x for x, y in zip(free, states, strict=True)]
+        results.append(Found(states[0], states[1], steps, floquet=shot.multipliers, counts=counts[0]))
     return results
 
 

@@ -220,9 +220,8 @@ def stepped(
                 progress(at / float(times[order[-1]]))
             if over:
                 indices = np.sort(order[:place])
-                raise OutOfTime(
-                    at, Found(displacements[indices], rates[indices], int(np.sum(counts[:place]))), indices
-                )
+                results = displacements[indices], rates[indices], int(np.sum(counts[:place]))
+                raise OutOfTime(at, Found(*results), indices)
         now, steps_done = max(t, now), 0
         displacements[k], rates[k] = steps.displacements.reshape(shape), steps.rates.reshape(shape)
         if jumps and t == jumps[0][0]:

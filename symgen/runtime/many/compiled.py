@@ -20,7 +20,7 @@ from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import BLOCK, Keep, Kept
 from symgen.runtime.many.driven import Driven, driven_runs
 from symgen.runtime.many.loops import DrivenLoops, driven_loops
-from symgen.runtime.many.starts import given_of, is_stored, start_of
+from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
 from symgen.runtime.result.recording import Recording, continued, shaped
 from symgen.runtime.result.records import over_time
 from symgen.runtime.rods.large_start import LARGE
@@ -71,9 +71,9 @@ class Compiled:
             info = replace(info, blocks=tuple(b for b in info.blocks if b.name in keep.outputs))
         variables = continued(shaped(info, out), d.turns, turned) if info else ()
         drift = dict(zip(("constraint", "energy"), drifts.T, strict=True))
-        done = regular & ~self.single[rows]
+        is_done = regular & ~self.single[rows]
         return keep.of_rows(
-            variables, along, None, drift, d.shown_axes, done.tolist(), np.arange(first, last)
+            variables, along, None, drift, d.shown_axes, is_done.tolist(), np.arange(first, last)
         )
 
     def _runs(self) -> Runs:
@@ -121,10 +121,10 @@ def compiled_runs(
         return None  # each has its own end
     if chosen.method.needs_tangent or d.coordinates > LARGE:  # a large linkage has a start of its own
         return None
-    own = getattr(model, "_own", lambda state: state)
-    rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in map(own, states)])
-    given = given_of(evaluator, columns, states)
-    single = is_stored(evaluator, given, states)
+    state_of = getattr(model, "_own", lambda state: state)
+    rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in map(state_of, states)])
+    parameter_rows = parameters_of_runs(evaluator, columns, states)
+    single = is_stored(evaluator, parameter_rows, states)
     t0 = starts.pop()
     if chosen.rtol == chosen.atol == 0.0 and chosen.t_end - t0 > _MOST_STEPS * chosen.step > 0.0:
         return None
@@ -132,7 +132,7 @@ def compiled_runs(
     batched = None
     if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model._typed, Typed):
         batched = model._typed.kernels(True)
-    return Compiled(evaluator, chosen, t0, times, given, rows, single, batched, source.stepper.steps)
+    return Compiled(evaluator, chosen, t0, times, parameter_rows, rows, single, batched, source.stepper.steps)
 
 
 def _in_lanes(chosen: Options) -> bool:

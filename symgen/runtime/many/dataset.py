@@ -108,16 +108,17 @@ class Keep:
         times: Array | None,
         drift: Mapping[str, Array],
         axes: tuple[str, ...],
-        done: Sequence[bool],
+        is_done: Sequence[bool],
         runs: NDArray[np.intp],
     ) -> list[Kept | None]:
         """Return the stored outputs of each completed run of a block, None for the others."""
         if self.reduce is not None:
             return [
-                self(variables, along, times, drift, axes, i) if own else None for i, own in enumerate(done)
+                self(variables, along, times, drift, axes, i) if own else None
+                for i, own in enumerate(is_done)
             ]
         block = self(variables, along, times, drift, axes, runs=runs)
-        return [block if own else None for own in done]
+        return [block if own else None for own in is_done]
 
     def of_block(
         self,
@@ -135,8 +136,8 @@ class Keep:
         """
         samples = chosen(tuple(variables), self.outputs)
         size, weights = np.full(len(drift), float(along.shape[-1])), mean_weights(along, times)
-        made = tuple(reduction(v, name, weights) for name in self.names for v in samples)
-        single = (*made, *_drifts({"constraint": drift}), _recorded(size))
+        reduced = tuple(reduction(v, name, weights) for name in self.names for v in samples)
+        single = (*reduced, *_drifts({"constraint": drift}), _recorded(size))
         return [Kept(single=single, axes=axes, runs=runs)] * len(runs)
 
 

@@ -18,7 +18,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import BLOCK, Keep, Kept
 from symgen.runtime.many.reductions import EXTREMES, of_extremes, reduced
-from symgen.runtime.many.starts import given_of, is_stored, start_of
+from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
 from symgen.runtime.result.recorded_motion import Along, chosen_names, coordinate_of, of_names
 from symgen.runtime.result.records import Variable
@@ -87,66 +87,70 @@ class Driven:
 
     def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
-        kept: list[Kept | None] = [None] * (last - first)
+        results: list[Kept | None] = [None] * (last - first)
         if self.forces and not {*(keep.outputs or ("",))} <= {
             v.name for v in self._of_forces(*self._nothing)
         }:
-            return kept  # reactions and section forces take the balance of every element
-        d, evaluator, given = self.model.description, self.model.evaluator, self.given[first:last]
+            return results  # reactions and section forces take the balance of every element
+        d, evaluator, parameter_rows = self.model.description, self.model.evaluator, self.given[first:last]
         start = start_of(evaluator)
         ahead = None
         if self.assembling:
-            ahead = StartLanes(start[2], self.assembling, self.grain, given.shape[1]).assembled(given)
-        regular, q, lengths = Starts(*start).poses(given, ahead)
+            ahead = StartLanes(start[2], self.assembling, self.grain, parameter_rows.shape[1]).assembled(
+                parameter_rows
+            )
+        regular, q, lengths = Starts(*start).poses(parameter_rows, ahead)
         if self.states is not None:
             q = self.states[first:last]
-            variants = (Evaluator(d, evaluator.library, p) for p in given)
+            variants = (Evaluator(d, evaluator.library, p) for p in parameter_rows)
             lengths = np.array([extent(v, own) for v, own in zip(variants, q, strict=True)])
-        runs = np.flatnonzero(regular & ~is_stored(evaluator, given, self.states))
+        runs = np.flatnonzero(regular & ~is_stored(evaluator, parameter_rows, self.states))
         if self.reduces(keep) and len(runs):
-            runs = self._by_extremes(given, q, lengths, runs, keep, kept, first)
+            runs = self._by_extremes(parameter_rows, q, lengths, runs, keep, results, first)
         if not len(runs):
-            return kept
-        states, joints, done = self._followed(given[runs], q[runs], lengths[runs])
-        done &= np.isfinite(joints).all(axis=(1, 2))
-        moving = over_variants(evaluator, "points", given[runs], self.nodes, states)
+            return results
+        states, joints, is_done = self._followed(parameter_rows[runs], q[runs], lengths[runs])
+        is_done &= np.isfinite(joints).all(axis=(1, 2))
+        moving = over_variants(evaluator, "points", parameter_rows[runs], self.nodes, states)
         shape = (len(runs), len(self.nodes), 2, len(d.points), len(d.axes))
         places, velocities = np.moveaxis(moving.reshape(shape), 2, 0)
         with np.errstate(all="ignore"):  # of runs that ended before
-            done &= turned(d, self.nodes, places, velocities) <= TURN
-        runs, which = runs[done], np.ix_(np.flatnonzero(done), self.asked)
+            is_done &= turned(d, self.nodes, places, velocities) <= TURN
+        runs, which = runs[is_done], np.ix_(np.flatnonzero(is_done), self.asked)
         states, times = states[which], self.nodes[self.asked]
         kinematics = self.model.analysis("kinematics")
-        closed = over_variants(kinematics, "closure", given[runs], times, states)
+        closed = over_variants(kinematics, "closure", parameter_rows[runs], times, states)
         m = len(d.constraints)
         missed = np.max(np.abs(closed[..., :m] / closed[..., m : 2 * m]), axis=(1, 2))
         if self.forces:
-            made = self._of_forces(given[runs], states, joints[which])
+            variables = self._of_forces(parameter_rows[runs], states, joints[which])
         else:
-            made = self._of_motion(given[runs], states, places[done], velocities[done])
-        if keep.outputs is not None and {*keep.outputs} <= {v.name for v in made}:
-            made = [v for v in made if v.name in (*keep.outputs, self.drive)]
+            variables = self._of_motion(parameter_rows[runs], states, places[is_done], velocities[is_done])
+        if keep.outputs is not None and {*keep.outputs} <= {v.name for v in variables}:
+            variables = [v for v in variables if v.name in (*keep.outputs, self.drive)]
         if keep.names:
-            sampled = [v for v in made if v.name != self.drive]
-            over = next((v.values for v in made if v.name == self.drive), times)
+            sampled = [v for v in variables if v.name != self.drive]
+            over = next((v.values for v in variables if v.name == self.drive), times)
             _placed(
                 runs,
                 keep.of_block(sampled, missed, d.axes, over, partial(reduced, axis=1), first + runs, times),
-                kept,
+                results,
             )
-            return kept
-        driven = [v.values for v in made if v.name == self.drive]
+            return results
+        driven = [v.values for v in variables if v.name == self.drive]
         if all(np.array_equal(x, np.broadcast_to(x[:1], x.shape)) for x in driven):
-            one = [replace(v, values=v.values[0]) if v.name == self.drive else v for v in made]
+            one = [replace(v, values=v.values[0]) if v.name == self.drive else v for v in variables]
             along, own = coordinate_of(times, one, self.drive)
             of_time, drift = None if along.name == "time" else times, {"constraint": missed}
             every = [True] * len(runs)
-            _placed(runs, keep.of_rows(tuple(own), along, of_time, drift, d.axes, every, first + runs), kept)
-            return kept
+            _placed(
+                runs, keep.of_rows(tuple(own), along, of_time, drift, d.axes, every, first + runs), results
+            )
+            return results
         for i, run in enumerate(runs.tolist()):
-            along, own = coordinate_of(times, [replace(v, values=v.values[i]) for v in made], self.drive)
-            kept[run] = keep(tuple(own), along, times, {"constraint": float(missed[i])}, d.axes)
-        return kept
+            along, own = coordinate_of(times, [replace(v, values=v.values[i]) for v in variables], self.drive)
+            results[run] = keep(tuple(own), along, times, {"constraint": float(missed[i])}, d.axes)
+        return results
 
     def most(self, keep: Keep) -> int:
         """Return the number of runs of one call."""
@@ -160,12 +164,12 @@ class Driven:
 
     def _by_extremes(
         self,
-        given: Array,
+        parameter_rows: Array,
         q: Array,
         lengths: Array,
         runs: NDArray[np.intp],
         keep: Keep,
-        kept: list[Kept | None],
+        results: list[Kept | None],
         first: int,
     ) -> NDArray[np.intp]:
         """Enter the reductions of some runs; return those whose links may turn far between nodes."""
@@ -173,43 +177,48 @@ class Driven:
         flags[self.asked] = True
         number = {name: 2 * i for i, name in enumerate(d.points)}
         ends = [[number[p] for p in points[:2]] for points in d.links.values()] if len(d.axes) == 2 else []
-        asked = [{k for name in keep.names for k in EXTREMES[name][vector]} for vector in (False, True)]
-        wanted = [sum(1 << k for k in numbers) for numbers in asked]
-        rows, missed, done, steady = self._lanes().extremes(
+        extremes = [{k for name in keep.names for k in EXTREMES[name][vector]} for vector in (False, True)]
+        selections = [sum(1 << k for k in numbers) for numbers in extremes]
+        rows, missed, is_done, steady = self._lanes().extremes(
             self.t,
-            given[runs],
+            parameter_rows[runs],
             q[runs],
             lengths[runs],
             self.nodes,
             flags,
             np.array([c[0] for _, c in self.unknowns] + [self._width]),
-            np.array([wanted[len(c) > 1] for _, c in self.unknowns], dtype=np.uint8),
+            np.array([selections[len(c) > 1] for _, c in self.unknowns], dtype=np.uint8),
             np.array(ends, dtype=np.intp).reshape(-1, 2),
             TURN,
         )
-        good = done & steady
-        made = [of_unknown(u, d.axes, rows[good][..., columns]) for u, columns in self.unknowns]
+        good = is_done & steady
+        forces = [of_unknown(u, d.axes, rows[good][..., columns]) for u, columns in self.unknowns]
         along = self.nodes[self.asked]
-        found = keep.of_block(made, missed[good], d.axes, along, of_extremes, first + runs[good])
-        _placed(runs[good], found, kept)
-        return runs[done & ~steady]
+        blocks = keep.of_block(forces, missed[good], d.axes, along, of_extremes, first + runs[good])
+        _placed(runs[good], blocks, results)
+        return runs[is_done & ~steady]
 
     def _lanes(self) -> KinematicLanes:
         return KinematicLanes(self.motion, self.grain, self.groups, self.forces)
 
-    def _followed(self, given: Array, q: Array, lengths: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def _followed(
+        self, parameter_rows: Array, q: Array, lengths: Array
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return states and joint forces at all nodes, and which runs reached all."""
         lanes = self._lanes()
-        begin, given, q = int(np.searchsorted(self.nodes, self.t)), *map(np.ascontiguousarray, (given, q))
-        states, joints, reached = lanes.follow(self.t, given, q, lengths, self.nodes[begin:])
-        done = reached == len(self.nodes) - begin
+        begin, parameter_rows, q = (
+            int(np.searchsorted(self.nodes, self.t)),
+            *map(np.ascontiguousarray, (parameter_rows, q)),
+        )
+        states, joints, reached = lanes.follow(self.t, parameter_rows, q, lengths, self.nodes[begin:])
+        is_done = reached == len(self.nodes) - begin
         if begin:
-            back = lanes.follow(self.t, given, q, lengths, self.nodes[:begin][::-1].copy())
+            back = lanes.follow(self.t, parameter_rows, q, lengths, self.nodes[:begin][::-1].copy())
             states, joints = (
                 np.hstack([a[:, ::-1], b]) for a, b in zip(back, (states, joints), strict=False)
             )
-            done &= back[2] == begin
-        return states, joints, done
+            is_done &= back[2] == begin
+        return states, joints, is_done
 
     @property
     def _nothing(self) -> tuple[Array, Array, Array]:
@@ -222,43 +231,45 @@ class Driven:
         info = self.forces[0].kernel("joint_forces") if self.forces else None
         return info.out_size if info else 0
 
-    def _of_forces(self, given: Array, states: Array, joints: Array) -> list[Variable]:
+    def _of_forces(self, parameter_rows: Array, states: Array, joints: Array) -> list[Variable]:
         """Return the outputs of all runs, values of shape (runs, samples, ...)."""
-        loads, axes, made = self.model.analysis("forces"), self.model.description.axes, []
+        loads, axes, variables = self.model.analysis("forces"), self.model.description.axes, []
         if loads.has("driven_angles"):
-            angles = over_variants(loads, "driven_angles", given, self.nodes[self.asked], states)
+            angles = over_variants(loads, "driven_angles", parameter_rows, self.nodes[self.asked], states)
             rows = loads.info("driven_angles").blocks[0].rows
-            made = [of_drive(f"{row.split(' ')[0]}.angle", angles[..., i]) for i, row in enumerate(rows)]
-        return made + [of_unknown(u, axes, joints[..., columns]) for u, columns in self.unknowns]
+            variables = [of_drive(f"{row.split(' ')[0]}.angle", angles[..., i]) for i, row in enumerate(rows)]
+        return variables + [of_unknown(u, axes, joints[..., columns]) for u, columns in self.unknowns]
 
-    def _of_motion(self, given: Array, states: Array, places: Array, velocities: Array) -> list[Variable]:
+    def _of_motion(
+        self, parameter_rows: Array, states: Array, places: Array, velocities: Array
+    ) -> list[Variable]:
         """Return the records of all runs, values of shape (runs, samples, ...)."""
         d, times, kinematics = (
             self.model.description,
             self.nodes[self.asked],
             self.model.analysis("kinematics"),
         )
-        second = over_variants(self.model.evaluator, "point_accelerations", given, times, states)
+        second = over_variants(self.model.evaluator, "point_accelerations", parameter_rows, times, states)
         shape = (-1, len(d.points), len(d.axes))
         moving = [x.reshape(shape) for x in (places[:, self.asked], velocities[:, self.asked], second)]
-        along, made = Along(d, places, self.asked), []
+        along, variables = Along(d, places, self.asked), []
         info = kinematics.find("drives")
         if info:
-            values = over_variants(kinematics, "drives", given, times, states)
-            made = [
+            values = over_variants(kinematics, "drives", parameter_rows, times, states)
+            variables = [
                 Variable(b.name, b.unit, f"drive {b.name}", (), values[..., b.offset]) for b in info.blocks
             ]
-        taken, size = {v.name for v in made}, (len(given), len(times))
+        used_names, size = {v.name for v in variables}, (len(parameter_rows), len(times))
 
         def counted(link: str, angles: Array) -> Array:
             return along.counted(link, angles.reshape(size)).ravel()
 
         turning = {}
         if {*self.chosen} & {*d.links}:
-            out = over_variants(kinematics, "rotations", given, times, states)
+            out = over_variants(kinematics, "rotations", parameter_rows, times, states)
             turning = rotations_of(kinematics, out.reshape(-1, out.shape[2]))
-        stacked = [v for v in of_names(d, self.chosen, counted, turning, *moving) if v.name not in taken]
-        return made + [replace(v, values=v.values.reshape(*size, *v.values.shape[1:])) for v in stacked]
+        stacked = [v for v in of_names(d, self.chosen, counted, turning, *moving) if v.name not in used_names]
+        return variables + [replace(v, values=v.values.reshape(*size, *v.values.shape[1:])) for v in stacked]
 
 
 def _assembling(model: Any, count: int, states: Sequence[State] | None, lanes: int) -> Library | None:
@@ -273,9 +284,9 @@ def _assembling(model: Any, count: int, states: Sequence[State] | None, lanes: i
     return library if lanes_of(library, model.description.name)[0] == lanes else None
 
 
-def _placed(runs: NDArray[np.intp], found: Sequence[Kept | None], kept: list[Kept | None]) -> None:
-    for run, one in zip(runs.tolist(), found, strict=True):
-        kept[run] = one
+def _placed(runs: NDArray[np.intp], parts: Sequence[Kept | None], results: list[Kept | None]) -> None:
+    for run, one in zip(runs.tolist(), parts, strict=True):
+        results[run] = one
 
 
 def driven_runs(
@@ -303,19 +314,21 @@ def driven_runs(
     width = lanes_of(motion[1], motion[0].name)[0] if motion[1].backend == "c" else 1
     if width < 2:
         return None
-    rows = given_of(model.evaluator, columns, states)
+    rows = parameters_of_runs(model.evaluator, columns, states)
     t, constraints = starts.pop(), model._constraints()
-    given = {name: value for name, value in arguments.items() if value is not None}
-    if d.kernel("run_end") and "stop" not in given:
+    options = {name: value for name, value in arguments.items() if value is not None}
+    if d.kernel("run_end") and "stop" not in options:
         return None
-    asked = (LinkageForces if loads else LinkageMotion)(**given).instants(d.t_end)
-    times = asked.times(d.name, constraints.driving)
-    nodes = nodes_of(min(asked.start, t), max(asked.stop, t), np.unique(times))
+    instants = (LinkageForces if loads else LinkageMotion)(**options).instants(d.t_end)
+    times = instants.times(d.name, constraints.driving)
+    nodes = nodes_of(min(instants.start, t), max(instants.stop, t), np.unique(times))
     unknowns: list[tuple[Unknown, list[int]]] = []
     if loads:
         order = {label: i for i, label in enumerate(loads.info("joint_forces").blocks[0].rows)}
-        found = Assembly(constraints, loads, Poses(np.zeros(0), np.zeros((0, 3, constraints.n))), 1).unknowns
-        unknowns = [(u, [order[label] for label in u.labels]) for u in found]
+        of_assembly = Assembly(
+            constraints, loads, Poses(np.zeros(0), np.zeros((0, 3, constraints.n))), 1
+        ).unknowns
+        unknowns = [(u, [order[label] for label in u.labels]) for u in of_assembly]
     drives = driving(loads, times[:1]) if loads else {}
     return Driven(
         model,

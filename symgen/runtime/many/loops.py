@@ -18,7 +18,7 @@ from symgen.runtime.loop.kernels import CLOSE, LoopKernels
 from symgen.runtime.loop.limits import WEAK
 from symgen.runtime.many.dataset import BLOCK, Keep, Kept, chosen
 from symgen.runtime.many.reductions import reduced
-from symgen.runtime.many.starts import given_of
+from symgen.runtime.many.starts import parameters_of_runs
 from symgen.runtime.result.records import Coordinate, over_time
 from symgen.runtime.result.turn import Turn, variables
 
@@ -60,11 +60,11 @@ class DrivenLoops:
     def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
         kernels, d = self.kernels, self.kernels.description
-        own, given = np.array([p.default for p in d.parameters]), self.given[first:last]
+        defaults, parameter_rows = np.array([p.default for p in d.parameters]), self.given[first:last]
         lanes = LoopLanes(kernels.equations(d.having("dependent"), d.rank), self.batched, self.grain)
-        times, out, hold, closure, done = lanes.follow(
-            own,
-            np.ascontiguousarray(given),
+        times, out, hold, closure, is_done = lanes.follow(
+            defaults,
+            np.ascontiguousarray(parameter_rows),
             np.array(d.start),
             STAGES,
             d.begin if d.span else None,
@@ -76,24 +76,28 @@ class DrivenLoops:
             LEAST_RANGE,
             WEAK,
         )
-        done &= np.any(given != own, axis=1)  # the start with the parameters of the scene is stored
-        done &= ~np.any(hold[:, 1:] * hold[:, :-1] < 0.0, axis=1)  # a dead centre between samples
-        made = tuple(v for v in variables(d, np.moveaxis(out, 1, 2)) if v.name in self.names)
-        kept: list[Kept | None] = [None] * len(given)
-        runs, drift = np.flatnonzero(done), {"constraint": closure * d.size}
+        is_done &= np.any(
+            parameter_rows != defaults, axis=1
+        )  # the start with the parameters of the scene is stored
+        is_done &= ~np.any(hold[:, 1:] * hold[:, :-1] < 0.0, axis=1)  # a dead centre between samples
+        block_variables = tuple(v for v in variables(d, np.moveaxis(out, 1, 2)) if v.name in self.names)
+        results: list[Kept | None] = [None] * len(parameter_rows)
+        runs, drift = np.flatnonzero(is_done), {"constraint": closure * d.size}
         if keep.names:
-            block = [replace(v, values=v.values[runs]) for v in chosen(made, keep.outputs)]
+            block = [replace(v, values=v.values[runs]) for v in chosen(block_variables, keep.outputs)]
             missed = drift["constraint"][runs]
             values = times[runs] if self.along is None else self.along.values
-            found = keep.of_block(block, missed, _AXES, values, partial(reduced, axis=1), first + runs)
-            for i, one in zip(runs.tolist(), found, strict=True):
-                kept[i] = one
-            return kept
+            reduced_blocks = keep.of_block(
+                block, missed, _AXES, values, partial(reduced, axis=1), first + runs
+            )
+            for i, one in zip(runs.tolist(), reduced_blocks, strict=True):
+                results[i] = one
+            return results
         for i in runs.tolist():
             along = over_time(times[i]) if self.along is None else self.along
             of_time = None if self.along is None else times[i]
-            kept[i] = keep(made, along, of_time, drift, _AXES, i, np.arange(first, last))
-        return kept
+            results[i] = keep(block_variables, along, of_time, drift, _AXES, i, np.arange(first, last))
+        return results
 
 
 def driven_loops(model: Any, first: Turn, columns: Mapping[str, Array]) -> DrivenLoops | None:
@@ -111,7 +115,7 @@ def driven_loops(model: Any, first: Turn, columns: Mapping[str, Array]) -> Drive
     return DrivenLoops(
         kernels,
         batched,
-        given_of(kernels, columns, None),
+        parameters_of_runs(kernels, columns, None),
         None if along.name == "time" else along,
         along.values,
         names,

@@ -22,12 +22,14 @@ FLOQUET, NOTES = "floquet", "notes"
 _FREQUENCIES = 6
 
 
-def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:
+def at_one_pose(equilibrium: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:
     """Return outputs, positions, ground reactions and stability of an equilibrium."""
-    named = {name: (found.units[name], "output", values) for name, values in found.outputs.items()}
-    for name, place in found.state.positions.items():
+    named = {
+        name: (equilibrium.units[name], "output", values) for name, values in equilibrium.outputs.items()
+    }
+    for name, place in equilibrium.state.positions.items():
         named.setdefault(f"{name}.position", ("m", "position", place))
-    for name, force in found.reactions.items():
+    for name, force in equilibrium.reactions.items():
         named.setdefault(f"{name}.reaction", ("N", "force of the ground on the linkage", force))
     single = tuple(
         Variable(
@@ -40,23 +42,23 @@ def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str
         for name, (unit, about, v) in named.items()
     )
     stability = Variable(
-        "stability", "1", "stable, neutral or unstable", (), np.array(found.stability, dtype=object)
+        "stability", "1", "stable, neutral or unstable", (), np.array(equilibrium.stability, dtype=object)
     )
     return Kept(single=(*chosen(single, outputs), stability), axes=axes)
 
 
-def of_modes(found: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | None) -> Kept:
+def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | None) -> Kept:
     """Return the lowest natural frequencies [Hz], ``frequency.1`` and so on; nan where nothing oscillates.
 
     Of elastic links in motion there is also ``growth`` [1/s], the fastest growth of a mode.
     """
-    if isinstance(found, ElasticModes):
-        frequencies, growth = found.frequencies, found.growth
-    elif isinstance(found, RotorModes):
-        frequencies, growth = found.frequencies, np.zeros(0)
+    if isinstance(modes, ElasticModes):
+        frequencies, growth = modes.frequencies, modes.growth
+    elif isinstance(modes, RotorModes):
+        frequencies, growth = modes.frequencies, np.zeros(0)
     else:
-        frequencies, growth = np.full(found.equilibrium.linearised.freedoms, np.nan), np.zeros(0)
-        frequencies[: len(found.frequencies)] = found.frequencies[: len(frequencies)]
+        frequencies, growth = np.full(modes.equilibrium.linearised.freedoms, np.nan), np.zeros(0)
+        frequencies[: len(modes.frequencies)] = modes.frequencies[: len(frequencies)]
     single = [
         Variable(f"frequency.{i}", "Hz", f"natural frequency {i}", (), np.array(value))
         for i, value in enumerate(frequencies[:_FREQUENCIES], 1)

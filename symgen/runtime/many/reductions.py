@@ -21,8 +21,8 @@ _EQUAL = 1e-9
 
 def _magnitudes(values: Array, vector: bool) -> Array:
     """Return the magnitude of each sample: of a vector that of the vector."""
-    found: Array = np.sqrt(np.sum(values**2, axis=-1)) if vector else np.abs(values)
-    return found
+    magnitudes: Array = np.sqrt(np.sum(values**2, axis=-1)) if vector else np.abs(values)
+    return magnitudes
 
 
 def mean_weights(along: Array, times: Array | None = None) -> Array:
@@ -74,13 +74,13 @@ EXTREMES = {
 
 def reductions(names: str | Sequence[str]) -> tuple[str, ...]:
     """Return the names of reductions as a tuple; raise ModelError for unknown ones."""
-    wanted = tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
-    if not wanted:
+    requested = tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
+    if not requested:
         raise ModelError(f"expected a reduction: {', '.join((*REDUCTIONS, HISTORY))}; got none")
-    for name in wanted:
+    for name in requested:
         if name != HISTORY and name not in REDUCTIONS:
             raise ModelError(f"there is no reduction {name!r}. {nearest(name, [*REDUCTIONS, HISTORY])}")
-    return wanted
+    return requested
 
 
 def of_extremes(variable: Variable, name: str, weights: Array) -> Variable:

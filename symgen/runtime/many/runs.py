@@ -47,10 +47,10 @@ def variants(
     return {name: np.broadcast_to(values, count) for name, values in columns.items()}, states
 
 
-def _values(model: Any, name: str, given: ArrayLike) -> Array:
+def _values(model: Any, name: str, sequence: ArrayLike) -> Array:
     known = getattr(model, "parameters", {})
     check_known(name, known, f"{model.name} has no tunable parameter")
-    values = np.asarray(given, dtype=float)
+    values = np.asarray(sequence, dtype=float)
     if values.ndim > 1:
         raise ModelError(
             f"expected one value of {name} per run, or one for all, got the shape {values.shape}"
@@ -76,9 +76,9 @@ def _states(model: Any, states: Any) -> Sequence[State]:
         finite(state)
         if begin is None:
             continue
-        for what, given, size in (("coordinates", state.q, len(begin.q)), ("rates", state.u, len(begin.u))):
-            if len(given) != size:
-                raise ModelError(f"expected {size} {what} of {model.name} for run {i}, got {len(given)}")
+        for noun, rows, size in (("coordinates", state.q, len(begin.q)), ("rates", state.u, len(begin.u))):
+            if len(rows) != size:
+                raise ModelError(f"expected {size} {noun} of {model.name} for run {i}, got {len(rows)}")
     return states
 
 
@@ -151,50 +151,50 @@ def carried_out(
         raise ModelError(f"{runs.analysis}_many does not accept {', '.join(wrong)}: it is for single runs")
     if threads is not None and threads < 1:
         raise ModelError(f"expected one thread or more, got {threads}")
-    kept: list[Kept] = []
+    results: list[Kept] = []
     result, failed, driven = None, None, runs.driven() if accepted else None
-    while not driven and result is None and len(kept) < len(runs):
+    while not driven and result is None and len(results) < len(runs):
         try:
-            result = runs.result(len(kept))
-            kept.append(runs.kept(result, keep))
+            result = runs.result(len(results))
+            results.append(runs.kept(result, keep))
         except FAILURES as error:
             failed = failed or error
-            kept.append(Kept(error=str(error)))
+            results.append(Kept(error=str(error)))
         if progress:
-            progress(len(kept) / len(runs))
+            progress(len(results) / len(runs))
     if failed and result is None:
         if some:
             raise failed
-        return kept
-    done, count, workers = len(kept), len(runs), threads or _processors()
-    kept += [Kept()] * (count - done)
+        return results
+    finished_runs, count, workers = len(results), len(runs), threads or _processors()
+    results += [Kept()] * (count - finished_runs)
     compiled = driven or compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
     ended = Event()
 
     def carry_out(first: int, last: int) -> int:
-        found = compiled(first, last, keep) if compiled else [None] * (last - first)
-        for i, one in enumerate(found, first):
+        blocks = compiled(first, last, keep) if compiled else [None] * (last - first)
+        for i, one in enumerate(blocks, first):
             if one is not None:
-                kept[i] = one
+                results[i] = one
                 continue
             if ended.is_set():
                 break
             try:
-                kept[i] = runs.kept(runs.result(i), keep)
+                results[i] = runs.kept(runs.result(i), keep)
             except FAILURES as error:
-                kept[i] = Kept(error=str(error))
+                results[i] = Kept(error=str(error))
         return last - first
 
     grain = compiled.grain if compiled else 1
     most = compiled.most(keep) if compiled else BLOCK
     share = count if workers == 1 else max(1, count // (4 * workers))
     block = grain * -(-min(most, share) // grain)
-    blocks = [(first, min(first + block, count)) for first in range(done, count, block)]
+    blocks = [(first, min(first + block, count)) for first in range(finished_runs, count, block)]
     for finished in _in_threads(carry_out, blocks, workers, ended):
-        done += finished
+        finished_runs += finished
         if progress:
-            progress(done / count)
-    return kept
+            progress(finished_runs / count)
+    return results
 
 
 def _in_threads(

@@ -22,22 +22,22 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def given_of(
+def parameters_of_runs(
     evaluator: Evaluator | LoopKernels, columns: Mapping[str, Array], states: Sequence[State] | None
 ) -> Array:
     """Return the parameters of each run, (runs, parameters)."""
     count = len(next(iter(columns.values()))) if states is None else len(states)
-    given = np.tile(evaluator.given, (count, 1))
+    rows = np.tile(evaluator.given, (count, 1))
     names = [p.name for p in evaluator.description.tunable]
     for name, values in columns.items():
-        given[:, names.index(name)] = values
-    return given
+        rows[:, names.index(name)] = values
+    return rows
 
 
-def is_stored(evaluator: Evaluator, given: Array, states: object) -> NDArray[np.bool_]:
+def is_stored(evaluator: Evaluator, rows: Array, states: object) -> NDArray[np.bool_]:
     """Return a flag for each run: true with the parameters of the scene, whose start is stored."""
-    found: NDArray[np.bool_] = np.all(given == [p.default for p in evaluator.description.tunable], axis=1)
-    return found & (states is None)
+    stored: NDArray[np.bool_] = np.all(rows == [p.default for p in evaluator.description.tunable], axis=1)
+    return stored & (states is None)
 
 
 def start_of(

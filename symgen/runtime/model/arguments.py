@@ -177,8 +177,8 @@ class Derivatives:
             raise ModelError("expected increasing times for t_eval, at least one, got none")
         last = float(times[-1]) if self.t_end is None else self.t_end
         most = MOST_STEPS if self.max_steps is None else self.max_steps
-        how = (last, self.method, self.rtol, self.atol, self.step, 2, most)
-        return times, options(*how, max_step=self.max_step)
+        arguments = (last, self.method, self.rtol, self.atol, self.step, 2, most)
+        return times, options(*arguments, max_step=self.max_step)
 
 
 @dataclass(frozen=True, kw_only=True)

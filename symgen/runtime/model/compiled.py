@@ -200,27 +200,27 @@ class Compiled:
 
     def _batch(
         self,
-        what: str,
+        kernel: str,
         t: ArrayLike,
         q: ArrayLike,
         u: ArrayLike | None = None,
         work: ArrayLike | None = None,
         threads: int = 1,
     ) -> dict[str, Rows]:
-        return self._evaluate_many(what, t, q, u, work, threads)[0]
+        return self._evaluate_many(kernel, t, q, u, work, threads)[0]
 
-    def _refuse_types(self, what: str, but: str = "") -> None:
+    def _refuse_types(self, noun: str, but: str = "") -> None:
         """Raise ModelError if an analysis in doubles does not apply to the type of the model."""
         if self.typed and (self.typed.digits or not but):
-            how = f"{self.typed.digits} digits" if self.typed.digits else self.precision
+            number_type = f"{self.typed.digits} digits" if self.typed.digits else self.precision
             raise ModelError(
-                f"{what} computed in {but or 'float64'} only, and {self.name} was built for {how}\n"
-                f"  model.batch() evaluates its kernels in {how}."
+                f"{noun} computed in {but or 'float64'} only, and {self.name} was built for {number_type}\n"
+                f"  model.batch() evaluates its kernels in {number_type}."
             )
 
     def _evaluate_many(
         self,
-        what: str,
+        kernel: str,
         t: ArrayLike,
         q: ArrayLike,
         u: ArrayLike | None = None,
@@ -234,7 +234,7 @@ class Compiled:
             from symgen.runtime.kernels.batch import Batch
 
             self._batches = Batch(self.description, self._typed, self.given)
-        return self._batches(what, t, q, u, work, threads)
+        return self._batches(kernel, t, q, u, work, threads)
 
 
 def degrees(count: int) -> str:

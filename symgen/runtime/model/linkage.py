@@ -40,8 +40,8 @@ class LinkageModel(Model):
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
         if self.description.kernel("run_end"):
-            rest, own = np.zeros(self.description.coordinates), np.array(self.given)
-            evaluator = Evaluator(self.description, self._library, own)
+            rest, parameters = np.zeros(self.description.coordinates), np.array(self.given)
+            evaluator = Evaluator(self.description, self._library, parameters)
             (end,) = evaluator.blocks("run_end", 0.0, rest, rest)["t_end"]
             self.description = replace(self.description, t_end=float(end))
 
@@ -85,8 +85,8 @@ class LinkageModel(Model):
         InitialStateError
             When the state cannot be assembled, is contradictory, or is singular.
         """
-        found = self._found()
-        return self._state(0.0, found.q, found.u)
+        start = self._found()
+        return self._state(0.0, start.q, start.u)
 
     def _state(self, t: float, q: Array, u: Array) -> State:
         if not np.isfinite(t):
@@ -140,10 +140,10 @@ class LinkageModel(Model):
 
         ``stepping`` selects the number type of runs, else doubles; ``outputs`` are those of the analysis.
         """
-        what = kind, stepping, outputs
-        if what not in self._of_analyses:
-            self._of_analyses[what] = Evaluator(*self._kernels_of(*what), self._evaluator.given)
-        return self._of_analyses[what]
+        key = kind, stepping, outputs
+        if key not in self._of_analyses:
+            self._of_analyses[key] = Evaluator(*self._kernels_of(*key), self._evaluator.given)
+        return self._of_analyses[key]
 
     def in_lanes(self, kind: str) -> tuple[Description, Library]:
         """Return the kernels of a kind of analysis that take vectors, in doubles; see :meth:`analysis`."""
@@ -183,15 +183,15 @@ class LinkageModel(Model):
 
         t, q, constraints = 0.0, self.initial_state().q, self._constraints()
         if at is not None:
-            asked = instants(None, None, at, over or "input", 2, self.description.t_end)
-            t = float(asked.times(self.name, constraints.driving)[0])
-        found, incomplete = assemblies(constraints, q, t)
-        return AssemblyModes((self._state(t, pose, np.zeros_like(pose)) for pose in found), incomplete)
+            requested = instants(None, None, at, over or "input", 2, self.description.t_end)
+            t = float(requested.times(self.name, constraints.driving)[0])
+        poses, incomplete = assemblies(constraints, q, t)
+        return AssemblyModes((self._state(t, pose, np.zeros_like(pose)) for pose in poses), incomplete)
 
     @takes(LinkageMotion)
-    def _kinematics(self, asked: LinkageMotion) -> Motion:
+    def _kinematics(self, request: LinkageMotion) -> Motion:
         from symgen.runtime.rods.kinematics import analyse
 
-        begin = self.initial_state() if asked.state is None else asked.state
-        poses = asked.instants(self.description.t_end)
-        return analyse(self._constraints(), begin.q, begin.t, poses, asked.through, asked.of)
+        begin = self.initial_state() if request.state is None else request.state
+        poses = request.instants(self.description.t_end)
+        return analyse(self._constraints(), begin.q, begin.t, poses, request.through, request.of)

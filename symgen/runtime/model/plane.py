@@ -64,19 +64,19 @@ class PlaneModel(RodModel):
         return super()._accelerations(self._own(state))
 
     @takes(LinkageRun)
-    def _simulate(self, asked: LinkageRun) -> Result:
-        return super()._simulate(replace(asked, state=self._own(asked.state)))
+    def _simulate(self, request: LinkageRun) -> Result:
+        return super()._simulate(replace(request, state=self._own(request.state)))
 
     def _assemblies(self, at: float | None = None, over: str | None = None) -> AssemblyModes[State]:
         return self.in_space._assemblies(at, over)
 
     @takes(LinkageMotion)
-    def _kinematics(self, asked: LinkageMotion) -> Motion:
-        return self.in_space._kinematics(replace(asked, state=self._whole(asked.state)))
+    def _kinematics(self, request: LinkageMotion) -> Motion:
+        return self.in_space._kinematics(replace(request, state=self._whole(request.state)))
 
     @takes(LinkageForces)
-    def _inverse_dynamics(self, asked: LinkageForces) -> Forces:
-        return self.in_space._inverse_dynamics(replace(asked, state=self._whole(asked.state)))
+    def _inverse_dynamics(self, request: LinkageForces) -> Forces:
+        return self.in_space._inverse_dynamics(replace(request, state=self._whole(request.state)))
 
     def _equilibrium(
         self, state: State | None = None, t: float | None = None, stable: bool = True
@@ -92,15 +92,15 @@ class PlaneModel(RodModel):
         at_equilibrium = at is not None and not isinstance(at, State)
         state = at if at is None or isinstance(at, State) else at.state
         if coordinates is None:
-            found = super()._linearise(self._own(state), **options)
+            linearisation = super()._linearise(self._own(state), **options)
         else:
-            found = self.in_space._linearise(self._whole(state), coordinates=coordinates, **options)
-        return replace(found, at_equilibrium=at_equilibrium)
+            linearisation = self.in_space._linearise(self._whole(state), coordinates=coordinates, **options)
+        return replace(linearisation, at_equilibrium=at_equilibrium)
 
     @takes(LinkageDerivatives)
-    def _sensitivity(self, asked: LinkageDerivatives) -> Sensitivity:
-        at = self._whole(asked.at) if isinstance(asked.at, State) else asked.at
-        return self.in_space._sensitivity(replace(asked, at=at))
+    def _sensitivity(self, request: LinkageDerivatives) -> Sensitivity:
+        at = self._whole(request.at) if isinstance(request.at, State) else request.at
+        return self.in_space._sensitivity(replace(request, at=at))
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         if coordinates is None:

@@ -69,30 +69,30 @@ def low_level(function: int, equations: int, owner: Rhs) -> Any:
     return LowLevelCallable(compiled, ctypes.c_void_p(equations))
 
 
-def rows(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+def rows(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return finite numbers of a shape; raise ModelError. An empty shape permits any number of times."""
     try:
-        found = np.ascontiguousarray(values, dtype=float)
+        array = np.ascontiguousarray(values, dtype=float)
     except (TypeError, ValueError):
-        raise ModelError(f"expected numbers for {what}, got {values!r}") from None
+        raise ModelError(f"expected numbers for {name}, got {values!r}") from None
     words = f"shape {shape} (times, numbers)" if shape else "one axis"
-    if found.shape != (shape or (found.size,)) or not found.size:
+    if array.shape != (shape or (array.size,)) or not array.size:
         turned = (
-            "\n  Give them with a row per time: motion.y.T of solve_ivp." if found.T.shape == shape else ""
+            "\n  Give them with a row per time: motion.y.T of solve_ivp." if array.T.shape == shape else ""
         )
-        raise ModelError(f"expected {what} of {words}, got shape {found.shape}{turned}")
-    if not np.isfinite(found).all():
-        raise ModelError(f"expected finite numbers for {what}, got {found[~np.isfinite(found)][0]}")
-    return found
+        raise ModelError(f"expected {name} of {words}, got shape {array.shape}{turned}")
+    if not np.isfinite(array).all():
+        raise ModelError(f"expected finite numbers for {name}, got {array[~np.isfinite(array)][0]}")
+    return array
 
 
 def recorded(
-    evaluator: Evaluator, redundant: int, times: Array, states: Array, inputs: Array | None, **how: Any
+    evaluator: Evaluator, redundant: int, times: Array, states: Array, inputs: Array | None, **options: Any
 ) -> Result:
     """Return the result of states (times, numbers) from an external solver.
 
     The states may end with the work of loads. ``inputs`` are those of the scene at each time, by default
-    those of the model; ``how`` is the provenance.
+    those of the model; ``options`` is the provenance.
     """
     d = evaluator.description
     values = np.empty((len(times), 0)) if inputs is None else inputs
@@ -101,7 +101,7 @@ def recorded(
     variables = outputs_by_group(evaluator, equations, groups, times, states, redundant)
     end = float(times[-1])
     return Result(
-        **of_model(d, evaluator.given[: len(d.tunable)].tolist(), step=0.0, t_end=end, **how),
+        **of_model(d, evaluator.given[: len(d.tunable)].tolist(), step=0.0, t_end=end, **options),
         axes=d.shown_axes,
         coordinate=over_time(times),
         variables=tuple(_unwound(v, d.turns) for v in variables),
@@ -127,9 +127,9 @@ def _drift(evaluator: Evaluator, times: Array, states: Array) -> Drift:
     total = kinetic + potential - np.sum(work, axis=1)
     errors, rates = np.zeros(1), np.zeros(1)
     if evaluator.has("constraints"):
-        found = evaluator.many_blocks("constraints", times, q, u)
-        errors = found["constraints"] / found["constraint_scale"]
-        rates = evaluator.many("velocity_constraints", times, q, u) / found["constraint_scale"]
+        blocks = evaluator.many_blocks("constraints", times, q, u)
+        errors = blocks["constraints"] / blocks["constraint_scale"]
+        rates = evaluator.many("velocity_constraints", times, q, u) / blocks["constraint_scale"]
     return Drift(
         constraint=float(np.max(np.abs(errors))),
         velocity=float(np.max(np.abs(rates))),

@@ -178,7 +178,8 @@ class RodModel(LinkageModel):
 
         d, begin = self.description, self.initial_state()
         places, speeds = (
-            {name: real(x, f"{self.name}: {name}") for name, x in given.items()} for given in (values, rates)
+            {name: real(x, f"{self.name}: {name}") for name, x in numbers.items()}
+            for numbers in (values, rates)
         )
         for name in speeds:
             check_known(name, places, f"{self.name}: velocities: no position is given for the coordinate")
@@ -221,31 +222,33 @@ class RodModel(LinkageModel):
             at = self._at_time(at)
         positions = [f"{p}.position.{axis}" for p in d.free for axis in d.axes]
         names = positions if coordinates is None else list(coordinates)
-        wanted = dict.fromkeys([*derivatives(d, names), *(outputs or ())])
-        tangents = self._tangents(at, tuple(wanted))
+        requested = dict.fromkeys([*derivatives(d, names), *(outputs or ())])
+        tangents = self._tangents(at, tuple(requested))
         shown = names if outputs is None else list(outputs)
         values = [self.parameters[name] for name in chosen]
-        given = dict(zip(chosen, values, strict=True))
-        found = state_space(tangents, names, coordinates is not None, given, shown)
-        return replace(found, at_equilibrium=at is not None and not isinstance(at, State))
+        coordinate_values = dict(zip(chosen, values, strict=True))
+        linearisation = state_space(tangents, names, coordinates is not None, coordinate_values, shown)
+        return replace(linearisation, at_equilibrium=at is not None and not isinstance(at, State))
 
     @takes(LinkageDerivatives)
-    def _sensitivity(self, asked: LinkageDerivatives) -> Sensitivity:
+    def _sensitivity(self, request: LinkageDerivatives) -> Sensitivity:
         from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose
         from symgen.runtime.linearisation.state_space import derivatives
         from symgen.runtime.rods.equilibrium import Equilibrium
 
-        at, along, coordinates, d = asked.at, asked.along, asked.coordinates, self.description
+        at, along, coordinates, d = request.at, request.along, request.coordinates, self.description
         if not (at is None or isinstance(at, State | Equilibrium | float | int)):
             raise ModelError(f"{self.name}: expected a state, an equilibrium or a time for at, got {at!r}")
-        if not along and (given := asked.of_run + ["integrals"] * bool(asked.integrals)):
-            raise ModelError(f"{', '.join(given)} is for derivatives along a run: give t_end or t_eval, too")
+        if not along and (run_arguments := request.of_run + ["integrals"] * bool(request.integrals)):
+            raise ModelError(
+                f"{', '.join(run_arguments)} is for derivatives along a run: give t_end or t_eval, too"
+            )
         initial = [*coordinates, *(f"{name}'" for name in coordinates)] if along else []
-        by = self._differentiated(asked.parameters, initial)
-        spectra = [name for name in dict.fromkeys(asked.outputs) if name in ("frequencies", "poles")]
+        by = self._differentiated(request.parameters, initial)
+        spectra = [name for name in dict.fromkeys(request.outputs) if name in ("frequencies", "poles")]
         if spectra and (along or at is None or isinstance(at, State | float | int)):
             raise ModelError(f"{spectra[0]} are those of an equilibrium: give model.equilibrium() for at")
-        outputs = [name for name in asked.outputs if name not in spectra]
+        outputs = [name for name in request.outputs if name not in spectra]
         names = tuple(dict.fromkeys([*derivatives(d, coordinates), *outputs]))
         if isinstance(at, float | int):
             if at and d.freedom:
@@ -257,14 +260,14 @@ class RodModel(LinkageModel):
             at = self._at_time(at)
         if along:
             start = self.initial_state() if at is None else at if isinstance(at, State) else at.state
-            if not outputs and not asked.integrals:
+            if not outputs and not request.integrals:
                 raise ModelError("expected outputs or integrals to differentiate along a run, got none")
             if len(start.q) != d.coordinates:
                 raise ModelError(
                     f"{self.name}: expected a state of {d.coordinates} coordinates for at, "
                     f"got one of {len(start.q)}\n  Give one of this model."
                 )
-            return self._along_run(asked, outputs, names, by, start)
+            return self._along_run(request, outputs, names, by, start)
         if at is None or isinstance(at, State):
             return at_pose(self._tangents(at, names, "sensitivity"), outputs, by, coordinates)
         tangents = self._tangents(at, names, "sensitivity")
@@ -289,7 +292,7 @@ class RodModel(LinkageModel):
 
     def _along_run(
         self,
-        asked: LinkageDerivatives,
+        request: LinkageDerivatives,
         outputs: Sequence[str],
         names: tuple[str, ...],
         by: tuple[str, ...],
@@ -298,27 +301,27 @@ class RodModel(LinkageModel):
         """Return derivatives along a run; ``names`` are the outputs of the kernels ``sensitivity``."""
         from symgen.runtime.linearisation.runs import at_run, follow
 
-        times, chosen = asked.run()
+        times, chosen = request.run()
         tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
         path = follow(self._evaluator, tangent, len(self.redundant), start, chosen, times)
 
         def tangents(state: State, references: Array) -> Tangents:
-            held, given = self.with_parameters(), self._evaluator.given.copy()
-            held._start = self._found()
-            given[self.description.of_held] = references
-            held._evaluator = Evaluator(self.description, self._library, given)
-            return held._tangents(state, names, "sensitivity")
+            parameters_of_model, values = self.with_parameters(), self._evaluator.given.copy()
+            parameters_of_model._start = self._found()
+            values[self.description.of_held] = references
+            parameters_of_model._evaluator = Evaluator(self.description, self._library, values)
+            return parameters_of_model._tangents(state, names, "sensitivity")
 
-        kernels = self.analysis("variation", outputs=tuple(asked.integrals))
-        return at_run(path, tangents, self._evaluator, kernels, outputs, by, asked.coordinates, chosen)
+        kernels = self.analysis("variation", outputs=tuple(request.integrals))
+        return at_run(path, tangents, self._evaluator, kernels, outputs, by, request.coordinates, chosen)
 
     @takes(LinkageForces)
-    def _inverse_dynamics(self, asked: LinkageForces) -> Forces:
+    def _inverse_dynamics(self, request: LinkageForces) -> Forces:
         from symgen.runtime.rods.forces.analysis import analyse
 
-        begin = self.initial_state() if asked.state is None else asked.state
+        begin = self.initial_state() if request.state is None else request.state
         redundant = len(self._found().redundant)
-        return analyse(self._constraints(), self.analysis("forces"), begin, redundant, asked)
+        return analyse(self._constraints(), self.analysis("forces"), begin, redundant, request)
 
     def _equilibrium(
         self, state: State | None = None, t: float | None = None, stable: bool = True
@@ -343,20 +346,20 @@ class RodModel(LinkageModel):
         return analyse(self._evaluator, about)
 
     @takes(LinkageRun)
-    def _simulate(self, asked: LinkageRun) -> Result:
-        chosen = asked.options(self.description.t_end, self._type, asked.stabilisation_rate)
-        kept_in = asked.keeping()
-        with limited(asked.max_wall):
+    def _simulate(self, request: LinkageRun) -> Result:
+        chosen = request.options(self.description.t_end, self._type, request.stabilisation_rate)
+        keeping = request.keeping()
+        with limited(request.max_wall):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
-            found = self._found()
-            t, y = (0.0, found.y) if asked.state is None else finite(asked.state)
-            how = (
+            start = self._found()
+            t, y = (0.0, start.y) if request.state is None else finite(request.state)
+            arguments = (
                 chosen,
-                asked.progress,
+                request.progress,
                 self._typed,
-                kept_in,
+                keeping,
                 tangent,
-                asked.t_eval,
-                asked.state is not None,
+                request.t_eval,
+                request.state is not None,
             )
-            return run(self._evaluator, t, y, found.redundant, *how)
+            return run(self._evaluator, t, y, start.redundant, *arguments)

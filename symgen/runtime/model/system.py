@@ -54,21 +54,21 @@ class SystemModel(Model):
             memory[: self.description.size("work")] = self._array("work", work)[:-1]
         out = np.zeros(info.out_size + 1)
         parameters = as_taken(self._library, self._array("p", p)[:-1])
-        given = self._array("q", q), self._array("u", u), parameters
+        arrays = self._array("q", q), self._array("u", u), parameters
         sizes, address = self.description.sizes_of(kernel), self._library.addresses[kernel]
-        _core.call(address, sizes, np.array([float(t)]), *given, memory, out)
+        _core.call(address, sizes, np.array([float(t)]), *arrays, memory, out)
         return {b.name: part(out, b) for b in info.blocks}
 
     def _array(self, name: str, values: ArrayLike) -> Array:
         size = self.description.size(name)
         try:
-            given = np.asarray(values, dtype=float)
+            array = np.asarray(values, dtype=float)
         except (TypeError, ValueError):
-            given = np.zeros((0, 0))
-        if given.shape != (size,):
+            array = np.zeros((0, 0))
+        if array.shape != (size,):
             info = self.description.arrays.get(name)
             names = f" ({', '.join(info.names)})" if info else ""
             raise ModelError(f"expected {size} numbers for {name}{names}, got the shape {np.shape(values)}")
-        if not np.isfinite(given).all():
-            raise ModelError(f"expected finite numbers for {name}, got {given.tolist()}")
-        return np.append(given, 0.0)
+        if not np.isfinite(array).all():
+            raise ModelError(f"expected finite numbers for {name}, got {array.tolist()}")
+        return np.append(array, 0.0)

@@ -59,25 +59,25 @@ else:
 def _carry_out(
     model: Any, declared: Callable[..., Any], values: tuple[Any, ...], named: dict[str, Any]
 ) -> Any:
-    name, given = declared.__name__, dict[str, Any]()
+    name, arguments = declared.__name__, dict[str, Any]()
     if values or named:
         defaults = _defaults(declared)
-        given |= {n: v for n, v in zip(defaults, values, strict=False) if v is not defaults[n]}
-        given |= {n: v for n, v in named.items() if v is not defaults[n]}
-    if given:
+        arguments |= {n: v for n, v in zip(defaults, values, strict=False) if v is not defaults[n]}
+        arguments |= {n: v for n, v in named.items() if v is not defaults[n]}
+    if arguments:
         known = accepted(model, name)
-        refused = [n for n in given if n not in known]
+        refused = [n for n in arguments if n not in known]
         if refused:
             raise ModelError(
                 f"{name} of {model.name} does not accept {', '.join(refused)}\n"
                 f"  It accepts {', '.join(sorted(known)) or 'no arguments'}."
             )
-    made = _call(getattr(model._carrier(name), f"_{name}"), given)
+    result = _call(getattr(model._carrier(name), f"_{name}"), arguments)
     if name in _MOVING:
         # The caller may change arrays and states.
-        given = {n: v if callable(v) else deepcopy(v) for n, v in given.items() if n not in _OUTSIDE}
-        made._of_analysis(model, name, given)
-    return made
+        arguments = {n: v if callable(v) else deepcopy(v) for n, v in arguments.items() if n not in _OUTSIDE}
+        result._of_analysis(model, name, arguments)
+    return result
 
 
 #: Analyses whose results have an animation, and arguments without effect on these results.
@@ -93,11 +93,11 @@ _MOVING = (
 _OUTSIDE = frozenset(("checkpoint", "checkpoint_every", "resume", "progress"))
 
 
-def _call(carried_out: Callable[..., Any], given: dict[str, Any]) -> Any:
+def _call(carried_out: Callable[..., Any], arguments: dict[str, Any]) -> Any:
     record = getattr(carried_out, "record", None)
     if record is None:
-        return carried_out(**given)
-    return carried_out(record(**given) if given else _by_default(record))
+        return carried_out(**arguments)
+    return carried_out(record(**arguments) if arguments else _by_default(record))
 
 
 @cache
@@ -121,15 +121,15 @@ def _defaults(declared: Callable[..., Any]) -> dict[str, Any]:
 @cache
 def _accepted(of: type, name: str) -> frozenset[str]:
     """Return the arguments that a class of models accepts."""
-    found = set[str]()
+    names = set[str]()
     for base in of.__mro__:
         method = vars(base).get(f"_{name}")
         if method is None:
             continue
         if hasattr(method, "record"):
-            return frozenset(found | {f.name for f in fields(method.record)})
+            return frozenset(names | {f.name for f in fields(method.record)})
         parameters = [*signature(method).parameters.values()][1:]
-        found |= {p.name for p in parameters if p.kind is not Parameter.VAR_KEYWORD}
+        names |= {p.name for p in parameters if p.kind is not Parameter.VAR_KEYWORD}
         if all(p.kind is not Parameter.VAR_KEYWORD for p in parameters):
             break
-    return frozenset(found)
+    return frozenset(names)

@@ -103,8 +103,8 @@ class ElasticResult(Result):
         """
         import xarray as xr
 
-        found = self[output]
-        values = np.asarray(found.values, dtype=float)
+        stress = self[output]
+        values = np.asarray(stress.values, dtype=float)
         increasing = self.times is None or np.all(np.diff(self.times) > 0.0)
         if values.ndim != 1 or not increasing:
             raise ModelError(
@@ -120,7 +120,7 @@ class ElasticResult(Result):
         for size, mean, count in rainflow(values):
             counts[size, mean] = counts.get((size, mean), 0.0) + count
         rows = np.array([(*key, counts[key]) for key in sorted(counts, reverse=True)]).reshape(-1, 3)
-        unit = {"units": found.attrs["units"]}
+        unit = {"units": stress.attrs["units"]}
         return xr.Dataset(
             {
                 "range": ("cycle", rows[:, 0], unit),
@@ -133,8 +133,8 @@ class ElasticResult(Result):
     def headline(self) -> str:
         """Title line of plots: method and errors."""
         known = [
-            f"{error:.1e} by {what}"
-            for what, error in (
+            f"{error:.1e} by {noun}"
+            for noun, error in (
                 ("time steps", self.statistics["error"]),
                 ("elements", self.mesh_error),
             )

@@ -23,7 +23,7 @@ from symgen.runtime.result.turn import Turn
 Array = NDArray[np.float64]
 
 #: Classes of results by their kind in files.
-_KINDS = {made.KIND: made for made in (Result, Motion, SpeedResponse, ElasticResult, Turn, Forces)}
+_KINDS = {kind.KIND: kind for kind in (Result, Motion, SpeedResponse, ElasticResult, Turn, Forces)}
 #: Endings of files that are read back.
 _READ = (".nc", ".npz")
 

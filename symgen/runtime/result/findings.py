@@ -121,9 +121,9 @@ class Findings:
         """The :attr:`singular_poses` in which branches of the motion cross."""
         return tuple(p for p in self.singular_poses if p.kind == "bifurcation")
 
-    def _of_analysis(self, model: Any, verb: str, given: Mapping[str, Any]) -> None:
+    def _of_analysis(self, model: Any, verb: str, arguments: Mapping[str, Any]) -> None:
         """Set the analysis that the result is of; see :attr:`origin`."""
-        self._cache["origin"] = (model, verb, given)
+        self._cache["origin"] = (model, verb, arguments)
 
     @property
     def origin(self) -> tuple[Any, str, Mapping[str, Any]] | None:
@@ -163,40 +163,42 @@ class Findings:
                 "a result that was loaded or copied has no gradient: repeat the analysis, or call "
                 "model.sensitivity"
             )
-        model, verb, given = self.origin
+        model, verb, arguments = self.origin
         more = {"coordinates": coordinates, "t_eval": t_eval, "integrals": integrals}
-        how: dict[str, Any] = {name: x for name, x in more.items() if x is not None and len(np.atleast_1d(x))}
+        options_of_run: dict[str, Any] = {
+            name: x for name, x in more.items() if x is not None and len(np.atleast_1d(x))
+        }
         if self.KIND == "elastic" and verb in ("simulate", "periodic"):
-            how["at"] = self
+            options_of_run["at"] = self
         elif verb == "simulate":
-            if given.get("stabilisation", "projection") != "projection":
+            if arguments.get("stabilisation", "projection") != "projection":
                 raise ResultError(
-                    f"runs with the stabilisation {given['stabilisation']!r} have no gradient\n"
+                    f"runs with the stabilisation {arguments['stabilisation']!r} have no gradient\n"
                     "  Take projection."
                 )
             options = ("method", "rtol", "atol", "step", "max_steps", "max_step")
-            how |= {name: given[name] for name in options if name in given}
-            how |= {"at": given.get("state")} | (
-                {} if t_eval is not None else {"t_end": self._run_end(given)}
+            options_of_run |= {name: arguments[name] for name in options if name in arguments}
+            options_of_run |= {"at": arguments.get("state")} | (
+                {} if t_eval is not None else {"t_end": self._run_end(arguments)}
             )
         elif verb == "quasi_static":
-            how.setdefault("t_eval", self.time)
+            options_of_run.setdefault("t_eval", self.time)
         elif verb in ("kinematics", "inverse_dynamics"):
-            how |= {} if t_eval is not None else {"at": float(self.time[-1])}
+            options_of_run |= {} if t_eval is not None else {"at": float(self.time[-1])}
         else:
             raise ResultError(f"results of {verb} have no gradient")
-        found: Sensitivity = model.sensitivity(outputs, parameters, **how)
-        return found
+        sensitivity: Sensitivity = model.sensitivity(outputs, parameters, **options_of_run)
+        return sensitivity
 
-    def _run_end(self, given: Mapping[str, Any]) -> float:
+    def _run_end(self, arguments: Mapping[str, Any]) -> float:
         """Return the requested end of the run [s]: an event that ended the run also ends its repetition."""
         known = self.origin[0].description if self.events and self.origin else None
         if known is None or self.events[-1].name not in [e.name for e in known.events if e.ends_run]:
             return float(self.time[-1])
-        asked = given.get("t_end")
-        if asked is None:
-            asked = known.t_end if given.get("t_eval") is None else np.asarray(given["t_eval"])[-1]
-        return float(asked)
+        end = arguments.get("t_end")
+        if end is None:
+            end = known.t_end if arguments.get("t_eval") is None else np.asarray(arguments["t_eval"])[-1]
+        return float(end)
 
 
 class Pictures:

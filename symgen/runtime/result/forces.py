@@ -38,11 +38,11 @@ class Forces(Result):
     @property
     def greatest(self) -> Mapping[str, tuple[float, float]]:
         """Largest magnitude of every output, and the value of the coordinate [SI] at which it occurs."""
-        along, found = self.coordinate.values, {}
+        along, greatest = self.coordinate.values, {}
         for v in self.variables:
             size = np.linalg.norm(v.values.reshape(len(along), -1), axis=1)
-            found[v.name] = float(np.max(size)), float(along[np.argmax(size)])
-        return found
+            greatest[v.name] = float(np.max(size)), float(along[np.argmax(size)])
+        return greatest
 
     @property
     def headline(self) -> str:

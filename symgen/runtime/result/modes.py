@@ -17,9 +17,9 @@ from symgen.runtime.result.records import plain
 Array = NDArray[np.float64]
 
 
-def relative(found: Array, exact: Array) -> Array:
+def relative(values: Array, exact: Array) -> Array:
     """Return found/exact - 1; zero where exact is zero."""
-    return np.asarray(np.divide(found, exact, out=np.ones_like(exact), where=exact > 0.0) - 1.0)
+    return np.asarray(np.divide(values, exact, out=np.ones_like(exact), where=exact > 0.0) - 1.0)
 
 
 @checked
@@ -68,9 +68,10 @@ class ElasticModes:
         return f"{math.degrees(self.angle):.6g} deg" if self.t is None else f"{self.t:.6g} s"
 
     def __repr__(self) -> str:
-        found = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
+        first_three = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
         more = ", ..." if len(self.frequencies) > 3 else ""
-        return f"<ElasticModes {self.name!r} at {self.pose}: {found}{more} Hz, {len(self.frequencies)} modes>"
+        count = len(self.frequencies)
+        return f"<ElasticModes {self.name!r} at {self.pose}: {first_three}{more} Hz, {count} modes>"
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "errors_of_elements": self.errors_of_elements, "estimate": None}
@@ -97,7 +98,7 @@ class ElasticModes:
 
     def summary(self) -> dict[str, Any]:
         """Return the modes in plain numbers: the output of ``symgen modes --json``."""
-        found: dict[str, Any] = {
+        content: dict[str, Any] = {
             "scene": self.name,
             "analysis": "modes",
             **({"angle": self.angle} if self.t is None else {"t": self.t}),
@@ -105,15 +106,15 @@ class ElasticModes:
             "frequencies_hz": self.frequencies.tolist(),
         }
         if np.any(self.ratios):
-            found["damping_ratios"] = self.ratios.tolist()
+            content["damping_ratios"] = self.ratios.tolist()
         if len(self.growth):
-            found["growth_per_s"] = self.growth.tolist()
+            content["growth_per_s"] = self.growth.tolist()
         if len(self.errors_of_elements):
-            found["errors_of_elements"] = self.errors_of_elements.tolist()
+            content["errors_of_elements"] = self.errors_of_elements.tolist()
         if self.without_reduction is not None:
-            found["unknowns_without_reduction"] = self.without_reduction[1]
-            found["errors_of_reduction"] = self.errors.tolist()
-        return found
+            content["unknowns_without_reduction"] = self.without_reduction[1]
+            content["errors_of_reduction"] = self.errors.tolist()
+        return content
 
 
 @checked
@@ -150,8 +151,8 @@ class RotorModes:
     notes: tuple[str, ...]
 
     def __repr__(self) -> str:
-        found = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
-        return f"<RotorModes {self.name!r}: {found}, ... Hz, {len(self.frequencies)} modes>"
+        frequencies = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
+        return f"<RotorModes {self.name!r}: {frequencies}, ... Hz, {len(self.frequencies)} modes>"
 
     def summary(self) -> dict[str, Any]:
         """Return the modes in plain numbers."""

@@ -71,20 +71,20 @@ def chosen_names(constraints: Constraints, of: Sequence[str] | None) -> dict[str
             return _OF_POINT if name in d.points else _OF_LINK
         return _OF_CORNER if len(set(corner)) == len(corner) == 3 and set(corner) <= set(d.points) else ()
 
-    found: dict[str, tuple[str, ...]] = {}
+    by_owner: dict[str, tuple[str, ...]] = {}
     for name in [*moving, *plane] if of is None else of:
         whole, _, output = name.rpartition(".")
         if recorded_of(name):
-            found[name] = recorded_of(name)
+            by_owner[name] = recorded_of(name)
         elif output in recorded_of(whole):
-            found[whole] = tuple(x for x in recorded_of(whole) if x in (*found.get(whole, ()), output))
+            by_owner[whole] = tuple(x for x in recorded_of(whole) if x in (*by_owner.get(whole, ()), output))
         else:
             raise ModelError(
                 f"there is no point or moving link {name!r} to record. {nearest(name, known)}\n"
                 "  A.B.C records the angles at B between A and C; coupler.angle one output of a link. "
                 "inverse-dynamics has forces and torques."
             )
-    return found
+    return by_owner
 
 
 def recorded(
@@ -111,11 +111,11 @@ def recorded(
         Variable(name, units[name], f"drive {name}", (), values)
         for name, values in constraints.driving(samples.times).items()
     ]
-    taken = {x.name for x in variables}
+    used_names = {x.name for x in variables}
     if not chosen and d.kinematic:
-        variables += [x for x in _asked(constraints, samples, along) if x.name not in taken]
+        variables += [x for x in _requested(constraints, samples, along) if x.name not in used_names]
     turning = constraints.turning(samples) if {*chosen} & {*d.links} else {}
-    variables += [x for x in of_names(d, chosen, along.counted, turning, r, v, a) if x.name not in taken]
+    variables += [x for x in of_names(d, chosen, along.counted, turning, r, v, a) if x.name not in used_names]
     coordinate, variables = coordinate_of(
         samples.times, variables, next(iter(units), "") if over == "input" else ""
     )
@@ -150,13 +150,14 @@ def coordinate_of(
     return over_time(times), list(variables)
 
 
-def _asked(constraints: Constraints, samples: Poses, along: Along) -> list[Variable]:
+def _requested(constraints: Constraints, samples: Poses, along: Along) -> list[Variable]:
     """Return the outputs of the scene."""
-    given = samples.times, samples.q, samples.u, samples.accelerations
-    made = shaped(constraints.evaluator.info("outputs"), constraints.evaluator.many("outputs", *given))
+    states = samples.times, samples.q, samples.u, samples.accelerations
+    variables = shaped(constraints.evaluator.info("outputs"), constraints.evaluator.many("outputs", *states))
     angles = {f"{link}.angle": link for link in constraints.description.links}
     return [
-        replace(x, values=along.counted(angles[x.name], x.values)) if x.name in angles else x for x in made
+        replace(x, values=along.counted(angles[x.name], x.values)) if x.name in angles else x
+        for x in variables
     ]
 
 
@@ -173,18 +174,18 @@ def of_names(
 
     ``turning`` are angular velocity and acceleration of links, (samples,) each.
     """
-    for name, wanted in chosen.items():
+    for name, words in chosen.items():
         if name in d.points:
-            found = _of_point(d.points.index(name), name, d.axes, r, v, a)
+            variables = _of_point(d.points.index(name), name, d.axes, r, v, a)
         elif name in d.links:
             i, j = (d.points.index(p) for p in d.links[name][:2])
             line = r[:, j] - r[:, i]
             angle = counted(name, np.arctan2(line[:, 1], line[:, 0]))
             rows = zip(_OF_LINK, ("rad", "rad/s", "rad/s^2"), (angle, *turning[name]), strict=True)
-            found = [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in rows]
+            variables = [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in rows]
         else:
-            found = _of_corner([d.points.index(p) for p in name.split(".")], name, r)
-        yield from (x for x in found if x.name.rpartition(".")[2] in wanted)
+            variables = _of_corner([d.points.index(p) for p in name.split(".")], name, r)
+        yield from (x for x in variables if x.name.rpartition(".")[2] in words)
 
 
 def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: Array) -> list[Variable]:

@@ -135,12 +135,12 @@ class Recording:
 
 
 def _of_the_start(
-    evaluator: Evaluator, given: tuple[float, Array] | None, t_end: float, redundant: tuple[int, ...]
+    evaluator: Evaluator, start: tuple[float, Array] | None, t_end: float, redundant: tuple[int, ...]
 ) -> Iterator[str]:
     """Yield the note on a given start that violates the constraints: the first step of a run projects it."""
-    if given is None or not evaluator.description.constraints:
+    if start is None or not evaluator.description.constraints:
         return
-    t, (q, u) = given[0], np.split(given[1], 2)
+    t, (q, u) = start[0], np.split(start[1], 2)
     size = extent(evaluator, q)
     allowed = max(CLOSED * size, slack(evaluator, q) if redundant else 0.0)
     error, rate = violation(evaluator, t, q, u)
@@ -199,8 +199,8 @@ def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list
     """Return position [m] and velocity [m/s] of every point in a state (q, u, ...)."""
     d = evaluator.description
     n = d.coordinates
-    found = evaluator.blocks("points", t, y[:n], y[n : 2 * n])
-    return of_points(d, found["positions"], found["velocities"])
+    blocks = evaluator.blocks("points", t, y[:n], y[n : 2 * n])
+    return of_points(d, blocks["positions"], blocks["velocities"])
 
 
 def of_points(d: Description, positions: Array, velocities: Array) -> dict[str, dict[str, list[float]]]:
@@ -236,9 +236,9 @@ def outputs_by_group(
 ) -> tuple[Variable, ...]:
     """Return :func:`outputs` for groups of rows with different parameters."""
     parts, places = [], []
-    for held, rows in groups:
-        equations.set_parameters(held)
-        at = Evaluator(evaluator.description, evaluator.library, held)
+    for parameters, rows in groups:
+        equations.set_parameters(parameters)
+        at = Evaluator(evaluator.description, evaluator.library, parameters)
         parts.append(outputs(at, equations, times[rows], states[rows], redundant))
         places.append(rows)
     equations.set_parameters(evaluator.given)
@@ -260,20 +260,20 @@ def continued(variables: tuple[Variable, ...], links: Sequence[str], turns: Arra
 
 def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
     """Yield parameters with the references of angles in loads, and the rows that have these references."""
-    d, given = evaluator.description, evaluator.given
+    d, parameters = evaluator.description, evaluator.given
     if not references.any():
-        yield given, np.arange(len(references))
+        yield parameters, np.arange(len(references))
         return
-    yield from grouped(given, d.of_held.start, references)
+    yield from grouped(parameters, d.of_held.start, references)
 
 
-def grouped(given: Array, first: int, values: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+def grouped(parameters: Array, first: int, values: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
     """Yield parameters with each distinct row of values, from index ``first`` on, and its occurrences."""
     kinds, which = np.unique(values, axis=0, return_inverse=True)
     for kind, row in enumerate(kinds):
-        held = given.copy()
-        held[first : first + len(row)] = row
-        yield held, np.flatnonzero(which.ravel() == kind)
+        in_group = parameters.copy()
+        in_group[first : first + len(row)] = row
+        yield in_group, np.flatnonzero(which.ravel() == kind)
 
 
 def nearest_turn(angles: Array, to: Array) -> Array:

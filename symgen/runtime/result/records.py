@@ -210,14 +210,14 @@ def display_units(attributes: Mapping[str, str]) -> dict[str, tuple[str, float]]
     )
 
 
-def of_model(d: Described, given: Iterable[float] | Mapping[str, float], **how: Any) -> dict[str, Any]:
+def of_model(d: Described, values: Iterable[float] | Mapping[str, float], **options: Any) -> dict[str, Any]:
     """Return the fields of a result that a model has: name, title, units, and the provenance.
 
-    ``given`` are the values of the tunable parameters, or parameters by name; ``how`` is the provenance
+    ``values`` are the values of the tunable parameters, or parameters by name; ``options`` is the provenance
     besides the hash of the equations and the parameters.
     """
-    named = given if isinstance(given, Mapping) else zip((p.name for p in d.tunable), given, strict=False)
-    provenance = {"equations": d.equations, **how, "parameters": dict(named)}
+    named = values if isinstance(values, Mapping) else zip((p.name for p in d.tunable), values, strict=False)
+    provenance = {"equations": d.equations, **options, "parameters": dict(named)}
     return {"name": d.name, "title": d.title, "units": converters(d.units), "provenance": provenance}
 
 

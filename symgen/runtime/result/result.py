@@ -82,9 +82,9 @@ class Result(Findings, Pictures):
         In short runs most fields are never read, and computing them would take longer than the steps.
         ``known`` are fields that exist already.
         """
-        made = object.__new__(cls)
-        made.__dict__.update(known, _source=source, _cache={})
-        return made
+        instance = object.__new__(cls)
+        instance.__dict__.update(known, _source=source, _cache={})
+        return instance
 
     def __getstate__(self) -> dict[str, Any]:
         known = {name: getattr(self, name) for name in _FIELDS}
@@ -116,10 +116,10 @@ class Result(Findings, Pictures):
 
     def __getitem__(self, name: str) -> xarray.DataArray:
         """Return an output, a component such as ``C.position.x``, or the coordinate, with its unit."""
-        found, component = self._find(name)
-        of = [] if name == self.coordinate.name else [found]
-        made = (self.dataset if "variables" in self.__dict__ else self._labelled(of))[found.name]
-        return made.isel(axis=found.components.index(component)).rename(name) if component else made
+        variable, component = self._find(name)
+        of = [] if name == self.coordinate.name else [variable]
+        array = (self.dataset if "variables" in self.__dict__ else self._labelled(of))[variable.name]
+        return array.isel(axis=variable.components.index(component)).rename(name) if component else array
 
     def __contains__(self, name: object) -> bool:
         """Return True if an output, a component of one, or the coordinate has this name."""
@@ -132,8 +132,8 @@ class Result(Findings, Pictures):
 
     def variable(self, name: str) -> Variable:
         """Return an output, a component of one, or the coordinate, else raise ResultError."""
-        found, component = self._find(name)
-        return columns([found])[found.components.index(component)] if component else found
+        whole, component = self._find(name)
+        return columns([whole])[whole.components.index(component)] if component else whole
 
     def _find(self, name: str) -> tuple[Variable, str]:
         """Return an output, or the coordinate, and the component of it that has the name; else raise."""
@@ -203,9 +203,9 @@ class Result(Findings, Pictures):
         measured = self.drift.measured
         units = (("constraint", "constraints", "m"), ("energy", "energy", "J"))
         drift = [f"{word} {measured[name]:.1e} {unit}" for name, word, unit in units if name in measured]
-        told = f"; drift: {', '.join(drift)}" if drift else ""
+        drift_text = f"; drift: {', '.join(drift)}" if drift else ""
         steps = f", {self.statistics['steps']} steps" if "steps" in self.statistics else ""
-        return f"{self.provenance['method']}{steps}{told}"
+        return f"{self.provenance['method']}{steps}{drift_text}"
 
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
@@ -249,18 +249,18 @@ class Result(Findings, Pictures):
         """
         from symgen.runtime.model.verbs import accepted
 
-        model, verb, given = self.origin or (None, "", {})
+        model, verb, arguments = self.origin or (None, "", {})
         if model is None or verb != "simulate" or "t_eval" not in accepted(model, verb):
             raise ResultError(
                 "only runs by simulate() of this process, if it accepts t_eval, have values at other times"
             )
-        same = {name: value for name, value in given.items() if name not in ("samples", "t_eval", "at")}
-        found: Result = model.simulate(**same, t_eval=np.atleast_1d(np.asarray(times, dtype=float)))
-        if found.count < np.size(times):
+        same = {name: value for name, value in arguments.items() if name not in ("samples", "t_eval", "at")}
+        result: Result = model.simulate(**same, t_eval=np.atleast_1d(np.asarray(times, dtype=float)))
+        if result.count < np.size(times):
             raise ResultError(
                 f"the run ended at t = {self.statistics['t']:.9g} s, before the last of these times"
             )
-        return found
+        return result
 
     def summary(self) -> dict[str, Any]:
         """Return the result without its samples, in SI units: see ``docs/results.md``, JSON."""
@@ -384,13 +384,13 @@ class _WhenAsked:
     def __init__(self, name: str) -> None:
         self.name = name
 
-    def __get__(self, made: Result | None, owner: type[Result]) -> Any:
-        if made is None:
+    def __get__(self, result: Result | None, owner: type[Result]) -> Any:
+        if result is None:
             return self
-        source = made.__dict__.get("_source")
+        source = result.__dict__.get("_source")
         if source is None:
             raise AttributeError(f"a {owner.__name__} without {self.name!r}")
-        value = made.__dict__[self.name] = getattr(source, self.name)()
+        value = result.__dict__[self.name] = getattr(source, self.name)()
         return value
 
 

@@ -63,8 +63,8 @@ class SpeedResponse(Result):
 
     def all_statistics(self) -> dict[str, Any]:
         """Return the statistics with resonances, unstable speeds, and the stability at each speed."""
-        found = {"resonances": self.resonances, "unstable": self.unstable, "stable": self.verdicts}
-        return {**self.statistics, **{name: list(values) for name, values in found.items()}}
+        statistics = {"resonances": self.resonances, "unstable": self.unstable, "stable": self.verdicts}
+        return {**self.statistics, **{name: list(values) for name, values in statistics.items()}}
 
     @property
     def headline(self) -> str:

@@ -53,8 +53,8 @@ def reactions_at(evaluator: Evaluator, t: float, q: Array, u: Array, work: Array
     """
     if not evaluator.has("reactions"):
         return {}
-    found = evaluator.blocks("reactions", t, q, u, work)["reactions"]
-    return dict(zip(evaluator.description.ground, found, strict=True))
+    reactions = evaluator.blocks("reactions", t, q, u, work)["reactions"]
+    return dict(zip(evaluator.description.ground, reactions, strict=True))
 
 
 class AssemblyModes(tuple[Pose, ...]):
@@ -70,9 +70,9 @@ class AssemblyModes(tuple[Pose, ...]):
 
     def __new__(cls, poses: Iterable[Pose], incomplete: str = "") -> Self:
         """Return a tuple of the poses."""
-        made = super().__new__(cls, poses)
-        made.incomplete = incomplete
-        return made
+        modes = super().__new__(cls, poses)
+        modes.incomplete = incomplete
+        return modes
 
     @property
     def complete(self) -> bool:
@@ -135,11 +135,11 @@ class Accelerations:
 
 
 def coordinates(
-    d: Description, values: Mapping[str, ArrayLike], what: str, unit: str, default: float | None = None
+    d: Description, values: Mapping[str, ArrayLike], noun: str, unit: str, default: float | None = None
 ) -> Array:
     """Return the coordinates, or rates, of the moving points given by name.
 
-    Errors name ``what`` they are, and their unit.
+    Errors name ``noun`` they are, and their unit.
 
     Raises
     ------
@@ -147,30 +147,30 @@ def coordinates(
         When a point is not known, is missing without a default, or has no such numbers.
     """
     for name in values:
-        check_known(name, d.points, f"{what}: there is no point")
+        check_known(name, d.points, f"{noun}: there is no point")
     parts = []
     for point in d.free:
         if point not in values and default is None:
-            raise ModelError(f"{what}: the point {point} is missing")
+            raise ModelError(f"{noun}: the point {point} is missing")
         size = len(d.shown_axes)
         component = np.asarray(values.get(point, np.full(size, default)), dtype=float)
         if component.shape != (size,) or not np.all(np.isfinite(component)):
             raise ModelError(
-                f"{what}: expected {size} finite numbers [{unit}] for {point}, got {values[point]!r}"
+                f"{noun}: expected {size} finite numbers [{unit}] for {point}, got {values[point]!r}"
             )
         if d.plane:
             level = d.plane.level if default is None else default
-            component = _in_plane(d, d.plane.across, level, component, f"{what} [{unit}]: {point}")
+            component = _in_plane(d, d.plane.across, level, component, f"{noun} [{unit}]: {point}")
         parts.append(component)
     return np.concatenate(parts)
 
 
-def _in_plane(d: Description, across: int, level: float, vector: Array, what: str) -> Array:
+def _in_plane(d: Description, across: int, level: float, vector: Array, noun: str) -> Array:
     """Return the components of a vector in the plane of a linkage; raise ModelError outside of it."""
     if abs(vector[across] - level) > _ROUNDING * max(float(np.max(np.abs(vector))), abs(level)):
         axis = d.shown_axes[across]
         raise ModelError(
-            f"{what}: expected {level:g} along {axis}, got {vector[across]:g}: "
+            f"{noun}: expected {level:g} along {axis}, got {vector[across]:g}: "
             f"the equations of {d.name} are those of its motion in that plane\n"
             '  Write motion = "space" under [analysis] of the scene to let it leave.'
         )

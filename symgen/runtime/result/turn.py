@@ -85,12 +85,12 @@ class Turn(Result):
     @property
     def undetermined(self) -> dict[str, NDArray[np.bool_]]:
         """By component: the poses at which redundant constraints leave it undetermined (True)."""
-        found = {}
+        by_name = {}
         for name, ranges in self.statistics["undetermined"].items():
-            mask = found[name] = np.zeros(self.count, dtype=bool)
+            mask = by_name[name] = np.zeros(self.count, dtype=bool)
             for first, last in ranges:
                 mask[first : last + 1] = True
-        return found
+        return by_name
 
     @property
     def headline(self) -> str:
@@ -101,13 +101,13 @@ class Turn(Result):
 def variables(description: LoopDescription, out: Array) -> list[Variable]:
     """Return the outputs in rows of the kernel 'outputs', (samples, entries), or blocks of rows, as views."""
     info = description.kernel("outputs")
-    made = []
+    result = []
     for b in info.blocks if info else ():
         count = b.shape[0] * b.shape[1]
         values = out[..., b.offset : b.offset + count]
-        made.append(
+        result.append(
             Variable(
                 b.name, b.unit, b.about, b.rows if count > 1 else (), values if count > 1 else values[..., 0]
             )
         )
-    return made
+    return result

@@ -72,8 +72,8 @@ class Normal:
         """Return its values below which it has the shares, 0 to 1 without the ends."""
         from scipy.special import ndtri
 
-        found: Array = ndtri(np.clip(shares, 2.0**-54, 1.0 - 2.0**-53))
-        return self.mean + self.deviation * found
+        quantiles: Array = ndtri(np.clip(shares, 2.0**-54, 1.0 - 2.0**-53))
+        return self.mean + self.deviation * quantiles
 
 
 Distribution = Uniform | Normal
@@ -155,8 +155,8 @@ class Sampled:
     def values(self, first: int, last: int) -> Array:
         """Return the values of the runs first to last - 1, (runs, parameters)."""
         shares = {"random": self._random, "latin-hypercube": self._latin, "sobol": self._sobol}[self.sampling]
-        found = shares(first, last)
-        return np.stack([d.quantiles(found[:, i]) for i, d in enumerate(self.of.values())], axis=1)
+        fractions = shares(first, last)
+        return np.stack([d.quantiles(fractions[:, i]) for i, d in enumerate(self.of.values())], axis=1)
 
     def _random(self, first: int, last: int) -> Array:
         blocks = range(first // _BLOCK, (last - 1) // _BLOCK + 1)
@@ -181,8 +181,8 @@ class Sampled:
             self._sequence.fast_forward(first - self._sequence.num_generated)
         with warnings.catch_warnings():  # samples of other sizes than powers of two are less even, not wrong
             warnings.simplefilter("ignore", UserWarning)
-            found: Array = self._sequence.random(last - first)
-        return found
+            points: Array = self._sequence.random(last - first)
+        return points
 
 
 Design = Grid | Listed | Sampled
@@ -236,13 +236,13 @@ def design_of(vary: Mapping[str, Any], sampling: str | None, count: int | None, 
     return Sampled(vary, chosen, count, seed)
 
 
-def _numbers(name: str, given: Any) -> Array:
+def _numbers(name: str, numbers: Any) -> Array:
     try:
-        values = np.asarray(given, dtype=float)
+        values = np.asarray(numbers, dtype=float)
     except (TypeError, ValueError, OverflowError, RuntimeError):
         values = np.array(np.nan)
     if values.ndim > 1 or not values.size or not np.all(np.isfinite(values)):
         raise ModelError(
-            f"expected finite values of {name} in SI units, or a distribution, got {shown(given)}"
+            f"expected finite values of {name} in SI units, or a distribution, got {shown(numbers)}"
         )
     return values

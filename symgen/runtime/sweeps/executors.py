@@ -196,15 +196,15 @@ def _packed(sweep: Any, layout: Layout) -> bytes:
 def _unpacked(work: bytes) -> tuple[Any, Layout]:
     """Return a sweep whose kernels come from the cache of this machine, or are compiled for its processor."""
     version, equations, inner = pickle.loads(work)  # noqa: S301 - as any executor does
-    found: tuple[Any, Layout] | None = None
+    unpacked: tuple[Any, Layout] | None = None
     if version == __version__:
-        found = pickle.loads(inner)  # noqa: S301
-    if found is None or equations != found[0].model.description.equations:
+        unpacked = pickle.loads(inner)  # noqa: S301
+    if unpacked is None or equations != unpacked[0].model.description.equations:
         raise CapabilityError(
             f"the equations of a sweep from symgen {version} differ in its worker, which has {__version__}\n"
             "  Install the same version for all workers."
         )
-    return found
+    return unpacked
 
 
 def _chunk(work: bytes, rows: NDArray[np.float64]) -> dict[str, NDArray[Any]]:

@@ -51,11 +51,11 @@ class Layout:
 
     def filled(self, rows: Mapping[str, Array], errors: Sequence[str]) -> dict[str, Array]:
         """Return the arrays of runs that all failed, with their parameters and errors."""
-        found = {entry.name: entry.empty(len(errors)) for entry in self.entries}
+        arrays = {entry.name: entry.empty(len(errors)) for entry in self.entries}
         for name, label in self.parameters.items():
-            found[label] = np.array(rows[name], dtype=float)
-        found["error"] = np.array(errors, dtype=object)
-        return found
+            arrays[label] = np.array(rows[name], dtype=float)
+        arrays["error"] = np.array(errors, dtype=object)
+        return arrays
 
     def taken(self, arrays: Mapping[str, Any], count: int) -> dict[str, Array]:
         """Return the arrays of some runs from dimensions and values by name.
@@ -65,18 +65,18 @@ class Layout:
         ModelError
             When a run has more samples than the first one.
         """
-        found = {}
+        arrays_of_entries = {}
         for entry in self.entries:
             if entry.name not in arrays:
-                found[entry.name] = entry.empty(count)
+                arrays_of_entries[entry.name] = entry.empty(count)
                 continue
             dims, values = arrays[entry.name][:2]
             if "run" not in dims:
                 values = np.broadcast_to(values, (count, *values.shape))
             if values.shape[1:] != entry.sizes:
                 values = self._padded(entry, values)
-            found[entry.name] = np.ascontiguousarray(values)
-        return found
+            arrays_of_entries[entry.name] = np.ascontiguousarray(values)
+        return arrays_of_entries
 
     def _padded(self, entry: Entry, values: Array) -> Array:
         size = dict(zip(entry.dims, entry.sizes, strict=True)).get(SAMPLE, 0)

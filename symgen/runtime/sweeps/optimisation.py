@@ -79,27 +79,27 @@ def optimum_of(search: Search, objective: str, measured: Sequence[str] = ()) -> 
     for name in start.keys() - bounds.keys():
         raise ModelError(f"the start has {name}, which is not among the variables {', '.join(bounds)}")
     if search.tolerance <= 0.0 or not 1 <= search.iterations <= _MOST:
-        got = f"{search.tolerance:g}, {search.iterations}"
-        raise ModelError(f"expected a tolerance above 0 and 1 to {_MOST} iterations, got {got}")
+        text = f"{search.tolerance:g}, {search.iterations}"
+        raise ModelError(f"expected a tolerance above 0 and 1 to {_MOST} iterations, got {text}")
     goal = Quantity.named(objective, bounds)
-    kept = {name: Quantity.named(name, bounds) for name in (*limits, *measured)}
-    problem = Problem(bounds, [goal, *kept.values()], search)
+    quantities = {name: Quantity.named(name, bounds) for name in (*limits, *measured)}
+    problem = Problem(bounds, [goal, *quantities.values()], search)
     begin = np.array([start.get(name, model.parameters[name]) for name in bounds])
     x = np.clip((begin - problem.low) / (problem.high - problem.low), 0.0, 1.0)
-    pairs = [(kept[name], *limits[name]) for name in limits]
+    pairs = [(quantities[name], *limits[name]) for name in limits]
     if method == "differential-evolution":
-        found = _evolved(problem, goal, pairs)
+        optimum = _evolved(problem, goal, pairs)
     else:
-        found = _descended(problem, goal, pairs, x)
-    x = np.clip(found.x[: len(bounds)], 0.0, 1.0)
+        optimum = _descended(problem, goal, pairs, x)
+    x = np.clip(optimum.x[: len(bounds)], 0.0, 1.0)
     values = dict(zip(bounds, problem.parameters(x).tolist(), strict=True))
     return Optimum(
         values,
         problem.value(goal, x),
-        {name: problem.value(quantity, x) for name, quantity in kept.items()},
-        {name: problem.unit(quantity) for name, quantity in {objective: goal, **kept}.items()},
-        bool(found.success),
-        str(found.message),
+        {name: problem.value(quantity, x) for name, quantity in quantities.items()},
+        {name: problem.unit(quantity) for name, quantity in {objective: goal, **quantities}.items()},
+        bool(optimum.success),
+        str(optimum.message),
         "none" if method == "differential-evolution" else problem.gradients,
         problem.runs,
         model.with_parameters(**values),
@@ -147,7 +147,7 @@ def _descended(problem: Problem, goal: Quantity, limits: _Limits, x: Array) -> A
         rules.append(_below_variable(problem, goal, count, size))
     for quantity, low, high in limits:
         rules.append(_between(problem, quantity, low, high, count, len(begin)))
-    made = [NonlinearConstraint(f, a, b, jac=j) for f, j, a, b in rules]
+    constraints = [NonlinearConstraint(f, a, b, jac=j) for f, j, a, b in rules]
     search = problem.search
     options = dict.fromkeys(("ftol",) if search.method == "SLSQP" else ("gtol", "xtol"), search.tolerance)
     return minimize(
@@ -156,7 +156,7 @@ def _descended(problem: Problem, goal: Quantity, limits: _Limits, x: Array) -> A
         jac=slope,
         method=search.method,
         bounds=[(0.0, 1.0)] * count + [(None, None)] * bounded,
-        constraints=made,
+        constraints=constraints,
         options={"maxiter": search.iterations, **options},
     )
 
@@ -201,24 +201,24 @@ def _evolved(problem: Problem, goal: Quantity, limits: _Limits) -> Any:
     from scipy.optimize import NonlinearConstraint, differential_evolution
 
     def value(points: Array) -> Array:
-        found = problem.many(goal, np.atleast_2d(points.T))
-        return np.where(np.isnan(found), np.inf, found)
+        values = problem.many(goal, np.atleast_2d(points.T))
+        return np.where(np.isnan(values), np.inf, values)
 
     def bounded(quantity: Quantity, low: float) -> Callable[[Array], Array]:
         outside = -1e300 if math.isfinite(low) else 1e300  # of runs that fail
 
-        def kept(points: Array) -> Array:
-            found = problem.many(quantity, np.atleast_2d(points.T))
-            found = np.where(np.isnan(found), outside, found)
-            return found if points.ndim == 1 else found[None]
+        def with_bounds(points: Array) -> Array:
+            values = problem.many(quantity, np.atleast_2d(points.T))
+            values = np.where(np.isnan(values), outside, values)
+            return values if points.ndim == 1 else values[None]
 
-        return kept
+        return with_bounds
 
-    made = tuple(NonlinearConstraint(bounded(q, low), low, high) for q, low, high in limits)
+    constraints = tuple(NonlinearConstraint(bounded(q, low), low, high) for q, low, high in limits)
     return differential_evolution(
         value,
         [(0.0, 1.0)] * len(problem.names),
-        constraints=made,
+        constraints=constraints,
         seed=np.random.default_rng(problem.search.seed),
         tol=problem.search.tolerance,
         maxiter=problem.search.iterations,

@@ -30,44 +30,45 @@ def front_of(search: Search, objectives: Sequence[str], points: int) -> xarray.D
     of_second, of_first = optimum_of(search, second, [first]), optimum_of(search, first, [second])
     least, greatest = search.constraints.get(second, (None, None))  # which the optimisations have accepted
     ends = of_second.objective, of_first.constraints[second]
-    found, start = list[Optimum](), of_second.parameters
+    optima, start = list[Optimum](), of_second.parameters
     for bound in np.linspace(*ends, points) + _SLACK * abs(ends[1] - ends[0]):
         highest = bound if greatest is None else min(bound, greatest)
         bounds = {**search.constraints, second: (least, float(highest))}
-        found.append(optimum_of(replace(search, constraints=bounds, start=start), first))
-        start = found[-1].parameters
-    return _dataset(search.model, found, first, second)
+        optima.append(optimum_of(replace(search, constraints=bounds, start=start), first))
+        start = optima[-1].parameters
+    return _dataset(search.model, optima, first, second)
 
 
-def _dataset(model: Any, found: Sequence[Optimum], first: str, second: str) -> xarray.Dataset:
+def _dataset(model: Any, optima: Sequence[Optimum], first: str, second: str) -> xarray.Dataset:
     """Return the designs that no other one dominates, over ``point``; of equal ones the first.
 
     A design that did not meet the tolerance may break constraints: it does not dominate those that did.
     """
     import xarray
 
-    values = np.array([[one.objective, one.constraints[second]] for one in found])
-    converged = np.array([one.converged for one in found])
-    kept = []
-    for i, (one, own) in enumerate(zip(found, values, strict=True)):
-        better = np.all(values <= own, axis=1) & np.any(values < own, axis=1) & (converged | ~converged[i])
-        equal = np.all(values[:i] == own, axis=1) & (converged[:i] == converged[i])
+    values = np.array([[one.objective, one.constraints[second]] for one in optima])
+    converged = np.array([one.converged for one in optima])
+    efficient = []
+    for i, (one, row) in enumerate(zip(optima, values, strict=True)):
+        better = np.all(values <= row, axis=1) & np.any(values < row, axis=1) & (converged | ~converged[i])
+        equal = np.all(values[:i] == row, axis=1) & (converged[:i] == converged[i])
         if not better.any() and not equal.any():
-            kept.append(one)
-    columns = {first: [o.objective for o in kept], second: [o.constraints[second] for o in kept]}
+            efficient.append(one)
+    columns = {first: [o.objective for o in efficient], second: [o.constraints[second] for o in efficient]}
     data: dict[str, Any] = {
-        name: ("point", np.array(column), {"units": kept[0].units[name]}) for name, column in columns.items()
+        name: ("point", np.array(column), {"units": efficient[0].units[name]})
+        for name, column in columns.items()
     }
-    data["converged"] = ("point", np.array([o.converged for o in kept]))
+    data["converged"] = ("point", np.array([o.converged for o in efficient]))
     units = {p.name: p.unit for p in model.description.tunable}
     parameters = {
         name if name not in data else f"{name} (parameter)": (
             "point",
-            np.array([o.parameters[name] for o in kept]),
+            np.array([o.parameters[name] for o in efficient]),
             {"units": units[name]},
         )
-        for name in kept[0].parameters
+        for name in efficient[0].parameters
     }
-    runs = sum(o.runs for o in found)
+    runs = sum(o.runs for o in optima)
     attributes = attributes_of(model.description, f"Pareto front of {first} and {second}")
-    return xarray.Dataset(data, parameters, {**attributes, "runs": runs, "gradients": kept[0].gradients})
+    return xarray.Dataset(data, parameters, {**attributes, "runs": runs, "gradients": efficient[0].gradients})

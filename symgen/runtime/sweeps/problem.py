@@ -186,7 +186,7 @@ class Problem:
         if self._times is None and not failed:
             self._times = _times(arrays)
         weights[[i for i, _ in failed]] = np.nan
-        found = {_WEIGHTS: weights}
+        samples_by_name = {_WEIGHTS: weights}
         for name in self.outputs:
             values = np.array(arrays[name].values, dtype=float)
             if RECORDED not in arrays:
@@ -195,8 +195,8 @@ class Problem:
             vector = "axis" in arrays[name].dims
             self._components[name] = tuple(map(str, arrays["axis"].values)) if vector else ()
             self._units[name] = str(arrays[name].attrs.get("units", ""))
-            found[name] = values if vector else values[..., None]
-        return found
+            samples_by_name[name] = values if vector else values[..., None]
+        return samples_by_name
 
     def _stopped(self, row: Array, error: str) -> SimulationError:
         """Return the error of an optimisation that comes to parameters with which the run fails."""
@@ -215,8 +215,8 @@ class Problem:
         steps = _STEP * np.eye(len(x))
         above, below = np.minimum(x + steps, 1.0), np.maximum(x - steps, 0.0)
         apart = np.sum(above - below, axis=1)[:, None, None]
-        found = self.samples(np.vstack([above, below]), whole=True)
-        return {name: (found[name][: len(x)] - found[name][len(x) :]) / apart for name in self.outputs}
+        samples = self.samples(np.vstack([above, below]), whole=True)
+        return {name: (samples[name][: len(x)] - samples[name][len(x) :]) / apart for name in self.outputs}
 
     def _exact(self, x: Array) -> dict[str, Array]:
         """Return exact derivatives of all samples: of prescribed motions at their times, and along runs."""
@@ -235,9 +235,9 @@ class Problem:
             if result.KIND == "elastic":
                 each = list(result.gradient(flat, names).derivatives)
             else:
-                first, held = self._at_start(changed, flat)
+                first, coordinates_held = self._at_start(changed, flat)
                 later = result.time[result.time > 0.0]
-                along = result.gradient(flat, names, coordinates=held, t_eval=later)
+                along = result.gradient(flat, names, coordinates=coordinates_held, t_eval=later)
                 rows = along.derivatives[:, : len(flat)]  # without the time of an event
                 each = [*[first] * (len(result.time) - len(later)), *rows]
         stacked = np.stack(each) * (self.high - self.low)  # (samples, outputs, variables)
@@ -246,12 +246,12 @@ class Problem:
 
     def _of_the_pose(self, model: Any, outputs: list[str]) -> Array:
         """Return exact derivatives of an equilibrium, or of frequencies about it or in a pose."""
-        given = dict(self.search.arguments)
+        arguments = dict(self.search.arguments)
         if model.description.method == "rods":
-            given = {"at": given["at"] if "at" in given else model.equilibrium(**given)}
-        asked = ["frequencies"] if self.analysis == "modes" else outputs
-        found = model.sensitivity(asked, list(self.names), **given)
-        derivatives: Array = found.derivatives[[found.outputs.index(name) for name in outputs]]
+            arguments = {"at": arguments["at"] if "at" in arguments else model.equilibrium(**arguments)}
+        requested = ["frequencies"] if self.analysis == "modes" else outputs
+        sensitivity = model.sensitivity(requested, list(self.names), **arguments)
+        derivatives: Array = sensitivity.derivatives[[sensitivity.outputs.index(name) for name in outputs]]
         return derivatives
 
     def _at_start(self, model: Any, outputs: list[str]) -> tuple[Array, tuple[str, ...]]:
@@ -259,10 +259,12 @@ class Problem:
         d = model.description
         angles = [f"{link}.angle" for link in getattr(d, "links", ())] if d.method == "rods" else []
         count = d.freedom if d.method == "rods" else 0
-        for held in islice(combinations(angles, count), _TRIED):
+        for coordinates in islice(combinations(angles, count), _TRIED):
             with suppress(ModelError):
-                found: Array = model.sensitivity(outputs, list(self.names), coordinates=held).derivatives
-                return found, held
+                derivatives: Array = model.sensitivity(
+                    outputs, list(self.names), coordinates=coordinates
+                ).derivatives
+                return derivatives, coordinates
         return model.sensitivity(outputs, list(self.names)).derivatives, ()
 
     def choose_gradients(self, x: Array) -> None:
@@ -298,8 +300,8 @@ class Problem:
                 raise ModelError(
                     f"{quantity.output} has no component {quantity.component!r}. Known: {known}."
                 )
-            found: Array = values[..., components.index(quantity.component)]
-            return np.abs(found) if quantity.of_magnitude else found
+            component_values: Array = values[..., components.index(quantity.component)]
+            return np.abs(component_values) if quantity.of_magnitude else component_values
         if not components:
             return np.abs(values[..., 0]) if quantity.of_magnitude else values[..., 0]
         if not quantity.of_magnitude:
@@ -314,8 +316,8 @@ class Problem:
         components = self._components[quantity.output]
         if components and not quantity.component:
             size = np.maximum(np.sqrt(np.sum(values**2, axis=-1)), 1e-300)
-            found: Array = np.sum(slopes * values, axis=-1) / size
-            return found
+            slopes_of_magnitude: Array = np.sum(slopes * values, axis=-1) / size
+            return slopes_of_magnitude
         i = components.index(quantity.component) if quantity.component else 0
         return slopes[..., i] * (np.sign(values[..., i]) if quantity.of_magnitude else 1.0)
 
@@ -347,9 +349,9 @@ class Problem:
         """Return a quantity at some points; nan where a run fails."""
         if not quantity.reduction:
             return self.parameters(points)[:, self.names.index(quantity.output)]
-        found = self.samples(points)
-        samples = self.of(quantity, found[quantity.output])
-        pairs = zip(samples, found[_WEIGHTS], strict=True)
+        samples_by_name = self.samples(points)
+        samples = self.of(quantity, samples_by_name[quantity.output])
+        pairs = zip(samples, samples_by_name[_WEIGHTS], strict=True)
         return np.array([quantity.value(s, np.zeros((0, s.size)), w)[0] for s, w in pairs])
 
     def weights(self, x: Array) -> Array:

@@ -47,11 +47,11 @@ class Memory:
         import xarray
 
         entries = self.layout.entries
-        made = {e.name: (("run", *e.dims), self.arrays[e.name], dict(e.attributes)) for e in entries}
-        coordinates: dict[str, Any] = {e.name: made.pop(e.name) for e in entries if e.coordinate}
+        variables = {e.name: (("run", *e.dims), self.arrays[e.name], dict(e.attributes)) for e in entries}
+        coordinates: dict[str, Any] = {e.name: variables.pop(e.name) for e in entries if e.coordinate}
         if self.layout.axes:
             coordinates["axis"] = list(self.layout.axes)
-        return xarray.Dataset(made, coordinates, self.attributes)
+        return xarray.Dataset(variables, coordinates, self.attributes)
 
 
 class Zarr:

@@ -112,11 +112,11 @@ class Sweep:
         for row in tried:
             columns = {name: row[i : i + 1] for i, name in enumerate(names)}
             try:
-                found = carried_out(self._runs(columns), self.keep, 1, None)
+                result = carried_out(self._runs(columns), self.keep, 1, None)
             except FAILURES as error:
                 failure = failure or error
                 continue
-            return layout_of(dataset_of(self.model.description, self.analysis, columns, found), names)
+            return layout_of(dataset_of(self.model.description, self.analysis, columns, result), names)
         assert failure is not None  # noqa: S101 - there is one run at least
         raise failure
 
@@ -138,17 +138,17 @@ class Sweep:
         """Return the results of runs with values of the parameters, (runs, parameters)."""
         columns = {name: rows[:, i] for i, name in enumerate(self.design.names)}
         runs = self._runs(columns)  # the layout has accepted the arguments
-        kept = carried_out(runs, self.keep, self.threads, progress, some=False, accepted=True)
-        if all(k.error for k in kept):
-            return layout.filled(columns, [k.error for k in kept])
-        data, coordinates = arrays_of(self.model.description, columns, kept)
-        return layout.taken({**data, **coordinates}, len(kept))
+        results = carried_out(runs, self.keep, self.threads, progress, some=False, accepted=True)
+        if all(k.error for k in results):
+            return layout.filled(columns, [k.error for k in results])
+        data, coordinates = arrays_of(self.model.description, columns, results)
+        return layout.taken({**data, **coordinates}, len(results))
 
     def dataset(self) -> xarray.Dataset:
         """Return the results of all runs, of which one succeeds at least, with equal lengths of histories."""
         columns = dict(zip(self.design.names, self.design.values(0, self.design.count).T, strict=True))
-        kept = carried_out(self._runs(columns), self.keep, self.threads, None)
-        return dataset_of(self.model.description, self.analysis, columns, kept)
+        results = carried_out(self._runs(columns), self.keep, self.threads, None)
+        return dataset_of(self.model.description, self.analysis, columns, results)
 
     def chunk(self, layout: Layout) -> int:
         """Return the number of runs of a chunk."""
@@ -195,23 +195,23 @@ def carry_out(
     """Carry out the missing chunks of a sweep, or of one part of them; see :meth:`symgen.Model.sweep`."""
     table = check(sweep, file, chunk, part)
     store, layout = _store(sweep, None if table else file, chunk)
-    own = _chunks(sweep.design.count, store.chunk, part)
-    missing = [span for span in own if not store.is_done(span[0])]
-    finished = len(own) - len(missing)
+    chunks = _chunks(sweep.design.count, store.chunk, part)
+    missing = [span for span in chunks if not store.is_done(span[0])]
+    finished = len(chunks) - len(missing)
 
     def within(part: float) -> None:
         if progress:
-            progress((finished + part) / len(own))
+            progress((finished + part) / len(chunks))
 
-    found: Generator[Found, None, None]
+    results: Generator[Found, None, None]
     if executor is None:
-        found = (
+        results = (
             (first, sweep.arrays(layout, sweep.design.values(first, last), within)) for first, last in missing
         )
     else:
-        found = submitted(sweep, layout, missing, executor)
-    with closing(found):  # which ends the work of an executor when writing or progress fails
-        for first, arrays in found:
+        results = submitted(sweep, layout, missing, executor)
+    with closing(results):  # which ends the work of an executor when writing or progress fails
+        for first, arrays in results:
             store.write(first, arrays)
             finished += 1
             within(0.0)
@@ -239,13 +239,13 @@ def check(
         return table
     needed("zarr")
     if Path(file).is_dir() and Path(file).suffix == ENDING:
-        _own(sweep, Zarr(Path(file)))
+        _part_of(sweep, Zarr(Path(file)))
     else:
         writable(file, (ENDING, TABLE), "results")
     return None
 
 
-def _own(sweep: Sweep, store: Zarr) -> Zarr:
+def _part_of(sweep: Sweep, store: Zarr) -> Zarr:
     """Return a store; raise ResultError if its results are those of another sweep."""
     if store.identity != sweep.identity:
         raise ResultError(
@@ -263,15 +263,15 @@ def _chunks(count: int, size: int, part: tuple[int, int]) -> list[tuple[int, int
 
 def estimate(sweep: Sweep, chunk: int | None, part: tuple[int, int]) -> tuple[int, int, float]:
     """Return the numbers of runs and chunks of a part of a sweep, and its time [s] by that of first runs."""
-    layout, count, spent, done = sweep.layout(), sweep.design.count, 0.0, 0
-    while done < min(count, _TIMED) and spent < _PATIENCE:
-        last = min(2 * done + 1, count)
+    layout, count, spent, runs_done = sweep.layout(), sweep.design.count, 0.0, 0
+    while runs_done < min(count, _TIMED) and spent < _PATIENCE:
+        last = min(2 * runs_done + 1, count)
         begun = perf_counter()
-        sweep.arrays(layout, sweep.design.values(done, last))
-        spent, done = perf_counter() - begun + spent, last
-    own = _chunks(count, chunk or sweep.chunk(layout), part)
-    runs = sum(last - first for first, last in own)
-    return runs, len(own), spent / done * runs
+        sweep.arrays(layout, sweep.design.values(runs_done, last))
+        spent, runs_done = perf_counter() - begun + spent, last
+    chunks = _chunks(count, chunk or sweep.chunk(layout), part)
+    runs = sum(last - first for first, last in chunks)
+    return runs, len(chunks), spent / runs_done * runs
 
 
 def _store(
@@ -287,7 +287,7 @@ def _store(
         return Memory(layout, sweep.design.count, chunk or sweep.chunk(layout), sweep.attributes), layout
     path, layout = Path(file), sweep.layout()
     size = chunk or sweep.chunk(layout)
-    store = _own(sweep, Zarr(path) if path.exists() else Zarr.created(path, layout, sweep, size))
+    store = _part_of(sweep, Zarr(path) if path.exists() else Zarr.created(path, layout, sweep, size))
     absent = [entry.name for entry in layout.entries if entry.name not in store.group]
     if absent:
         raise ResultError(

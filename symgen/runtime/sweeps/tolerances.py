@@ -42,9 +42,9 @@ def tolerances_of(
     check_known(method, METHODS, "there are no tolerances by")
     wrong = next((name for name, given in of.items() if not isinstance(given, Distribution)), None)
     if wrong is not None or not of:
-        got = shown(of[wrong]) if wrong else "no parameter"
+        text = shown(of[wrong]) if wrong else "no parameter"
         raise ModelError(
-            f"expected a distribution of {wrong or 'a parameter'}, such as Uniform(low, high), got {got}"
+            f"expected a distribution of {wrong or 'a parameter'}, such as Uniform(low, high), got {text}"
         )
     if outputs is not None and not outputs:
         raise ModelError("expected an output to measure, got none")
@@ -71,11 +71,11 @@ def tolerances_of(
             time=0.0,
         )
     values, units = _columns(runs)
-    made = {"worst-case": _worst_case, "monte-carlo": _monte_carlo, "sobol": _sobol}[method](
+    result = {"worst-case": _worst_case, "monte-carlo": _monte_carlo, "sobol": _sobol}[method](
         design, np.stack([*values.values()], axis=1), of, seed
     )
     return _dataset(
-        made,
+        result,
         [*values],
         units,
         [*of],
@@ -101,16 +101,16 @@ def _problem(of: Mapping[str, Distribution]) -> dict[str, Any]:
 
 def _columns(runs: xarray.Dataset) -> tuple[dict[str, Array], list[str]]:
     """Return the values (runs,) of every reduced output by name, components apart, and their units."""
-    found, units = {}, []
+    columns, units = {}, []
     for name, variable in runs.data_vars.items():
         if variable.dtype.kind != "f" or str(name).endswith("_drift") or name == RECORDED:
             continue
         values = variable.values.reshape(runs.sizes["run"], -1)
         labels = [f"{name}.{a}" for a in runs["axis"].values] if "axis" in variable.dims else [str(name)]
         for i, label in enumerate(labels):
-            found[label] = values[:, i]
+            columns[label] = values[:, i]
             units.append(str(variable.attrs.get("units", "")))
-    return found, units
+    return columns, units
 
 
 _Made = dict[str, tuple[tuple[str, ...], Array, str]]
@@ -143,11 +143,11 @@ def _sobol(_: Any, values: Array, of: Mapping[str, Distribution], seed: int) -> 
     from SALib.analyze.sobol import analyze
 
     shape = (values.shape[1], len(of))
-    found = {name: np.full(shape, np.nan) for name in ("S1", "S1_conf", "ST", "ST_conf")}
+    indices = {name: np.full(shape, np.nan) for name in ("S1", "S1_conf", "ST", "ST_conf")}
     for i, column in enumerate(values.T):
         if np.ptp(column) > 1e-12 * np.max(np.abs(column), initial=0.0):  # a constant has no indices
             of_one = analyze(_problem(of), column, calc_second_order=False, seed=seed)
-            for name, entries in found.items():
+            for name, entries in indices.items():
                 entries[i] = of_one[name]
     abouts = {
         "first": ("S1", "first-order Sobol index"),
@@ -155,16 +155,16 @@ def _sobol(_: Any, values: Array, of: Mapping[str, Distribution], seed: int) -> 
         "total": ("ST", "total Sobol index"),
         "total_error": ("ST_conf", "half of its confidence interval of 95 %"),
     }
-    return {name: (("output", "parameter"), found[key], about) for name, (key, about) in abouts.items()}
+    return {name: (("output", "parameter"), indices[key], about) for name, (key, about) in abouts.items()}
 
 
 def _dataset(
-    made: _Made, outputs: list[str], units: list[str], parameters: list[str], title: str
+    result: _Made, outputs: list[str], units: list[str], parameters: list[str], title: str
 ) -> xarray.Dataset:
     import xarray
 
-    data = {name: (dims, values, {"long_name": about}) for name, (dims, values, about) in made.items()}
+    data = {name: (dims, values, {"long_name": about}) for name, (dims, values, about) in result.items()}
     coordinates: dict[str, Any] = {"output": outputs, "parameter": parameters, "unit": ("output", units)}
-    if any("share" in dims for dims, *_ in made.values()):
+    if any("share" in dims for dims, *_ in result.values()):
         coordinates["share"] = list(QUANTILES)
     return xarray.Dataset(data, coordinates, {"title": title})

@@ -69,8 +69,8 @@ def along_branch(
 
 def nodes_of(low: float, high: float, times: Array, parts: int = _PARTS) -> Array:
     """Return the times of poses along a branch: those requested, and ends of parts of the range."""
-    found: Array = np.union1d(np.linspace(low, high, parts + 1), times)
-    return found
+    nodes: Array = np.union1d(np.linspace(low, high, parts + 1), times)
+    return nodes
 
 
 def steps_of(constraints: Constraints, q: Array, t: float, forces: Evaluator | None = None) -> Kinematics:

@@ -109,16 +109,16 @@ class Curve(Generic[Held]):
 
     def at(self, x: Array) -> Array | None:
         """Return the point of the curve near x at its very time; None where Newton's method fails."""
-        found = self.corrected(x, np.append(np.zeros(len(x) - 1), 1.0))
-        if found is not None:
-            found[-1] = x[-1]  # a step of least squares moves the time by its rounding
-        return found
+        corrected = self.corrected(x, np.append(np.zeros(len(x) - 1), 1.0))
+        if corrected is not None:
+            corrected[-1] = x[-1]  # a step of least squares moves the time by its rounding
+        return corrected
 
     def between(self, a: CurvePoint, b: CurvePoint, part: float) -> CurvePoint | None:
         """Return the point of the curve at a part of the way from a to b, predicted by Hermite's cubic."""
         x, along = hermite(a, b, part)
-        found = self.corrected(x, along / np.linalg.norm(along))
-        return None if found is None else self.point(found, along)
+        corrected = self.corrected(x, along / np.linalg.norm(along))
+        return None if corrected is None else self.point(corrected, along)
 
     def at_time(self, a: CurvePoint, b: CurvePoint, t: float) -> CurvePoint | None:
         """Return the point at the time t between a and b, along which t is monotone."""
@@ -134,9 +134,9 @@ class Curve(Generic[Held]):
             part = brentq(_cubic, 0.0, 1.0, (float(ends[0]), float(ends[1]), *slopes), xtol=1e-15)
             x, along = hermite(a, b, part)
             x[-1] = target
-            found = self.at(x)
-            if found is not None and np.linalg.norm(found - x) <= 0.01 * gap:
-                return self.point(found, along)
+            point = self.at(x)
+            if point is not None and np.linalg.norm(point - x) <= 0.01 * gap:
+                return self.point(point, along)
             middle = self.between(a, b, 0.5)
             if middle is None:
                 return None
@@ -183,10 +183,10 @@ class Curve(Generic[Held]):
         return points
 
     def _step(self, last: CurvePoint, step: float) -> CurvePoint | None:
-        found = self.corrected(last.x + step * last.tangent, last.tangent)
-        if found is None:
+        corrected = self.corrected(last.x + step * last.tangent, last.tangent)
+        if corrected is None:
             return None
-        new = self.point(found, last.tangent)
+        new = self.point(corrected, last.tangent)
         return new if new.tangent @ last.tangent >= np.cos(_TURN) else None
 
     def fold(self, a: CurvePoint, b: CurvePoint) -> CurvePoint:
@@ -203,14 +203,14 @@ class Curve(Generic[Held]):
 
     def crossings(self, points: list[CurvePoint]) -> list[CurvePoint]:
         """Return the bifurcations along the curve: where the least singular value of its slope vanishes."""
-        found: list[CurvePoint] = []
+        crossings_of_path: list[CurvePoint] = []
         for a, b, c in zip(points, points[1:], points[2:], strict=False):
             if b.soundness <= a.soundness and b.soundness < c.soundness:
                 lowest = self._lowest(a, b, c)
-                near = any(np.linalg.norm(lowest.x - p.x) < 1e-5 for p in found)
+                near = any(np.linalg.norm(lowest.x - p.x) < 1e-5 for p in crossings_of_path)
                 if lowest.soundness < 10 * _RANK and not near:
-                    found.append(lowest)
-        return [p for p in found if p.soundness < 10 * _RANK]
+                    crossings_of_path.append(lowest)
+        return [p for p in crossings_of_path if p.soundness < 10 * _RANK]
 
     def _lowest(self, a: CurvePoint, b: CurvePoint, c: CurvePoint) -> CurvePoint:
         def gap(p: CurvePoint, q: CurvePoint) -> float:

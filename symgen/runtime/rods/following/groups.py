@@ -100,25 +100,25 @@ def _groups_of(pattern_of: bytes, rows: tuple[int, ...], n: int) -> Groups:
     at = np.empty(n, dtype=np.intp)
     at[columns] = np.arange(n)
     starts = [0, *np.cumsum([len(p) for p in parts], dtype=np.intp).tolist()]
-    made = Groups(starts, [rows[r] for r in solves[columns]], columns.tolist(), [], [0], [])
-    return _filled(made, {(row, int(at[column])): place for row, column, place in used}, solves[columns])
+    groups = Groups(starts, [rows[r] for r in solves[columns]], columns.tolist(), [], [0], [])
+    return _filled(groups, {(row, int(at[column])): place for row, column, place in used}, solves[columns])
 
 
-def _filled(made: Groups, places: dict[tuple[int, int], int], order: Numbers) -> Groups:
+def _filled(groups: Groups, places: dict[tuple[int, int], int], order: Numbers) -> Groups:
     """Return groups with their entries, given the place in the output of each by its row and column."""
     by_row: dict[int, list[tuple[int, int]]] = {}
     for (row, column), place in sorted(places.items()):
         by_row.setdefault(row, []).append((column, place))
     entries, coupling_starts, first = [], [0], 0
     coupled: list[int] = []
-    for start, width in zip(made.starts, made.widths, strict=False):
+    for start, width in zip(groups.starts, groups.widths, strict=False):
         for i in range(start, start + width):
             for column, place in by_row[int(order[i])]:
                 value = first + (i - start) * width + column - start
                 if column < start:
-                    value = made.squares + len(coupled)
+                    value = groups.squares + len(coupled)
                     coupled.append(column)
-                entries.append((value, place, made.rows[i], made.columns[column]))
+                entries.append((value, place, groups.rows[i], groups.columns[column]))
             coupling_starts.append(len(coupled))
         first += width**2
-    return replace(made, entries=entries, coupling_starts=coupling_starts, coupling_columns=coupled)
+    return replace(groups, entries=entries, coupling_starts=coupling_starts, coupling_columns=coupled)

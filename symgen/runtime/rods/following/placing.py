@@ -85,9 +85,10 @@ def placed(
             if step >= least:
                 continue
             stopped = ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, first + part * way, strict=True))
-            wanted = ", ".join(f"{n} = {x:.6g}" for n, x in values.items())
+            requested = ", ".join(f"{n} = {x:.6g}" for n, x in values.items())
             raise ModelError(
-                f"{tangents.description.name} cannot be led from its start to {wanted} (SI units, rad): it "
+                f"{tangents.description.name} cannot be led from its start to {requested} (SI units, rad): "
+                "it "
                 f"stops near {stopped}, at a dead centre or at the limit of assembly\n"
                 "  Choose coordinates within its range, or others."
             )

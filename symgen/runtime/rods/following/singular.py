@@ -36,10 +36,10 @@ def singular_poses(
     """Return the dead centres and bifurcations on the way between two times [s], in the order of the way."""
     ends = [part[-1] for part in monotone(path)[:-1]]
     ends += [p for p in (path[0], path[-1]) if abs(p.speed) <= TURNING]
-    found = [(p, "dead centre") for p in ends] + [(p, "bifurcation") for p in curve.crossings(path)]
+    poses = [(p, "dead centre") for p in ends] + [(p, "bifurcation") for p in curve.crossings(path)]
     unique: list[tuple[CurvePoint, str]] = []
     order = {id(p): i for i, p in enumerate(path)}
-    for p, kind in found:
+    for p, kind in poses:
         if any(p is other or np.linalg.norm(p.x - other.x) < 1e-6 for other, _ in unique):
             continue
         slack = 1e-7 * curve.duration

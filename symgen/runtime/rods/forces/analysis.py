@@ -67,7 +67,7 @@ def driving(loads: Evaluator, times: Array) -> dict[str, Array]:
 
 
 def analyse(
-    constraints: Constraints, loads: Evaluator, begin: State, redundant: int, asked: LinkageForces
+    constraints: Constraints, loads: Evaluator, begin: State, redundant: int, request: LinkageForces
 ) -> Forces:
     """Return the forces over a motion that starts from a state.
 
@@ -82,37 +82,41 @@ def analyse(
         the undetermined forces.
     """
     began, d = perf_counter(), constraints.description
-    linkage, asked, over = _Linkage(constraints, loads, redundant), _checked(asked), asked.instants(d.t_end)
+    linkage, request, over = (
+        _Linkage(constraints, loads, redundant),
+        _checked(request),
+        request.instants(d.t_end),
+    )
     driven(constraints, begin.q, begin.t)
     times = over.times(d.name, linkage.driving)
-    found = follow(constraints, begin.q, begin.t, over, times)
-    poses = _poses(linkage, found, times, over.at is not None)
-    assembly = Assembly(constraints, loads, poses, asked.elements)
+    followed = follow(constraints, begin.q, begin.t, over, times)
+    poses = _poses(linkage, followed, times, over.at is not None)
+    assembly = Assembly(constraints, loads, poses, request.elements)
     solution = by_multipliers(constraints, loads, poses, assembly) or solve(assembly)
     unknown = np.flatnonzero(~np.isfinite(solution.x).all(axis=1))
     if len(unknown):
         t = float(poses.times[unknown[0]])
         raise SimulationError(f"no finite forces at {linkage.at(t)}: a load there is not a number", time=t)
     lost = np.flatnonzero(solution.rank < assembly.size - redundant)
-    notes = [*_notes(linkage, assembly, solution, found)]
+    notes = [*_notes(linkage, assembly, solution, followed)]
     if len(lost):
         causes = [_undetermined(linkage, assembly, solution, i) for i in lost.tolist()]
         if over.at is not None or len(lost) == len(poses):
             raise SimulationError(causes[0], time=float(poses.times[lost[0]]))
         notes += causes
         poses = poses[np.setdiff1d(np.arange(len(poses)), lost)]
-        assembly = Assembly(constraints, loads, poses, asked.elements)
+        assembly = Assembly(constraints, loads, poses, request.elements)
         solution = solve(assembly)
-    return _recorded(linkage, assembly, solution, poses, found, asked, over, notes, began)
+    return _recorded(linkage, assembly, solution, poses, followed, request, over, notes, began)
 
 
-def _checked(asked: LinkageForces) -> LinkageForces:
-    elements = count(asked.elements, "the number of elements")
+def _checked(request: LinkageForces) -> LinkageForces:
+    elements = count(request.elements, "the number of elements")
     if not 1 <= elements <= _MOST_ELEMENTS:
         raise ModelError(f"expected between 1 and {_MOST_ELEMENTS} elements of a link, got {elements}")
-    if not 2 <= asked.samples <= _MOST_SAMPLES:
-        raise ModelError(f"expected between 2 and {_MOST_SAMPLES} samples, got {asked.samples}")
-    sections = reals(asked.sections, "the sections, parts of the length of a link").tolist()
+    if not 2 <= request.samples <= _MOST_SAMPLES:
+        raise ModelError(f"expected between 2 and {_MOST_SAMPLES} samples, got {request.samples}")
+    sections = reals(request.sections, "the sections, parts of the length of a link").tolist()
     for share in sections:
         if not 0.0 < share < 1.0:
             raise ModelError(
@@ -121,18 +125,18 @@ def _checked(asked: LinkageForces) -> LinkageForces:
             )
     cuts = [i / elements for i in range(1, elements)]
     every = tuple(sorted({*cuts, *sections}))
-    return replace(asked, elements=elements, sections=every)
+    return replace(request, elements=elements, sections=every)
 
 
-def _poses(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Poses:
+def _poses(linkage: _Linkage, followed: Followed, times: Array, every: bool) -> Poses:
     """Return the samples in the order of the requested times; raise SimulationError if one is missing."""
-    order = np.argsort(found.samples.times, kind="stable")
-    reached = found.samples.times[order]
+    order = np.argsort(followed.samples.times, kind="stable")
+    reached = followed.samples.times[order]
     place = np.minimum(np.searchsorted(reached, times), max(len(reached) - 1, 0))
     there = reached[place] == times if len(reached) else np.zeros(len(times), dtype=bool)
     missing = times[~there].tolist()
     if missing and (every or not len(reached)):
-        singular = [_at_pose(linkage, p) for p in found.poses]
+        singular = [_at_pose(linkage, p) for p in followed.poses]
         raise SimulationError(
             "\n  ".join(
                 [
@@ -142,7 +146,7 @@ def _poses(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Pos
             ),
             time=missing[0],
         )
-    poses = found.samples[order[place[there]]]
+    poses = followed.samples[order[place[there]]]
     if linkage.constraints.evaluator.has("line_lengths"):
         for t, q, u in zip(poses.times.tolist(), poses.q, poses.u, strict=True):
             line = without_direction(linkage.constraints.evaluator, t, q, u)
@@ -176,7 +180,7 @@ def _open(assembly: Assembly, loose: Array) -> list[Unknown]:
     return [u for u in sorted(size, key=lambda u: -size[u]) if size[u] > _OPEN]
 
 
-def _notes(linkage: _Linkage, assembly: Assembly, solution: Solution, found: Followed) -> Iterator[str]:
+def _notes(linkage: _Linkage, assembly: Assembly, solution: Solution, followed: Followed) -> Iterator[str]:
     whole = np.flatnonzero(solution.rank >= assembly.size - linkage.redundant)
     if linkage.redundant and len(whole):
         loose = _open(assembly, np.max(solution.loose[whole], axis=0))
@@ -194,16 +198,16 @@ def _notes(linkage: _Linkage, assembly: Assembly, solution: Solution, found: Fol
             f"how the mass is spread is not known of {', '.join(undivided)}: one element each, without "
             "section forces (an even rod, or a section, tells it)"
         )
-    for pose in found.poses:
+    for pose in followed.poses:
         yield _at_pose(linkage, pose)
-    for low, high in found.unassemblable:
+    for low, high in followed.unassemblable:
         yield f"no assembly was found from t = {low:.9g} s to {high:.9g} s"
-    for low, high in found.out_of_reach:
+    for low, high in followed.out_of_reach:
         yield f"from t = {low:.9g} s to {high:.9g} s it can be assembled, but not driven there"
 
 
 def _variables(
-    linkage: _Linkage, assembly: Assembly, solution: Solution, asked: LinkageForces
+    linkage: _Linkage, assembly: Assembly, solution: Solution, request: LinkageForces
 ) -> Iterator[Variable]:
     axes, x = assembly.description.axes, solution.x
     for name, values in linkage.driving(np.array(assembly.times)).items():
@@ -216,13 +220,13 @@ def _variables(
         )
     yield from (v for v, u in zip(known, assembly.unknowns, strict=True) if u.kind != "torque")
     for chain in assembly.chains:
-        if chain.distribution is None or not asked.sections:
+        if chain.distribution is None or not request.sections:
             continue
         d = chain.places[:, 1] - chain.places[:, 0]
         along = d / np.linalg.norm(d, axis=1)[:, None]
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        forces = chain.sections(x, tuple(asked.sections))
-        for i, share in enumerate(asked.sections):
+        forces = chain.sections(x, tuple(request.sections))
+        for i, share in enumerate(request.sections):
             where = f"{chain.name}@{share:.6g}"
             for word, unit, about, values in (
                 (
@@ -266,8 +270,8 @@ def _recorded(
     assembly: Assembly,
     solution: Solution,
     poses: Poses,
-    found: Followed,
-    asked: LinkageForces,
+    followed: Followed,
+    request: LinkageForces,
     over: Instants,
     notes: Sequence[str],
     began: float,
@@ -275,7 +279,7 @@ def _recorded(
     d, constraints = linkage.constraints.description, linkage.constraints
     drive = next(iter(linkage.drives(0.0)), "") if over.over == "input" else ""
     times = poses.times
-    coordinate, variables = coordinate_of(times, [*_variables(linkage, assembly, solution, asked)], drive)
+    coordinate, variables = coordinate_of(times, [*_variables(linkage, assembly, solution, request)], drive)
     return Forces(
         **of_model(
             d,
@@ -292,12 +296,12 @@ def _recorded(
         statistics={
             "t": float(poses.times[-1]),
             "steps": len(poses),
-            "elements": asked.elements,
+            "elements": request.elements,
             "unknowns": assembly.size,
             "condition": solution.condition,
             "worst_at": linkage.at(assembly.times[solution.worst]),
             "residual": solution.residual,
-            "singular_poses": [asdict(p) for p in found.poses],
+            "singular_poses": [asdict(p) for p in followed.poses],
             "wall_s": perf_counter() - began,
         },
         notes=tuple(notes),

@@ -84,8 +84,8 @@ class Assembly:
     def _values(self, name: str) -> Array:
         """Return a matrix of the loads at all poses, (poses, rows, columns)."""
         if name not in self._kept:
-            found = self._loads.many(name, self._poses.times, self._poses.q, self._poses.u)
-            self._kept[name] = found.reshape(-1, *self._block(name).shape)
+            values = self._loads.many(name, self._poses.times, self._poses.q, self._poses.u)
+            self._kept[name] = values.reshape(-1, *self._block(name).shape)
         return self._kept[name]
 
     def index(self, point: str) -> int:
@@ -93,14 +93,14 @@ class Assembly:
         return self.description.points.index(point)
 
     def _unknowns(self) -> tuple[Unknown, ...]:
-        found = [("force", link, p) for link in self.names for p in self.points_of(link)]
-        found += [("guide", link, p) for link, p in self._labels("guides")]
-        found += [("torque", link, p) for link, p in self._labels("driven_angles")]
-        made: list[Unknown] = []
-        for kind, link, point in found:
-            column = made[-1].column + made[-1].width if made else 0
-            made.append(Unknown(kind, link, point, column))
-        return tuple(made)
+        labels = [("force", link, p) for link in self.names for p in self.points_of(link)]
+        labels += [("guide", link, p) for link, p in self._labels("guides")]
+        labels += [("torque", link, p) for link, p in self._labels("driven_angles")]
+        unknowns: list[Unknown] = []
+        for kind, link, point in labels:
+            column = unknowns[-1].column + unknowns[-1].width if unknowns else 0
+            unknowns.append(Unknown(kind, link, point, column))
+        return tuple(unknowns)
 
     def points_of(self, link: str) -> list[str]:
         """Return all points of a link."""
@@ -117,7 +117,7 @@ class Assembly:
 
     @cached_property
     def _distributions(self) -> dict[str, Distribution | None]:
-        found: dict[str, Distribution | None] = {}
+        distributions: dict[str, Distribution | None] = {}
         sections = self._block("sections").columns if self._has("sections") else ()
         of_sections = self._values("sections")[0] if sections else np.zeros((8, 0))
         for link in self.names:
@@ -125,10 +125,10 @@ class Assembly:
             length = float(np.linalg.norm(self.places[0, k] - self.places[0, i]))
             if link in sections:
                 c = of_sections[:, sections.index(link)]
-                found[link] = Distribution(tuple(c[:3].tolist()), tuple(c[3:].tolist()))
+                distributions[link] = Distribution(tuple(c[:3].tolist()), tuple(c[3:].tolist()))
             else:
-                found[link] = even(self._bodies[link], length)
-        return found
+                distributions[link] = even(self._bodies[link], length)
+        return distributions
 
     def cuts(self, link: str) -> int:
         """Return into how many elements a link is cut: one where its mass is not known to be spread."""
@@ -137,33 +137,33 @@ class Assembly:
     @cached_property
     def chains(self) -> tuple[Chain, ...]:
         """Every link that moves, cut into elements."""
-        gravity, made = self._values("gravity")[0, :, 0], []
+        gravity, chains = self._values("gravity")[0, :, 0], []
         for link in self.names:
             ends = [self.index(p) for p in self.points_of(link)[:2]]
-            made.append(
+            chains.append(
                 Chain(
                     link, self.cuts(link), self.places[:, ends], self.accelerations[:, ends], gravity,
                     self._bodies[link], self.distribution(link), tuple(self._attached(link)), self.size,
                 )
             )  # fmt: skip
-        return tuple(made)
+        return tuple(chains)
 
     def _attached(self, link: str) -> list[Attachment]:
         """Return everything that acts on a link."""
-        found = []
+        attached = []
         normals = self._values("guides") if self._has("guides") else None
         guides = [u for u in self.unknowns if u.kind == "guide"]
         for u in (u for u in self.unknowns if u.link == link):
             at, share = self._at(link, u.point)
             # The guide pushes the point along the normal, and the point pushes the link back.
             along = -normals[:, guides.index(u)] if normals is not None and u.kind == "guide" else None
-            found.append(Attachment(at, share, u.column, None, along, u.kind == "torque"))
+            attached.append(Attachment(at, share, u.column, None, along, u.kind == "torque"))
         for i, (name, point) in enumerate(self._labels("couples")):
             if name == link:
-                found.append(
+                attached.append(
                     Attachment(*self._at(link, point), -1, self._values("couples")[:, i], None, True)
                 )
-        return found
+        return attached
 
     def _at(self, link: str, point: str) -> tuple[Array, Array]:
         """Return where a point is, and at which share of the length of a link."""
@@ -208,10 +208,10 @@ class Assembly:
             left.append(section / size[:, None])
             right.append(-constant / size)
         for point in self.description.points:
-            given = list(self._given_away(point))
-            if point not in self.description.ground and given:
+            shares = list(self._given_away(point))
+            if point not in self.description.ground and shares:
                 row = np.zeros((len(self._poses), 2, self.size))
-                for u, along in given:
+                for u, along in shares:
                     row[:, :, u.column : u.column + u.width] += along
                 left.append(row)
                 right.append(self._on_points[:, self.index(point)])
@@ -230,18 +230,18 @@ class Assembly:
 
         What pushes a link between two ground points is borne by these, as by a beam on two supports.
         """
-        found: dict[str, Array] = {}
+        reactions: dict[str, Array] = {}
 
         def add(point: str, force: Array) -> None:
-            found[point] = found.get(point, np.zeros_like(force)) + force
+            reactions[point] = reactions.get(point, np.zeros_like(force)) + force
 
         for point in self.description.ground:
-            given, on_point = list(self._given_away(point)), self._on_points[:, self.index(point)]
-            if given or np.any(on_point):
+            shares, on_point = list(self._given_away(point)), self._on_points[:, self.index(point)]
+            if shares or np.any(on_point):
                 add(point, -on_point)
-            for u, along in given:
-                own = x[:, u.column : u.column + u.width]
-                add(point, own if u.kind == "force" else along[:, :, 0] * own)
+            for u, along in shares:
+                of_unknown = x[:, u.column : u.column + u.width]
+                add(point, of_unknown if u.kind == "force" else along[:, :, 0] * of_unknown)
         for i, (link, point) in enumerate(self._labels("guides")):
             if link not in self.names:
                 u = next(u for u in self.unknowns if (u.kind, u.link, u.point) == ("guide", link, point))
@@ -249,7 +249,7 @@ class Assembly:
                 share = self._at(link, point)[1][:, None]
                 for end, part in zip(self.points_of(link)[:2], (1.0 - share, share), strict=True):
                     add(end, part * push)
-        return found
+        return reactions
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,14 +276,14 @@ def solve(assembly: Assembly) -> Solution:
     left, right = assembly.equations
     u, s, vt = np.linalg.svd(left)
     k = s.shape[1]
-    kept = s > RANK * s[:, :1]
-    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=kept)
+    independent = s > RANK * s[:, :1]
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=independent)
     projected = np.einsum("kij,ki->kj", u[:, :, :k], right) * inverse
     x = np.einsum("kij,ki->kj", vt[:, :k], projected) * assembly.scales
-    rank = np.count_nonzero(kept, axis=1)
-    condition = s[:, 0] / np.min(np.where(kept, s, np.inf), axis=1)
+    rank = np.count_nonzero(independent, axis=1)
+    condition = s[:, 0] / np.min(np.where(independent, s, np.inf), axis=1)
     open_ = np.ones(vt.shape[:2])
-    open_[:, :k] = ~kept
+    open_[:, :k] = ~independent
     loose = np.sqrt(np.einsum("kij,ki->kj", vt**2, open_))
     worst = int(np.argmax(condition))
     return Solution(x, rank, loose, worst, float(condition[worst]), assembly.residual(x))

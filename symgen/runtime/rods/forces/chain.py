@@ -152,16 +152,16 @@ class Chain:
         """
         nodes = [i / self.elements for i in range(self.elements)]
         known = self.with_unknowns(x)
-        found, at_node = {}, np.zeros((len(x), 3))
+        sections, at_node = {}, np.zeros((len(x), 3))
         none = np.zeros((len(x), 3, 0))
         for low, high in zip(nodes, [*nodes[1:], 1.0], strict=True):
             for share in shares:
                 if low < share < high:
-                    found[share] = known.onward(low, share, none, at_node)[1]
-            found[low] = at_node
+                    sections[share] = known.onward(low, share, none, at_node)[1]
+            sections[low] = at_node
             if high <= max(shares):
                 at_node = known.onward(low, high, none, at_node)[1]
-        return np.stack([found[s] for s in shares], axis=1)
+        return np.stack([sections[s] for s in shares], axis=1)
 
     def with_unknowns(self, x: Array) -> Chain:
         """Return the link with its unknown forces known."""

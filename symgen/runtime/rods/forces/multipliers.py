@@ -40,13 +40,13 @@ def by_multipliers(
     x = forces[:, [order[label] for u in assembly.unknowns for label in u.labels]]
     worst = int(np.argmin(quality[:, 0]))
     there = Assembly(constraints, loads, poses[np.array([worst])], assembly.elements)
-    found = solve(there)
+    solution = solve(there)
     size = float(np.max(np.abs(x / there.scales), initial=0.0)) or 1.0
     return Solution(
         x,
         np.full(len(poses), assembly.size),
         np.zeros((len(poses), assembly.size)),
         worst,
-        found.condition,
+        solution.condition,
         max(there.residual(x[worst : worst + 1]), float(np.max(quality[:, 1])) / size),
     )
