@@ -99,17 +99,17 @@ def integrations(rtol: float, step: float, bounds: Mapping[str, float]) -> list[
 
     ``bounds`` holds the bounds of integrators by name, and that of all others under ``others``, if any.
     """
-    trials = []
+    found = []
     for name, method in INTEGRATORS.items():
         tolerance = max(rtol, _IMPLICIT) if method.needs_tangent else rtol
         size = {"rtol": tolerance} if method.adaptive else {"step": step}
-        trials.append(Trial(name, size, bounds.get(name, bounds.get("others"))))
-    return trials
+        found.append(Trial(name, size, bounds.get(name, bounds.get("others"))))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Result of one trial of a case; ``said`` is the error message if it was not completed."""
+    """Result of one trial of a case; ``message`` is the error message if it was not completed."""
 
     case: Case
     trial: Trial
@@ -135,54 +135,14 @@ class Outcome:
             return False
         return self.measured.error <= self.trial.bound and self.measured.drift <= self.case.most_drift
 
-<<<<<<< HEAD:tests/shared/stability_case.py
-=======
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        errors = self.measured if self.survived else None
-        return {
-            "case": self.case.name,
-            "family": self.case.family,
-            "method": self.trial.label,
-            "survived": self.survived,
-            "error": errors.error if errors else None,
-            "drift": errors.drift if errors else None,
-            "steps": errors.steps if errors else None,
-            "seconds": errors.seconds if errors else None,
-            "bound": self.trial.bound,
-            "holds": self.holds,
-            "message": self.message,
-        }
-
->>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py):symgen/study/stability/case.py
 
 def go_through(case: Case, trial: Trial) -> Outcome:
     """Run one trial and return its outcome."""
-    errors, message = None, ""
+    found, said = None, ""
     try:
-        errors = case.go(trial)
-        if not np.isfinite(errors.error):
-            message = "numbers that are not finite"
+        found = case.go(trial)
+        if not np.isfinite(found.error):
+            said = "numbers that are not finite"
     except SimulationError as error:
-<<<<<<< HEAD:tests/shared/stability_case.py
         said = str(error).partition("\n")[0]
     return Outcome(case, trial, found, said)
-=======
-        message = str(error).partition("\n")[0]
-    return Outcome(case, trial, errors, message)
-
-
-#: Callback that receives the completed fraction.
-Progress = Callable[[float], None]
-
-
-def run_suite(cases: tuple[Case, ...], progress: Progress | None = None) -> tuple[Outcome, ...]:
-    """Run every trial of every case, in order."""
-    todo = [(case, trial) for case in cases for trial in case.trials]
-    outcomes = []
-    for i, (case, trial) in enumerate(todo):
-        outcomes.append(go_through(case, trial))
-        if progress:
-            progress((i + 1) / len(todo))
-    return tuple(outcomes)
->>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py):symgen/study/stability/case.py

@@ -100,13 +100,8 @@ def refined_run(of: LargeMotion, request: Refined, end: float, least: float) -> 
         _refine(passes, of, times, least, rtol, pace, request.progress)
     except OutOfTime as stop:
         if not passes:
-<<<<<<< HEAD
-            variables, drift = of.outputs(of.system, stop.found), drift_of(of.system, stop.found)
-            passes, times = [Pass(variables, 0, 0, math.inf, *drift)], times[stop.reached]
-=======
             variables, drift = of.outputs(of.system, stop.states), drift_of(of.system, stop.states)
-            passes, times = [Pass(variables, 0, 0, math.inf, drift)], times[stop.reached]
->>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
+            passes, times = [Pass(variables, 0, 0, math.inf, *drift)], times[stop.reached]
         problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall)
         raise SimulationError(f"{of.rigid.name}: {problem}", time=stop.t, partial=result) from None
     final = _result(of, times, passes[-1], rtol, pace.wall)
@@ -148,11 +143,9 @@ def _refine(
                 passes[-1] = replace(passes[-1], error=mesh_error(passes[-1].variables, variables))
                 if passes[-1].error <= rtol or steps * (len(times) - 1) > _MOST:
                     return
-<<<<<<< HEAD
-            passes.append(Pass(variables, steps, stepper.corrections, math.inf, *drift_of(of.system, found)))
-=======
-            passes.append(Pass(variables, steps, stepper.corrections, math.inf, drift_of(of.system, moments)))
->>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
+            passes.append(
+                Pass(variables, steps, stepper.corrections, math.inf, *drift_of(of.system, moments))
+            )
         steps *= 2
         pace.restart(0.0)
 
@@ -168,40 +161,26 @@ def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | 
             return None
 
 
-<<<<<<< HEAD
-def drift_of(system: System, found: Sequence[Moment]) -> tuple[Drift, float | None]:
+def drift_of(system: System, moments: Sequence[Moment]) -> tuple[Drift, float | None]:
     """Return the largest errors of the constraints, of the energy, and of the balance of powers.
 
     The last is the largest difference between the input power and the sum of the dissipated power and the
     rate of all energies, as means from one moment to the next, over the largest of these powers. It is None
     for a single moment, without powers, and where not all work is accounted for.
     """
-    t, q, v, a, _ = stacked(found)
+    t, q, v, a, _ = stacked(moments)
     rows = system.core.rows(t, q, v, *system.prescribed(t))
     constraint, velocity = (float(np.max(np.abs(x), initial=0.0)) for x in rows)
     if not system.accounted:
         return Drift(constraint, velocity), None
     kinetic, strain, potential, dissipated = system.energies(t, q, v, a)
-    energy, work = kinetic + strain + potential, np.array([m.work for m in found])
+    energy, work = kinetic + strain + potential, np.array([m.work for m in moments])
     error, exchanged = energy - work, max(np.ptp(kinetic), np.ptp(strain + potential))
     drift = Drift(constraint, velocity, float(np.max(np.abs(error - error[0]))), float(exchanged))
     damping = (dissipated[1:] + dissipated[:-1]) / 2
     rate, net, imbalance = (np.diff(x) / np.diff(t) for x in (energy, work, error))
     largest = max(float(np.max(np.abs(x), initial=0.0)) for x in (rate, damping, net + damping))
     return drift, float(np.max(np.abs(imbalance))) / largest if largest else None
-=======
-def drift_of(system: System, moments: Sequence[Moment]) -> Drift:
-    """Return the largest errors of the constraints, and of the energy where all work is accounted for."""
-    t, q, v, a, _ = stacked(moments)
-    rows = system.core.rows(t, q, v, *system.prescribed(t))
-    constraint, velocity = (float(np.max(np.abs(x), initial=0.0)) for x in rows)
-    if not system.conservative:
-        return Drift(constraint, velocity)
-    kinetic, strain, potential, _ = system.energies(t, q, v, a)
-    balance = kinetic + strain + potential - [m.work for m in moments]
-    energy, exchanged = np.max(np.abs(balance - balance[0])), max(np.ptp(kinetic), np.ptp(strain + potential))
-    return Drift(constraint, velocity, float(energy), float(exchanged))
->>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
 
 
 def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) -> ElasticResult:

@@ -67,21 +67,13 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
     ModelError
         Where the second part has no such direction, or the axis of a universal joint is along the link.
     """
-<<<<<<< HEAD
-    own = first.vectors
+    vectors = first.vectors
     span = second.span
     if kind == "weld" and len(span) == 1:
         # A rod has no rotation about its line.
         products = [(n, span[0]) for n in _normals(span[0])]
     elif kind == "weld":
         one, two = span[:2]
-=======
-    vectors = first.vectors
-    if kind == "weld":
-        if len(second.span) < 2:
-            raise ModelError(f"{about}: a rod has no rotation about its line\n  {_REMEDY}")
-        one, two = second.span[:2]
->>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
         two = two - (one @ two) * one
         three = np.cross(one, two)
         products = [(three, one), (three, two), (one, two)]

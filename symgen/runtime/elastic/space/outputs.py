@@ -31,13 +31,8 @@ _MOMENTS = slice(3, 6)
 
 def outputs(linkage: LinkageInSpace, states: Sequence[Moment]) -> list[Variable]:
     """Return strains and stresses at stations, joint forces and moments of links, places, energies."""
-<<<<<<< HEAD
-    t, q, v, a, multipliers = stacked(found)
-    links, made, axes = {k.info.link: k for k in linkage.links}, list[Variable](), ("x", "y", "z")
-=======
-    t, q, v, a, _ = stacked(states)
+    t, q, v, a, multipliers = stacked(states)
     links, variables, axes = {k.info.link: k for k in linkage.links}, list[Variable](), ("x", "y", "z")
->>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
     for name, owner, at in linkage.stations:
         where, link = f"{name}, at {np.real(at):g} of {owner}", links[owner]
         section, first, last = (
@@ -67,11 +62,7 @@ def outputs(linkage: LinkageInSpace, states: Sequence[Moment]) -> list[Variable]
     for point, place in linkage.positions(t, q).items():
         variables.append(Variable(f"{point}.position", "m", f"position of {point}", axes, place))
     kinetic, strain, potential, dissipated = linkage.energies(t, q, v, a)
-<<<<<<< HEAD
     power = input_power(linkage, t, q, v, a, multipliers)
     about = "power of prescribed motions and of loads without potential"
-    made += Energies(kinetic, strain, potential, dissipated, None, None, None).variables()
-    return [*made, Variable("input_power", "W", about, (), power)]
-=======
-    return [*variables, *Energies(kinetic, strain, potential, dissipated, None, None, None).variables()]
->>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
+    variables += Energies(kinetic, strain, potential, dissipated, None, None, None).variables()
+    return [*variables, Variable("input_power", "W", about, (), power)]

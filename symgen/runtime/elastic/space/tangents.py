@@ -83,19 +83,7 @@ def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters
     forces[:, :points] -= joints["load"]
     if rigid:
         forces[:, :points] += np.einsum("tr,trn->tn", multipliers[:, :rigid], joints["jacobian"])
-<<<<<<< HEAD
     pushed = slopes * multipliers[:, rigid + 3 * len(of.pins) :, None]
-=======
-        errors[:, :rigid] = of.of_rigid("constraints", *state)["constraints"][:, of.rows] / of.sizes
-        values = of.of_rigid("velocity_constraints", *state)["velocity_constraints"]
-        speeds[:, :rigid] = values[:, of.rows] / of.sizes
-    for k, (_, point) in enumerate(of.pins):
-        pinned = slice(rigid + 3 * k, rigid + 3 * k + 3)
-        errors[:, pinned], speeds[:, pinned] = (-x[:, 3 * point : 3 * point + 3] for x in (places, rates))
-    values = of.directed(np.hstack([q, places]), np.hstack([v, rates]))
-    errors[:, first:], speeds[:, first:] = values[..., 0], values[..., 1]
-    pushed = values[..., 2:] * multipliers[:, first:, None]
->>>>>>> 98499f2c (Variables of synthesis, reports, studies, exports and runs are named by their content; elastic/kept.py is elastic/checkpoint.py)
     np.add.at(forces.T, of.vectors, np.moveaxis(pushed, 0, -1))
     return ByParameters(*(x.imag / UNIT for x in (forces[:, :n], errors, speeds)))
 
