@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from symgen.report.extremes import Components
-from symgen.report.tables import MODES, table
+from symgen.report.tables import MODES, events_table, table
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.speed_response import SpeedResponse
@@ -116,5 +116,7 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
             None: "not resolved",
         }
         console.print(f"largest Floquet multiplier {abs(result.floquet[0]):.6g}: {verdict[result.stable]}")
+    if result.events:
+        console.print(events_table(result))
     for note in result.notes:
         console.print(f"note: {note}")

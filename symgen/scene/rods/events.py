@@ -18,8 +18,8 @@ _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 def events(read: Reader) -> Iterator[Event]:
     """Yield the events: an expression of the state, less the value it passes."""
     names: set[str] = set()
-    if read.scene.events and any(link.elastic for link in read.scene.links.values()):
-        raise SceneError("a scene with elastic links has no events", where="events")
+    if read.scene.events and read.dimension == 2 and any(link.elastic for link in read.scene.links.values()):
+        raise SceneError("a scene in the plane with elastic links has no events", where="events")
     for i, event in enumerate(read.scene.events):
         where = f"events.{i}"
         if event.name in names:

@@ -234,12 +234,13 @@ def moved(
     steps: int,
     pace: Pace,
     progress: Callable[[float], None] | None = None,
-    at_step: Callable[[Moment, Array, Array, Moment], None] | None = None,
+    at_step: Callable[[Moment, Array, Array, Moment], bool | None] | None = None,
     close: float = CLOSE,
 ) -> tuple[list[Moment], Steps]:
     """Return the motion at times, by so many equal steps between two of them, and what counted them.
 
-    ``at_step`` receives the motion before each step, second rates and multipliers of its stages, and the end.
+    ``at_step`` receives the motion before each step, second rates and multipliers of its stages, and the end;
+    where it returns True, the run ends, and times after this step have no motion.
     ``close`` is the error that corrections leave in the places, over their sizes.
 
     Raises
@@ -272,8 +273,8 @@ def moved(
                 q, v, a, multipliers, work = stepped
                 before, guess = now, (a, multipliers)
                 now = Moment(now.t + h, q, v, a[-1], multipliers[-1], now.work + work)
-                if at_step is not None:
-                    at_step(before, a, multipliers, now)
+                if at_step is not None and at_step(before, a, multipliers, now):
+                    return moments, stepper
         moments.append(settled(system, now, h))
         if progress is not None:
             progress(end / float(times[-1]))

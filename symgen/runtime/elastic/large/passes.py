@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import Moment, System, moved, stacked
+from symgen.runtime.elastic.large.events import Events
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
@@ -60,7 +61,7 @@ class LargeMotion:
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """Outputs and counts of a run with ``steps`` steps between two samples.
+    """Outputs, events and counts of a run with ``steps`` steps between two of its ``count`` samples.
 
     ``error`` is the error of stresses by time steps over their peak; infinite as long as it is not known.
     ``balance`` is that of :func:`drift_of`.
@@ -72,6 +73,8 @@ class Pass:
     error: float
     drift: Drift
     balance: float | None
+    count: int
+    events: Events
 
 
 def refined_run(of: LargeMotion, request: Refined, end: float, least: float) -> ElasticResult:
@@ -101,11 +104,12 @@ def refined_run(of: LargeMotion, request: Refined, end: float, least: float) -> 
     except OutOfTime as stop:
         if not passes:
             variables, drift = of.outputs(of.system, stop.states), drift_of(of.system, stop.states)
-            passes, times = [Pass(variables, 0, 0, math.inf, *drift)], times[stop.reached]
+            events, times = Events(of.rigid, GAUSS8), times[stop.reached]
+            passes = [Pass(variables, 0, 0, math.inf, *drift, len(times), events)]
         problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall)
         raise SimulationError(f"{of.rigid.name}: {problem}", time=stop.t, partial=result) from None
     final = _result(of, times, passes[-1], rtol, pace.wall)
-    final._estimate_later(partial(_by_elements, of, times, passes[-1], wall_left()))
+    final._estimate_later(partial(_by_elements, of, times[: passes[-1].count], passes[-1], wall_left()))
     return final
 
 
@@ -132,22 +136,36 @@ def _refine(
     """
     steps = math.ceil(least / (len(times) - 1))
     while True:
+        events = Events(of.rigid, GAUSS8)
+        at_step = events.step if of.rigid.description.events else None
         try:
-            moments, stepper = moved(of.system, GAUSS8, times, steps, pace, progress)
+            moments, stepper = moved(of.system, GAUSS8, times, steps, pace, progress, at_step)
         except SimulationError:
             if passes or steps * (len(times) - 1) > _MOST:
                 raise
         else:
-            variables = of.outputs(of.system, moments)
+            variables, count = of.outputs(of.system, moments), len(moments)
+            if count < 2:
+                last = events.located[-1]
+                raise ModelError(
+                    f"{of.rigid.name}: the event {last.name!r} ends the run at t = {last.time:.6g} s, before "
+                    "the second sample\n  Give more samples."
+                )
             if passes:
-                passes[-1] = replace(passes[-1], error=mesh_error(passes[-1].variables, variables))
+                both = min(count, passes[-1].count)
+                pair = (_first(of_run, both) for of_run in (passes[-1].variables, variables))
+                passes[-1] = replace(passes[-1], error=mesh_error(*pair))
                 if passes[-1].error <= rtol or steps * (len(times) - 1) > _MOST:
                     return
-            passes.append(
-                Pass(variables, steps, stepper.corrections, math.inf, *drift_of(of.system, moments))
-            )
+            drift = drift_of(of.system, moments)
+            passes.append(Pass(variables, steps, stepper.corrections, math.inf, *drift, count, events))
         steps *= 2
         pace.restart(0.0)
+
+
+def _first(variables: Sequence[Variable], count: int) -> list[Variable]:
+    """Return so many of the first samples of outputs."""
+    return [replace(v, values=v.values[:count]) for v in variables]
 
 
 def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | None) -> float | None:
@@ -184,7 +202,9 @@ def drift_of(system: System, moments: Sequence[Moment]) -> tuple[Drift, float | 
 
 
 def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) -> ElasticResult:
-    d, rigid, coordinate, notes = of.rigid.description, of.rigid, of.coordinate(times), list(of.notes)
+    times = times[: one.count]
+    d, rigid, coordinate = of.rigid.description, of.rigid, of.coordinate(times)
+    notes = [*of.notes, *one.events.notes()]
     if one.error > rtol:
         notes.append(
             f"the error by time steps does not reach rtol = {rtol:g}: links vibrate, as from an abrupt "
@@ -208,6 +228,7 @@ def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) 
             "floquet": [],
             "floquet_error": None,
         },
+        events=tuple(one.events.located),
         notes=(*d.remarks, *notes),
         times=None if coordinate.name == "time" else times,
     )
