@@ -54,5 +54,5 @@ def test_estimates_in_space_are_near_the_true_errors(seed):
     own = stresses(LinkageInSpace(model.rigid), times, steps)
     by_steps = largest(own, stresses(LinkageInSpace(model.rigid), times, SHORTER * steps))
     by_elements = largest(own, stresses(LinkageInSpace(model.rigid, divided=FINER), times, steps))
-    assert 0.3 < run.statistics["error"] / by_steps < 3
-    assert 0.3 < run.mesh_error / by_elements < 30
+    assert 0.5 < run.statistics["error"] / by_steps < 1.5
+    assert 0.5 < run.mesh_error / by_elements < 1.5

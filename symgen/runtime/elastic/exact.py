@@ -247,7 +247,7 @@ def _notes(motion: ElasticMotion, segments: int) -> list[str]:
     """Return the notes on effects that rods with springs between them neglect."""
     notes = [
         f"the error of {segments} rods per link is not estimated: it falls with the square of their number; "
-        f"compare with {2 * segments}",
+        f"compare with {2 * segments}; the error by time steps is that of the tolerance of each step",
         "links in rods are inextensible: the axial strain follows from the axial force",
     ]
     notes += stiffness_damped(motion, "rods")

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import Found
+from symgen.runtime.elastic.outputs import Errors, Found
 from symgen.runtime.elastic.steps import Progress, Start, Task, turn
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of
-from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, check_wall
+from symgen.runtime.integrate.options import TIGHTEST
+from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, check_wall, wall_left
 from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.result.recording import wound
 
@@ -34,6 +36,9 @@ _FIRST_TRIED = 4096
 #: Poses of a revolution that are compared with those of the next, the part of its largest value by which a
 #: number may differ, and the part of the largest number that is none.
 _POSES, _PERIODIC, _NOTHING = 7, 1e-6, 1e-12
+#: Steps of methods with a fixed step per revolution, by default; tolerances of the run that gives the error
+#: of an adaptive one, over its own: the second where the first is too tight for round-off.
+_FIXED, _OTHER = 2048, (0.01, 10.0)
 
 
 @dataclass(slots=True)
@@ -201,7 +206,7 @@ def explicit(
     n = motion.layout.unknowns
     end = float(np.max(times))
     fixed = task.method == "rk4"
-    step = turn(motion) / (task.steps or 2048) if fixed else None
+    step = turn(motion) / (task.steps or _FIXED) if fixed else None
     typed = motion.rigid.typed
     kind = typed.precision if typed else FLOAT64
     rtol = None if fixed else task.rtol
@@ -252,6 +257,37 @@ def explicit(
             raise OutOfTime(stepper.t, Found(states[:, :n], states[:, n:], steps, spent=spent), reached)
         state, begin, taken_steps = states[order[last - 1]], after, last
     return Found(states[:, :n], states[:, n:], steps, spent=spent)
+
+
+def with_error(motion: ElasticMotion, task: Task, times: Array, found: Found, start: Start = None) -> Found:
+    """Return an explicit run with its error, computed when it is read; at once if the wall time is limited.
+
+    It is the change of stresses in another run: with half the step, or a hundredth of the tolerance.
+
+    Raises
+    ------
+    OutOfTime
+        When the wall time is spent.
+    """
+
+    @cache
+    def errors() -> tuple[float | None, float | None]:
+        finer = replace(task, steps=2 * (task.steps or _FIXED))
+        if task.method != "rk4":
+            tight, looser = (task.rtol * factor for factor in _OTHER)
+            finer = replace(task, rtol=tight if tight >= TIGHTEST * FLOAT64.epsilon else looser)
+        # Each pose is found from the one before: equations of its own give the same bits at any time.
+        equations = motion.equations(task.form == "thesis", stepping=True)
+        try:
+            other = explicit(motion, equations, finer, times, None, start=start)
+        except SimulationError:  # shorter steps than round-off allows
+            return None, None
+        of = Errors(motion, equations, times, 1)
+        return float(np.max(of.of(found.displacements, other.displacements, safety=1.0))), None
+
+    if wall_left() is not None:
+        errors()
+    return replace(found, errors=errors)
 
 
 def check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:

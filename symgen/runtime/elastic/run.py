@@ -25,7 +25,7 @@ from symgen.runtime.beams.checks import (
 from symgen.runtime.beams.energies import Energies, energies
 from symgen.runtime.beams.forces import Forces, Motion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
-from symgen.runtime.elastic.jumps import explicit, jump_times
+from symgen.runtime.elastic.jumps import explicit, jump_times, with_error
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Found, Once, coordinate_of, outputs, recovered, selected
@@ -95,19 +95,19 @@ def run(
     if task.form == "thesis":
         _check_thesis(motion)
     check_wall("preparing the elastic links")
-    pace = Pace(0.0, end)
-    passes: list[Found] = []
+    pace, passes = Pace(0.0, end), list[Found]()
     try:
         if task.method == "quasi-static":
             states = held(motion, equations, times, pace)
         elif task.method == "periodic":
             states = periodic(motion, equations, task, times, pace, passes)
-        elif task.method in BEAM_METHODS:
-            begun = initial(motion, equations, task)
-            states = adapted(motion, equations, task, times, progress, keeping, pace, passes, begun)
         else:
             begun = initial(motion, equations, task)
-            states = explicit(motion, equations, task, times, progress, keeping, begun)
+            if task.method in BEAM_METHODS:
+                states = adapted(motion, equations, task, times, progress, keeping, pace, passes, begun)
+            else:
+                passes.append(explicit(motion, equations, task, times, progress, keeping, begun))
+                states = with_error(motion, task, times, passes[0], begun)
     except OutOfTime as stop:
         raise _out_of_time(motion, task, times[:count], stop, passes, pace) from None
     if not all(np.all(np.abs(x) < _BOUND) for x in (states.displacements, states.rates) if x is not None):

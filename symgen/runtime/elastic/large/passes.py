@@ -169,14 +169,26 @@ def _first(variables: Sequence[Variable], count: int) -> list[Variable]:
 
 
 def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | None) -> float | None:
-    """Return the change of stresses in twice as many elements, over their peak; None if not known."""
+    """Return the change of stresses in twice as many elements, over their peak; None if not known.
+
+    Both runs have the steps of ``coarse``, or as many more as Newton's method needs with the finer elements.
+    """
+    end, steps, variables = float(times[-1]), coarse.steps, coarse.variables
     with limited(max_wall):
         finer = of.finer()
-        try:
-            moments, _ = moved(finer, GAUSS8, times, coarse.steps, Pace(0.0, float(times[-1])))
-            return mesh_error(coarse.variables, of.outputs(finer, moments))
-        except (OutOfTime, SimulationError):
-            return None
+        while steps * (len(times) - 1) <= _MOST or steps == coarse.steps:
+            try:
+                moments, _ = moved(finer, GAUSS8, times, steps, Pace(0.0, end))
+                if steps > coarse.steps:
+                    variables = of.outputs(
+                        of.system, moved(of.system, GAUSS8, times, steps, Pace(0.0, end))[0]
+                    )
+                return mesh_error(variables, of.outputs(finer, moments))
+            except OutOfTime:
+                return None
+            except SimulationError:
+                steps *= 2
+    return None
 
 
 def drift_of(system: System, moments: Sequence[Moment]) -> tuple[Drift, float | None]:
