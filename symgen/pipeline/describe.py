@@ -243,6 +243,18 @@ def _shaft_alone(linkage: Linkage) -> bool:
     return not (worked or moved or len(linkage.drivers) > 1)
 
 
+def _work_on_links(linkage: Linkage) -> bool:
+    """Return whether forces without potential act on elastic links and on an elastic or held crank alone."""
+    from symgen.scene.elastic.joints import carries
+
+    beams, crank = [linkage.link(b.link) for b in linkage.elastic], linkage.crank
+    terms = (t for load in linkage.loads for t in load.terms(linkage.dimension) if t.force)
+    elsewhere = any(not t.on.section and not any(carries(link, t) for link in beams) for t in terms)
+    moved = any(p.ground and p.motion != p.at for p in linkage.points)
+    motor = crank is not None and crank.mode == "motor" and all(b.name != crank.link for b in beams)
+    return not (elsewhere or moved or motor or len(linkage.drivers) > 1)
+
+
 def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.elements import ELEMENTS
     from symgen.models.elastic.couples import couples, rotations, welded_to_bodies
@@ -314,6 +326,7 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         joints=tuple(x.name if isinstance(x, CarriedPoint) else "" for _, x in along),
         outputs=linkage.outputs,
         shaft_alone=_shaft_alone(linkage),
+        work_on_links=_work_on_links(linkage),
         prescribed=crank is not None and crank.prescribed,
         couples=tuple(names for *_, names in acting),
         rotations=rotations(linkage),

@@ -53,6 +53,7 @@ class Rigid(Part):
         sizes: ArrayLike,
         entries: Sequence[Sequence[tuple[int, ...]]],
     ) -> None: ...
+    def take_parameters(self, joints: ArrayLike) -> None: ...
 
 class Added(Part):
     def __init__(
@@ -60,6 +61,7 @@ class Added(Part):
         forces: Callable[[Array, Array, Array, Array], Array],
         slopes: Callable[[Array, Array, Array], Array],
         places: Indices,
+        power: Callable[[], Array],
     ) -> None: ...
 
 class Constrained:

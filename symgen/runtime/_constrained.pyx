@@ -407,6 +407,11 @@ cdef class Rigid(Part):
         self.pairs = np.concatenate([np.reshape(of, (-1, 2)) for of in entries]).T.astype(np.intp)
         self.bound = np.indices((self.count, self.n)).reshape(2, -1)
 
+    def take_parameters(self, joints):
+        """Take other parameters of ``elastic_joints``."""
+        at_least("parameters", len(joints), len(self.p_joints) - 1)
+        self.p_joints = _numbers(joints)
+
     cdef inline void call(self, const states *s, Py_ssize_t row) noexcept:
         cdef Py_ssize_t k
         cdef const double *q = s.q + row * s.unknowns
@@ -463,12 +468,13 @@ cdef class Added(Part):
     """Forces and slopes from Python functions: ``forces(t, q, v, a)``, (times, unknowns), ``slopes(t, q, v)``.
 
     Slopes (3, number of ``places``): derivatives of the force on each unknown in ``places`` by this unknown.
+    ``power()``: power of loads among these forces [W] at the last states of ``forces``, (times,).
     """
 
-    cdef object forces_of, slopes_of
+    cdef object forces_of, slopes_of, power_of
 
-    def __init__(self, forces, slopes, places):
-        self.forces_of, self.slopes_of = forces, slopes
+    def __init__(self, forces, slopes, places, power):
+        self.forces_of, self.slopes_of, self.power_of = forces, slopes, power
         self.pairs, self.bound = np.array([places, places], dtype=np.intp), np.zeros((2, 0), dtype=np.intp)
 
     cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
@@ -490,6 +496,9 @@ cdef class Added(Part):
             for k in range(found.shape[1]):
                 to.of[i * to.size + self.slots[k]] += found[i, k]
         return 0
+
+    cdef double input(self, const states *s, Py_ssize_t row):
+        return self.power_of()[row]
 
 
 cdef object _copied(uintptr_t raw, Py_ssize_t rows, Py_ssize_t columns):

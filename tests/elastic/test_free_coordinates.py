@@ -71,3 +71,59 @@ def test_options_of_linear_theory_are_refused():
         model.large_rotation(elements=2, t_end=0.1, revolutions=1)
     with pytest.raises(ModelError, match="expected t_end above zero, got -1"):
         model.large_rotation(elements=2, t_end=-1.0)
+
+
+LENGTH, THICKNESS, STIFF = 0.4, 20e-3, 5.0
+
+
+def winding(rigid, speed, damping):
+    """A link on a torsion spring, thrown so that it makes more than one revolution: elastic, or welded to a rigid hub."""
+    bar = {
+        "density": f"{DENSITY} kg/m^3",
+        "section": {"width": f"{WIDTH} m", "thickness": f"{THICKNESS} m"},
+        "elastic": {"E": f"{E} Pa"},
+    }
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "A": {"at": [f"{LENGTH / 4} m", "0 m"]},
+        "B": {"at": [f"{LENGTH} m", "0 m"]},
+    }
+    spring = {"stiffness": f"{STIFF} N*m", "damping": f"{damping} N*m*s"}
+    if rigid:
+        links = {"hub": {"points": ["O", "A"], **bar}, "bar": {"points": ["A", "B"], **bar}}
+        links["hub"].pop("elastic")
+        given = {"links": links, "welds": [{"point": "A", "links": ["hub", "bar"]}]}
+        given["torsion_springs"] = [{"link": "hub", **spring}]
+    else:
+        points.pop("A")
+        given = {"links": {"bar": {"points": ["O", "B"], **bar}}}
+        given["torsion_springs"] = [{"link": "bar", "point": "O", **spring}]
+    crank = {"link": "hub" if rigid else "bar", "mode": "free", "speed": f"{speed!r} rad/s"}
+    return symgen.Scene(title="Thrown link on a spring", points=points, crank=crank, **given)
+
+
+def rates(rigid):
+    """Return the rate of the oscillation [rad/s], and the moment of inertia; sections of the bar rotate."""
+    bent = LENGTH * (3 / 4 if rigid else 1)
+    inertia = DENSITY * WIDTH * (THICKNESS * LENGTH**3 / 3 + THICKNESS**3 / 12 * bent)
+    return (STIFF / inertia) ** 0.5, inertia
+
+
+@pytest.mark.parametrize(
+    ("rigid", "damping"), [(False, 0.1), (True, 0.0)], ids=["on a section", "on a rigid link"]
+)
+def test_torsion_springs_count_revolutions(rigid, damping):
+    """The angle is 1.2 revolutions times sin(w t) with w^2 = k/I, without damping."""
+    rate, inertia = rates(rigid)
+    speed, end = 2.4 * np.pi * rate, 0.6 * np.pi / rate
+    run = symgen.build(winding(rigid, speed, damping)).large_rotation(
+        elements=1, t_end=end, samples=21, rtol=0.5
+    )
+    decay = damping / (2 * inertia)
+    damped = (rate**2 - decay**2) ** 0.5
+    angle = speed / damped * np.exp(-decay * run.time) * np.sin(damped * run.time)
+    assert angle.max() > 1.05 * 2 * np.pi
+    expected = LENGTH * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    # The couple of the spring at O and the inertia of the bar bend its end by 1.3e-3 of the length.
+    assert np.abs(run["B.position"].values - expected).max() < 2e-3 * LENGTH
+    assert run.drift.energy < 1e-6 * run.drift.energy_exchanged

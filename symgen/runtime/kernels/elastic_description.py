@@ -38,6 +38,7 @@ class ElasticInfo:
     ``joints_in_space`` are those that restrict rotations, in the order of the kernel ``axes``.
     ``driven`` are the links in space that drives rotate, in the order of the kernel ``driven``.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
+    ``work_on_links``: forces without potential act on elastic links and on an elastic or held crank alone.
     """
 
     beams: tuple[BeamInfo, ...]
@@ -49,6 +50,7 @@ class ElasticInfo:
     joints: tuple[str, ...] = ()
     outputs: tuple[str, ...] | None = None
     shaft_alone: bool = False
+    work_on_links: bool = False
     damps_all: bool = False
     prescribed: bool = False
     couples: tuple[tuple[str, ...], ...] = ()

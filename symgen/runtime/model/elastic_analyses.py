@@ -87,8 +87,8 @@ class ElasticAnalyses:
             report the simplifications.
         elements
             Number of beam elements of each elastic link, in place of rods. Links stretch, and the result has
-            forces, torque, deflections, energies, and error estimates by time steps and by elements. Torsion
-            springs and forces that rotate with sections are refused.
+            forces, torque, deflections, energies, and error estimates by time steps and by elements. Forces
+            that rotate with sections are refused.
         t_end, revolutions
             End of the run [s], or revolutions of the crank (1).
         rtol

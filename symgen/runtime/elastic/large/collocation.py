@@ -178,6 +178,9 @@ class System:
         """Return the motion at the start."""
         raise NotImplementedError
 
+    def follow(self, at: Moment) -> None:
+        """Take note of the motion at the end of a step, or at the start."""
+
     def prescribed(self, t: Array) -> tuple[Array, Array]:
         """Return the prescribed numbers and their rates, (times, numbers) each."""
         raise NotImplementedError
@@ -252,6 +255,7 @@ def moved(
     """
     h = float(times[-1] - times[0]) / (len(times) - 1) / steps
     stepper, now = Steps(system.core, method, h, system.scale, close), system.start()
+    system.follow(now)
     moments: list[Moment] = [now]
     shape = len(method.c)
     guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
@@ -273,6 +277,7 @@ def moved(
                 q, v, a, multipliers, work = stepped
                 before, guess = now, (a, multipliers)
                 now = Moment(now.t + h, q, v, a[-1], multipliers[-1], now.work + work)
+                system.follow(now)
                 if at_step is not None and at_step(before, a, multipliers, now):
                     return moments, stepper
         moments.append(settled(system, now, h))

@@ -7,6 +7,7 @@ welds and the direction of a held crank are constraints with multipliers.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -19,6 +20,7 @@ from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.attached import Posed, Section, direction_of, forces_along, lumps_of
 from symgen.runtime.elastic.large.collocation import Moment, System
+from symgen.runtime.elastic.large.counted import Counted
 from symgen.runtime.elastic.large.links import BLOCK
 from symgen.runtime.elastic.large.supports import (
     Supports,
@@ -59,11 +61,12 @@ class LargeLinkage(System):
         gravity = gravity_of(motion)
         self.links, pins, size = divided(motion, count, gravity)
         self._lumps = lumps_of(motion, self.links, gravity)
-        self._along = [(x, self._chord(x.link)) for x in forces_along(motion, self.links)]
+        along = list(forces_along(motion, self.links))
+        self._along = [(x, self._chord(x.link), Counted(self._rigid)) for x in along]
         self._sections = {name: rotation_of(self.links, name) for name in motion.info.rotations}
         acted = {name for couple in motion.info.couples for name in couple}
         self._couples = [
-            (k, self._sections[name], Posed(motion, self._acting(name)))
+            (k, self._sections[name], Posed(motion, self._acting(name)), Counted(self._rigid))
             for k, name in enumerate(motion.info.rotations)
             if name in acted
         ]
@@ -72,6 +75,7 @@ class LargeLinkage(System):
         if motion.info.mode == "motor" and crank:
             shaft = section_of(self.links, motion.info.crank, crank.beam.info.start)
             self._motor = Posed(motion, [shaft])
+        self._counted, self._of_motor = Counted(self._rigid), Counted(self._rigid)
         of_joints = {b.name: b for b in self._joints.info("joints").blocks}
         place = {f"{p}_{axis}": 2 * k + i for k, p in enumerate(d.free) for i, axis in enumerate(d.axes)}
         place |= {f"{name}_theta": section.place for name, section in self._sections.items()}
@@ -91,7 +95,8 @@ class LargeLinkage(System):
             properties,
             any(link.beam.properties.stiffness_damping for link in self.links),
         )
-        parts: list[Part] = [self._elements, Rigid(self._rigid, self._joints, rows, numbers, sizes, entries)]
+        self._rigid_parts = Rigid(self._rigid, self._joints, rows, numbers, sizes, entries)
+        parts: list[Part] = [self._elements, self._rigid_parts]
         supported, (row, column) = len(self._supports.rows), np.nonzero(self._supports.rows)
         # Values of supports, then places of points that welds to rigid links need, are known numbers behind
         # the unknowns.
@@ -108,7 +113,7 @@ class LargeLinkage(System):
             )
         )
         if self._lumps or self._along or self._couples or self._motor:
-            parts.append(Added(self._added, self._diagonal, self._own()))
+            parts.append(Added(self._added, self._diagonal, self._own(), lambda: self._power))
         scale = np.full(size, max(link.beam.properties.length for link in self.links))
         for link in self.links:
             scale[link.places[:, 2]] = 1.0
@@ -129,8 +134,30 @@ class LargeLinkage(System):
 
     def start(self) -> Moment:
         """Return positions and rates at t = 0, of straight links with the velocities of rigid links."""
+        for counted, _ in self._counts():
+            counted.restart()
+        self._rigid_parts.take_parameters(self._counted.now(self._joints).parameters)
         q, v = self._start
         return Moment(0.0, q, v, np.zeros(self.unknowns), np.zeros(self.multipliers))
+
+    def _counts(self) -> Iterator[tuple[Counted, Posed | None]]:
+        """Yield the angles in loads, each after the motion in which they are counted."""
+        yield self._counted, None
+        yield self._of_motor, self._motor
+        yield from ((counted, posed) for _, posed, counted in self._along)
+        yield from ((counted, posed) for _, _, posed, counted in self._couples)
+
+    def follow(self, at: Moment) -> None:
+        """Move the references of angles in loads."""
+        if not self._rigid.description.windings:
+            return
+        t, q, v = np.array([at.t]), at.q[None], at.v[None]
+        for counted, posed in self._counts():
+            state = (
+                posed(partial(self._ground, t), q, v)[:2] if posed else (x[:, : self._points] for x in (q, v))
+            )
+            if counted.follow(at.t, *state) and counted is self._counted:
+                self._rigid_parts.take_parameters(counted.now(self._joints).parameters)
 
     def _straight(self, size: int) -> Array:
         """Return positions and rates of straight links with the velocities of rigid links, (2, unknowns)."""
@@ -155,13 +182,13 @@ class LargeLinkage(System):
 
     @property
     def loaded(self) -> bool:
-        """Whether forces, couples or a motor act on elastic links, whose work is not accounted for."""
+        """Whether forces, couples or a motor act on elastic links: their potential energy is not known."""
         return bool(self._along or self._couples or self._motor)
 
     @property
     def accounted(self) -> bool:
-        """Whether the drive and the damping of links alone do work that is no potential energy."""
-        return self.motion.info.shaft_alone and not self.loaded
+        """Whether the work of everything but energies is that of the drive, damping and loads on links."""
+        return self.motion.info.work_on_links
 
     def prescribed(self, t: Array) -> tuple[Array, Array]:
         """Return values of supports and places of the ground [m, rad], and rates, (times, numbers) each."""
@@ -173,35 +200,42 @@ class LargeLinkage(System):
         return held, rates
 
     def _added(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Return inertia of masses on links and of a motor less loads on links, (times, unknowns)."""
+        """Return inertia of masses on links and of a motor less loads on links, (times, unknowns).
+
+        ``_power`` is then the power of these loads.
+        """
         n, forces = self._points, np.zeros(q.shape)
-        if self._lumps:
-            self._lumps.add(forces, q, v, a)
         self._add_along(forces, t, q, v)
-        for k, section, posed in self._couples:
+        for k, section, posed, counted in self._couples:
             moved = posed(partial(self._ground, t), q, v)[:2]
-            loads = self._joints.many_blocks("joints", t, *moved)["load"]
+            loads = counted.blocks(self._joints, "joints", t, *moved)["load"]
             forces[:, section.place] -= loads[:, n + k]
         if self._motor:
             place = self._motor.moves[0][0].place
             terms = self._shaft_terms(self._motor, t, q, v)
-            forces[:, place] += terms[:, 0] * a[:, place] - terms[:, 3]
+            forces[:, place] -= terms[:, 3]
+        self._power = -np.sum(forces * v, axis=1)
+        if self._motor:
+            forces[:, place] += terms[:, 0] * a[:, place]
+        if self._lumps:
+            self._lumps.add(forces, q, v, a)
         return forces
 
     def _add_along(self, forces: Array, t: Array, q: Array, v: Array) -> None:
         """Subtract the forces along links, whose kernels read links of undeformed length."""
         columns = [APPLIED.index(f"load_force_{axis}") for axis in "xy"]
-        for along, posed in self._along:
+        for along, posed, counted in self._along:
             moved = posed(partial(self._ground, t), q, v)[:2]
             loads, links = (
-                self.motion._motion.many_blocks(name, t, *moved)[name] for name in ("loads", "links")
+                counted.blocks(self.motion._motion, name, t, *moved)[name] for name in ("loads", "links")
             )
             force = loads.reshape(len(t), -1, len(APPLIED))[:, along.row, columns]
             along.add(forces, q, links.reshape(len(t), -1, len(MOTION))[:, along.link, :2], force)
 
     def _shaft_terms(self, motor: Posed, t: Array, q: Array, v: Array) -> Array:
         """Return inertia, damping, stiffness and torque of a motor at its rotation, (times, 4)."""
-        return self.motion._motion.many("shaft", t, *motor(partial(self._ground, t), q, v))
+        moved = motor(partial(self._ground, t), q, v)
+        return self._of_motor.many(self.motion._motion, "shaft", t, *moved)
 
     def _ground(self, t: Array, point: str) -> Array:
         """Return the places of a point of the ground at times, (times, 2)."""
@@ -237,7 +271,7 @@ class LargeLinkage(System):
         if self._motor:
             inertia = self._shaft_terms(self._motor, t, q, v)[:, 0]
             sums[:, 0] += inertia * v[:, self._motor.moves[0][0].place] ** 2 / 2
-        kinetic, potential = self._joints.many("energy", t, q[:, :n], v[:, :n])[:, :2].T
+        kinetic, potential = self._counted.many(self._joints, "energy", t, q[:, :n], v[:, :n])[:, :2].T
         energy_of_motion, strain, of_weight, dissipated = sums.T
         return np.array([energy_of_motion + kinetic, strain, of_weight + potential, dissipated])
 
@@ -268,7 +302,6 @@ def _check(motion: ElasticMotion) -> None:
     following = [p for beam in info.beams for p in motion.profiles(beam.link) if p.follows]
     refused = {
         "forces that rotate with sections": bool(following),
-        "loads by angles counted over revolutions": bool(motion.rigid.description.windings),
     }
     of_sections = info.welds or info.body_welds or info.rotations or any(p.is_point for p in following)
     hint = (

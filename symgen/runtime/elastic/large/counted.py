@@ -1,0 +1,88 @@
+"""Angles in loads that are counted over revolutions, along a run in large rotation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.kernels.evaluate import Evaluator, part
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: Change [rad] of an angle after which its reference moves: far below the half revolution that it may change
+#: before the nearer way round is another one.
+_FAR = math.pi / 4
+
+
+class Counted:
+    """Kernels whose angles in loads are continuous along one motion of the linkage with rigid links.
+
+    Angles are the nearest to their references, parameters that follow the motion at the end of steps.
+
+    Parameters
+    ----------
+    rigid
+        The linkage with rigid links, which has the angles.
+    """
+
+    def __init__(self, rigid: Evaluator) -> None:
+        self._rigid, self._count = rigid, rigid.description.windings
+        self._since: list[float] = []
+        self._references: list[Array] = []
+        self.restart()
+
+    def restart(self) -> None:
+        """Count from the start of a run, at which angles are from -pi to pi."""
+        self._since, self._references = [-math.inf], [np.zeros(self._count)]
+        self._made: dict[tuple[int, int], Evaluator] = {}
+
+    def follow(self, t: float, q: Array, v: Array) -> bool:
+        """Move references to the angles at a time [s], (1, coordinates); return whether any moved."""
+        if not self._count:
+            return False
+        angles = self.blocks(self._rigid, "events", np.array([t]), q, v)["windings"].ravel()
+        if np.max(np.abs(angles - self._references[-1])) <= _FAR:
+            return False
+        self._since.append(t)
+        self._references.append(angles)
+        return True
+
+    def now(self, evaluator: Evaluator) -> Evaluator:
+        """Return kernels with the last references."""
+        return self._with(evaluator, len(self._since) - 1) if self._count else evaluator
+
+    def many(
+        self, evaluator: Evaluator, kernel: str, t: Array, q: Array, v: Array, work: Array | None = None
+    ) -> Array:
+        """Return the results of a kernel at times of the run, (times, entries), given ``work`` of each."""
+        if not self._count:
+            return evaluator.many(kernel, t, q, v, work)
+        found = np.empty((len(t), evaluator.info(kernel).out_size))
+        for of, rows in self._groups(evaluator, t):
+            memory = None if work is None else work[rows]
+            found[rows] = of.many(kernel, t[rows], q[rows], v[rows], memory)
+        return found
+
+    def blocks(self, evaluator: Evaluator, kernel: str, t: Array, q: Array, v: Array) -> dict[str, Array]:
+        """Return the results of a kernel at times of the run by name, (times, *shape)."""
+        out = self.many(evaluator, kernel, t, q, v)
+        return {b.name: part(out, b) for b in evaluator.info(kernel).blocks}
+
+    def _groups(self, evaluator: Evaluator, t: Array) -> Iterator[tuple[Evaluator, Indices]]:
+        which = np.searchsorted(self._since, t, side="right") - 1
+        for k in np.unique(which).tolist():
+            yield self._with(evaluator, k), np.flatnonzero(which == k)
+
+    def _with(self, evaluator: Evaluator, k: int) -> Evaluator:
+        """Return kernels with the references number k."""
+        key = id(evaluator), k
+        if key not in self._made:
+            given = evaluator.given.copy()
+            first = self._rigid.description.of_held.start
+            given[first : first + self._count] = self._references[k]
+            self._made[key] = type(evaluator)(evaluator.description, evaluator.library, given)
+        return self._made[key]
