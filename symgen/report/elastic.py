@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -84,39 +84,38 @@ def _damped(ratio: float) -> str:
 def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> None:
     """Print the outputs at a few times, or the range of each, and the errors of the run."""
     along, label = result.over
-    coordinate, unit = result.coordinate.about, result.shown_in[0]
     outputs = Components(result.shown, result.count)
     if len(along) <= _FEW:
-        title = f"{result.title}: {result.headline}, over {label}"
-        console.print(outputs.values(title, [f"{x:.6g}" for x in along]))
+        console.print(outputs.values(f"{result.title}: over {label}", [f"{x:.6g}" for x in along]))
     else:
-        title = f"{result.title}: {result.headline}; range over {coordinate}"
-        console.print(outputs.extremes(title, along, unit))
-    if ratios := result.statistics.get("damping_ratios"):
-        shown = ", ".join(map(_damped, ratios))
-        console.print(f"damping ratios of the lowest modes of the linkage at the start: {shown}")
-    if shares := result.statistics.get("second_order"):
-        link = max(shares, key=shares.__getitem__)
-        console.print(
-            f"terms of second order, omitted: at most {shares[link]:.1e} of the peak strain of {link}"
-        )
-    if powers := result.statistics.get("mean_powers_w"):
-        shaft, damping = powers
-        console.print(f"mean power of the shaft {shaft:.4g} W, of damping {damping:.4g} W")
-    if (balance := result.statistics.get("power_balance")) is not None:
-        console.print(
-            f"powers of input and damping and the rate of the energies balance within {balance:.1e}"
-        )
-    if (share := result.statistics.get("omitted_power")) is not None:
-        console.print(f"power of the torque that linear theory omits: {share:.1e} of the largest power")
-    if result.floquet:
-        verdict = {
-            True: "the steady state is stable",
-            False: "the steady state is unstable",
-            None: "not resolved",
-        }
-        console.print(f"largest Floquet multiplier {abs(result.floquet[0]):.6g}: {verdict[result.stable]}")
+        title = f"{result.title}: range over {result.coordinate.about}"
+        console.print(outputs.extremes(title, along, result.shown_in[0]))
+    console.print(table("The run", ("", ""), list(_of_run(result))))
     if result.events:
         console.print(events_table(result))
     for note in result.notes:
         console.print(f"note: {note}")
+
+
+def _of_run(result: ElasticResult) -> Iterator[tuple[str, str]]:
+    """Yield method, errors, damping, powers and stability of a run: names and values."""
+    found = result.statistics
+    yield "method", str(result.provenance["method"])
+    yield "steps", str(found["steps"])
+    for what, error in (("time steps", found["error"]), ("elements", result.mesh_error)):
+        if error is not None:
+            yield f"error by {what}", f"{error:.1e} of the peak stress"
+    if ratios := found.get("damping_ratios"):
+        yield "damping ratios", ", ".join(map(_damped, ratios))
+    if shares := found.get("second_order"):
+        link = max(shares, key=shares.__getitem__)
+        yield "second-order terms", f"{shares[link]:.1e} of the peak strain of {link}, omitted"
+    if powers := found.get("mean_powers_w"):
+        yield "mean powers", "shaft {:.4g} W, damping {:.4g} W".format(*powers)
+    if (balance := found.get("power_balance")) is not None:
+        yield "power balance", f"{balance:.1e} of the largest power"
+    if (share := found.get("omitted_power")) is not None:
+        yield "omitted power", f"{share:.1e} of the largest power"
+    if result.floquet:
+        stable = {True: "stable", False: "unstable", None: "stability not resolved"}[result.stable]
+        yield "Floquet multiplier", f"{abs(result.floquet[0]):.6g}, {stable}"
