@@ -250,8 +250,7 @@ def method_of(subject: Any) -> Method:
 def further_of(resolved: Any) -> dict[str, Any]:
     """Return the Systems of a resolved scene besides its own, by name."""
     method = method_of(resolved)
-    entries: dict[str, Any] = method.load("further")(resolved) if method.further else {}
-    return entries
+    return method.load("further")(resolved) if method.further else {}
 
 
 def claiming(tables: Collection[str]) -> Method:

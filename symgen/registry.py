@@ -39,8 +39,7 @@ class Registry(MutableMapping[str, T]):
         kind: Any = self._kinds[name]
         if isinstance(kind, str):
             kind = self._kinds[name] = self._of_symgen[name] = load(kind)
-        entry: T = kind
-        return entry
+        return kind
 
     def __setitem__(self, name: str, kind: T) -> None:
         self._kinds[name] = kind

@@ -220,10 +220,7 @@ def poses_of(texts: Sequence[str], option: str) -> Poses:
     def read(model: Any) -> tuple[Sequence[float], str]:
         if "kinematics" not in model.capabilities:
             return of_times(texts, option), "time"
-        values: tuple[Sequence[float], str] = load(method_of(model).commands["kinematics"].values)(
-            model, texts, option
-        )
-        return values
+        return load(method_of(model).commands["kinematics"].values)(model, texts, option)
 
     return read
 

@@ -94,23 +94,20 @@ class RodsView(View):
                     raise
                 return self.moved(model, samples, **options)
         stop = options.pop("t_end", None)
-        motion: Result = model.kinematics(stop=stop, samples=samples, **options)
-        return motion
+        return model.kinematics(stop=stop, samples=samples, **options)
 
     def moved(self, model: Any, samples: int, **options: Any) -> Result:
         """Return the kinematics of a driven linkage, up to a dead centre, or a run under forces."""
         if "kinematics" not in model.capabilities:
             return super().moved(model, samples, **options)
         stop, of = options.pop("t_end", None), model.description.points
-        motion: Result = model.kinematics(stop=stop, samples=samples, of=of, **options)
-        return motion
+        return model.kinematics(stop=stop, samples=samples, of=of, **options)
 
     def posed(self, model: Any, values: Sequence[float], over: str) -> Result:
         """Return the positions of points at directions of the driven link, or at times [s]."""
         if "kinematics" not in model.capabilities:
             return super().posed(model, values, over)
-        poses: Result = model.kinematics(at=values, over=over, of=model.description.points)
-        return poses
+        return model.kinematics(at=values, over=over, of=model.description.points)
 
     def repeated(self, model: Any, verb: str, arguments: Mapping[str, Any], result: Result) -> Result:
         """Return the positions of points at the samples of a result."""
@@ -121,8 +118,7 @@ class RodsView(View):
             same |= {name: arguments[name] for name in _OF_RANGE if name in arguments}
         else:
             same |= {"at": result.time, "over": "time"}
-        motion: Result = model.kinematics(of=model.description.points, **same)
-        return motion
+        return model.kinematics(of=model.description.points, **same)
 
     def sketch_at(self, resolved: Linkage, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return points and links."""
@@ -242,10 +238,7 @@ class ElasticView(RodsView):
     def moved(self, model: ElasticModel, samples: int, **options: Any) -> Result:
         """Return the motion of the rigid links."""
         points = model.description.points
-        motion: Result = model.kinematics(
-            stop=options.pop("t_end", None), samples=samples, of=points, **options
-        )
-        return motion
+        return model.kinematics(stop=options.pop("t_end", None), samples=samples, of=points, **options)
 
     def repeated(
         self, model: ElasticModel, verb: str, arguments: Mapping[str, Any], result: Result

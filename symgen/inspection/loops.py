@@ -73,8 +73,7 @@ class LoopView(View):
         verb = "inverse_dynamics" if "inverse_dynamics" in model.capabilities else "kinematics"
         if "t_end" in options:
             options |= {"start": 0.0, "stop": options.pop("t_end"), "over": "time"}
-        motion: Result = getattr(model, verb)(samples=samples, **options)
-        return motion
+        return getattr(model, verb)(samples=samples, **options)
 
     def sketch_at(self, resolved: Loop, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return the links between their joint axes."""
@@ -88,8 +87,7 @@ class LoopView(View):
 
     def run(self, model: Any) -> Result:
         """Return the range of a driven loop, or the motion of a free one."""
-        result: Result = model.inverse_dynamics() if model.is_driven else model.simulate()
-        return result
+        return model.inverse_dynamics() if model.is_driven else model.simulate()
 
     def cost(self, model: Any, result: Result) -> tuple[TableView, str] | None:
         """Return the time per pose of a driven loop and the largest closure defect."""

@@ -70,8 +70,7 @@ def state_of(model: Any, at: str | None) -> Values:
     ModelError, SimulationError
         If the text cannot be read or the state cannot be reached.
     """
-    values: Values = method_of(model).load("state")(model, at)
-    return values
+    return method_of(model).load("state")(model, at)
 
 
 def of_elastic(model: ElasticModel, at: str | None) -> Values:

@@ -81,8 +81,7 @@ class View:
 
     def moved(self, model: Any, samples: int, **options: Any) -> Result:
         """Return a run with the outputs that the animation draws."""
-        motion: Result = model.simulate(samples=samples, **options)
-        return motion
+        return model.simulate(samples=samples, **options)
 
     def posed(self, model: Any, values: Sequence[float], over: str) -> Result:
         """Return the drawn outputs at values of the input, or at times [s] ``over`` the ``time``.
@@ -103,8 +102,7 @@ class View:
 
     def repeated(self, model: Any, verb: str, arguments: Mapping[str, Any], result: Result) -> Result:
         """Return the drawn outputs at the samples of a result, by the same analysis once more."""
-        repeated: Result = getattr(model, verb)(**arguments)
-        return repeated
+        return getattr(model, verb)(**arguments)
 
     def vibrating(
         self, resolved: Any, model: Any, number: int, angle: float | None, phases: NDArray[np.float64]
@@ -121,8 +119,7 @@ class View:
 
     def unit(self, resolved: Any) -> tuple[str, float]:
         """Return the unit of length of drawings and its size [m]."""
-        unit: tuple[str, float] = resolved.units.get("length", ("m", 1.0))
-        return unit
+        return resolved.units.get("length", ("m", 1.0))
 
     def sketch_at(self, resolved: Any, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return the mechanism in the pose of its drawn outputs, in which all places are linear."""
@@ -148,8 +145,7 @@ class View:
 
     def run(self, model: Any) -> Result:
         """Return the run that the page shows."""
-        result: Result = model.simulate()
-        return result
+        return model.simulate()
 
     def cost(self, model: Any, result: Result) -> tuple[TableView, str] | None:
         """Return the cost of the run with a caption; None where speed is measured against error."""
@@ -198,8 +194,7 @@ def drawn_scene(text: SceneText) -> Drawn:
 
 def view_of(subject: Any) -> View:
     """Return the view of the method of a resolved scene or a model."""
-    view: View = method_of(subject).load("view")()
-    return view
+    return method_of(subject).load("view")()
 
 
 #: Part of the caption of a motion that its drives cannot continue.

@@ -23,14 +23,12 @@ def _call_entry(entry: str, *arguments: Any) -> Any:
 
 def element(name: str) -> System:
     """Return the System of a beam element by name."""
-    system: System = _call_entry("models.elastic.element:elastic_element_system", ELEMENTS[name])
-    return system
+    return _call_entry("models.elastic.element:elastic_element_system", ELEMENTS[name])
 
 
 def tangents(block: str, kernels: Sequence[str], groups: Sequence[str]) -> System:
     """Return the System of the tangents of kernels of a building block, by its name."""
-    system: System = _call_entry("models.forward_mode:tangents_of", BLOCKS[block](), kernels, groups)
-    return system
+    return _call_entry("models.forward_mode:tangents_of", BLOCKS[block](), kernels, groups)
 
 
 #: Conditions of synthesis.

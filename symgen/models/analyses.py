@@ -26,8 +26,7 @@ def _later(entry: str, **options: Any) -> Callable[[Any], System]:
     """Return a derivation that few need; it is imported when it is called."""
 
     def system(resolved: Any) -> System:
-        derived: System = load(entry)(resolved, **options)
-        return derived
+        return load(entry)(resolved, **options)
 
     return system
 

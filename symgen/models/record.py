@@ -33,8 +33,7 @@ class Step:
 
 def record(resolved: Linkage | Loop, system: System) -> tuple[Step, ...]:
     """Return the record of a scene whose System is ``system``; elastic links have their own behind it."""
-    steps: tuple[Step, ...] = tuple(method_of(resolved).load("record")(resolved, system))
-    return steps
+    return tuple(method_of(resolved).load("record")(resolved, system))
 
 
 def of_system(system: System) -> Step:

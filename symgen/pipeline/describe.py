@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 def describe(resolved: Linkage | Loop, program: Program, equations: str) -> Description | LoopDescription:
     """Return the description of a model, without its start."""
-    made: Description | LoopDescription = method_of(resolved).load("describe")(resolved, program, equations)
-    return made
+    return method_of(resolved).load("describe")(resolved, program, equations)
 
 
 def with_start(

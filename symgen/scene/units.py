@@ -185,8 +185,7 @@ def _unit(text: str) -> tuple[Fraction, Dimension]:
 @lru_cache(maxsize=1)
 def _known_units() -> dict[str, str]:
     """Return Pint's answers for the units of ``KEPT``, which spare most scenes the loading of Pint."""
-    known: dict[str, str] = json.loads(UNITS.read_text(encoding="utf-8"))
-    return known
+    return json.loads(UNITS.read_text(encoding="utf-8"))
 
 
 def read_unit(text: str) -> tuple[Fraction, Dimension]:

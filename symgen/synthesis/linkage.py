@@ -200,8 +200,7 @@ def _model(kind: type[PlanarLinkage]) -> KinematicModel:
 @cache
 def _cosine() -> Callable[[float, float, float], float]:
     sides = sp.symbols("far one other", positive=True)
-    cosine: Callable[[float, float, float], float] = sp.lambdify(sides, cosine_opposite(*sides), "math")
-    return cosine
+    return sp.lambdify(sides, cosine_opposite(*sides), "math")
 
 
 def angle(far: float, one: float, other: float) -> float:

@@ -167,5 +167,4 @@ def _functions() -> Callable[..., tuple[Complex, ...]]:
     g, h, w, v, c, d, u, s, p, q = symbols = sp.symbols("g h w v c d u s p q")
     condition, turned, common = without_rotation((((g, h), (w, v)), ((c, d), (u, s))), (p, q))
     every = [condition, turned, common, *(condition.diff(x) for x in symbols)]
-    functions: Callable[..., tuple[Complex, ...]] = sp.lambdify(symbols, every, "numpy", cse=True)
-    return functions
+    return sp.lambdify(symbols, every, "numpy", cse=True)

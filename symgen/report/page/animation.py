@@ -89,14 +89,13 @@ def animation(film: Film, *, plots: bool = True, framed: bool = False) -> str:
     left = max(0, len(curves) - CURVES) if plots else 0
     caption = film.caption + (ARROWS if data["forces"] else "") + not_drawn(left)
     template = environment().get_template("animation.html.j2")
-    text: str = template.render(
+    return template.render(
         title=film.result.title,
         caption=caption,
         framed=framed,
         filling=framed and not plots,
         data=as_script(data),
     )
-    return text
 
 
 def traces_of(sketches: Sequence[Sketch]) -> dict[str, Array]:

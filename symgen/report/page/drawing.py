@@ -243,8 +243,7 @@ def slider_block(at: Array, along: float, across: float) -> Array:
     axis = at[1] - at[0]
     axis = axis / max(float(np.linalg.norm(axis)), 1e-9)
     sides = np.array([(-along, -across), (along, -across), (along, across), (-along, across)])
-    corners: Array = at[0] + sides @ np.array([axis, (-axis[1], axis[0])])
-    return corners
+    return at[0] + sides @ np.array([axis, (-axis[1], axis[0])])
 
 
 def hull(at: Array) -> Array:

@@ -111,5 +111,4 @@ def live(page: Live) -> str:
     left = max(0, len(page.plotted) - CURVES)
     caption = page.caption + (ARROWS if forces else "") + not_drawn(left)
     template = environment().get_template("live.html.j2")
-    text: str = template.render(title=page.title, caption=caption, data=as_script(data))
-    return text
+    return template.render(title=page.title, caption=caption, data=as_script(data))

@@ -148,8 +148,7 @@ def _unit(unit: str) -> str:
 
 def render(page: Page) -> str:
     """Return the page as one HTML file."""
-    text: str = environment().get_template("page.html.j2").render(page=page)
-    return text
+    return environment().get_template("page.html.j2").render(page=page)
 
 
 def example_in_c(unit: UnitView, kernel: str) -> str:

@@ -78,8 +78,7 @@ class Sheet:
     def svg(self) -> str:
         """Return the drawing as SVG: front view in the plane, oblique view in space, with a scale bar."""
         template = environment().get_template("sheet.svg.j2")
-        text: str = template.render(title=self.title, drawing=drawing(self._whole()))
-        return text
+        return template.render(title=self.title, drawing=drawing(self._whole()))
 
     def dxf(self) -> str:
         """Return the drawing as DXF (2010) in the unit of length, with the layers of ``_LAYERS``.

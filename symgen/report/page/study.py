@@ -23,5 +23,4 @@ class StudyPage:
 
 def render_study(page: StudyPage) -> str:
     """Return the page of a study as one HTML file."""
-    text: str = environment().get_template("study.html.j2").render(page=page)
-    return text
+    return environment().get_template("study.html.j2").render(page=page)

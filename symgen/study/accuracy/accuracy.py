@@ -65,8 +65,7 @@ class Accuracy:
         data = asdict(self)
         for made, output in zip(data["outputs"], self.outputs, strict=True):
             made |= {"beyond": output.beyond, "verdict": output.verdict}
-        finite: dict[str, Any] = _finite(data)
-        return finite
+        return _finite(data)
 
 
 def accuracy(

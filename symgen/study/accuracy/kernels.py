@@ -287,7 +287,6 @@ def _of_module(module: Any) -> Call:
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
         known = {k: arrays[k] for k in ("q", "u", "p") if k in arrays}
         known |= {"work": arrays["work"].copy()} if "work" in arrays else {}  # kernels may write to it
-        result: Array = getattr(module, kernel)(**known)
-        return result
+        return getattr(module, kernel)(**known)
 
     return call

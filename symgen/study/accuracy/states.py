@@ -175,8 +175,7 @@ def _consistent(evaluator: Evaluator, t: float, q: Array, u: Array) -> Array:
     if not evaluator.has("velocity_constraints"):
         return u
     rate = evaluator("velocity_constraints", t, q, u)
-    moved: Array = u - np.linalg.lstsq(_jacobian(evaluator, t, q), rate, rcond=_RANK)[0]
-    return moved
+    return u - np.linalg.lstsq(_jacobian(evaluator, t, q), rate, rcond=_RANK)[0]
 
 
 def _jacobian(evaluator: Evaluator, t: float, q: Array) -> Array:

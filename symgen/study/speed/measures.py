@@ -20,13 +20,11 @@ def sizes(largest: Array, units: Sequence[str]) -> Array:
     """
     kinds = np.array(units)
     of_kind = np.array([np.max(largest[kinds == unit]) for unit in kinds])
-    scales: Array = np.where(largest > _NOISE * of_kind, largest, np.where(of_kind > 0, of_kind, 1.0))
-    return scales
+    return np.where(largest > _NOISE * of_kind, largest, np.where(of_kind > 0, of_kind, 1.0))
 
 
 def distance(a: Array, b: Array) -> Array:
     """Return the largest difference at each time; for points (times, points, axes) their distance."""
     gap = np.asarray(a - b)
     amounts = np.linalg.norm(gap, axis=-1) if gap.ndim == 3 else np.abs(gap)
-    largest: Array = amounts.max(axis=1)
-    return largest
+    return amounts.max(axis=1)

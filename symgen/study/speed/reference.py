@@ -35,8 +35,7 @@ def _scipy(
     solution = solve_ivp(f, (times[0], times[-1]), y0, method=method, t_eval=times, rtol=rtol, atol=atol)
     if not solution.success:
         raise SimulationError(f"SciPy's {method} gave up: {solution.message}", time=float(solution.t[-1]))
-    states: Array = solution.y.T
-    return states
+    return solution.y.T
 
 
 def _cvode(
@@ -55,8 +54,7 @@ def _cvode(
     solution = CVODE(slope, method=method, rtol=rtol, atol=atol, max_num_steps=_STEPS).solve(times, y0)
     if not solution.success:
         raise SimulationError(f"CVODE's {method} gave up: {solution.message}", time=float(solution.t[-1]))
-    states: Array = solution.y
-    return states
+    return solution.y
 
 
 #: Solvers by name; those of SUNDIALS come with the extra ``sundials``.

@@ -124,8 +124,7 @@ def subject(
     checked = scene if isinstance(scene, Scene) else load_scene(scene, set=set)
     model = build_scene(checked, backend=backend)
     request = Asked(checked, backend, precisions, t_end, samples)
-    result: Subject = method_of(model).load("subject")(model, request)
-    return result
+    return method_of(model).load("subject")(model, request)
 
 
 class Asked(NamedTuple):
