@@ -60,6 +60,17 @@ def test_torque_of_a_rod_on_a_cone(points):
     np.testing.assert_allclose(run["crank.torque"].values, expected, rtol=1e-9, atol=1e-9)
 
 
+def test_a_rod_swings_about_an_inclined_axis():
+    """omega^2 = 3 g cos(b)/(2 L), with the axis inclined by b to the horizontal, and the rod across it."""
+    tables = crank([4, 0, 3], "w*t") | {"drivers": []}
+    points = {"K": at(0, 0, 0, ground=True), "A": at(0.3, 0, -0.4)}
+    links = {"crank": {"points": ["K", "A"], "mass": "0.2 kg"}}
+    gravity = {"acceleration": ["0 m/s^2", "0 m/s^2", f"{-G} m/s^2"]}
+    found = build(symgen.Scene(points=points, links=links, gravity=gravity, **tables)).modes()
+    expected = math.sqrt(1.5 * G * 0.8 / 0.5) / (2 * math.pi)
+    np.testing.assert_allclose(found.frequencies, [expected], rtol=1e-9)
+
+
 def test_a_driven_crank_is_a_prescribed_crank_pin():
     """Runs with the motion of the pin agree; the torque is the moment of its force."""
     tables = {k: v for k, v in read_scene("spatial_slider_crank").data.items() if k != "drivers"}

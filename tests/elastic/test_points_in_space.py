@@ -86,6 +86,33 @@ def test_a_link_over_a_spring_at_its_middle():
     assert sunk[2] == pytest.approx(-expected / rate, rel=1e-4)
 
 
+def test_a_link_over_three_supports():
+    """Continuous over two equal spans under its weight: reactions 3/8, 10/8 and 3/8 of w L.
+
+    Rigid links would be overdetermined.
+    """
+    span = 2 * LENGTH
+    scene = symgen.Scene(
+        points={
+            "A": at(0, 0, 0, **GROUND), "B": at(span, 0, 0), "C": on("beam", 0.5),
+            "D": at(LENGTH, 0, -0.5, **GROUND), "E": at(span, 0, -0.5, **GROUND),
+        },
+        links={
+            "beam": elastic(["A", "B"], elements=8),
+            "post": {"points": ["D", "C"], "mass": "0 kg"},
+            "other": {"points": ["E", "B"], "mass": "0 kg"},
+        },
+        joints=[{"point": "A", "links": ["beam"], "kind": "revolute", "axis": [0, 1, 0]}],
+        gravity={"acceleration": ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]},
+    )  # fmt: skip
+    linkage, found, _ = displaced(scene, "B")
+    q = found.q[None]
+    forces = linkage.links[0].forces(q, 0 * q, 0 * q)
+    load = DENSITY * WIDTH * THICKNESS * 9.81 * LENGTH
+    for point, share in (("A", 3 / 8), ("C", 10 / 8), ("B", 3 / 8)):
+        assert forces[point][0, 2] == pytest.approx(share * load, rel=1e-3)
+
+
 def test_frequencies_with_a_mass_at_a_third():
     """A massless cantilever with a mass M at a: omega^2 = 3 EI/(M a^3) in both planes; slopes -3 f/(2 a)."""
     a, mass = 0.3 * LENGTH, 0.5

@@ -59,8 +59,11 @@ def start(evaluator: Evaluator) -> Start:
     """
     starter = _posed(evaluator)
     q = starter.q
-    redundant = redundant_constraints(evaluator, q)
-    u = _velocities(evaluator, starter, redundant) if evaluator.has("mass_matrix") else np.zeros(len(q))
+    d, moves = evaluator.description, evaluator.has("mass_matrix")
+    # Elastic links in space hold a structure at rest, which rigid links would overdetermine.
+    held = d.elastic is not None and len(d.axes) == 3 and not moves
+    redundant = () if held else redundant_constraints(evaluator, q)
+    u = _velocities(evaluator, starter, redundant) if moves else np.zeros(len(q))
     line = without_direction(evaluator, 0.0, q, u)
     if line:
         raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
