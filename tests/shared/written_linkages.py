@@ -16,6 +16,7 @@ from itertools import combinations
 import numpy as np
 import sympy as sp
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 from shared.random_mechanisms import Draft, sketch
 
 import symgen
@@ -198,6 +199,7 @@ class Demands:
         ]
         angles = (*linkage.start.angles, *((d.link, d.angle) for d in linkage.drivers))
         self.angles = {name: number(angle) for name, angle in angles}
+        self.axes = {k.link: np.array([number(c) for c in k.axis]) for k in linkage.hinges}
 
     def misses(self, places: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray]]:
         """Yield by what vectors [m] points miss what is asked of them."""
@@ -228,7 +230,15 @@ class Demands:
             for point in guide.points:
                 arm = places[point] - places[self.linkage.link(guide.along).start]
                 yield f"{point} along {guide.along}", arm - (arm @ e) * e
+        for name, axis in self.axes.items():
+            d, link, unit = along(name), self.linkage.link(name), axis / np.linalg.norm(axis)
+            drawn = self.drawn[link.end] - self.drawn[link.start]
+            yield f"{name} about its axis", np.atleast_1d(unit @ (d - drawn))
+            if name in self.angles:
+                yield f"{name} angle", d - Rotation.from_rotvec(self.angles[name] * unit).apply(drawn)
         for name, angle in self.angles.items():
+            if name in self.axes:
+                continue
             d = along(name)
             yield f"{name} angle", d - np.linalg.norm(d) * np.array([math.cos(angle), math.sin(angle)])
 
