@@ -410,8 +410,6 @@ cdef class Integrable:
 
 cdef object _places(tangent, Py_ssize_t n, Py_ssize_t m):
     """Return row, column and place of each value of the kernel 'tangent', checked against the sizes of a model."""
-    if not len(tangent):
-        return np.zeros(1, dtype="l")
     found = np.array(tangent, dtype="l")
     if found.ndim != 2 or found.shape[1] != 3 or (found < 0).any() or (found >= (n + m, 2 * n, len(found))).any():
         raise ValueError(f"expected (row, column, place) below {(n + m, 2 * n, len(found))} for each slope")
@@ -483,8 +481,10 @@ cdef class Equations(Integrable):
         wanted.windings = windings if given.events != NULL else 0
         wanted.turns = turns if given.events != NULL else 0
         wanted.choices = 0
-        self.places = _places(tangent, n, m)
-        wanted.tangent, wanted.tangent_places = len(tangent), &self.places[0]
+        wanted.tangent, wanted.tangent_places = len(tangent), NULL
+        if wanted.tangent:
+            self.places = _places(tangent, n, m)
+            wanted.tangent_places = &self.places[0]
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
         if given.factor != NULL:
             at_least("numbers of work memory", work_size, first_pivot + 2 * (n + m))

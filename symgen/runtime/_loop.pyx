@@ -29,7 +29,7 @@ cdef extern from "core/loops.h" nogil:
         pass
 
     cdef struct loop_kernels:
-        kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs, energy, setup, events
+        kernel_t inputs, position, motion, inverse, given, outputs, energy, setup, events
 
     cdef struct loop_sizes:
         long n, parameters, derived, extra, work, told, solved, inputs, unknown, known, balls, switches, rank
@@ -99,8 +99,8 @@ cdef loop_kernels kernels_of(addresses):
     cdef loop_kernels given
     given.inputs, given.position = kernel_of(addresses, "inputs"), kernel_of(addresses, "position")
     given.motion, given.inverse = kernel_of(addresses, "motion"), kernel_of(addresses, "inverse")
-    given.given, given.mass_matrix = kernel_of(addresses, "given"), kernel_of(addresses, "mass_matrix")
-    given.outputs, given.energy = kernel_of(addresses, "outputs"), kernel_of(addresses, "energy")
+    given.given, given.outputs = kernel_of(addresses, "given"), kernel_of(addresses, "outputs")
+    given.energy = kernel_of(addresses, "energy")
     given.setup, given.events = kernel_of(addresses, "setup"), kernel_of(addresses, "events")
     return given
 

@@ -186,8 +186,9 @@ def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Exp
         named("potential_energy", sp.Matrix([model.potential_energy]), "J", "potential of gravity"),
         named("power", sp.Matrix([model.power]), "W", "power of drives and loads"),
     ]
+    also, inertia = (("mass_matrix",), ", and inertia") if free else ((), "")  # at the same positions
     exports = [
-        Export("inverse", "efforts of motion and loads", ("inverse_efforts",)),
+        Export("inverse", f"efforts of motion and loads{inertia}", ("inverse_efforts", *also)),
         Export("given", "known efforts", ("given_efforts",)),
         Export(
             "energy",
@@ -206,7 +207,6 @@ def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Exp
                 names,
             )
         )
-        exports.append(Export("mass_matrix", "mass matrix of the joint variables", ("mass_matrix",)))
     return matrices, exports
 
 

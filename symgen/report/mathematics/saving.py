@@ -20,7 +20,7 @@ _OF_LINKAGE = {
 _OF_DRIVEN = dict.fromkeys(
     ("constraints", "constraint_jacobian", "velocity_constraints", "acceleration_rhs", "outputs"), POSE
 )
-_OF_LOOP = ("inputs", "position", "motion", "inverse", "given", "mass_matrix")
+_OF_LOOP = ("inputs", "position", "motion", "inverse", "given")
 
 
 def saving_lines(system: System, general: System, noun: str) -> Iterator[str]:
@@ -60,7 +60,7 @@ def binding_times(system: System, kernels: Collection[str]) -> dict[str, str]:
         if any(m.name == "power" for m in system.matrices):  # its work is integrated along with the state
             known["energy"] = STAGE
     elif "position" in kernels:
-        free = "mass_matrix" in kernels
+        free = any(m.name == "mass_matrix" for m in system.matrices)
         known = dict.fromkeys(_OF_LOOP, STAGE if free else POSE) | {
             "energy": STAGE if free else ASKED,
             "outputs": ASKED if free else POSE,

@@ -17,7 +17,7 @@ enum { NEWTON = 40, HALVINGS = 8 };
 
 /* Reals for the work and the results of any kernel. */
 static long room(const struct loop_sizes *s) {
-    const long n = s->n, wanted[] = {n + ROWS, s->told, 2 * ROWS * n + 12, n * n};
+    const long n = s->n, wanted[] = {n + ROWS, s->told, 2 * ROWS * n + 12, n + n * n};
     long most = s->work;
     for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++)
         if (wanted[i] > most)
@@ -57,7 +57,6 @@ static size_t arrange(struct loop *l, const struct loop_sizes *s, void *memory) 
         ARENA_ARRAY(l->u, n + 1),
         ARENA_ARRAY(l->trial, n + 1),
         ARENA_ARRAY(l->step, n + 1),
-        ARENA_ARRAY(l->mass, n * n + 1),
         ARENA_ARRAY(l->reduced, square),
         ARENA_ARRAY(l->basis, square),
         ARENA_ARRAY(l->gain, s->unknown * s->unknown + 1),

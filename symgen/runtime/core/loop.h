@@ -21,9 +21,9 @@ struct loop_kernels {
     kernel position;    /* out = closure transform (3 x 4) less the identity, then the screws of all variables (6 x n)
                            */
     kernel motion;      /* out = screws, then the drift of the accelerations */
-    kernel inverse;     /* out = efforts required by the motion in work, one per variable */
+    kernel inverse;     /* out = efforts required by the motion in work, one per variable; if any is free, then inertia
+                           (n x n) */
     kernel given;       /* out = efforts of drives, springs and loads */
-    kernel mass_matrix; /* out = inertia (n x n) */
     kernel outputs;
     kernel energy;      /* out = (kinetic, potential, power of loads without potential) */
     kernel setup;       /* quantities that depend on parameters alone, stored behind them */
@@ -69,7 +69,7 @@ struct loop {
     const struct ball *balls;
     struct qr factor;
     real *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work2;
-    real *q, *u, *trial, *step, *mass, *reduced, *basis, *gain, *past, *change;
+    real *q, *u, *trial, *step, *reduced, *basis, *gain, *past, *change;
     real *usual;   /* q in the table's own angles, at the last accepted state */
     real *near_y;  /* a state near a pole in alternative angles, for its accelerations */
 };

@@ -57,16 +57,22 @@ static void span(struct loop *l) {
     }
 }
 
+/* The inertia that the kernel `inverse` wrote last. */
+static const real *inertia_of(const struct loop *l) {
+    return l->loads + l->sizes.n;
+}
+
 /* Assemble the equations of the free motions: inertia (lower part) into r, the right-hand side behind it. */
 static void reduce(struct loop *l) {
     const long n = l->sizes.n, d = l->free;
+    const real *mass = inertia_of(l);
     real *r = l->reduced, *z = r + d * d;
     for (long i = 0; i < d; i++) {
         const real *row = l->basis + (n + 1) * i;
         for (long j = 0; j < n; j++) {
             real total = 0;
             for (long k = 0; k < n; k++)
-                total += l->mass[n * j + k] * row[k];
+                total += mass[n * j + k] * row[k];
             l->step[j] = total;
         }
         for (long k = 0; k <= i; k++) {
@@ -107,8 +113,7 @@ static void accelerate_here(struct equations *e, real t, const real *y) {
     memset(l->efforts, 0, (size_t)n * sizeof(real));
     l->kernels.given(&t, q, u, e->p, a, l->efforts);
     if (l->free) {
-        const real *found = l->reduced + l->free * l->free;
-        l->kernels.mass_matrix(&t, q, u, e->p, a, l->mass);
+        const real *found = l->reduced + l->free * l->free, *mass = inertia_of(l);
         span(l);
         reduce(l);
         if (!balance(l)) {
@@ -124,7 +129,7 @@ static void accelerate_here(struct equations *e, real t, const real *y) {
         }
         for (long i = 0; i < n; i++)
             for (long j = 0; j < n; j++)
-                l->loads[i] += l->mass[n * i + j] * l->step[j];
+                l->loads[i] += mass[n * i + j] * l->step[j];
     }
     for (long k = 0; k < l->sizes.solved; k++)
         b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
@@ -158,7 +163,7 @@ void loop_answer(struct loop *l, real t, const real *y, real *answer) {
             loop_solve(l, b, x);
             for (long k = 0; k < l->sizes.solved; k++)
                 change[l->solved[k]] = x[k];
-            multiply_dense(n, n, 1, l->mass, n, change, push);
+            multiply_dense(n, n, 1, inertia_of(l), n, change, push);
         } else {
             push[c - ROWS] = 1;
         }

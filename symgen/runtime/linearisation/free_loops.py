@@ -175,7 +175,7 @@ class FreePose(LoopPose):
     def mass_matrix(self, coordinates: Sequence[str] | None) -> Array:
         """Return the mass matrix of independent coordinates, the free variables when absent."""
         _, turned = self._chosen(coordinates)
-        whole = self.loop("mass_matrix", self.t, self.q, self.u)["mass_matrix"]
+        whole = self.loop("inverse", self.t, self.q, self.u)["mass_matrix"]
         basis = np.array([self._moved(i) for i in self.free])
         inverse = np.linalg.inv(turned)
         matrix: Array = inverse.T @ basis @ whole @ basis.T @ inverse
