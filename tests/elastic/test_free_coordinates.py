@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from shared.chain_pendulum import ChainPendulum, extrapolated
 
 import symgen
-from symgen.errors import ModelError
+from symgen.errors import ModelError, ResultError, SimulationError
 
 E, WIDTH, THICK, DENSITY, GRAVITY = 210e9, 20e-3, 1e-3, 7850.0, 9.81
 ONE, TWO, TIP, MASS = 0.5, 0.4, 0.1, 1.0
@@ -127,3 +129,35 @@ def test_torsion_springs_count_revolutions(rigid, damping):
     # The couple of the spring at O and the inertia of the bar bend its end by 1.3e-3 of the length.
     assert np.abs(run["B.position"].values - expected).max() < 2e-3 * LENGTH
     assert run.drift.energy < 1e-6 * run.drift.energy_exchanged
+
+
+class Interrupted(Exception):
+    """Raised in the middle of a run."""
+
+
+def test_runs_continue_from_checkpoints(tmp_path):
+    """Interrupted in the last run, with references of angles that have moved, and by wall time: the same bits."""
+    rate, _ = rates(False)
+    model = symgen.build(winding(False, 2.4 * np.pi * rate, 0.1))
+    options, calls = {"elements": 1, "t_end": 0.6 * np.pi / rate, "samples": 9, "rtol": 0.5}, []
+    whole = model.large_rotation(**options, progress=calls.append)
+    file, late = tmp_path / "large.npz", tmp_path / "late.npz"
+    left = iter(calls[:-3])
+
+    def progress(part):
+        if next(left, None) is None:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        model.large_rotation(**options, checkpoint=file, checkpoint_every=0.0, progress=progress)
+    with pytest.raises(SimulationError):
+        model.large_rotation(**options, checkpoint=late, checkpoint_every=1e9, max_wall=0.2)
+    # A slow machine may not come to the first sample.
+    for left_off in filter(Path.exists, (file, late)):
+        run = model.large_rotation(**options, resume=left_off)
+        for output in whole.variables:
+            assert np.array_equal(run[output.name].values, output.values), output.name
+        assert run.drift == whole.drift
+        assert all(run.statistics[k] == whole.statistics[k] for k in ("steps", "corrections", "error"))
+    with pytest.raises(ResultError, match="is the checkpoint of another run"):
+        model.large_rotation(**options | {"elements": 2}, resume=file)

@@ -14,7 +14,7 @@ rates and places in the middle of the step. One of each complex pair is solved.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -53,6 +53,19 @@ class Moment:
     a: Array
     multipliers: Array
     work: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """A run at a sample: its motion at samples so far, and the end of its last step.
+
+    ``guess`` are second rates and multipliers of the stages of this step, ``corrections`` those of all steps.
+    """
+
+    moments: list[Moment]
+    now: Moment
+    guess: tuple[Array, Array]
+    corrections: int = 0
 
 
 def stacked(moments: Sequence[Moment]) -> tuple[Array, ...]:
@@ -181,6 +194,13 @@ class System:
     def follow(self, at: Moment) -> None:
         """Take note of the motion at the end of a step, or at the start."""
 
+    def memory(self) -> dict[str, Array]:
+        """Return what it noted in :meth:`follow`."""
+        return {}
+
+    def restore(self, memory: Mapping[str, Array]) -> None:
+        """Restore its memory."""
+
     def prescribed(self, t: Array) -> tuple[Array, Array]:
         """Return the prescribed numbers and their rates, (times, numbers) each."""
         raise NotImplementedError
@@ -239,12 +259,15 @@ def moved(
     progress: Callable[[float], None] | None = None,
     at_step: Callable[[Moment, Array, Array, Moment], bool | None] | None = None,
     close: float = CLOSE,
+    at_sample: Callable[[Pause, Steps], None] | None = None,
+    resumed: Pause | None = None,
 ) -> tuple[list[Moment], Steps]:
     """Return the motion at times, by so many equal steps between two of them, and what counted them.
 
     ``at_step`` receives the motion before each step, second rates and multipliers of its stages, and the end;
     where it returns True, the run ends, and times after this step have no motion.
-    ``close`` is the error that corrections leave in the places, over their sizes.
+    ``close`` is the error that corrections leave in the places, over their sizes. ``at_sample`` receives the
+    run after each sample; ``resumed`` is one to be continued, by a system with its memory.
 
     Raises
     ------
@@ -254,13 +277,16 @@ def moved(
         When the wall time is spent.
     """
     h = float(times[-1] - times[0]) / (len(times) - 1) / steps
-    stepper, now = Steps(system.core, method, h, system.scale, close), system.start()
-    system.follow(now)
-    moments: list[Moment] = [now]
-    shape = len(method.c)
-    guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
+    stepper, shape = Steps(system.core, method, h, system.scale, close), len(method.c)
+    if resumed is None:
+        now = system.start()
+        system.follow(now)
+        moments: list[Moment] = [now]
+        guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
+    else:
+        moments, now, guess = resumed.moments, resumed.now, resumed.guess
     within = h * np.concatenate([[0.5], method.c, [1.0]])
-    for start, end in pairwise(times.tolist()):
+    for start, end in pairwise(times[len(moments) - 1 :].tolist()):
         for first in range(0, steps, _TOGETHER):
             begun = start + h * np.arange(first, min(first + _TOGETHER, steps))[:, None]
             known = (
@@ -281,6 +307,8 @@ def moved(
                 if at_step is not None and at_step(before, a, multipliers, now):
                     return moments, stepper
         moments.append(settled(system, now, h))
+        if at_sample is not None:
+            at_sample(Pause(moments, now, guess), stepper)
         if progress is not None:
             progress(end / float(times[-1]))
     return moments, stepper

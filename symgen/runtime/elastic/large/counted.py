@@ -51,6 +51,16 @@ class Counted:
         self._references.append(angles)
         return True
 
+    @property
+    def references(self) -> Array:
+        """Times from which references hold [s], and these, (references, 1 + angles)."""
+        return np.column_stack([self._since, self._references])
+
+    @references.setter
+    def references(self, rows: Array) -> None:
+        self.restart()
+        self._since, self._references = rows[:, 0].tolist(), list(rows[:, 1:])
+
     def now(self, evaluator: Evaluator) -> Evaluator:
         """Return kernels with the last references."""
         return self._with(evaluator, len(self._since) - 1) if self._count else evaluator

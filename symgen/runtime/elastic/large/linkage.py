@@ -7,7 +7,7 @@ welds and the direction of a held crank are constraints with multipliers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -158,6 +158,18 @@ class LargeLinkage(System):
             )
             if counted.follow(at.t, *state) and counted is self._counted:
                 self._rigid_parts.take_parameters(counted.now(self._joints).parameters)
+
+    def memory(self) -> dict[str, Array]:
+        """Return the references of angles in loads, with their times."""
+        if not self._rigid.description.windings:
+            return {}
+        return {str(k): counted.references for k, (counted, _) in enumerate(self._counts())}
+
+    def restore(self, memory: Mapping[str, Array]) -> None:
+        """Restore references of angles in loads."""
+        for k, (counted, _) in enumerate(self._counts() if memory else ()):
+            counted.references = memory[str(k)]
+        self._rigid_parts.take_parameters(self._counted.now(self._joints).parameters)
 
     def _straight(self, size: int) -> Array:
         """Return positions and rates of straight links with the velocities of rigid links, (2, unknowns)."""

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import Moment, System, moved, stacked
+from symgen.runtime.elastic.large.checkpoint import Samples
+from symgen.runtime.elastic.large.collocation import CLOSE, Moment, System, moved, stacked
 from symgen.runtime.elastic.large.events import Events
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.outputs import selected
+from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
 from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
@@ -48,6 +50,8 @@ class LargeMotion:
         Function that returns the coordinate of results by times [s].
     form, notes
         See :class:`~symgen.runtime.result.elastic.ElasticResult`.
+    identity
+        Data that determine a run, in addition to the rigid linkage and its parameters.
     """
 
     rigid: RodModel
@@ -57,6 +61,7 @@ class LargeMotion:
     coordinate: Callable[[Array], Coordinate]
     form: str
     notes: tuple[str, ...] = ()
+    identity: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +82,10 @@ class Pass:
     events: Events
 
 
-def refined_run(of: LargeMotion, request: Refined, end: float, least: float) -> ElasticResult:
-    """Return the result of a run to a time [s], with at least so many steps.
+def refined_run(
+    of: LargeMotion, request: Refined, end: float, least: float, keeping: Keeping | None = None
+) -> ElasticResult:
+    """Return the result of a run to a time [s], with at least so many steps, and with checkpoints.
 
     Raises
     ------
@@ -99,16 +106,24 @@ def refined_run(of: LargeMotion, request: Refined, end: float, least: float) -> 
             raise ModelError(f"expected max_step above zero, got {request.max_step!r}")
         least = max(least, end / request.max_step)
     times, pace, passes = np.linspace(0.0, end, samples), Pace(0.0, end), list[Pass]()
+    kept: Samples | None = None
+    if keeping is not None:
+        evaluator, identity = of.rigid.evaluator, (of.form, rtol, least, times.tobytes().hex(), *of.identity)
+        mark = mark_of_kernels(evaluator, evaluator.library, evaluator.equations(), *identity)
+        kept = Samples(of.system, mark, keeping)
+    spent = kept.spent if kept else 0.0
     try:
-        _refine(passes, of, times, least, rtol, pace, request.progress)
+        _refine(passes, of, times, least, rtol, pace, request.progress, kept)
     except OutOfTime as stop:
+        if kept:
+            kept.write()
         if not passes:
             variables, drift = of.outputs(of.system, stop.states), drift_of(of.system, stop.states)
             events, times = Events(of.rigid, GAUSS8), times[stop.reached]
             passes = [Pass(variables, 0, 0, math.inf, *drift, len(times), events)]
-        problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall)
+        problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall + spent)
         raise SimulationError(f"{of.rigid.name}: {problem}", time=stop.t, partial=result) from None
-    final = _result(of, times, passes[-1], rtol, pace.wall)
+    final = _result(of, times, passes[-1], rtol, pace.wall + spent)
     final._estimate_later(partial(_by_elements, of, times[: passes[-1].count], passes[-1], wall_left()))
     return final
 
@@ -121,6 +136,7 @@ def _refine(
     rtol: float,
     pace: Pace,
     progress: Callable[[float], None] | None,
+    kept: Samples | None = None,
 ) -> None:
     """Append runs with twice the steps each to ``passes``, from ``least`` on, until the error is ``rtol``.
 
@@ -135,11 +151,20 @@ def _refine(
         When the wall time is spent.
     """
     steps = math.ceil(least / (len(times) - 1))
+    if kept and kept.before:
+        moments, before, corrections = kept.before
+        variables, drift = of.outputs(of.system, moments), drift_of(of.system, moments)
+        none = Events(of.rigid, GAUSS8)
+        passes.append(Pass(variables, before, corrections, math.inf, *drift, len(moments), none))
+    steps = kept.steps or steps if kept else steps
     while True:
         events = Events(of.rigid, GAUSS8)
         at_step = events.step if of.rigid.description.events else None
+        resumed, at_sample = (kept.resumed(), partial(kept.look, steps)) if kept else (None, None)
         try:
-            moments, stepper = moved(of.system, GAUSS8, times, steps, pace, progress, at_step)
+            moments, stepper = moved(
+                of.system, GAUSS8, times, steps, pace, progress, at_step, CLOSE, at_sample, resumed
+            )
         except SimulationError:
             if passes or steps * (len(times) - 1) > _MOST:
                 raise
@@ -158,7 +183,10 @@ def _refine(
                 if passes[-1].error <= rtol or steps * (len(times) - 1) > _MOST:
                     return
             drift = drift_of(of.system, moments)
-            passes.append(Pass(variables, steps, stepper.corrections, math.inf, *drift, count, events))
+            corrections = stepper.corrections + (resumed.corrections if resumed else 0)
+            passes.append(Pass(variables, steps, corrections, math.inf, *drift, count, events))
+            if kept:
+                kept.finished(moments, steps, corrections)
         steps *= 2
         pace.restart(0.0)
 

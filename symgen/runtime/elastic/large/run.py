@@ -46,11 +46,6 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
     elements = whole(elements, "elements")
     if not 1 <= elements <= _MOST_ELEMENTS:
         raise ModelError(f"expected from 1 to {_MOST_ELEMENTS} elements of an elastic link, got {elements}")
-    if task.checkpoint is not None or task.resume is not None:
-        raise ModelError(
-            "there are no checkpoints of runs in elements of large rotation\n"
-            "  Leave checkpoint and resume out, or run in segments."
-        )
     end = end_of_run(motion, task)
     large = LargeMotion(
         motion.rigid,
@@ -60,8 +55,10 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
         partial(coordinate_of, motion),
         f"{elements} elements a link",
         (*stiffness_damped(motion, "elements in large rotation"), *_stretching(motion), *_free(motion)),
+        motion.identity,
     )
-    return refined_run(large, task, end, max(_STEPS * end / turn(motion), end / (_STRIDES * motion.stride)))
+    least = max(_STEPS * end / turn(motion), end / (_STRIDES * motion.stride))
+    return refined_run(large, task, end, least, task.keeping())
 
 
 def _free(motion: ElasticMotion) -> Iterator[str]:
