@@ -134,7 +134,7 @@ def _constants(motion: MeshedMotion) -> Array:
 def _refused(motion: MeshedMotion, fixed: list[str]) -> str:
     """Return why there is no quasi-static shape in C; empty where there is one."""
     if motion.info.mode == "free":
-        return "nothing holds its free crank, so that loads do not determine its shape"
+        return "its crank is free, so that loads do not determine its static shape"
     if motion.has_motor:
         return "its motor is not exported"
     if motion.undetermined:

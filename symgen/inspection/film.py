@@ -95,7 +95,9 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
             "  Carry out its analysis again: model.simulate(...).animate()"
         )
     if result.count < 2:
-        raise ResultError(f"the result of {result.name} has {result.count} sample: nothing moves")
+        raise ResultError(
+            f"the result of {result.name} has {result.count} sample: expected at least 2 for an animation"
+        )
     if file is not None:
         film_file(file)
     if count(frames, "frames") < 2:

@@ -108,7 +108,7 @@ def with_forces(made: Model) -> _WithForces:
     """Return a model with forces; raise ModelError if its scene is restricted to kinematics."""
     if is_kinematic(made):
         raise ModelError(
-            f"{made.name} asks for kinematics, so that it has no forces\n"
+            f"{made.name} selects kinematics, which computes no forces\n"
             '  Write kind = "dynamics" under [analysis], or give --set analysis.kind=dynamics.'
         )
     return cast("_WithForces", made)
@@ -179,7 +179,7 @@ def _own(path: str, options: _Options, set_: Mapping[str, Any] | None) -> System
 
     tools = tools_for(*options)
     if set_ or tools.digits or tools.precision != FLOAT64:
-        raise ModelError(f"{path} is no scene: it has no values to set, and is in {FLOAT64.name}")
+        raise ModelError(f"{path} is no scene: it has no values to set, and is computed in {FLOAT64.name}")
     return build_own(Path(path), tools, Source(str(Path(path).resolve()), options, derive, _built))
 
 

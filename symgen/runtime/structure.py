@@ -67,7 +67,7 @@ def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tup
     try:
         root = np.linalg.cholesky((mass + mass.T) / 2)
     except np.linalg.LinAlgError:
-        raise ModelError(f"{name} has no modes: something of the structure has no mass") from None
+        raise ModelError(f"{name} has no modes: a part of the structure has no mass") from None
     _, speeds, vectors = np.linalg.svd(dtrtrs(root, factor.T, lower=True)[0].T)
     rigid = len(mass) - len(factor)
     shapes = dtrtrs(root, vectors[::-1].T, lower=True, trans=True)[0]

@@ -216,7 +216,7 @@ class _Reader:
                 return self.node(operand, depth)
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 return self.call(name, [self.node(a, depth) for a in args] if name in FUNCTIONS else [])
-        raise self.refuse(f"uses {type(node).__name__}, which a scene may not")
+        raise self.refuse(f"uses {type(node).__name__}, which is not allowed in a scene")
 
     def operation(self, left: Value, op: ast.operator, right: Value) -> Value:
         (a, da), (b, db) = left, right
@@ -235,7 +235,7 @@ class _Reader:
                 return self.power(left, right)
         if isinstance(op, ast.BitXor):
             raise self.refuse("uses ^, which is for units only", "Write ** for a power.")
-        raise self.refuse(f"uses {type(op).__name__}, which a scene may not")
+        raise self.refuse(f"uses {type(op).__name__}, which is not allowed in a scene")
 
     def named(self, name: str) -> Value:
         if name == "pi":

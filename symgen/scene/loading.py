@@ -74,7 +74,7 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     text, path = os.fspath(source), scene_path(source)
     if path.suffix == ".py":
         raise SceneError(
-            f"expected a scene, got the Python file {text!r}, which says no motion to run",
+            f"expected a scene, got the Python file {text!r}, which describes no motion",
             hint="'symgen generate', 'build', 'show', 'accuracy' and 'diff' take it, and symgen.build.",
         )
     try:

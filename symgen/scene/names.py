@@ -36,7 +36,7 @@ def check_names(scene: Scene) -> None:
     rows = _rows(scene)
     for name in scene.links:
         row = _numbered(name) or name in rows
-        of_symgen = f"{name!r} is what symgen calls a spring or another load, a guide, a drive or a joint"
+        of_symgen = f"{name!r} is reserved for a spring or another load, a guide, a drive or a joint"
         _refuse(_owner(name) or _added(name, scene) or (of_symgen if row else ""), f"links.{name}")
 
 
@@ -71,9 +71,9 @@ def _added(name: str, scene: Scene) -> str:
     """Return a complaint if a name is that of a point or link that symgen may add."""
     added, lug = _ADDED.fullmatch(name), _OF_LUG.fullmatch(name)
     if added and added["owner"] in scene.links:
-        return f"{name!r} is what symgen calls a point of the link {added['owner']}"
+        return f"{name!r} is reserved for a point of the link {added['owner']}"
     if lug and lug["owner"] in scene.points and any(k.elastic for k in scene.links.values()):
-        return f"{name!r} is what symgen calls a part of the rigid joint of {lug['owner']}"
+        return f"{name!r} is reserved for a part of the rigid joint of {lug['owner']}"
     return ""
 
 
@@ -81,11 +81,11 @@ def _quantity(name: str, scene: Scene) -> str:
     """Return a complaint if a tunable parameter or an input is called as a quantity of symgen is."""
     point, link = _OF_POINT.fullmatch(name), _OF_LINK.fullmatch(name)
     if point and (point["owner"] in scene.points or _added(point["owner"], scene)):
-        return f"{name!r} is what symgen calls a component of the point {point['owner']}"
+        return f"{name!r} is reserved for a component of the point {point['owner']}"
     if link and (link["owner"] in scene.links or link["owner"] in _rows(scene)):
-        return f"{name!r} is what symgen calls a component of the link {link['owner']}"
+        return f"{name!r} is reserved for a component of the link {link['owner']}"
     if _numbered(name) or name.endswith("_lambda"):
-        return f"{name!r} is what symgen calls a quantity of a spring or another load, or a multiplier"
+        return f"{name!r} is reserved for a quantity of a spring or another load, or a multiplier"
     return ""
 
 

@@ -192,7 +192,11 @@ class Reader(Values):
                 "expected all points with two coordinates (plane) or all with three (space)", where="points"
             )
         if not dims:
-            raise SceneError("no point says where it is drawn", where="points", hint="Give some of them at.")
+            raise SceneError(
+                "expected at for at least one point, got none",
+                where="points",
+                hint='Write at = ["0 m", "0 m"] for some of them.',
+            )
         self.dimension = dims.pop()
         self.points: dict[str, PlacedPoint] = {}
         self.take(scene)

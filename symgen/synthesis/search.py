@@ -211,7 +211,10 @@ def distinct(
 def enough(conditions: int, unknowns: int, noun: str, which: str) -> None:
     """Raise SceneError where nothing is unknown, or conditions do not determine the unknowns."""
     if not unknowns:
-        raise SceneError("nothing is left to be found", hint=f"Prescribe fewer of: {which}.")
+        raise SceneError(
+            "expected at least one unknown, got all quantities prescribed",
+            hint=f"Prescribe fewer of: {which}.",
+        )
     if conditions < unknowns:
         raise SceneError(
             f"{conditions} conditions do not determine {unknowns} unknowns",

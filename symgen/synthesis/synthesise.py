@@ -215,7 +215,7 @@ def _limits(kind: limits.Kind, prescribed: dict[str, float], linkage: Linkage, *
     size = max(linkage.lengths.values())
     sizes = {n: size if n in kind.lengths else 1.0 for n in prescribed if n in quantities}
     missed = {n: abs(quantities[n] - prescribed[n]) / unit for n, unit in sizes.items()}
-    faults = [f"{name} is missed by {x:.2g}" for name, x in missed.items() if not x <= _AGREES]
+    faults = [f"{name} has an error of {x:.2g}" for name, x in missed.items() if not x <= _AGREES]
     for name, length in linkage.lengths.items() if optimised else ():
         if name not in prescribed and name != "offset" and length < _VANISHES * size:
             share = f"{length / size:.1e} of the longest length"

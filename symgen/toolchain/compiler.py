@@ -279,7 +279,7 @@ def find_compiler() -> Compiler | None:
             of_user = FLAGS if flags is None else tuple(_words("SYMGEN_CFLAGS", flags))
             return Compiler(full, _version(full, Path(path).stat().st_mtime_ns), of_user)
     if chosen:
-        raise BuildError(f"CC names the compiler {chosen!r}, which is not there; unset CC or correct it")
+        raise BuildError(f"CC names the compiler {chosen!r}, which does not exist\n  Unset CC or correct it.")
     return None
 
 

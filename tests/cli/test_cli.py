@@ -183,7 +183,7 @@ def test_an_analysis_is_animated(tmp_path, entry):
     said = call("inverse-dynamics", "elastic_four_bar", "--samples", "5", "--animate", file)
     assert "crank.torque" in said and said.endswith(f"wrote {file}\n")
     code, out, said = entry("kinematics", "crank_rocker", "--at", "30", "--animate", file)
-    assert code != 0 and "B.position" in out and "nothing moves" in said
+    assert code != 0 and "B.position" in out and "expected at least 2 for an animation" in said
     code, _, said = entry("run", "four_bar", "--animate", tmp_path / "film.png")
     assert code == 2 and "for the animation" in said
 

@@ -110,7 +110,7 @@ def test_refused_points_off_the_line():
     with pytest.raises(SceneError, match="P is rigidly joined to the section of beam at O, on the"):
         symgen.build(column((0, 0), points=points))
     points = column((0, 0)).points | {"P_foot": {"on": "beam", "fraction": 0.3}}
-    with pytest.raises(SceneError, match="'P_foot' is what symgen calls a part of the rigid joint"):
+    with pytest.raises(SceneError, match="'P_foot' is reserved for a part of the rigid joint"):
         symgen.build(column((0, 0), points=points))
     with pytest.raises(SceneError, match="P carries no mass"):
         symgen.build(column((0, 0), masses=[]))

@@ -195,4 +195,4 @@ def test_idle_spin_of_a_rod_that_is_not_round():
     scene["loop"]["links"]["rod"]["centre"] = ["-a2/2", "1 in", 0]
     with pytest.raises(SceneError) as error:
         symgen.build(symgen.Scene(**scene))
-    says(error, "rod", "round", "free")
+    says(error, "rod", "rotational symmetry", "free")

@@ -159,7 +159,7 @@ def renamed(name, other):
 
 @pytest.mark.parametrize("name", ["power", "screws", "rows", "rod_frame", "energy"])
 def test_a_variable_is_not_called_like_something_derived(name):
-    with pytest.raises(SceneError, match=f"'{name}' is what symgen calls") as caught:
+    with pytest.raises(SceneError, match=f"'{name}' is reserved for") as caught:
         loop_system(renamed("theta1", name))
     assert caught.value.where == f"loop.inputs.{name}"
 

@@ -152,7 +152,7 @@ def test_a_drive_without_hold_is_an_error():
             "links": {"crank": body, "rod": body, "slider": body},
         },
     )
-    with pytest.raises(ModelError, match="have no hold on theta1"):
+    with pytest.raises(ModelError, match="transmit no force to theta1"):
         symgen.build(scene.called("no_hold")).inverse_dynamics()
 
 

@@ -192,7 +192,7 @@ def test_kinematics_needs_no_masses_and_says_what_it_left_out(tmp_path):
         ("run", ["--precision", "float128"], "--precision: kinematics is computed in double precision"),
         ("show", ["momentum_rows"], "is a kinematic analysis, which has no momentum rows"),
         ("modes", [], "does not support modes: its scene requests kinematics only"),
-        ("accuracy", [], "asks for kinematics, so that it has no forces"),
+        ("accuracy", [], "selects kinematics, which computes no forces"),
         ("run", ["--set", "analysis.kind=dynamics"], "this link has no mass"),
     ],
 )

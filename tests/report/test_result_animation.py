@@ -87,7 +87,7 @@ def test_what_does_not_move_is_refused(tmp_path):
     ):
         loaded.animate()
     assert "<iframe" not in loaded._repr_html_()
-    with pytest.raises(ResultError, match="1 sample: nothing moves"):
+    with pytest.raises(ResultError, match="1 sample: expected at least 2"):
         symgen.build("crank_rocker").kinematics(at=[0.5]).animate()
     with pytest.raises(ResultError, match="for the animation"):
         run.animate("run.png")

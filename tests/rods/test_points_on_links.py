@@ -379,7 +379,7 @@ def test_every_name_the_derivation_gives_is_refused_for_a_tunable_parameter():
         "guide_0_F_lambda",
     } <= given
     for name in sorted(given):
-        with pytest.raises(SceneError, match="is what symgen calls"):
+        with pytest.raises(SceneError, match="is reserved for"):
             check_names(symgen.Scene(**tables | {"parameters": {name: {"value": 1, "tunable": True}}}))
 
 

@@ -265,7 +265,7 @@ def test_a_frequency_follows_the_pose_of_its_equilibrium():
     assert found.outputs == ("OP.angle", "frequency.1", "pole.1.real", "pole.1.imag")
     assert [found.units[x] for x in found.outputs[1:]] == ["Hz", "1/s", "rad/s"]
     assert found.derivatives[1:] == pytest.approx(slopes(outputs, values.values()), rel=1e-9)
-    with pytest.raises(ModelError, match="frequencies are those of an equilibrium"):
+    with pytest.raises(ModelError, match="frequencies belong to an equilibrium"):
         model.sensitivity(["frequencies"], coordinates=["OP.angle"])
 
 

@@ -218,7 +218,7 @@ MIXED = [
     ("loop.free.S1", {"at": "0 m"}),
     ("loop.rows.0", {"joint": "C", "link": "crank", "theta": "theta1", "S": "S1", "a": "r"}),
 ]
-FOLDED = "by the tunable parameter {0}\n  It is folded: make {0} not tunable, or give a plain value."
+FOLDED = "depends on the tunable parameter {0}\n  It is folded: make {0} not tunable, or give a plain value."
 TONNE = 't behind a number with a unit is the tonne: name the speed as a parameter and write "speed*t".'
 FAULTS = {
     "no such joint": ([(ROW + "0.joint", "Q")], ROW + "0.joint", "no joint 'Q'\n  Known: R (revolute)"),
@@ -264,7 +264,7 @@ FAULTS = {
     ),
     "in two rows": ([(ROW + "3.theta", "theta1")], "loop.inputs.theta1", "may occur in one row only, got rows 1 and 4"),
     "in no row": ([("loop.inputs.phi", "2*w*t")], "loop.inputs.phi", "no row holds the variable phi"),
-    "nothing moves": ([("loop.inputs", {}), (ROW + "0.theta", "?")], "loop.inputs", "nothing moves this loop"),
+    "nothing moves": ([("loop.inputs", {}), (ROW + "0.theta", "?")], "loop.inputs", "at least one input or free variable of the loop"),
     "input called like a row's": (
         [("loop.inputs", {"eta2": "w*t"}), (ROW + "0.theta", "eta2")],
         "loop.inputs.eta2",
@@ -272,7 +272,7 @@ FAULTS = {
     ),
     "input called like a parameter": ([("loop.inputs.w", "3*t")], "loop.inputs.w", "is a parameter already"),
     "input called t": ([("loop.inputs.t", "3")], "loop.inputs.t", "already has a meaning"),
-    "input that stands still": ([("loop.inputs.theta1", "30 deg")], "loop.inputs.theta1", "stands still, got '30 deg'"),
+    "input that stands still": ([("loop.inputs.theta1", "30 deg")], "loop.inputs.theta1", "depends on the time, got '30 deg'"),
     "input of another kind": ([("loop.inputs.theta1", "w")], "loop.inputs.theta1", "expected an angle or a length"),
     "input without acceleration": ([("loop.inputs.theta1", "abs(w*t)")], "loop.inputs.theta1", "cannot use abs"),
     "input by a later one": (
@@ -358,7 +358,7 @@ FAULTS = {
         "loop.rows",
         "no variable follows from closure",
     ),
-    "two balls in one": ([(ROW + "1.a", "r - 10*cm"), ("parameters.cm", "1 cm")], ROW + "1.a", "rod stand at one point"),
+    "two balls in one": ([(ROW + "1.a", "r - 10*cm"), ("parameters.cm", "1 cm")], ROW + "1.a", "rod have the same centre"),
     "two constant angles of a ball": ([(ROW + "1.eta", "0 deg")], ROW + "1.eta", "lets eta vary, got the constant"),
     "both balls held": ([(ROW + "2.alpha", "0 deg")], ROW + "2.alpha", "only to hold the idle spin"),
     "a ball that is a Hooke joint": (
@@ -401,17 +401,17 @@ FAULTS = {
         "loop.links.crank.inertia",
         "no real body",
     ),
-    "idle link out of line": ([("loop.links.rod.centre.1", "1 mm")], "loop.links.rod.centre", "round about the line"),
-    "idle link not round": ([("loop.links.rod.inertia", ["J", "J", "1.1*J"])], "loop.links.rod.inertia", "round about"),
+    "idle link out of line": ([("loop.links.rod.centre.1", "1 mm")], "loop.links.rod.centre", "rotational symmetry about the line"),
+    "idle link not round": ([("loop.links.rod.inertia", ["J", "J", "1.1*J"])], "loop.links.rod.inertia", "rotational symmetry about"),
     "idle link with a product": (
         [("loop.links.rod.inertia", ["J", "J", "J", 0, "J/5", 0])],
         "loop.links.rod.inertia",
-        "round about",
+        "rotational symmetry about",
     ),
     "idle only at these parameters": (
         [("loop.links.rod.centre.2", "r - L*2/9")],
         "loop.links.rod.centre",
-        "round about",
+        "rotational symmetry about",
     ),
     "couple on an idle link": (
         [("loop.loads.1", {"link": "rod", "torque": ["1 N*m", 0, 0]})],

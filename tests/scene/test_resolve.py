@@ -40,7 +40,7 @@ CASES = {
     ),
     "lambda": ("[points]", 'lambda = "1 m"\n[points]', "parameters.lambda", "a word of Python"),
     "sqrt": ("[points]", 'sqrt = "1 m"\n[points]', "parameters.sqrt", "already has a meaning"),
-    "link spring_0": ("OA =", "spring_0 =", "links.spring_0", "calls a spring"),
+    "link spring_0": ("OA =", "spring_0 =", "links.spring_0", "reserved for a spring"),
     "link guide_1_A": ("OA =", "guide_1_A =", "links.guide_1_A", "a guide"),
     "link called like a drive": (
         "[links]",

@@ -69,7 +69,7 @@ def _check_names(model: LoopModel, derived: set[str]) -> None:
     for v in model.variables:
         if v.name in derived:
             raise SceneError(
-                f"{v.name!r} is what symgen calls something of the loop",
+                f"{v.name!r} is reserved for a quantity of the loop",
                 where=f"loop.{'free' if v.role == 'free' else 'inputs'}.{v.name}",
                 hint="Choose another name for this variable.",
             )

@@ -94,7 +94,7 @@ def modal(
         squares, shapes = eigh(piece.stiffness[at], piece.mass[at])
     except np.linalg.LinAlgError:
         raise SceneError(
-            "the link cannot have a damping ratio: something of it moves without mass",
+            "the link cannot have a damping ratio: a part of it moves without mass",
             where=f"links.{info.link}.elastic.damping.ratio",
         ) from None
     speeds = np.sqrt(squares[_RIGID:])

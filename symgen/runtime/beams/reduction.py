@@ -68,7 +68,7 @@ def reduced(
     modes = info.modes if info.reduction == "craig-bampton" else 0
     if modes > len(inside):
         raise SceneError(
-            f"expected at most {len(inside)} modes, those of the link with held ends, got {modes}",
+            f"expected at most {len(inside)} modes, those of the link with fixed ends, got {modes}",
             where=f"links.{info.link}.elastic.reduction.modes",
             hint="Give fewer modes, or more elements.",
         )
@@ -81,7 +81,7 @@ def reduced(
                 basis[inside, len(ends) :] = held_modes(piece, inside, modes)[1]
         except np.linalg.LinAlgError:
             raise SceneError(
-                "the link cannot be reduced: its ends held, something moves without stiffness or mass",
+                "the link cannot be reduced: with fixed ends, a part of it moves without stiffness or mass",
                 where=f"links.{info.link}.elastic.reduction",
             ) from None
     return (*names, *(f"mode@{k + 1}" for k in range(modes))), basis

@@ -81,6 +81,6 @@ def check_closed(kernels: LoopKernels, closed: Closed, defect: Array) -> None:
         raise InitialStateError(
             f"at {kernels.value_at(closed.t)} the start leaves the loop open by {worst:.3g} (rotation in "
             f"radians, displacement over {d.size:.4g} m)\n"
-            "  Its assembly did not see this: please report it, with the scene, as a fault of symgen.",
+            "  Its assembly did not detect this: please report it, with the scene, as a fault of symgen.",
             where="loop.rows",
         )

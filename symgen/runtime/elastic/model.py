@@ -86,7 +86,7 @@ class ElasticModel(Model):
 
     def _of_scene(self, segments: int | None) -> RodModel:
         if self._remade is None:
-            raise ModelError(f"{self.name} was made without its scene: build it with symgen.build")
+            raise ModelError(f"{self.name} was created without its scene: build it with symgen.build")
         with uncounted():
             return self._remade(segments).with_parameters(**self.parameters)
 
@@ -226,7 +226,7 @@ class ElasticModel(Model):
             return periodic.sensitivity(self._motion(True), outputs, by, at.time)
         if method not in BEAM_METHODS:
             raise ModelError(
-                f"derivatives of runs of elastic links are for implicit methods, and {method} is none\n"
+                f"expected an implicit method for derivatives of runs of elastic links, got {method}\n"
                 f"  Choose {', '.join(BEAM_METHODS)}."
             )
         if provenance.get("initial", "undeformed") != "undeformed":

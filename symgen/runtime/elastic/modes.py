@@ -118,7 +118,7 @@ def _lowest_of_many(motion: ElasticMotion, equations: _beams.BeamEquations, t: f
         )
         if np.any(strained):
             return float(np.sqrt(np.min(squares[strained]))) / (2 * math.pi)
-    raise ModelError(f"{motion.rigid.name}: nothing of the structure is strained in any of its modes")
+    raise ModelError(f"{motion.rigid.name}: no mode of the structure strains a link")
 
 
 def moving_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> ElasticModes:

@@ -76,7 +76,7 @@ class ElasticMotion(ABC):
     def machine(self) -> Machine:
         """The rigid linkage with its motor."""
         if self._with_motor is None:
-            raise ModelError(f"{self.rigid.name} was made without its motor: build it with symgen.build")
+            raise ModelError(f"{self.rigid.name} was created without its motor: build it with symgen.build")
         return Machine(self.rigid, self.info.crank, self.angle, self.speed, self._with_motor())
 
     @property

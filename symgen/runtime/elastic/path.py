@@ -241,7 +241,7 @@ class Machine:
         SimulationError
             When the crank does not come round, or its speed does not settle.
         ModelError
-            When torque or loads depend on the time or count revolutions, so that none repeats.
+            When torque or loads depend on the time or count revolutions, so that no revolution repeats.
         """
         # Kinetic energy falls in nearly linearly with that of the revolution before: secants in its place.
         x, before = 1.0, None
@@ -283,5 +283,5 @@ class Machine:
             if np.any(np.abs(later - now)[:, part] > _PERIODIC * np.max(size[part], initial=0.0)):
                 raise ModelError(
                     f"{self._name}: torque or loads depend on the time t, or on the number of "
-                    "revolutions, so that none repeats\n  Run it from the start: method gauss."
+                    "revolutions, so that no revolution repeats\n  Run it from the start: method gauss."
                 )

@@ -52,7 +52,7 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
     """
     if motion.info.mode == "free":
         raise ModelError(
-            f"{motion.rigid.name}: nothing holds its free crank, so that loads do not determine its shape\n"
+            f"{motion.rigid.name}: its crank is free, so that loads do not determine its static shape\n"
             '  Hold the crank: mode = "held" under [crank]. Runs may start undeformed.'
         )
     displacements = np.zeros((len(times), motion.layout.unknowns))

@@ -226,7 +226,7 @@ def resume(file: str | os.PathLike[str], run: _core.Run, mark: str) -> float:
         )
         return spent
     except (KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"{file} is not a whole checkpoint: {error}") from error
+        raise ResultError(f"{file} is an incomplete checkpoint: {error}") from error
 
 
 def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], float]:
@@ -245,7 +245,7 @@ def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], flo
         known, theirs = header["symgen_checkpoint"], header["mark"]
         stopped, spent = float(header["t"]), float(header["wall_s"])
         if known == FORMAT and header["digest"] != _digest(arrays):
-            raise ValueError("its bytes are not those that were written")
+            raise ValueError("its content differs from the content written")
     except FileNotFoundError:
         raise ResultError(f"there is no checkpoint {path}") from None
     except Exception as error:  # any fault inside a foreign or broken file

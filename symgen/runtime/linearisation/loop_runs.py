@@ -44,7 +44,7 @@ def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: A
         raise ModelError(f"derivatives of runs are not available for loads that jump: {d.switches[0]}")
     if chosen.method.kind != "explicit":
         raise ModelError(
-            f"derivatives of runs of loops are for explicit methods, and {chosen.method.name} is none\n"
+            f"expected an explicit method for derivatives of runs of loops, got {chosen.method.name}\n"
             "  Choose dop853, dopri5 or rk4."
         )
     equations = loop.equations(d.having("dependent", "free"), rank, work_of_loads=False)

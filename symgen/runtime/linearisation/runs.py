@@ -238,7 +238,7 @@ def at_run(
 
     states = 0 if chosen.method.kind == "explicit" else 2 * start.n
     if states and integrands:
-        raise ModelError(f"integrals are for explicit methods, and {chosen.method.name} is none")
+        raise ModelError(f"expected an explicit method for integrals, got {chosen.method.name}")
     jumps = jumps_between(
         path.references[:, path.references.shape[1] - path.switches :],
         lambda i, k: tangents(state_of(path, i), path.references[k]),

@@ -140,7 +140,7 @@ def _check_pole(
     x, t = curve.split(last.x)
     if names := ball_pole(kernels, t, constraints.pose(x, t)):
         raise SimulationError(
-            f"the loop cannot be followed by arc length at {kernels.value_at(t)}: it misses by little a "
+            f"the loop cannot be followed by arc length at {kernels.value_at(t)}: it passes close to a "
             f"pole of the angles {', '.join(names)} of a ball joint, which is no singularity of the loop\n"
             "  Evaluate it without through, which steps over such poles, or turn the axes of the rows next "
             "to the ball (theta, alpha) so that its pole lies elsewhere.",

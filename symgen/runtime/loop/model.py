@@ -328,7 +328,7 @@ class LoopModel(Model):
     ) -> tuple[LoopDescription, Library]:
         """Return the kernels of an analysis; in ``lanes`` compiled ones take vectors."""
         if self._analyses is None:
-            raise ModelError(f"{self.name} was made without its scene: build it with symgen.build")
+            raise ModelError(f"{self.name} was created without its scene: build it with symgen.build")
         kernels: tuple[LoopDescription, Library] = self._analyses(kind, outputs, lanes)
         return kernels
 

@@ -170,8 +170,8 @@ def _residue(
             for which in ([solved[k] for k in unknown], known_inputs)
         ]
         raise ModelError(
-            f"drives at {names[0]} have no hold on {names[1]} at {kernels.value_at(t)}, and none near it: "
-            "they cannot balance the given efforts\n  Choose other drives to be found."
+            f"drives at {names[0]} transmit no force to {names[1]} at {kernels.value_at(t)} and near it: "
+            "they cannot balance the prescribed efforts\n  Choose other unknown drives."
         )
     strength = (row @ missing) / rise
     effort = np.zeros(len(solved))

@@ -94,9 +94,11 @@ class Compiled:
 
     @property
     def source(self) -> Any:
-        """Scene and options of the build; raise ModelError for a model that was made without its scene."""
+        """Scene and options of the build; raise ModelError for a model that was created without its scene."""
         if not hasattr(self._derive, "restored"):
-            raise ModelError(f"{self.name} was made without its scene: it can be neither pickled nor drawn")
+            raise ModelError(
+                f"{self.name} was created without its scene: it can be neither pickled nor drawn"
+            )
         return self._derive
 
     @property

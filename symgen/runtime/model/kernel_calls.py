@@ -20,7 +20,7 @@ class KernelCalls:
     @verb
     def batch(
         self,
-        what: str,
+        kernel: str,
         t: ArrayLike,
         q: ArrayLike,
         u: ArrayLike | None = None,
@@ -35,14 +35,16 @@ class KernelCalls:
 
         Parameters
         ----------
-        what
+        kernel
             Kernel of :attr:`operations`, or one of its results, such as ``"accelerations"``.
         t
             One time [s], or one per state.
         q, u
             Coordinates and velocities, a row per state, as in ``State.q`` and ``State.u``; velocities are
-            zero by default. work Work memory that the kernel reads, a row per state; by default the
-            accelerations and multipliers of the state.
+            zero by default.
+        work
+            Work memory that the kernel reads, a row per state; by default the accelerations and
+            multipliers of the state.
         threads
             Number of threads. It changes no bit of the results.
 

@@ -154,7 +154,7 @@ class LinkageModel(Model):
     ) -> tuple[Description, Library]:
         if self._analyses is None:
             raise ModelError(
-                f"{self.name} was made without the kernels of {kind}: build it with symgen.build"
+                f"{self.name} was created without the kernels of {kind}: build it with symgen.build"
             )
         if not kind.isidentifier():  # it becomes part of the name of a folder
             raise ModelError(f"there is no analysis {kind!r}")

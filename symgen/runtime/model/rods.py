@@ -247,7 +247,7 @@ class RodModel(LinkageModel):
         by = self._differentiated(request.parameters, initial)
         spectra = [name for name in dict.fromkeys(request.outputs) if name in ("frequencies", "poles")]
         if spectra and (along or at is None or isinstance(at, State | float | int)):
-            raise ModelError(f"{spectra[0]} are those of an equilibrium: give model.equilibrium() for at")
+            raise ModelError(f"{spectra[0]} belong to an equilibrium: give model.equilibrium() for at")
         outputs = [name for name in request.outputs if name not in spectra]
         names = tuple(dict.fromkeys([*derivatives(d, coordinates), *outputs]))
         if isinstance(at, float | int):

@@ -59,7 +59,7 @@ class ElasticResult(Result):
     def counts(self) -> NDArray[np.intp] | None:
         """Numbers of steps between successive recorded times; None for stored runs and other motions."""
         source = self.__dict__.get("_source")
-        return None if source is None else source.found.counts
+        return None if source is None else source.states.counts
 
     def _estimate_later(self, estimate: Callable[[], float | None]) -> None:
         """Set the function that computes :attr:`mesh_error` at the first request."""
@@ -108,7 +108,7 @@ class ElasticResult(Result):
         increasing = self.times is None or np.all(np.diff(self.times) > 0.0)
         if values.ndim != 1 or not increasing:
             raise ModelError(
-                f"cycles are counted of one number over increasing times, and {output} is none\n"
+                f"expected one number over increasing times for the count of cycles, got {output}\n"
                 "  Name an output such as rod.stress, of a run without at."
             )
         if self.provenance["method"] == "periodic":

@@ -121,7 +121,7 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
     first = next(iter(over_times), None)
     if first is None:
         raise ModelError(
-            f"{name} has no driven link whose direction could be given\n  Give a range of time instead."
+            f"{name} has no driven link, and so no values of an input\n  Give a range of time instead."
         )
     drive_values = over_times[first]
     is_angle = first.endswith(".angle")

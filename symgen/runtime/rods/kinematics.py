@@ -42,7 +42,9 @@ def driven(constraints: Constraints, q: Array, t: float) -> None:
     names = list(constraints.drives(t))
     if (missing and constraints.n > constraints.m) or not names:
         if not missing:
-            raise ModelError(f"{constraints.description.name} has no drive and no freedom: nothing moves")
+            raise ModelError(
+                f"{constraints.description.name} has no drive and no degree of freedom: it cannot move"
+            )
         freedoms = missing + len(names)
         have = f"{_count(len(names), 'drive')} ({', '.join(names)})" if names else "no drive"
         raise ModelError(

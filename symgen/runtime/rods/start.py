@@ -107,9 +107,9 @@ def check_closed(evaluator: Evaluator, q: Array, values: Array, scales: Array) -
     if not errors[worst] <= tolerance:
         d = evaluator.description
         raise InitialStateError(
-            f"the start misses {d.labels[worst]} by {errors[worst]:.3g} m, and may miss it by "
+            f"the start violates {d.labels[worst]} by {errors[worst]:.3g} m, beyond the tolerance of "
             f"{tolerance:.3g} m\n"
-            "  Its assembly did not see this: please report it, with the scene, as a fault of symgen.",
+            "  Its assembly did not detect this: please report it, with the scene, as a fault of symgen.",
             where=d.place(worst),
         )
 
@@ -244,9 +244,9 @@ def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ..
         independent = np.setdiff1d(np.arange(len(evaluator.description.constraints)), redundant)
         row, by, place = evaluator.description.labels[independent[worst]], of_constraints[worst], "drivers"
     raise InitialStateError(
-        f"the velocities at the start contradict the constraints: {row} is missed by {by:.3g} m/s, "
+        f"the velocities at the start contradict the constraints: {row} has an error of {by:.3g} m/s, "
         f"a constraint by {np.max(of_constraints, initial=0.0):.3g} m/s\n"
-        "  Ask for fewer of them: the others follow.",
+        "  Prescribe fewer of them: the others follow.",
         where=place,
     )
 

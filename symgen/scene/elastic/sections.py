@@ -118,7 +118,7 @@ def _line(read: Reader, link: Link, key: str, shape: Shape, length: sp.Expr, whe
         return Line(shape, _times(value, shape.area), _times(value, shape.second_moment))
     if not shape.uniform:
         raise SceneError(
-            "a tapered link says its density: mass alone does not tell where it is",
+            "a tapered link needs its density: its mass alone does not determine the distribution",
             where=f"{where}.{key}",
             hint='Write density = "7850 kg/m^3" instead.',
         )

@@ -102,7 +102,7 @@ def efforts(read: LoopReader, table: Rows, names: Names) -> Mapping[str, sp.Expr
             f"got {len(unknown_)} ({', '.join(unknown_) or 'none'})",
             where="loop.drives",
             hint=f'Where the drive of an input is given, another one is "{UNKNOWN}"; every input has an '
-            "unknown drive until it is given.",
+            "unknown drive unless its effort is given.",
         )
     return by_variable
 
@@ -135,7 +135,7 @@ def _check_round(read: LoopReader, body: LoopBody, where: str) -> None:
         if not all(_same(read, a, b) for a, b in pairs):
             raise SceneError(
                 f"{body.link} spins idly between its two balls, and alpha of one of them holds that spin "
-                "constant: that is right only for a link that is round about the line of its balls",
+                "constant: this requires a link with rotational symmetry about the line of its balls",
                 where=f"{where}.{key}",
                 hint="Put the centre on that line and make yy = zz with no products, or let alpha of both "
                 'balls vary and make one of them free: alpha = "spin", free = { spin = { at = ... } }.',

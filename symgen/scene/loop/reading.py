@@ -64,7 +64,7 @@ class LoopReader(Values):
         self._read_free()
         if not self.named:
             raise SceneError(
-                "nothing moves this loop: it has no inputs and no free variables",
+                "expected at least one input or free variable of the loop, got none",
                 where="loop.inputs",
                 hint='Prescribe a motion, as in inputs = { theta1 = "speed*t" }, or name a free variable.',
             )
@@ -79,7 +79,7 @@ class LoopReader(Values):
             self.moving(motion, where)
             if not self.named and not motion.has(TIME.symbol):
                 raise SceneError(
-                    f"the first input stands still, got {text!r}",
+                    f"expected a first input that depends on the time, got {text!r}",
                     where=where,
                     hint='It leads the loop through its range: give it by the time t, as in "speed*t".',
                 )
@@ -110,7 +110,7 @@ class LoopReader(Values):
         tunable = sorted(s.name for s in expression.free_symbols if s in self.defaults)
         if tunable:
             raise SceneError(
-                f"expected a value that stays as it is, got one by the tunable parameter {tunable[0]}",
+                f"expected a constant value, got one that depends on the tunable parameter {tunable[0]}",
                 where=where,
                 hint=f"It is folded: make {tunable[0]} not tunable, or give a plain value.",
             )

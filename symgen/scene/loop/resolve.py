@@ -100,7 +100,7 @@ def _check_names(scene: Scene, rows: Rows) -> None:
     variables = {p.name for p in rows.places}
     derived = {f"{name}_{derivative}" for name in variables for derivative in ("rate", "acceleration")}
     for name in sorted(variables & derived):
-        raise SceneError(f"{name!r} is what symgen calls the rate of a variable", where=f"loop.inputs.{name}")
+        raise SceneError(f"{name!r} is reserved for the rate of a variable", where=f"loop.inputs.{name}")
     plain = {name for name, parameter in scene.parameters.items() if not parameter.tunable}
     for table, names in (("parameters", scene.parameters), ("inputs", scene.inputs)):
         for name in names:
@@ -108,7 +108,7 @@ def _check_names(scene: Scene, rows: Rows) -> None:
             if name in variables:
                 problem = f"{name!r} is a variable of the loop"
             elif name not in plain and (name in derived or _OF_LOOP.fullmatch(name)):
-                problem = f"{name!r} is what symgen calls a quantity of the loop"
+                problem = f"{name!r} is reserved for a quantity of the loop"
             if problem:
                 raise SceneError(problem, where=f"{table}.{name}", hint="Choose another name.")
     for i, row in enumerate(rows.rows):
@@ -145,7 +145,7 @@ def _span(read: LoopReader) -> tuple[sp.Expr, sp.Expr] | None:
             raise SceneError(
                 f"the range of {first.name} is missing",
                 where="loop.range",
-                hint='Say from where to where it goes, as in range = ["0 mm", "100 mm"].',
+                hint='Give its first and last value, as in range = ["0 mm", "100 mm"].',
             )
         return ZERO, 2 * sp.pi
     start, stop = (

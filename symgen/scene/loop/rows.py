@@ -77,7 +77,7 @@ def _check_links(read: LoopReader) -> None:
         if name == GROUND or name in moving[:i]:
             which = "only the last row ends on it" if name == GROUND else "an earlier row ends on it"
             raise SceneError(
-                f"the link {name!r} stands here, but {which}",
+                f"the row ends on the link {name!r}, but {which}",
                 where=f"loop.rows.{i}.link",
                 hint="Every row ends on a link of its own.",
             )
@@ -184,7 +184,7 @@ def _check_named(read: LoopReader, places: Sequence[Place]) -> None:
             raise SceneError(f"{named.name} may occur in one row only, got rows {rows}", where=where)
         if any(p.name == named.name and p.named is None for p in places):
             raise SceneError(
-                f"{named.name!r} is what symgen calls another variable of the table",
+                f"{named.name!r} is reserved for another variable of the table",
                 where=where,
                 hint="Choose another name.",
             )
@@ -195,7 +195,7 @@ def _check_count(read: LoopReader, table: Rows) -> None:
     for i in _between_balls(table.rows):
         if read.number(table.rows[i].a) == 0:
             raise SceneError(
-                f"the two balls of {table.rows[i].link} stand at one point",
+                f"the two balls of {table.rows[i].link} have the same centre",
                 where=f"loop.rows.{i}.a",
                 hint="Give its length, or make one ball of the two.",
             )
@@ -209,7 +209,7 @@ def _check_count(read: LoopReader, table: Rows) -> None:
     where, names = "loop.rows", ", ".join(dependent)
     if not dependent:
         raise SceneError(
-            "no variable follows from closure: inputs and free variables are all there are",
+            "no variable follows from closure: all variables are inputs or free",
             where=where,
             hint=f'Write "{UNKNOWN}" for the variables that the loop decides.',
         )
@@ -217,7 +217,7 @@ def _check_count(read: LoopReader, table: Rows) -> None:
         listed = ", ".join(read.named)
         raise SceneError(
             f"{len(dependent)} dependent variables for the {EQUATIONS} equations of closure: {names} "
-            f"(given are {listed})",
+            f"(prescribed or free are {listed})",
             where=where,
             hint="Make inputs or free variables of the surplus ones, or take joints with fewer freedoms.",
         )

@@ -104,7 +104,9 @@ def _of_reactions(linkage: Linkage) -> Iterator[str]:
         grounded = [p for p in body.base if p in ground]
         if len(grounded) > 1:
             shares = (
-                "equal parts are given" if len(grounded) == 2 else "the parts given are one choice of many"
+                "equal parts are reported"
+                if len(grounded) == 2
+                else "the reported parts are one choice of many"
             )
             yield (
                 f"body {body.name} is held at the ground points {' and '.join(grounded)}: of the reactions "
@@ -123,5 +125,5 @@ def _of_reactions(linkage: Linkage) -> Iterator[str]:
         if len(shared) > 1 and not ground.issuperset(shared) and any(f in requested for f in forces):
             yield (
                 f"links {a.name} and {b.name} share the points {' and '.join(shared)}: of the forces along "
-                "the line between them only the sum is determined; the parts given are one choice of many"
+                "the line between them only the sum is determined; the reported parts are one choice of many"
             )

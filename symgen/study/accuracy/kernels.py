@@ -124,7 +124,7 @@ def kernels_of(
     if scene in BLOCKS:
         if set or typed != FLOAT64:
             raise ModelError(
-                f"{scene} is a building block: it has no values to set, and is in {FLOAT64.name}"
+                f"{scene} is a building block: it has no values to set, and is computed in {FLOAT64.name}"
             )
         system = BLOCKS[str(scene)]()
         call = _of_module(shipped_module(str(scene))) if scene in SHIPPED_BLOCKS else _in_numpy(system)

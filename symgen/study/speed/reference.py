@@ -34,7 +34,7 @@ def _scipy(
 
     solution = solve_ivp(f, (times[0], times[-1]), y0, method=method, t_eval=times, rtol=rtol, atol=atol)
     if not solution.success:
-        raise SimulationError(f"SciPy's {method} gave up: {solution.message}", time=float(solution.t[-1]))
+        raise SimulationError(f"SciPy's {method} failed: {solution.message}", time=float(solution.t[-1]))
     return solution.y.T
 
 
@@ -53,7 +53,7 @@ def _cvode(
 
     solution = CVODE(slope, method=method, rtol=rtol, atol=atol, max_num_steps=_STEPS).solve(times, y0)
     if not solution.success:
-        raise SimulationError(f"CVODE's {method} gave up: {solution.message}", time=float(solution.t[-1]))
+        raise SimulationError(f"CVODE's {method} failed: {solution.message}", time=float(solution.t[-1]))
     return solution.y
 
 
