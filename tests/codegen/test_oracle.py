@@ -25,6 +25,9 @@ WORDS = {"plane": symgen.Scene(**rich_scene(everything=True)), "space": symgen.S
 STATES = 3
 #: Relative to the largest entry of a kernel's result. The assembly residual cancels to nothing by design.
 TOLERANCE = 1e-13
+#: Off the constraints, a random state has the crank almost across its prescribed direction: their scalar product
+#: in the power of the drive cancels to a hundredth of its terms.
+CANCELS = {("spatial_slider_crank", "power"): 1e-12}
 SOLUTION_TOLERANCE = 2e-11
 #: Off the constraints, a redundant one is nearly dependent on the others.
 REDUNDANT_TOLERANCE = 1e-9
@@ -56,7 +59,8 @@ def test_scene_kernels(scene, backend):
         for kernel, matrices in exports.items():
             found = evaluate.blocks(kernel, t, q, u, work.copy())
             for name, exact in zip(matrices, oracle.matrices(matrices, values), strict=True):
-                assert relative_error(found[name].ravel(), exact) < TOLERANCE, (kernel, name)
+                bound = CANCELS.get((scene, name), TOLERANCE)
+                assert relative_error(found[name].ravel(), exact) < bound, (kernel, name)
             checked.add(kernel)
         solution = evaluate("accelerations", t, q, u)
         assert relative_error(solution, oracle.solve(values)) < tolerance

@@ -15,6 +15,7 @@ from symgen.loads.measure import PointForce
 from symgen.mechanics.rods.momentum import OpenTree, Particle, open_tree, particles, transverse
 from symgen.mechanics.rods.particles import Vector
 from symgen.models.rods.linkage import RodsModel
+from symgen.models.rods.loads import product
 from symgen.scene.rods.linkage import CarriedPoint, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import Quantity, quantity
@@ -42,8 +43,6 @@ class Outboard:
     def __init__(self, model: RodsModel) -> None:
         self.model = model
         self.linkage = model.linkage
-        if self.linkage.hinges:
-            raise DerivationError(f"{self.linkage.name}: the momentum rows of revolute joints are not known")
         self.link = {k.name: k for k in model.rods}
         self.tree: OpenTree = open_tree(
             [p for p in model.points if model.is_fixed(p)],
@@ -164,7 +163,11 @@ class Outboard:
                     yield transverse(couple, self.model.along[body], self.link[body].length), None
                 elif against not in inside:
                     yield couple, None
-        for driver in self.linkage.drivers:
-            if driver.link in inside:
-                unknown = self.model.multipliers[f"{driver.link}_drive"].symbol
-                yield (-self.link[driver.link].length,), unknown
+        for row in self.model.turned:
+            ((link, across),) = row.by_along.items()
+            if link in inside:
+                unknown = self.model.multipliers[row.constraint.name].symbol
+                if len(across) == 2:
+                    yield (-self.link[link].length,), unknown
+                else:
+                    yield product(across, self.model.along[link]), unknown
