@@ -139,6 +139,4 @@ def test_power_at_a_pin_is_that_of_its_reaction():
 
 def test_a_run_prints_its_balance():
     printed = call("run", "spatial_slider_crank", "--t-end", "1e-3", "--samples", "11")
-    assert "powers of input and damping and the rate of the energies balance within" in " ".join(
-        printed.split()
-    )
+    assert "power balance" in printed and "of the largest power" in printed

@@ -246,7 +246,7 @@ class ElasticModel(Model):
                 command = verbs[method].replace("_", "-")
                 hint = f"It is model.{verbs[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
-        initial = _initial(request.initial)
+        initial = initial_state(request.initial)
         if self._motion(True).undetermined and (large := _in_large_rotation(request)):
             return self._large_rotation(replace(large, elements=self._elements))
         if t_end is not None:
@@ -351,7 +351,7 @@ def _in_large_rotation(asked: ElasticRun) -> LargeRotation | None:
     return LargeRotation(**given | {"samples": samples})
 
 
-def _initial(state: str | Sequence[float]) -> str | tuple[float, ...]:
+def initial_state(state: str | Sequence[float]) -> str | tuple[float, ...]:
     """Return the initial state of a run: its name, or amplitudes of modes [m].
 
     Raises

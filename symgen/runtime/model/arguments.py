@@ -260,3 +260,4 @@ class RunInSpace(Refined):
     """Elastic links in space."""
 
     t_end: float | None = None
+    initial: str | Sequence[float] = "undeformed"

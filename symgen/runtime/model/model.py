@@ -138,8 +138,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
             omits geometric stiffness, for all links.
         initial
             Elastic links: ``undeformed``, at rest relative to the rigid motion (the default), or
-            ``quasi-static``, with the shape under the loads of the rigid motion at the start, and its rates;
-            or the amplitudes of the first modes at rest, their largest displacements [m].
+            ``quasi-static``, with the shape under the loads of the rigid motion (in space, of equilibria with
+            the input held) and its rates; or the largest displacements [m] of the first modes at rest.
         max_steps
             Number of steps (1e9) after which the run ends with an error.
         stabilisation, stabilisation_rate

@@ -234,18 +234,20 @@ class System:
         return Slopes(*self.core.slopes(time, *state, *self.prescribed(time)))
 
 
-def settled(system: System, at: Moment, span: float) -> Moment:
+def settled(system: System, at: Moment, span: float, first: bool = False) -> Moment:
     """Return a motion with the second rates and multipliers at its time.
 
     They are those of the equation of motion and of the second rate of the constraints, which is the
-    difference of first rates, to the fourth order, over a part of ``span`` [s].
+    difference of first rates, to the fourth order, over a part of ``span`` [s]: on both sides, or after the
+    ``first`` moment.
     """
     t, q, v, n = np.array([at.t]), at.q, at.v, system.unknowns
     still, none = np.zeros((1, n)), np.zeros((1, system.multipliers))
     state = (t, q[None], v[None], still, none, *system.prescribed(t))
-    offsets = PART * span * np.array([-2.0, -1.0, 1.0, 2.0])
-    near = system.rates(at.t + offsets, q + np.outer(offsets, v), np.broadcast_to(v, (4, n)))
-    changes = np.array([1.0, -8.0, 8.0, -1.0]) @ near / (12 * PART * span)
+    weights = np.array([-25.0, 48.0, -36.0, 16.0, -3.0] if first else [1.0, -8.0, 0.0, 8.0, -1.0])
+    offsets = PART * span * (np.arange(5.0) - (0 if first else 2))
+    near = system.rates(at.t + offsets, q + np.outer(offsets, v), np.broadcast_to(v, (5, n)))
+    changes = weights @ near / (12 * PART * span)
     solution = system.core.accelerated(*state, -np.append(system.core.forces(*state)[0], changes))
     return Moment(at.t, q, v, solution[:n], solution[n:], at.work)
 
@@ -261,13 +263,15 @@ def moved(
     close: float = CLOSE,
     at_sample: Callable[[Pause, Steps], None] | None = None,
     resumed: Pause | None = None,
+    initial: Moment | None = None,
 ) -> tuple[list[Moment], Steps]:
     """Return the motion at times, by so many equal steps between two of them, and what counted them.
 
     ``at_step`` receives the motion before each step, second rates and multipliers of its stages, and the end;
     where it returns True, the run ends, and times after this step have no motion.
     ``close`` is the error that corrections leave in the places, over their sizes. ``at_sample`` receives the
-    run after each sample; ``resumed`` is one to be continued, by a system with its memory.
+    run after each sample; ``resumed`` is one to be continued, by a system with its memory. ``initial`` is the
+    motion at the start, by default that of the system.
 
     Raises
     ------
@@ -279,9 +283,9 @@ def moved(
     h = float(times[-1] - times[0]) / (len(times) - 1) / steps
     stepper, shape = Steps(system.core, method, h, system.scale, close), len(method.c)
     if resumed is None:
-        now = system.start()
+        now = initial or system.start()
         system.follow(now)
-        moments: list[Moment] = [now]
+        moments = [settled(system, now, h, first=True)]
         guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
     else:
         moments, now, guess = resumed.moments, resumed.now, resumed.guess

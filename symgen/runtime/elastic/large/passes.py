@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -48,6 +49,10 @@ class LargeMotion:
         Function that returns the outputs of a motion by the equations.
     coordinate
         Function that returns the coordinate of results by times [s].
+    start
+        Function that returns the motion at the start by the equations.
+    initial
+        The initial state in words, or amplitudes of modes [m].
     form, notes
         See :class:`~symgen.runtime.result.elastic.ElasticResult`.
     identity
@@ -62,6 +67,8 @@ class LargeMotion:
     form: str
     notes: tuple[str, ...] = ()
     identity: tuple[str, ...] = ()
+    start: Callable[[Any], Moment] = operator.methodcaller("start")
+    initial: str | Sequence[float] = "undeformed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +157,7 @@ def _refine(
     OutOfTime
         When the wall time is spent.
     """
-    steps = math.ceil(least / (len(times) - 1))
+    steps, initial = math.ceil(least / (len(times) - 1)), of.start(of.system)
     if kept and kept.before:
         moments, before, corrections = kept.before
         variables, drift = of.outputs(of.system, moments), drift_of(of.system, moments)
@@ -163,7 +170,7 @@ def _refine(
         resumed, at_sample = (kept.resumed(), partial(kept.look, steps)) if kept else (None, None)
         try:
             moments, stepper = moved(
-                of.system, GAUSS8, times, steps, pace, progress, at_step, CLOSE, at_sample, resumed
+                of.system, GAUSS8, times, steps, pace, progress, at_step, CLOSE, at_sample, resumed, initial
             )
         except SimulationError:
             if passes or steps * (len(times) - 1) > _MOST:
@@ -205,14 +212,13 @@ def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | 
     with limited(max_wall):
         finer = of.finer()
         while steps * (len(times) - 1) <= _MOST or steps == coarse.steps:
+            run = partial(moved, method=GAUSS8, times=times, steps=steps, pace=Pace(0.0, end))
             try:
-                moments, _ = moved(finer, GAUSS8, times, steps, Pace(0.0, end))
+                moments, _ = run(finer, initial=of.start(finer))
                 if steps > coarse.steps:
-                    variables = of.outputs(
-                        of.system, moved(of.system, GAUSS8, times, steps, Pace(0.0, end))[0]
-                    )
+                    variables = of.outputs(of.system, run(of.system, initial=of.start(of.system))[0])
                 return mesh_error(variables, of.outputs(finer, moments))
-            except OutOfTime:
+            except (OutOfTime, ModelError):
                 return None
             except SimulationError:
                 steps *= 2
@@ -251,6 +257,7 @@ def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) 
             "start, too fast for the steps; give a shorter run, damping, or shorter steps by max_step"
         )
     attributes = {"method": "large-rotation", "form": of.form, "rtol": rtol, "t_end": float(times[-1])}
+    attributes |= {"initial": of.initial}
     return ElasticResult(
         **of_model(d, rigid.parameters, **attributes, **made_with(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,

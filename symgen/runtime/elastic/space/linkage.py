@@ -163,9 +163,13 @@ class LinkageInSpace(System):
         ends = np.delete(np.arange(n), np.concatenate([link.between.ravel() for link in self.links]))
         jacobian = self.pattern.matrix(slopes.jacobian)[n:, ends].toarray()
         check_independent(self.name, jacobian, self.labels)
-        over = np.append(np.zeros(n), self.rates(np.zeros(1), q[None], v[None])[0])
-        v = v - self.pattern.factorised(slopes.mass + slopes.jacobian)(over)[:n]
-        return Moment(0.0, q, v, *none)
+        return self.with_rates(Moment(0.0, q, v, *none))
+
+    def with_rates(self, at: Moment) -> Moment:
+        """Return a motion with its rates projected on the constraints, in the metric of the mass matrix."""
+        slopes, n = self.slopes(at.t, at.q, at.v, at.a, at.multipliers), self.unknowns
+        over = np.append(np.zeros(n), self.rates(np.array([at.t]), at.q[None], at.v[None])[0])
+        return replace(at, v=at.v - self.pattern.factorised(slopes.mass + slopes.jacobian)(over)[:n])
 
     def _undeformed(self, size: int) -> Array:
         """Return places and rates at t = 0 of straight links that do not spin, (2, unknowns)."""

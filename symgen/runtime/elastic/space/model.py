@@ -13,6 +13,8 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.elastic.large.collocation import Moment
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
+from symgen.runtime.elastic.model import initial_state
+from symgen.runtime.elastic.space.initial import initial
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.outputs import outputs
 from symgen.runtime.integrate.options import end_of_scene
@@ -105,6 +107,8 @@ class SpatialModel(Model):
                 raise ModelError("expected outputs to differentiate, got none")
             if not at.statistics["steps"]:
                 raise ModelError(f"{self.name}: expected a whole run for at, got one that max_wall ended")
+            if provenance["initial"] != "undeformed":
+                raise ModelError("derivatives of runs of elastic links are for those that start undeformed")
             steps = at.statistics["steps"] // (len(at.time) - 1)
             return of_run(self.rigid, outputs, by, coordinates, at.time, steps)
         if [*outputs] != ["frequencies"]:
@@ -117,7 +121,7 @@ class SpatialModel(Model):
     @takes(RunInSpace)
     def _simulate(self, request: RunInSpace) -> ElasticResult:
         self._refuse_types("runs of elastic links in space are")
-        d = self.rigid.description
+        d, state = self.rigid.description, initial_state(request.initial)
         end = end_of_scene(d.t_end) if request.t_end is None else real(request.t_end, "t_end")
         if not end > 0.0:
             raise ModelError(f"expected t_end above zero, got {end!r}")
@@ -128,6 +132,8 @@ class SpatialModel(Model):
             self._outputs,
             over_time,
             _FORM,
+            start=partial(initial, state=state),
+            initial=state,
         )
         with limited(request.max_wall):
             try:

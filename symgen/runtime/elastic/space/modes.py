@@ -38,16 +38,23 @@ def equilibrium(linkage: LinkageInSpace, t: float) -> Moment:
     still = np.zeros(linkage.unknowns)
     end = linkage.rigid.description.t_end
     for time in np.linspace(0.0, t, 2 + int(_POSES * abs(t / end))):
-        moment = _at_rest(linkage, replace(moment, t=float(time), v=still, a=still))
+        moment = at_rest(linkage, replace(moment, t=float(time), v=still, a=still))
     return moment
 
 
-def _at_rest(linkage: LinkageInSpace, moment: Moment) -> Moment:
+def at_rest(linkage: LinkageInSpace, moment: Moment) -> Moment:
+    """Return a motion with the places and multipliers of equilibrium with its rates and second rates.
+
+    Raises
+    ------
+    ModelError
+        As :func:`equilibrium`.
+    """
     t, q, multipliers, n = np.array([moment.t]), moment.q, moment.multipliers, linkage.unknowns
-    still = np.zeros(n)
+    v, a = moment.v[None], moment.a[None]
     for _ in range(_MOST):
         solve = held(linkage, replace(moment, q=q, multipliers=multipliers))
-        residual = linkage.residual(t, q[None], still[None], still[None], multipliers[None])[0]
+        residual = linkage.residual(t, q[None], v, a, multipliers[None])[0]
         change = solve(np.concatenate([residual, linkage.errors(moment.t, q)]))
         q, multipliers = q - change[:n], multipliers - change[n:]
         size = float(np.max(np.abs(change[:n]) / linkage.scale))
@@ -57,7 +64,7 @@ def _at_rest(linkage: LinkageInSpace, moment: Moment) -> Moment:
             break
     raise ModelError(
         f"{linkage.name}: no equilibrium with the input held at t = {moment.t:g} s\n"
-        "  Modes are those about an equilibrium: loads must not move the linkage."
+        "  Loads must not move a linkage whose input is held."
     )
 
 
@@ -76,16 +83,17 @@ def modes_in_space(rigid: RodModel, t: float) -> ElasticModes:
     ModelError
         When there is no equilibrium, or it is unstable.
     """
-    modes = _modes(LinkageInSpace(rigid), t)
+    modes = modes_of(LinkageInSpace(rigid), t)
 
     def estimate() -> Array:
-        finer = _modes(LinkageInSpace(rigid, divided=2), t).frequencies[: len(modes.frequencies)]
+        finer = modes_of(LinkageInSpace(rigid, divided=2), t).frequencies[: len(modes.frequencies)]
         return relative(modes.frequencies[: len(finer)], finer)
 
     return replace(modes, estimate=estimate)
 
 
-def _modes(linkage: LinkageInSpace, t: float) -> ElasticModes:
+def modes_of(linkage: LinkageInSpace, t: float) -> ElasticModes:
+    """Return the same of the equations of a linkage, without errors of elements."""
     from scipy.linalg import null_space
 
     at, n = equilibrium(linkage, t), linkage.unknowns

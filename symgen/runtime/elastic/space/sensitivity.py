@@ -65,10 +65,7 @@ def of_run(
     tangents = Tangents(linkage, directions, GAUSS8, float(times[1] - times[0]) / steps)
     pace = Pace(0.0, float(times[-1]))
     moments, _ = moved(linkage, GAUSS8, times, steps, pace, at_step=tangents.step, close=_CLOSE)
-    # A run reports no second rates at its start.
-    (dq, dv), *later = tangents.kept[::steps]
-    by = [(dq, dv, 0.0 * dq, np.zeros((linkage.multipliers, len(directions))))]
-    by += [(*x, *tangents.settled(m, *x)) for m, x in zip(moments[1:], later, strict=True)]
+    by = [(*x, *tangents.settled(m, *x)) for m, x in zip(moments, tangents.kept[::steps], strict=True)]
 
     def along(j: int) -> list[Variable]:
         duals = []

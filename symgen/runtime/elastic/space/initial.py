@@ -1,0 +1,138 @@
+"""Initial states of linkages with elastic links in space: undeformed, quasi-static, or deflected by modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.elastic.large.collocation import Moment
+from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.elastic.space.modes import at_rest, equilibrium, modes_of
+
+Array = NDArray[np.float64]
+
+#: Poses from the start on by whose differences equilibria and shapes have rates.
+_POSES = 9
+#: Interval of the poses over the duration of the scene, number of intervals that are tried, each a third of
+#: the one before, and the change of the rates, over their size, that they may settle to.
+_APART, _SHORTER, _SETTLED = 1e-2, 8, 1e-5
+#: Rates, over the size of an unknown and the interval, that are round-off of the equilibria.
+_ROUNDED = 1e-9
+#: Fractions of an element at which the largest displacement of a mode is looked for.
+_PLACES = np.linspace(0.0, 1.0, 17)
+#: Corrections at most that put a deflected shape on the constraints, and their size over that of unknowns.
+_MOST, _CLOSE = 20, 1e-13
+
+
+def initial(linkage: LinkageInSpace, state: str | Sequence[float]) -> Moment:
+    """Return the motion at the start: ``undeformed``, ``quasi-static``, or deflected by modes [m].
+
+    Raises
+    ------
+    ModelError
+        Without an equilibrium; for motions or loads that jump at the start; for more amplitudes than modes,
+        and those that are not far below the length of the links.
+    """
+    if isinstance(state, str):
+        return linkage.start() if state == "undeformed" else quasi_static(linkage)
+    return deflected(linkage, state)
+
+
+def quasi_static(linkage: LinkageInSpace) -> Moment:
+    """Return the shape under loads and inertia at the start, and its rates: the motion without vibrations.
+
+    The equilibria with the input held at successive times have rates and second rates. Their inertia and
+    damping bend the shapes at these times further, to the first order; the rates are those of these shapes.
+    """
+    start = equilibrium(linkage, 0.0)
+    before: Moment | None = None
+    for k in range(_SHORTER):
+        apart = _APART * linkage.rigid.description.t_end / 3**k
+        try:
+            found = _slow(linkage, start, apart)
+        except ModelError:
+            continue
+        if before is not None:
+            size = float(np.max(np.abs(found.v / linkage.scale)))
+            change = float(np.max(np.abs(found.v - before.v) / linkage.scale))
+            if change <= _SETTLED * size + _ROUNDED / apart:
+                return before
+        before = found
+    raise ModelError(
+        f"{linkage.name}: the quasi-static shape has no rate: loads move the linkage with its input held, "
+        "or a motion or load jumps at the start\n  Start it undeformed."
+    )
+
+
+def _slow(linkage: LinkageInSpace, start: Moment, apart: float) -> Moment:
+    """Return the quasi-static shape with its rates, by poses at an interval [s]."""
+    times = apart * np.arange(_POSES)
+    held = [start]
+    for t in times[1:].tolist():
+        held.append(at_rest(linkage, replace(held[-1], t=t)))
+    places = np.array([x.q for x in held])
+    rates, second = (_differences(times, order) @ places for order in (1, 2))
+    shapes = [at_rest(linkage, replace(x, v=v, a=a)) for x, v, a in zip(held, rates, second, strict=True)]
+    v = _differences(times, 1)[0] @ np.array([x.q for x in shapes])
+    still, none = np.zeros(linkage.unknowns), np.zeros(linkage.multipliers)
+    return linkage.with_rates(Moment(0.0, shapes[0].q, v, still, none))
+
+
+def _differences(times: NDArray[Any], order: int) -> Array:
+    """Return the matrix (times, times) from values at times to derivatives of their polynomial there."""
+    span = times[-1]
+    powers = np.vander(times / span, increasing=True)
+    slopes = np.zeros_like(powers)
+    for k in range(order, len(times)):
+        slopes[:, k] = np.prod(np.arange(k - order + 1, k + 1)) * powers[:, k - order]
+    return slopes @ np.linalg.inv(powers) / span**order
+
+
+def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
+    """Return the undeformed start deflected by modes, with its rates.
+
+    Amplitudes [m] are the largest displacements of elastic links in the first modes that strain the linkage,
+    about its equilibrium with the input held; the largest component of this displacement is positive.
+    """
+    longest = max(float(link.length.real) for link in linkage.links)
+    beyond = next((size for size in amplitudes if abs(size) > longest), None)
+    if beyond is not None:
+        raise ModelError(
+            f"{linkage.name}: expected amplitudes of the initial modes far below the length of the links, "
+            f"{longest:.3g} m, got {beyond:g} m"
+        )
+    modes, found = modes_of(linkage, 0.0), linkage.start()
+    shapes = modes.shapes[:, modes.rigid :].T
+    if len(amplitudes) > len(shapes):
+        raise ModelError(
+            f"{linkage.name}: expected amplitudes of at most {len(shapes)} modes as the initial state, "
+            f"got {len(amplitudes)}"
+        )
+    q, still = found.q, np.zeros((1, linkage.unknowns))
+    for size, shape in zip(amplitudes, shapes, strict=False):
+        # Places are linear in the unknowns.
+        places = [
+            link.values("section", shape[None], still, still, fraction=x)[..., -3:].reshape(-1, 3)
+            for link in linkage.links
+            for x in _PLACES
+        ]
+        displaced = np.concatenate(places)
+        largest = displaced[np.argmax(np.linalg.norm(displaced, axis=1))]
+        sign = np.sign(largest[np.argmax(np.abs(largest))])
+        q = q + sign * size / np.linalg.norm(largest) * shape
+    slopes = linkage.slopes(found.t, found.q, found.v, found.a, found.multipliers)
+    solve = linkage.pattern.factorised(slopes.mass + slopes.jacobian)
+    for _ in range(_MOST):
+        change = solve(np.append(still[0], linkage.errors(found.t, q)))[: linkage.unknowns]
+        q = q - change
+        if np.max(np.abs(change) / linkage.scale) <= _CLOSE:
+            return linkage.with_rates(replace(found, q=q))
+    raise ModelError(
+        f"{linkage.name}: the constraints do not hold with initial modes of these amplitudes\n"
+        "  Give smaller amplitudes."
+    )

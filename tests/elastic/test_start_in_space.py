@@ -1,0 +1,140 @@
+"""Initial states of elastic links in space: statics, steady rotation, free vibrations, roughness of runs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from shared.commands import call
+from shared.shipped import IN_SPACE
+
+import symgen
+from symgen.errors import ModelError
+
+LENGTH, WIDTH, THICKNESS, E, DENSITY = 0.4, 8e-3, 4e-3, 210e9, 7850.0
+MU, G = DENSITY * WIDTH * THICKNESS, 9.81
+ROD = {
+    "density": f"{DENSITY} kg/m^3",
+    "section": {"width": f"{WIDTH} m", "thickness": f"{THICKNESS} m", "width_along": [0, 1, 0]},
+    "elastic": {"E": f"{E} Pa", "elements": 4, "shear": {"poisson": 0.3}},
+}
+
+
+def at(*place, **more):
+    return {"at": [f"{x} m" for x in place], **more}
+
+
+def cantilever():
+    return symgen.build(
+        symgen.Scene(
+            points={"O": at(0, 0, 0, ground=True), "P": at(LENGTH, 0, 0)},
+            links={"rod": {"points": ["O", "P"], **ROD}},
+            welds=[{"point": "O", "links": ["rod"]}],
+            gravity={"acceleration": ["0 m/s^2", "0 m/s^2", f"-{G} m/s^2"]},
+            analysis={"t_end": "0.02 s"},
+        )
+    )
+
+
+def test_a_cantilever_in_gravity_stays_at_rest():
+    """Its end sinks by mu g L^4/8 E I, and its root has the moment mu g L^2/2."""
+    run = cantilever().simulate(0.02, samples=11, initial="quasi-static")
+    sunk = MU * G * LENGTH**4 / (8 * E * WIDTH * THICKNESS**3 / 12)
+    assert -run["P.position"].values[:, 2] == pytest.approx(np.full(11, sunk), rel=2e-4)
+    moments = np.linalg.norm(run["rod.O.moment"].values, axis=1)
+    assert moments == pytest.approx(np.full(11, MU * G * LENGTH**2 / 2), rel=1e-3)
+    assert np.max(run["kinetic_energy"].values) < 1e-12 * run["strain_energy"].values[0]
+
+
+def test_a_rotating_rod_starts_with_its_centrifugal_force():
+    """N = mu w^2 ((r + L)^2 - (r + x)^2)/2 in a rod on a crank of length r, at x = L/2, all the time."""
+    arm, speed = 0.1, 100.0
+    scene = symgen.Scene(
+        points={"O": at(0, 0, 0, ground=True), "A": at(arm, 0, 0), "P": at(arm + LENGTH, 0, 0)},
+        links={"crank": {"points": ["O", "A"], "mass": "0 kg"}, "rod": {"points": ["A", "P"], **ROD}},
+        joints=[{"point": "O", "links": ["crank"], "kind": "revolute", "axis": [0, 0, 1]}],
+        welds=[{"point": "A", "links": ["rod", "crank"]}],
+        parameters={"speed": f"{speed} rad/s"},
+        drivers=[{"link": "crank", "angle": "speed*t"}],
+        analysis={"t_end": "2*pi/speed"},
+    )
+    model = symgen.build(scene)
+    force = MU * speed**2 * ((arm + LENGTH) ** 2 - (arm + LENGTH / 2) ** 2) / 2
+    expected = force / (E * WIDTH * THICKNESS)
+    steady, abrupt = (
+        model.simulate(0.002, samples=21, initial=state)["rod.axial_strain"].values
+        for state in ("quasi-static", "undeformed")
+    )
+    assert steady == pytest.approx(np.full(21, expected), rel=1e-2)
+    assert np.ptp(steady) < 1e-2 * np.ptp(abrupt)
+
+
+@pytest.mark.parametrize("scene", IN_SPACE)
+def test_a_quasi_static_start_leaves_few_vibrations(scene):
+    """Second differences of a stress are those of vibrations, far above those of the slow motion."""
+    model, link = symgen.build(scene), "rod" if scene == "spatial_slider_crank" else "coupler"
+    end = 0.1 * 2 * np.pi / model.parameters["rate"]
+    rough = {}
+    for state in ("undeformed", "quasi-static"):
+        values = model.simulate(end, samples=101, initial=state)[f"{link}.bending_strain_y"].values
+        rough[state] = np.sqrt(np.mean(np.diff(values, 2) ** 2))
+    assert rough["quasi-static"] < rough["undeformed"] / 5
+
+
+def test_modes_vibrate_freely():
+    """The crank is held: a mode decays as exp(-z w t) (cos v t + z w/v sin v t), v = w sqrt(1 - z^2)."""
+    model, size = symgen.build("spatial_slider_crank").with_parameters(rate=1e-9), 1e-5
+    modes = model.modes()
+    w, z = 2 * np.pi * modes.frequencies[0], modes.ratios[0]
+    run = model.simulate(2 / modes.frequencies[0], samples=81, initial=[size])
+    still = model.simulate(1e-6, samples=2)["rod.position"].values[0]
+    moved = run["rod.position"].values - still
+    assert np.linalg.norm(moved[0]) == pytest.approx(size, rel=1e-2)
+    assert np.max(moved[0]) == np.max(np.abs(moved[0]))
+    v = w * np.sqrt(1 - z**2)
+    expected = np.exp(-z * w * run.time) * (np.cos(v * run.time) + z * w / v * np.sin(v * run.time))
+    assert moved @ moved[0] / (moved[0] @ moved[0]) == pytest.approx(expected, abs=2e-3)
+    assert run.provenance["initial"] == (size,)
+
+
+def test_the_command_takes_initial_states():
+    asked = ("spatial_slider_crank", "--t-end", "1e-3", "--samples", "3", "--json")
+    printed = json.loads(call("simulate", *asked, "--initial", "quasi-static"))
+    run = symgen.build("spatial_slider_crank").simulate(1e-3, samples=3, initial="quasi-static")
+    assert printed["outputs"]["rod.stress"]["final"] == run["rod.stress"].values[-1]
+
+
+@pytest.mark.parametrize(
+    ("initial", "words"),
+    [
+        ("at rest", "no initial state 'at rest'"),
+        ([1e-5] * 500, "amplitudes of at most"),
+        ([1.0], "far below the length of the links"),
+        ([float("nan")], "amplitudes of modes"),
+    ],
+)
+def test_bad_initial_states(initial, words):
+    with pytest.raises(ModelError, match=words):
+        symgen.build("spatial_slider_crank").simulate(1e-3, samples=2, initial=initial)
+
+
+@pytest.mark.parametrize("force", ["F*t/s", "F*sign(t/s)"])
+def test_loads_that_move_the_linkage_or_jump_leave_no_quasi_static_shape(force):
+    """A rod on a ball joint with a force across it from the start on: nothing holds it."""
+    scene = symgen.Scene(
+        points={"O": at(0, 0, 0, ground=True), "P": at(LENGTH, 0, 0)},
+        links={"rod": {"points": ["O", "P"], **ROD}},
+        forces=[{"point": "P", "force": ["0 N", force, "0 N"]}],
+        parameters={"F": "0.1 N", "s": "1 s"},
+        welds=[{"point": "O", "links": ["rod"]}] if "sign" in force else [],
+        analysis={"t_end": "0.01 s"},
+    )
+    with pytest.raises(ModelError, match="the quasi-static shape has no rate"):
+        symgen.build(scene).simulate(1e-3, samples=2, initial="quasi-static")
+
+
+def test_derivatives_are_those_of_undeformed_starts():
+    run = symgen.build("spatial_slider_crank").simulate(1e-4, samples=2, initial="quasi-static")
+    with pytest.raises(ModelError, match="those that start undeformed"):
+        run.gradient(["rod.stress"])
