@@ -204,6 +204,7 @@ def test_a_beam_between_ground_points_under_its_weight(welds, factor):
     sag = factor * weight * LENGTH**4 / (384 * BENDING)
     assert found["beam.deflection"].values[-1] == pytest.approx(-sag, rel=1e-9)
     assert found["beam.Q.force"].values[-1] == pytest.approx([0.0, weight * LENGTH / 2], rel=1e-9, abs=1e-9)
+    assert not np.any(found["beam.length_change"].values)
     if welds:
         assert found["beam.Q.couple"].values[-1] == pytest.approx(weight * LENGTH**2 / 12, rel=1e-9)
 

@@ -54,7 +54,12 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
     for point in motion.rigid.description.free:
         columns = [names.index(f"{point}.{axis}") for axis in "xy"]
         variables.append(displacement(point, displacements[:, columns]))
-    variables += [length_change(b.info.link, _stretch(b, local[k])) for k, b in enumerate(motion.beams)]
+    ground = set(motion.rigid.description.ground)
+    for beam, own in zip(motion.beams, local, strict=True):
+        info = beam.info
+        # The ground holds the distance of its points: a bent link between them is stretched.
+        held = {info.start, info.end} <= ground
+        variables.append(length_change(info.link, np.zeros(len(own)) if held else _stretch(beam, own)))
     return variables
 
 
