@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,9 @@ class Evaluator:
         if found is None:
             info = self.info(kernel)
             sizes = (*self.description.sizes, info.work_size, info.out_size)
-            blocks = tuple((b.name, *_place(b)) for b in info.blocks)
+            whole = np.empty(info.out_size)
+            shapes = [(b, part(whole, b).shape) for b in info.blocks]
+            blocks = tuple((b.name, slice(b.offset, b.offset + prod(of)), of) for b, of in shapes)
             found = self._calls[kernel] = self.library.addresses[kernel], sizes, blocks
         return found
 
@@ -209,12 +212,6 @@ def at_rows(address: int, y: Array, n: int, p: Array, width: int, work: Array | 
 
 def part(out: Array, block: BlockInfo) -> Array:
     """Return one block of an ``out`` array (or of rows of them), shaped; single columns lose that axis."""
-    where, shape = _place(block)
-    return out[..., where].reshape((*out.shape[:-1], *shape))
-
-
-def _place(block: BlockInfo) -> tuple[slice, tuple[int, ...]]:
-    """Return the part of ``out`` that a block takes, and its shape; a single column is no axis."""
     rows, columns = block.shape
-    where = slice(block.offset, block.offset + rows * columns)
-    return where, (rows,) if columns == 1 else (rows, columns)
+    flat = out[..., block.offset : block.offset + rows * columns]
+    return flat if columns == 1 else flat.reshape((*out.shape[:-1], rows, columns))
