@@ -7,7 +7,8 @@ import pytest
 from shared.in_numpy import build
 
 import symgen
-from symgen.errors import SceneError
+from symgen.errors import ModelError, SceneError
+from symgen.study.speed.work_precision import work_precision
 
 E, WIDTH, THICK, LENGTH = 210e9, 20e-3, 4e-3, 0.8
 SECTION = {
@@ -114,3 +115,10 @@ def test_refused_points_off_the_line():
         symgen.build(column((0, 0), points=points))
     with pytest.raises(SceneError, match="P carries no mass"):
         symgen.build(column((0, 0), masses=[]))
+
+
+def test_studies_of_speed_need_strains():
+    """Pages on a scene whose outputs have no strain ended with an error of NumPy."""
+    scene = column((1.0, 0.0), analysis={"t_end": "0.01 s", "outputs": ["P.position"]})
+    with pytest.raises(ModelError, match="errors of elastic links are those of bending strains"):
+        work_precision(scene, methods=("gauss",), samples=3)

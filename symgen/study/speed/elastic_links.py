@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.errors import ModelError
 from symgen.precision import FLOAT64
 from symgen.runtime.beams.methods import BEAM_METHODS
 from symgen.runtime.elastic.model import ElasticModel
@@ -75,6 +76,11 @@ class Elastic(Subject):
 
     def _of(self, result: Result) -> Array:
         strains = [v.values for v in result.variables if v.name.endswith(".bending_strain")]
+        if not strains:
+            raise ModelError(
+                f"{self.title}: errors of elastic links are those of bending strains, none in outputs\n"
+                '  Add one, such as "rod.bending_strain", to outputs under [analysis].'
+            )
         return np.stack(strains, axis=1)
 
     def read(self, result: Result) -> Run:
