@@ -90,7 +90,7 @@ def _page(
     measured: Measured,
     drawn: Drawing | None,
 ) -> Page:
-    """Return the contents of a page; ``source`` is what Python builds."""
+    """Return the contents of a page; ``source`` is the argument of ``symgen.build``."""
     systems = _distinct([system, *(step.system for step in derivation)])
     program = lower_system(system)
     equations = equations_hash(program, Target())

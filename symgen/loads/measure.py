@@ -183,7 +183,7 @@ class Term:
         Potential energy [J], a function of ``VALUES``.
     force
         Force conjugate to the measure beyond that of the energy, with as many components as its value: a
-        function of ``VALUES``, ``RATES``, the time and the state. Empty where there is none.
+        function of ``VALUES``, ``RATES``, the time and the state. Empty without such a force.
     """
 
     on: Measure
@@ -192,7 +192,7 @@ class Term:
 
     @property
     def conservative(self) -> Vector:
-        """Force of the energy, minus its slopes by ``VALUES``; empty where there is none."""
+        """Force of the energy, minus its slopes by ``VALUES``; empty without an energy."""
         slopes = [-sp.diff(self.energy, s) for s in VALUES]
         size = max((i for i, s in enumerate(slopes, 1) if s != 0), default=0)
         return tuple(slopes[:size])

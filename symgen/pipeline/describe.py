@@ -106,7 +106,7 @@ def with_pose(system: System, description: LoopDescription, library: Library) ->
 
 
 def _common(resolved: Linkage | Loop | RotorScene, program: Program, equations: str) -> dict[str, Any]:
-    """Return what the descriptions of all methods have."""
+    """Return the fields common to the descriptions of all methods."""
     from symgen.runtime.kernels.description import ParameterInfo, kernel_infos
     from symgen.scene.rods.linkage import number
 

@@ -90,7 +90,7 @@ def _quantity(name: str, scene: Scene) -> str:
 
 
 def _rows(scene: Scene) -> set[str]:
-    """Return the names of constraints that are not made from the name of one link alone."""
+    """Return the names of constraints other than those derived from the name of one link."""
     rows = {f"{link}_drive" for link in scene.driven}
     rows |= {f"{link}_hinge" for joint in scene.joints for link in joint.links}
     placed: dict[str, list[str]] = {}

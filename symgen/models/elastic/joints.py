@@ -174,7 +174,7 @@ def _motor(linkage: Linkage) -> AppliedTorque | None:
 
 
 def _bound(model: RodsModel, linkage: Linkage) -> list[Constraint]:
-    """Return the constraints that the elastic motion keeps: lengths of rigid links, guides, a held crank."""
+    """Return the constraints of the elastic motion: lengths of rigid links, guides, a held crank."""
     stretching = {b.link for b in linkage.elastic if b.axial}
     beams, crank = {b.link for b in linkage.elastic}, linkage.crank
     free = {f"{crank.link}_drive"} if crank and (crank.mode != "held" or crank.link in beams) else set()

@@ -91,7 +91,7 @@ def groups(model: LoopModel) -> tuple[Group, ...]:
 
 
 def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Export]]:
-    """Return inputs, closure, screws and what their rates leave, with their kernels."""
+    """Return inputs, closure, screws and the velocity-dependent accelerations, with their kernels."""
     names = [v.name for v in model.variables]
     paths, count = model.paths, len(names)
     b = paths.closure

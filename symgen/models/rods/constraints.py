@@ -244,7 +244,7 @@ class ConstrainedPoints(Points):
         return [*rows, *(angles if self.linkage.moves else self._holding(rows, angles))]
 
     def _holding(self, rows: Sequence[Constraint], angles: Sequence[Constraint]) -> list[Constraint]:
-        """Return the angles that hold what other constraints leave free.
+        """Return the angles that fix freedoms of no other constraint.
 
         Constraints count as independent where each can have a coordinate of its own.
         """

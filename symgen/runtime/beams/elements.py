@@ -73,7 +73,7 @@ def _evaluated(block: str, name: str, q: Array, u: Array | None = None) -> Array
 
 
 def rows_at(block: str, kernel: str, rows: Array, n: int, parameters_of_rows: Array, width: int) -> Array:
-    """Return what a kernel of a building block gives for every row, (rows, width).
+    """Return the results of a kernel of a building block for every row, (rows, width).
 
     Rows hold q, n numbers, and u; ``parameters_of_rows`` are parameters of all rows.
     Results have tangents if rows have.

@@ -1,7 +1,7 @@
 /* Solutions with the factors of the groups of dPhi/dq, for one linkage or for lanes of them: the including file defines
  * NUMBER, LINKAGE, and the solutions of a single group before it. */
 
-/* Solve dPhi/dq x = rows over their scales, for what a kernel wrote for all constraints. */
+/* Solve dPhi/dq x = rows over their scales; rows are results of a kernel for all constraints. */
 static void solve(LINKAGE *k, const NUMBER *rows, NUMBER *x) {
     const struct kinematic_groups *g = &k->groups;
     const NUMBER *group = k->values, *coupling = k->values + g->squares, *weight = k->weight;

@@ -1,4 +1,4 @@
-/* LANES_OF(kind) defines kind_of(), the functions of a kind of lanes by their width; NULL where there are none. */
+/* LANES_OF(kind) defines kind_of(), the functions of a kind of lanes by their width; NULL if absent. */
 #ifdef REAL_VECTORS
 #define LANES_OF(KIND)                                                                                                  \
     const struct KIND##_api *KIND##_of(ptrdiff_t width) {                                                               \

@@ -192,7 +192,7 @@ def _with_motor(motion: ElasticMotion, task: Task) -> ElasticMotion:
 
 
 def _check_thesis(motion: ElasticMotion) -> None:
-    """Refuse the thesis' form where what rigid links leave free turns: without R' it is no definite form."""
+    """Refuse the thesis' form for free motions that rotate with rigid links: it is not unique without R'."""
     status, *_, basis = motion.equations().matrices(0.0)
     motion.check(motion.equations(), status, 0.0)
     if basis is not None and np.any(basis[1]):

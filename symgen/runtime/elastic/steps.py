@@ -48,7 +48,7 @@ _MOST_A_TURN = 10_000_000
 #: times are recorded; the least part of the steps found there that the whole run takes; and by how much its
 #: error may grow faster than in proportion: steps that do not suffice cost another run.
 _LASTING, _PART, _FEW, _LEAST, _GROWN = 0.4, 8, 64, 0.6, 2.0
-#: The order of methods whose errors fall too slowly to tell that they fall as the order says.
+#: The order of methods whose errors fall too slowly to confirm their order.
 _SLOW = 2
 
 

@@ -151,7 +151,7 @@ def _check_pole(
 def _inside(
     curve: Curve[LoopConstraints], path: list[CurvePoint], low: float, high: float
 ) -> list[CurvePoint]:
-    """Return the path with its last point, where that left the range, put back to the end itself."""
+    """Return the path; a last point beyond the range is replaced by the end of the range."""
     last = path[-1]
     if low <= last.x[-1] <= high:
         return path

@@ -311,7 +311,7 @@ def _known(
     diagnosis: Array,
     reported: Sequence[Pole],
 ) -> tuple[Variable, ...]:
-    """Return the outputs, not a number where a pole stands or forces cannot be found."""
+    """Return the outputs, NaN at poles and where forces are undetermined."""
     d = kernels.description
     met = diagnosis[:, _loop.STATUS] == _loop.POLE
     for k in np.flatnonzero(met):

@@ -67,7 +67,7 @@ class Constraints:
         return scaled
 
     def _call(self, kernel: str, q: Array, u: Array, t: float) -> Array:
-        """Call a kernel with arrays that are kept: a curve takes thousands of calls."""
+        """Call a kernel with stored arrays, since a curve takes thousands of calls."""
         if kernel not in self._kept:
             source = self.kinematics if kernel == "acceleration_rhs" else self.evaluator
             address, sizes = source.call(kernel)

@@ -99,7 +99,7 @@ def _on(link: str, along: sp.Expr) -> Point:
 
 
 def check_fraction(read: Reader, link: str | None, fraction: sp.Expr, where: str) -> None:
-    """Check that a point of an elastic link is beside it, and not beyond its ends."""
+    """Check that a point of an elastic link is off its axis, between its ends."""
     if not 0 <= read.number(fraction) <= 1:
         raise SceneError(
             f"a point of the elastic link {link} lies between its ends: expected a fraction from 0 to 1, "

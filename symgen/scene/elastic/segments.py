@@ -228,7 +228,7 @@ def _within(linkage: Linkage, at: sp.Expr, low: sp.Expr, high: sp.Expr, last: bo
 
 
 def _springs(part: Segments) -> Iterator[AngularSpring]:
-    """Yield the springs between the rods, with the damping that goes with the stiffness of the link."""
+    """Yield the springs between the rods, with the stiffness-proportional damping of the link."""
     length = part.link.length
     for before, after, node in zip(part.rods[:-1], part.rods[1:], part.nodes[1:-1], strict=True):
         bending = sp.Add(*(c * (node * length) ** k for k, c in enumerate(part.beam.section.bending)))

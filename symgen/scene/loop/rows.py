@@ -141,7 +141,7 @@ def _between_balls(rows: Sequence[Row]) -> Iterator[int]:
 
 
 def _idle(read: LoopReader, rows: Sequence[Row], links_of_variable: dict[int, list[str]]) -> frozenset[int]:
-    """Return the rows of links whose idle spin a constant alpha holds; refuse all other held freedoms."""
+    """Return rows of links whose idle spin a constant alpha fixes; refuse all other fixed freedoms."""
     left, idle = dict(links_of_variable), set()
     for i in _between_balls(rows):
         for row in (i, i + 1):

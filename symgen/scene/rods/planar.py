@@ -66,7 +66,7 @@ def _values_of_constants(linkage: Linkage, plane: Plane) -> Values:
 
 
 def _leaving(linkage: Linkage, plane: Plane, values: Values) -> Iterator[str]:
-    """Yield what pushes, moves or turns the linkage out of a plane."""
+    """Yield the loads, motions and rotations that take the linkage out of a plane."""
     axis = AXES[plane.across]
     if linkage.gravity[plane.across] != 0:
         yield f"gravity.acceleration has a component along {axis}"
@@ -92,7 +92,7 @@ def _leaving(linkage: Linkage, plane: Plane, values: Values) -> Iterator[str]:
 
 
 def _of_load(load: Load, plane: Plane, values: Values) -> Iterator[str]:
-    """Yield why a load takes the linkage out of a plane, or does not act in it as it does in space."""
+    """Yield reasons why a load leaves the plane, or acts differently in the plane and in space."""
     here = list(load.terms(3))
     within = list(load.in_plane(plane.across, lambda e: e.xreplace(values)).terms(2))
     alike = [a.on == b.on for a, b in zip(here, within, strict=False)]

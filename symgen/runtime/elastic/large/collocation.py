@@ -195,7 +195,7 @@ class System:
         """Take note of the motion at the end of a step, or at the start."""
 
     def memory(self) -> dict[str, Array]:
-        """Return what it noted in :meth:`follow`."""
+        """Return the notes of :meth:`follow`."""
         return {}
 
     def restore(self, memory: Mapping[str, Array]) -> None:

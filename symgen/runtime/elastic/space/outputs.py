@@ -15,7 +15,7 @@ from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.tangents import input_power
 from symgen.runtime.result.records import Variable
 
-#: What the kernel ``section`` gives, in order, with units; moments are its columns 3 to 5.
+#: Results of the kernel ``section``, in order, with units; moments are its columns 3 to 5.
 _AT_STATIONS = {
     "axial_strain": ("1", "axial strain"),
     "bending_strain_y": ("1", "strain by bending about y"),

@@ -33,7 +33,8 @@ Array = NDArray[np.float64]
 
 #: Error that corrections leave in the places: stiff links multiply it.
 _CLOSE = 1e-14
-#: Solutions of the change of an equilibrium, each of what the one before leaves: the matrix is shifted.
+#: Number of solutions for the change of an equilibrium, each for the residual of the previous one, since the
+#: matrix is shifted.
 _REFINED = 3
 
 
