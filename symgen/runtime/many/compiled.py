@@ -70,11 +70,13 @@ class Compiled:
         if info and keep.outputs is not None:
             info = replace(info, blocks=tuple(b for b in info.blocks if b.name in keep.outputs))
         variables = continued(shaped(info, out), d.turns, turned) if info else ()
-        drift = dict(zip(("constraint", "energy"), drifts.T, strict=True))
         is_done = regular & ~self.single[rows]
-        return keep.of_rows(
-            variables, along, None, drift, d.shown_axes, is_done.tolist(), np.arange(first, last)
-        )
+        if not is_done.all():
+            variables = tuple(v.of(v.values[is_done]) for v in variables)
+        drift = dict(zip(("constraint", "energy"), drifts[is_done].T, strict=True))
+        runs = first + np.flatnonzero(is_done)
+        found = keep(variables, along, None, drift, d.shown_axes, runs) if len(runs) else None
+        return [found if own else None for own in is_done.tolist()]
 
     def _runs(self) -> Runs:
         chosen, start = self.chosen, start_of(self.evaluator, self.chosen.rate)

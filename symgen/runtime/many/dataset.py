@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,20 +28,21 @@ BLOCK = 32
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """Samples of one run that are kept, or of a block of runs, which share the record.
+    """Samples that are kept of one run, or of a block of runs, which share the record.
 
     Attributes
     ----------
     along, times
-        The coordinate of its samples, and their times if these are not the coordinate; None without samples.
+        The coordinate of its samples, and their times, (samples,) or (runs, samples), if these are not the
+        coordinate; None without samples.
     samples, single
-        Outputs with a value per sample, and quantities with one value per run.
+        Outputs with a value per sample, and quantities with one value per run: a row for each run.
     axes
         Names of the components of vectors.
     error
         Message of a failed run, which has nothing else.
     runs
-        Increasing numbers of the runs of a block, whose ``samples`` and ``single`` have a row for each.
+        Increasing numbers of the runs of a block.
     """
 
     along: Coordinate | None = None
@@ -70,80 +71,42 @@ class Keep:
 
     def __call__(
         self,
-        variables: tuple[Variable, ...],
-        along: Coordinate,
-        times: Array | None,
-        drift: Mapping[str, float | Array],
-        axes: tuple[str, ...],
-        row: int | None = None,
-        runs: NDArray[np.intp] | None = None,
-    ) -> Kept:
-        """Return the selected outputs of one run, or their reductions, and its drift.
-
-        With ``row``, variables and drift hold those of a block of ``runs``.
-        """
-        samples = chosen(variables, self.outputs)
-        strayed = _drifts(drift)
-        if self.reduce is None:
-            return Kept(along, times, samples, strayed, axes, runs=runs)
-        if row is not None:
-            samples, strayed = (
-                tuple(replace(v, values=v.values[row]) for v in block) for block in (samples, strayed)
-            )
-        if callable(self.reduce):
-            single = tuple(replace(v, values=_reduced(self.reduce, v)) for v in samples)
-            return Kept(single=(*single, *strayed), axes=axes)
-        names = reductions(self.reduce)
-        weights = mean_weights(along.values, times)
-        single = tuple(reduced(v, name, weights) for name in names if name != HISTORY for v in samples)
-        strayed = (*strayed, _recorded(np.array(float(along.values.size))))
-        if HISTORY in names:
-            return Kept(along, times, samples, (*single, *strayed), axes)
-        return Kept(single=(*single, *strayed), axes=axes)
-
-    def of_rows(
-        self,
-        variables: tuple[Variable, ...],
+        variables: Sequence[Variable],
         along: Coordinate,
         times: Array | None,
         drift: Mapping[str, Array],
         axes: tuple[str, ...],
-        is_done: Sequence[bool],
-        runs: NDArray[np.intp],
-    ) -> list[Kept | None]:
-        """Return the stored outputs of each completed run of a block, None for the others."""
-        if self.reduce is not None:
-            return [
-                self(variables, along, times, drift, axes, i) if own else None
-                for i, own in enumerate(is_done)
-            ]
-        block = self(variables, along, times, drift, axes, runs=runs)
-        return [block if own else None for own in is_done]
+        runs: NDArray[np.intp] | None = None,
+        reduction: Callable[[Variable, str, Array], Variable] = reduced,
+    ) -> Kept:
+        """Return the selected outputs of one or more runs, or their reductions, and their drift (runs,).
 
-    def of_block(
-        self,
-        variables: Sequence[Variable],
-        drift: Array,
-        axes: tuple[str, ...],
-        along: Array,
-        reduction: Callable[[Variable, str, Array], Variable],
-        runs: NDArray[np.intp],
-        times: Array | None = None,
-    ) -> list[Kept]:
-        """Return the reductions of runs with samples along their coordinate, (runs, samples) or (samples,).
-
-        ``drift`` is that of the constraints (runs,) [m].
+        Outputs are (runs, samples, ...). Where names of reductions are given, the coordinate may be (runs,
+        samples), and ``reduction`` may be one of other values than all samples.
         """
-        samples = chosen(tuple(variables), self.outputs)
-        size, weights = np.full(len(drift), float(along.shape[-1])), mean_weights(along, times)
-        reduced = tuple(reduction(v, name, weights) for name in self.names for v in samples)
-        single = (*reduced, *_drifts({"constraint": drift}), _recorded(size))
-        return [Kept(single=single, axes=axes, runs=runs)] * len(runs)
+        samples, single = chosen(tuple(variables), self.outputs), _drifts(drift)
+        if self.reduce is None:
+            return Kept(along, times, samples, single, axes, runs=runs)
+        if callable(self.reduce):
+            made = tuple(v.of(_reduced(self.reduce, v)) for v in samples)
+            return Kept(single=(*made, *single), axes=axes, runs=runs)
+        names, weights = reductions(self.reduce), mean_weights(along.values, times)
+        made = tuple(reduction(v, name, weights) for name in names if name != HISTORY for v in samples)
+        count = np.full(1 if runs is None else len(runs), float(along.values.shape[-1]))
+        single = (*made, *single, _recorded(count))
+        if HISTORY in names:
+            return Kept(along, times, samples, single, axes, runs=runs)
+        return Kept(single=single, axes=axes, runs=runs)
 
 
-def _drifts(drift: Mapping[str, float | Array]) -> tuple[Variable, ...]:
+def of_one(variables: Iterable[Variable]) -> tuple[Variable, ...]:
+    """Return variables of one run with the axis of runs."""
+    return tuple(v.of(v.values[None]) for v in variables)
+
+
+def _drifts(drift: Mapping[str, Array]) -> tuple[Variable, ...]:
     return tuple(
-        Variable(f"{name}_drift", unit, f"largest drift of the {name}", (), np.asarray(drift[name]))
+        Variable(f"{name}_drift", unit, f"largest drift of the {name}", (), drift[name])
         for name, unit in (("constraint", "m"), ("energy", "J"))
         if name in drift
     )
@@ -170,14 +133,17 @@ def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tu
 
 
 def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:
-    values = np.asarray(reduce(variable.values, axis=0), dtype=float)
-    shape = variable.values.shape
-    if values.shape != shape[1:]:
-        raise ModelError(
-            f"expected reduce to return the shape {shape[1:]} for the samples of {variable.name}, of shape "
-            f"{shape}, got the shape {values.shape}"
-        )
-    return values
+    _, *shape = variable.values.shape
+    found = np.empty((len(variable.values), *shape[1:]))
+    for i, samples in enumerate(variable.values):
+        values = np.asarray(reduce(samples, axis=0), dtype=float)
+        if values.shape != samples.shape[1:]:
+            raise ModelError(
+                f"expected reduce to return the shape {samples.shape[1:]} for the samples of "
+                f"{variable.name}, of shape {samples.shape}, got the shape {values.shape}"
+            )
+        found[i] = values
+    return found
 
 
 def dataset_of(
@@ -197,10 +163,10 @@ def arrays_of(
     """Return the data and the coordinates of a dataset of all runs, as dimensions, values and attributes."""
     count, errors = len(kept), np.full(len(kept), "", dtype=object)
     blocks: list[_Block] = []
-    for runs, one in _shared(kept):
-        errors[runs] = one.error
-        if not one.error:
-            blocks.append(_Block(runs, one))
+    for block in _shared(kept):
+        errors[block.runs] = block.one.error
+        if not block.one.error:
+            blocks.append(block)
     model_of = max((b.one for b in blocks), key=lambda k: k.along.values.size if k.along else 0)
     along, size = model_of.along, model_of.along.values.size if model_of.along else 0
     places = [_places(b.one.along, along) for b in blocks]
@@ -242,26 +208,20 @@ def arrays_of(
 
 
 class _Block(NamedTuple):
-    """Neighbouring runs that did not fail and share a record."""
+    """Neighbouring runs that share a record, and their rows in its values."""
 
     runs: slice
+    rows: slice
     one: Kept
 
-    @property
-    def rows(self) -> slice | None:
-        """Rows of the runs in the values of the record; None for a record of one run, without rows."""
-        if self.one.runs is None:
-            return None
-        first = int(np.searchsorted(self.one.runs, self.runs.start))
-        return slice(first, first + self.runs.stop - self.runs.start)
 
-
-def _shared(kept: Sequence[Kept]) -> Iterator[tuple[slice, Kept]]:
-    """Yield neighbouring runs with the same record, together, and the record."""
+def _shared(kept: Sequence[Kept]) -> Iterator[_Block]:
+    """Yield neighbouring runs with the same record, together."""
     first = 0
     for _, same in groupby(kept, id):
-        count = sum(1 for _ in same)
-        yield slice(first, first + count), kept[first]
+        count, one = sum(1 for _ in same), kept[first]
+        row = 0 if one.runs is None else int(np.searchsorted(one.runs, first))
+        yield _Block(slice(first, first + count), slice(row, row + count), one)
         first += count
 
 
@@ -272,7 +232,7 @@ def _rows(
     rows = np.full((count, size), np.nan)
     for block, of_runs, place in zip(blocks, values, places, strict=True):
         if of_runs is not None:
-            rows[block.runs, place] = of_runs
+            rows[block.runs, place] = of_runs if of_runs.ndim == 1 else of_runs[block.rows]
     return rows
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,11 +16,11 @@ from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import BLOCK, Keep, Kept
-from symgen.runtime.many.reductions import EXTREMES, of_extremes, reduced
+from symgen.runtime.many.reductions import EXTREMES, of_extremes
 from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
 from symgen.runtime.result.recorded_motion import Along, chosen_names, coordinate_of, of_names
-from symgen.runtime.result.records import Variable
+from symgen.runtime.result.records import Variable, over_time
 from symgen.runtime.rods.constraints import rotations_of
 from symgen.runtime.rods.following.branch import TURN, nodes_of, turned
 from symgen.runtime.rods.following.groups import Groups, groups_of
@@ -117,6 +116,8 @@ class Driven:
         with np.errstate(all="ignore"):  # of runs that ended before
             is_done &= turned(d, self.nodes, places, velocities) <= TURN
         runs, which = runs[is_done], np.ix_(np.flatnonzero(is_done), self.asked)
+        if not len(runs):
+            return results
         states, times = states[which], self.nodes[self.asked]
         kinematics = self.model.analysis("kinematics")
         closed = over_variants(kinematics, "closure", parameter_rows[runs], times, states)
@@ -128,28 +129,17 @@ class Driven:
             variables = self._of_motion(parameter_rows[runs], states, places[is_done], velocities[is_done])
         if keep.outputs is not None and {*keep.outputs} <= {v.name for v in variables}:
             variables = [v for v in variables if v.name in (*keep.outputs, self.drive)]
-        if keep.names:
-            sampled = [v for v in variables if v.name != self.drive]
-            over = next((v.values for v in variables if v.name == self.drive), times)
-            _placed(
-                runs,
-                keep.of_block(sampled, missed, d.axes, over, partial(reduced, axis=1), first + runs, times),
-                results,
-            )
-            return results
-        driven = [v.values for v in variables if v.name == self.drive]
-        if all(np.array_equal(x, np.broadcast_to(x[:1], x.shape)) for x in driven):
-            one = [replace(v, values=v.values[0]) if v.name == self.drive else v for v in variables]
-            along, own = coordinate_of(times, one, self.drive)
-            of_time, drift = None if along.name == "time" else times, {"constraint": missed}
-            every = [True] * len(runs)
-            _placed(
-                runs, keep.of_rows(tuple(own), along, of_time, drift, d.axes, every, first + runs), results
-            )
+        along, sampled = coordinate_of(times, variables, self.drive)
+        of_time, drift = None if along.name == "time" else times, {"constraint": missed}
+        if along.values.ndim == 2 and not np.any(along.values != along.values[0]):
+            along = replace(along, values=along.values[0])
+        if along.values.ndim == 1 or keep.names:
+            _placed(runs, [keep(sampled, along, of_time, drift, d.axes, first + runs)] * len(runs), results)
             return results
         for i, run in enumerate(runs.tolist()):
-            along, own = coordinate_of(times, [replace(v, values=v.values[i]) for v in variables], self.drive)
-            results[run] = keep(tuple(own), along, times, {"constraint": float(missed[i])}, d.axes)
+            one = [v.of(v.values[[i]]) for v in sampled]
+            own = replace(along, values=along.values[i])
+            results[run] = keep(one, own, of_time, {"constraint": missed[[i]]}, d.axes)
         return results
 
     def most(self, keep: Keep) -> int:
@@ -194,8 +184,10 @@ class Driven:
         good = is_done & steady
         forces = [of_unknown(u, d.axes, rows[good][..., columns]) for u, columns in self.unknowns]
         along = self.nodes[self.asked]
-        blocks = keep.of_block(forces, missed[good], d.axes, along, of_extremes, first + runs[good])
-        _placed(runs[good], blocks, results)
+        if np.any(good):
+            drift, numbers = {"constraint": missed[good]}, first + runs[good]
+            found = keep(forces, over_time(along), None, drift, d.axes, numbers, of_extremes)
+            _placed(runs[good], [found] * len(numbers), results)
         return runs[is_done & ~steady]
 
     def _lanes(self) -> KinematicLanes:

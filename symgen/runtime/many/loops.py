@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.loop.driven import LEAST_RANGE, PARTS, STAGES
 from symgen.runtime.loop.kernels import CLOSE, LoopKernels
 from symgen.runtime.loop.limits import WEAK
-from symgen.runtime.many.dataset import BLOCK, Keep, Kept, chosen
-from symgen.runtime.many.reductions import reduced
+from symgen.runtime.many.dataset import BLOCK, Keep, Kept
 from symgen.runtime.many.starts import parameters_of_runs
 from symgen.runtime.result.records import Coordinate, over_time
 from symgen.runtime.result.turn import Turn, variables
@@ -76,28 +74,16 @@ class DrivenLoops:
             LEAST_RANGE,
             WEAK,
         )
-        is_done &= np.any(
-            parameter_rows != defaults, axis=1
-        )  # the start with the parameters of the scene is stored
+        is_done &= np.any(parameter_rows != defaults, axis=1)  # the start of the scene's own is stored
         is_done &= ~np.any(hold[:, 1:] * hold[:, :-1] < 0.0, axis=1)  # a dead centre between samples
-        block_variables = tuple(v for v in variables(d, np.moveaxis(out, 1, 2)) if v.name in self.names)
-        results: list[Kept | None] = [None] * len(parameter_rows)
-        runs, drift = np.flatnonzero(is_done), {"constraint": closure * d.size}
-        if keep.names:
-            block = [replace(v, values=v.values[runs]) for v in chosen(block_variables, keep.outputs)]
-            missed = drift["constraint"][runs]
-            values = times[runs] if self.along is None else self.along.values
-            reduced_blocks = keep.of_block(
-                block, missed, _AXES, values, partial(reduced, axis=1), first + runs
-            )
-            for i, one in zip(runs.tolist(), reduced_blocks, strict=True):
-                results[i] = one
-            return results
-        for i in runs.tolist():
-            along = over_time(times[i]) if self.along is None else self.along
-            of_time = None if self.along is None else times[i]
-            results[i] = keep(block_variables, along, of_time, drift, _AXES, i, np.arange(first, last))
-        return results
+        block_variables = [v for v in variables(d, np.moveaxis(out, 1, 2)) if v.name in self.names]
+        runs = np.flatnonzero(is_done)
+        if not len(runs):
+            return [None] * len(parameter_rows)
+        block = [v.of(v.values[runs]) for v in block_variables]
+        along, of_time = (over_time(self.values), None) if self.along is None else (self.along, times[runs])
+        found = keep(block, along, of_time, {"constraint": closure[runs] * d.size}, _AXES, first + runs)
+        return [found if ran else None for ran in is_done.tolist()]
 
 
 def driven_loops(model: Any, first: Turn, columns: Mapping[str, Array]) -> DrivenLoops | None:

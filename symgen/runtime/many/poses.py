@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symgen.runtime.many.dataset import Kept, chosen
+from symgen.runtime.many.dataset import Kept, chosen, of_one
 from symgen.runtime.result.modes import ElasticModes, RotorModes
 from symgen.runtime.result.records import Variable
 
@@ -44,7 +44,7 @@ def at_one_pose(equilibrium: Equilibrium, axes: tuple[str, ...], outputs: Sequen
     stability = Variable(
         "stability", "1", "stable, neutral or unstable", (), np.array(equilibrium.stability, dtype=object)
     )
-    return Kept(single=(*chosen(single, outputs), stability), axes=axes)
+    return Kept(single=of_one([*chosen(single, outputs), stability]), axes=axes)
 
 
 def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | None) -> Kept:
@@ -65,7 +65,7 @@ def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | 
     ]
     if growth.size:
         single.append(Variable("growth", "1/s", "fastest growth of a mode", (), np.array(np.max(growth))))
-    return Kept(single=chosen(tuple(single), outputs))
+    return Kept(single=of_one(chosen(tuple(single), outputs)))
 
 
 def with_notes(kept: Kept, notes: Sequence[str]) -> Kept:
@@ -77,11 +77,12 @@ def with_notes(kept: Kept, notes: Sequence[str]) -> Kept:
         (),
         np.array("\n".join(notes), object),
     )
-    return replace(kept, single=(*kept.single, text))
+    return replace(kept, single=(*kept.single, *of_one([text])))
 
 
 def with_stability(kept: Kept, statistics: Mapping[str, Any]) -> Kept:
     """Return the values of a steady state with ``floquet``, the largest magnitude of a Floquet multiplier."""
     largest = max((abs(complex(*z)) for z in statistics["floquet"]), default=np.nan)
     about = "largest magnitude of a Floquet multiplier"
-    return replace(kept, single=(*kept.single, Variable(FLOQUET, "1", about, (), np.array(largest))))
+    stability = Variable(FLOQUET, "1", about, (), np.array(largest))
+    return replace(kept, single=(*kept.single, *of_one([stability])))

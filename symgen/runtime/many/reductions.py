@@ -43,22 +43,20 @@ def mean_weights(along: Array, times: Array | None = None) -> Array:
     return weights / np.sum(weights)
 
 
-def _mean(values: Array, axis: int, weights: Array) -> Any:
-    return np.sum(values * weights.reshape(*weights.shape, *[1] * (values.ndim - 1 - axis)), axis=axis)
+def _mean(values: Array, weights: Array) -> Any:
+    return np.sum(values * weights.reshape(*weights.shape, *[1] * (values.ndim - 2)), axis=1)
 
 
-#: Reductions over the axis of the samples by name: of values, axis, whether the last axis is of vectors, and
-#: the weights of the samples in a mean.
-REDUCTIONS: dict[str, Callable[[Array, int, bool, Array], Any]] = {
-    "peak": lambda values, axis, vector, _: np.max(_magnitudes(values, vector), axis=axis),
-    "greatest": lambda values, axis, *_: np.max(values, axis=axis),
-    "least": lambda values, axis, *_: np.min(values, axis=axis),
-    "range": lambda values, axis, *_: np.max(values, axis=axis) - np.min(values, axis=axis),
-    "mean": lambda values, axis, _, weights: _mean(values, axis, weights),
-    "rms": lambda values, axis, vector, weights: np.sqrt(
-        _mean(_magnitudes(values, vector) ** 2, axis, weights)
-    ),
-    "final": lambda values, axis, *_: np.take(values, -1, axis=axis),
+#: Reductions by name of values (runs, samples, ...), with whether the last axis is of vectors, and weights of
+#: the samples in a mean.
+REDUCTIONS: dict[str, Callable[[Array, bool, Array], Any]] = {
+    "peak": lambda values, vector, _: np.max(_magnitudes(values, vector), axis=1),
+    "greatest": lambda values, *_: np.max(values, axis=1),
+    "least": lambda values, *_: np.min(values, axis=1),
+    "range": lambda values, *_: np.max(values, axis=1) - np.min(values, axis=1),
+    "mean": lambda values, _, weights: _mean(values, weights),
+    "rms": lambda values, vector, weights: np.sqrt(_mean(_magnitudes(values, vector) ** 2, weights)),
+    "final": lambda values, *_: values[:, -1],
 }
 _OF_MAGNITUDE = ("peak", "rms")
 #: Extremes of samples: the greatest and the least of each component, the longest vector, the last; and the
@@ -86,17 +84,17 @@ def reductions(names: str | Sequence[str]) -> tuple[str, ...]:
 def of_extremes(variable: Variable, name: str, weights: Array) -> Variable:
     """Return a reduction of the outputs of many runs from their extremes, (runs, 4, ...)."""
     numbers = EXTREMES[name][bool(variable.components)]
-    return reduced(replace(variable, values=variable.values[:, numbers]), name, weights, 1)
+    return reduced(replace(variable, values=variable.values[:, numbers]), name, weights)
 
 
-def reduced(variable: Variable, name: str, weights: Array, axis: int = 0) -> Variable:
-    """Return the reduction ``OUTPUT.NAME`` of an output over the axis of its samples.
+def reduced(variable: Variable, name: str, weights: Array) -> Variable:
+    """Return the reduction ``OUTPUT.NAME`` of an output (runs, samples, ...) over its samples.
 
     ``weights`` are those of the samples in a mean. Peak and rms of a vector are of its magnitude.
     """
     vector = bool(variable.components)
     samples = np.ascontiguousarray(variable.values)
-    values = np.asarray(REDUCTIONS[name](samples, axis, vector, weights), dtype=float)
+    values = np.asarray(REDUCTIONS[name](samples, vector, weights), dtype=float)
     components = () if name in _OF_MAGNITUDE else variable.components
     return Variable(
         f"{variable.name}.{name}", variable.unit, f"{name} of {variable.about}", components, values

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, check_known, shown
 from symgen.runtime.many.compiled import compiled_runs
-from symgen.runtime.many.dataset import BLOCK, Keep, Kept
+from symgen.runtime.many.dataset import BLOCK, Keep, Kept, of_one
 from symgen.runtime.many.driven import Driven, driven_runs
 from symgen.runtime.many.poses import FLOQUET, at_one_pose, of_modes, with_notes, with_stability
 
@@ -124,8 +124,8 @@ class Runs:
         periodic = self.analysis == "periodic"
         if periodic and keep.outputs is not None:  # which has it in any case, and no samples of it
             keep = replace(keep, outputs=[name for name in keep.outputs if name != FLOQUET])
-        measured = result.drift.measured
-        kept = keep(result.variables, result.coordinate, result.times, measured, result.axes)
+        measured = {name: np.array([value]) for name, value in result.drift.measured.items()}
+        kept = keep(of_one(result.variables), result.coordinate, result.times, measured, result.axes)
         if periodic:
             kept = with_stability(kept, result.statistics)
         return with_notes(kept, result.notes) if result.NOTED_IN_MANY else kept

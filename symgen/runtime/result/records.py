@@ -59,6 +59,10 @@ class Variable:
     components: tuple[str, ...]
     values: Array
 
+    def of(self, values: Array) -> Variable:
+        """Return the same output with other values; ``replace`` takes three times as long."""
+        return Variable(self.name, self.unit, self.about, self.components, values)
+
 
 def columns(variables: Sequence[Variable]) -> tuple[Variable, ...]:
     """Return every component of outputs as an output of its own, such as ``C.position.x``."""
