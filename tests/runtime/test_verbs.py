@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import symgen
 from symgen.errors import CapabilityError, ModelError, SymgenError
 from symgen.runtime.model.model import VERBS
+from symgen.runtime.model.verbs import accepted
 
 LINEAR = {"linearise", "mass_matrix", "jacobian", "sensitivity"}
 RODS = {"simulate", "record", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
@@ -217,3 +219,12 @@ def test_a_run_is_repeated_from_the_state_that_it_was_given():
     kept = run.variables[0].values[1].copy()
     state.u[:] = 3.0
     assert np.array_equal(run.at([0.05]).variables[0].values[0], kept)
+
+
+@pytest.mark.parametrize("scene", [*SUPPORTED, "spatial_slider_crank"])
+def test_models_accept_no_argument_that_is_not_declared(scene):
+    """A method that renames an argument of the analysis it carries out would never be given it."""
+    model = symgen.build(scene)
+    for name in model.capabilities:
+        declared = set(inspect.signature(getattr(type(model), name)).parameters)
+        assert accepted(model, name) <= declared, name
