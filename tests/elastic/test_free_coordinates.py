@@ -67,8 +67,9 @@ def test_a_double_pendulum_with_an_elastic_link():
 
 def test_options_of_linear_theory_are_refused():
     model = symgen.build(pendulum())
-    with pytest.raises(ModelError, match=r"rigid motion of B: .*\n.*model.large_rotation\(elements=4\)"):
-        model.simulate(method="newmark")
+    for option in ({"method": "newmark"}, {"t_eval": np.array([0.0, 0.1])}, {"initial": [1e-3]}):
+        with pytest.raises(ModelError, match=r"rigid motion of B: .*\n.*model.large_rotation\(elements=4\)"):
+            model.simulate(**option)
     with pytest.raises(ModelError, match="t_end or revolutions, not both"):
         model.large_rotation(elements=2, t_end=0.1, revolutions=1)
     with pytest.raises(ModelError, match="expected t_end above zero, got -1"):

@@ -342,9 +342,9 @@ class ElasticModel(Model):
 def _in_large_rotation(asked: ElasticRun) -> LargeRotation | None:
     """Return a run in large rotation in place of one by linear theory; None for options that it lacks."""
     shared = ("t_end", "revolutions", "rtol", "max_step", "samples", "max_wall", "progress", *_KEPT)
-    plain = ElasticRun()
-    own = (f.name for f in fields(asked) if f.name not in shared)
-    if any(getattr(asked, name) != getattr(plain, name) for name in own):
+    others = ((getattr(asked, f.name), f.default) for f in fields(asked) if f.name not in shared)
+    # A list or an array is no default.
+    if any(np.ndim(value) or value != default for value, default in others):
         return None
     given = {name: getattr(asked, name) for name in shared}
     samples = sample_count(asked.samples, None, 361)
