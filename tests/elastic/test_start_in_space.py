@@ -7,10 +7,13 @@ import json
 import numpy as np
 import pytest
 from shared.commands import call
+from shared.in_numpy import build
 from shared.shipped import IN_SPACE
 
 import symgen
 from symgen.errors import ModelError
+from symgen.runtime.elastic.space.initial import initial
+from symgen.runtime.elastic.space.linkage import LinkageInSpace
 
 LENGTH, WIDTH, THICKNESS, E, DENSITY = 0.4, 8e-3, 4e-3, 210e9, 7850.0
 MU, G = DENSITY * WIDTH * THICKNESS, 9.81
@@ -96,6 +99,59 @@ def test_modes_vibrate_freely():
     expected = np.exp(-z * w * run.time) * (np.cos(v * run.time) + z * w / v * np.sin(v * run.time))
     assert moved @ moved[0] / (moved[0] @ moved[0]) == pytest.approx(expected, abs=2e-3)
     assert run.provenance["initial"] == (size,)
+
+
+@pytest.mark.parametrize(
+    ("section", "ends", "amplitudes", "expected"),
+    [
+        # Of a round cantilever every transverse direction has these frequencies: the first is along y.
+        ({"diameter": "4 mm"}, "clamped", [1e-3], [0, 9.728e-5, 0]),
+        ({"diameter": "4 mm"}, "clamped", [0, 1e-3], [0, 0, 9.728e-5]),
+        # sin(2 pi x/L): the half that is displaced to the positive side is the first one.
+        (ROD["section"], "pinned", [0, 0, 1e-3], [0, 0, 1e-3]),
+        (ROD["section"], "pinned", [0, 0, 0, -1e-3], [0, -1e-3, 0]),
+    ],
+)
+def test_modes_of_one_start_have_signs_and_directions(section, ends, amplitudes, expected):
+    """At a quarter of the length, with any number of elements; a cantilever has 0.0973 of its end there.
+
+    This is (cosh b - cos b - s (sinh b - sin b))/2 with b = 1.8751/4, s = 0.7341.
+    """
+    pinned = ends == "pinned"
+    scene = symgen.Scene(
+        points={
+            "O": at(0, 0, 0, ground=True), "P": at(LENGTH, 0, 0),
+            **({x: at(LENGTH + s, 0, 0, ground=True) for x, s in (("B", -0.1), ("C", 0.1))} if pinned else {}),
+        },
+        links={
+            "rod": {"points": ["O", "P"], **ROD, "section": section},
+            **({"rail": {"points": ["B", "C"]}} if pinned else {}),
+        },
+        welds=[] if pinned else [{"point": "O", "links": ["rod"]}],
+        joints=[{"point": "O", "links": ["rod"], "kind": "universal", "axis": [0, 0, 1]}] if pinned else [],
+        guides=[{"points": ["P"], "along": "rail"}] if pinned else [],
+        analysis={"t_end": "0.01 s"},
+    )  # fmt: skip
+    rigid = build(scene).rigid
+    for divided in (1, 2, 3):
+        linkage = LinkageInSpace(rigid, divided)
+        start = initial(linkage, amplitudes)
+        state = (x[None] for x in (start.q, start.v, start.a))
+        place = linkage.links[0].resultants(*state, 0.25)[0, -3:] - [LENGTH / 4, 0, 0]
+        np.testing.assert_allclose(place, expected, atol=5e-7)
+
+
+def test_a_run_without_work_has_no_balance_of_powers():
+    """Nothing does work on free vibrations without damping: their energy drift is all there is to compare."""
+    scene = symgen.Scene(
+        points={"O": at(0, 0, 0, ground=True), "P": at(LENGTH, 0, 0)},
+        links={"rod": {"points": ["O", "P"], **ROD}},
+        welds=[{"point": "O", "links": ["rod"]}],
+        analysis={"t_end": "0.01 s"},
+    )
+    run = build(scene).simulate(1e-3, samples=3, initial=[1e-4])
+    assert run.statistics["power_balance"] is None
+    assert run.drift.energy < 1e-6 * run.drift.energy_exchanged
 
 
 def test_the_command_takes_initial_states():

@@ -230,7 +230,7 @@ def drift_of(system: System, moments: Sequence[Moment]) -> tuple[Drift, float | 
 
     The last is the largest difference between the input power and the sum of the dissipated power and the
     rate of all energies, as means from one moment to the next, over the largest of these powers. It is None
-    for a single moment, without powers, and where not all work is accounted for.
+    for a single moment, where nothing does work or is damped, and where not all work is accounted for.
     """
     t, q, v, a, _ = stacked(moments)
     rows = system.core.rows(t, q, v, *system.prescribed(t))
@@ -243,8 +243,9 @@ def drift_of(system: System, moments: Sequence[Moment]) -> tuple[Drift, float | 
     drift = Drift(constraint, velocity, float(np.max(np.abs(error - error[0]))), float(exchanged))
     damping = (dissipated[1:] + dissipated[:-1]) / 2
     rate, net, imbalance = (np.diff(x) / np.diff(t) for x in (energy, work, error))
-    largest = max(float(np.max(np.abs(x), initial=0.0)) for x in (rate, damping, net + damping))
-    return drift, float(np.max(np.abs(imbalance))) / largest if largest else None
+    change, *powers = (float(np.max(np.abs(x), initial=0.0)) for x in (rate, damping, net + damping))
+    # The error of a constant energy is no share of its own changes.
+    return drift, float(np.max(np.abs(imbalance))) / max(change, *powers) if any(powers) else None
 
 
 def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) -> ElasticResult:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +25,8 @@ _APART, _SHORTER, _SETTLED = 1e-2, 8, 1e-5
 _ROUNDED = 1e-9
 #: Fractions of an element at which the largest displacement of a mode is looked for.
 _PLACES = np.linspace(0.0, 1.0, 17)
+#: Part of frequencies and displacements by which those that count as alike differ.
+_ALIKE = 1e-6
 #: Corrections at most that put a deflected shape on the constraints, and their size over that of unknowns.
 _MOST, _CLOSE = 20, 1e-13
 
@@ -97,7 +99,7 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
     """Return the undeformed start deflected by modes, with its rates.
 
     Amplitudes [m] are the largest displacements of elastic links in the first modes that strain the linkage,
-    about its equilibrium with the input held; the largest component of this displacement is positive.
+    about its equilibrium with the input held; see :func:`_oriented` for their signs.
     """
     longest = max(float(link.length.real) for link in linkage.links)
     beyond = next((size for size in amplitudes if abs(size) > longest), None)
@@ -113,22 +115,15 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
             f"{linkage.name}: expected amplitudes of at most {len(shapes)} modes as the initial state, "
             f"got {len(amplitudes)}"
         )
-    q, still = found.q, np.zeros((1, linkage.unknowns))
-    for size, shape in zip(amplitudes, shapes, strict=False):
-        # Places are linear in the unknowns.
-        places = [
-            link.values("section", shape[None], still, still, fraction=x)[..., -3:].reshape(-1, 3)
-            for link in linkage.links
-            for x in _PLACES
-        ]
-        displaced = np.concatenate(places)
-        largest = displaced[np.argmax(np.linalg.norm(displaced, axis=1))]
-        sign = np.sign(largest[np.argmax(np.abs(largest))])
-        q = q + sign * size / np.linalg.norm(largest) * shape
+    q = found.q
+    oriented = _oriented(linkage, modes.frequencies[modes.rigid :], shapes)
+    for size, (shape, largest) in zip(amplitudes, oriented, strict=False):
+        q = q + size / largest * shape
+    still = np.zeros(linkage.unknowns)
     slopes = linkage.slopes(found.t, found.q, found.v, found.a, found.multipliers)
     solve = linkage.pattern.factorised(slopes.mass + slopes.jacobian)
     for _ in range(_MOST):
-        change = solve(np.append(still[0], linkage.errors(found.t, q)))[: linkage.unknowns]
+        change = solve(np.append(still, linkage.errors(found.t, q)))[: linkage.unknowns]
         q = q - change
         if np.max(np.abs(change) / linkage.scale) <= _CLOSE:
             return linkage.with_rates(replace(found, q=q))
@@ -136,3 +131,37 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
         f"{linkage.name}: the constraints do not hold with initial modes of these amplitudes\n"
         "  Give smaller amplitudes."
     )
+
+
+def _oriented(linkage: LinkageInSpace, frequencies: Array, shapes: Array) -> Iterator[tuple[Array, float]]:
+    """Yield shapes of modes (modes, unknowns) with signs, and their largest displacements [m].
+
+    The largest component of the largest displacement is positive; of several alike, the first one. Sums of
+    modes with one frequency are modes too: the first one has all of this component. So the state does not
+    depend on round-off or on the number of elements.
+    """
+    from scipy.linalg import null_space
+
+    # Places are linear in the unknowns.
+    still, links = np.zeros_like(shapes), linkage.links
+    places = [
+        np.stack([k.values("section", shapes, still, still, fraction=x)[..., -3:] for x in _PLACES], axis=2)
+        for k in links
+    ]
+    displaced = np.concatenate([x.reshape(len(shapes), -1, 3) for x in places], axis=1)
+    apart = np.flatnonzero(np.diff(frequencies) > _ALIKE * frequencies[1:]) + 1
+    for of_one, displaced_in in zip(np.split(shapes, apart), np.split(displaced, apart), strict=True):
+        modes, moved = of_one, displaced_in
+        while len(modes):
+            sizes = np.linalg.norm(moved, axis=0)
+            place = _first_largest(np.linalg.norm(sizes, axis=1))
+            by_mode = moved[:, place, _first_largest(sizes[place])]
+            weights = by_mode / np.linalg.norm(by_mode)
+            yield weights @ modes, float(np.max(np.linalg.norm(np.tensordot(weights, moved, 1), axis=1)))
+            others = null_space(weights[None]).T
+            modes, moved = others @ modes, np.tensordot(others, moved, 1)
+
+
+def _first_largest(sizes: Array) -> int:
+    """Return the number of the first size that is the largest, or like it."""
+    return int(np.flatnonzero(sizes >= (1 - _ALIKE) * np.max(sizes))[0])
