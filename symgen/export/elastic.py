@@ -53,8 +53,15 @@ _INDEXED = (
 def elastic(
     model: ElasticModel, program: Program, sources: tuple[SourceFile, ...], prefixes: dict[str, str]
 ) -> Exported:
-    """Return the exported data of a linkage with elastic links; ``prefixes`` of its kernels, by analysis."""
+    """Return the exported data of a linkage with elastic links; ``prefixes`` of its kernels, by analysis.
+
+    Raises
+    ------
+    ModelError
+        For free coordinates, which linear theory does not support.
+    """
     d, motion = model.description, MeshedMotion(model.rigid)
+    motion.check_determined()
     x = motion.layout
     n = x.unknowns
     extra = int(d.work_of_loads)

@@ -10,6 +10,9 @@ from shared.chain_pendulum import ChainPendulum, extrapolated
 
 import symgen
 from symgen.errors import ModelError, ResultError, SimulationError
+from symgen.export import exported
+from symgen.inspection.live import live_of
+from symgen.pipeline.build import text_of
 
 E, WIDTH, THICK, DENSITY, GRAVITY = 210e9, 20e-3, 1e-3, 7850.0, 9.81
 ONE, TWO, TIP, MASS = 0.5, 0.4, 0.1, 1.0
@@ -74,6 +77,15 @@ def test_options_of_linear_theory_are_refused():
         model.large_rotation(elements=2, t_end=0.1, revolutions=1)
     with pytest.raises(ModelError, match="expected t_end above zero, got -1"):
         model.large_rotation(elements=2, t_end=-1.0)
+
+
+@pytest.mark.parametrize("write", [exported, lambda scene: live_of(text_of(scene), {}, 2)], ids=["C", "page"])
+def test_exports_are_refused(write):
+    """C and live pages are of linear theory; the page ended with an internal error."""
+    mass = {"bob": {"value": "1 kg", "tunable": True}}
+    scene = pendulum(parameters=mass, masses=[{"point": "B", "mass": "bob"}])
+    with pytest.raises(ModelError, match="rigid motion of B: linear theory needs a rigid motion"):
+        write(scene)
 
 
 LENGTH, THICKNESS, STIFF = 0.4, 20e-3, 5.0
