@@ -9,7 +9,8 @@ import pytest
 from shared.in_numpy import build
 
 import symgen
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime.integrate.pace import Pace
 
 SECTION = {"diameter": "4 mm"}
 ELASTIC = {"E": "210 GPa", "elements": 2, "shear": {"poisson": 0.3}}
@@ -78,3 +79,14 @@ def test_a_run_that_ends_before_its_second_sample_is_refused():
     event = {"name": "early", "of": "t", "value": "0.01 s", "ends_run": True}
     with pytest.raises(ModelError, match="'early' ends the run at t = 0.01 s, before the second sample"):
         build(falling(event)).simulate(samples=3)
+
+
+def test_a_run_that_max_wall_ends_has_its_events(monkeypatch):
+    """The run is ended within its first pass, after the event."""
+    monkeypatch.setattr(Pace, "spent", lambda self, t: t > 0.08)
+    event = {"name": "top", "of": "A.velocity.z", "direction": "falling"}
+    with pytest.raises(SimulationError, match="max_wall") as ended:
+        build(falling(event)).simulate(samples=21, max_wall=100.0)
+    part = ended.value.partial
+    assert part.statistics["error"] is None and 0.06 < part.time[-1] <= 0.081
+    np.testing.assert_allclose([e.time for e in part.events], [0.5 / G], rtol=1e-9)

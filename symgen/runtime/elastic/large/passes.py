@@ -124,10 +124,6 @@ def refined_run(
     except OutOfTime as stop:
         if kept:
             kept.write()
-        if not passes:
-            variables, drift = of.outputs(of.system, stop.states), drift_of(of.system, stop.states)
-            events, times = Events(of.rigid, GAUSS8), times[stop.reached]
-            passes = [Pass(variables, 0, 0, math.inf, *drift, len(times), events)]
         problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall + spent)
         raise SimulationError(f"{of.rigid.name}: {problem}", time=stop.t, partial=result) from None
     final = _result(of, times, passes[-1], rtol, pace.wall + spent)
@@ -155,7 +151,7 @@ def _refine(
     SimulationError
         Where Newton's method does not converge, however short the steps.
     OutOfTime
-        When the wall time is spent.
+        When the wall time is spent; ``passes`` has then a run, if need be the first one so far.
     """
     steps, initial = math.ceil(least / (len(times) - 1)), of.start(of.system)
     if kept and kept.before:
@@ -172,6 +168,11 @@ def _refine(
             moments, stepper = moved(
                 of.system, GAUSS8, times, steps, pace, progress, at_step, CLOSE, at_sample, resumed, initial
             )
+        except OutOfTime as stop:
+            if not passes:
+                variables, drift = of.outputs(of.system, stop.states), drift_of(of.system, stop.states)
+                passes.append(Pass(variables, 0, 0, math.inf, *drift, len(stop.states), events))
+            raise
         except SimulationError:
             if passes or steps * (len(times) - 1) > _MOST:
                 raise
