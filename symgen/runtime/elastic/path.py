@@ -20,9 +20,8 @@ from symgen.runtime.result.recording import wound
 
 Array = NDArray[np.float64]
 
-#: Angle [rad] of the crank between rows of a path, of a steady one, and tolerance of the
-#: integration. With 0.01 errors of interpolation give stresses of steady states errors of 1e-8 of their peak.
-_SPACING, _FINE, _RTOL = 0.01, 0.0025, 1e-11
+#: Angle [rad] of the crank between rows of a path, tolerance of the integration.
+_SPACING, _RTOL = 0.01, 1e-11
 #: Revolutions at the speed of the scene within which a crank must come round.
 _LONGEST = 64.0
 #: Largest steady speed that is searched, over the speed of the scene.
@@ -153,10 +152,8 @@ class Machine:
         angles += self._angle - angles[0]
         return angles, (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]) / np.sum(arm**2, axis=1)
 
-    def path(self, end: float, ratio: float = 1.0, spacing: float = _SPACING) -> Path:
+    def path(self, end: float, ratio: float = 1.0) -> Path:
         """Return the motion to a time [s], from the start with its velocities times a ratio.
-
-        ``spacing`` is the angle [rad] of the crank between rows, at its speed of the start or of the scene.
 
         Raises
         ------
@@ -166,7 +163,7 @@ class Machine:
         evaluator = self._model.evaluator
         n, equations = len(self._q), self._equations
         speed = abs(self._speed) * max(1.0, abs(ratio))
-        count = max(16, math.ceil(end * speed / spacing)) + 1
+        count = max(16, math.ceil(end * speed / _SPACING)) + 1
         times = np.linspace(0.0, end, count)
         chosen = options(end, "dop853", _RTOL, None, None, count, 1_000_000)
         y0 = np.concatenate([self._q, ratio * self._u, np.zeros(equations.dim - 2 * n)])
@@ -252,7 +249,7 @@ class Machine:
             period, ratio = self.revolution(math.sqrt(x))
             change = math.copysign(ratio**2, ratio) - x
             if abs(change) <= _REPEATS * x:
-                path = replace(self.path(period, math.sqrt(x), _FINE), repeats=True)
+                path = replace(self.path(period, math.sqrt(x)), repeats=True)
                 self._check_repeats(path)
                 return path
             step = change
@@ -274,9 +271,8 @@ class Machine:
     def _check_repeats(self, path: Path) -> None:
         n = len(self._q)
         # Not at the start itself, where loads may jump.
-        some = slice(1, -1, round(_SPACING / _FINE))
-        times = np.linspace(0.0, path.end, len(path.rows))[some]
-        states, references = np.ascontiguousarray(path.rows[some, : 2 * n]), path.references[some]
+        times = np.linspace(0.0, path.end, len(path.rows))[1:-1]
+        states, references = np.ascontiguousarray(path.rows[1:-1, : 2 * n]), path.references[1:-1]
         revolutions_of_references = (
             2 * math.pi * np.round((path.references[-1] - path.references[0]) / (2 * math.pi))
         )
