@@ -13,6 +13,7 @@ from symgen.errors import ModelError, ResultError, SimulationError
 from symgen.export import exported
 from symgen.inspection.live import live_of
 from symgen.pipeline.build import text_of
+from symgen.runtime.result.elastic import ElasticResult
 
 E, WIDTH, THICK, DENSITY, GRAVITY = 210e9, 20e-3, 1e-3, 7850.0, 9.81
 ONE, TWO, TIP, MASS = 0.5, 0.4, 0.1, 1.0
@@ -174,3 +175,14 @@ def test_runs_continue_from_checkpoints(tmp_path):
         assert all(run.statistics[k] == whole.statistics[k] for k in ("steps", "corrections", "error"))
     with pytest.raises(ResultError, match="is the checkpoint of another run"):
         model.large_rotation(**options | {"elements": 2}, resume=file)
+
+
+@pytest.mark.parametrize("max_wall", [1e-9, 0.02])
+def test_the_rigid_motion_of_a_run_that_max_wall_ended(max_wall):
+    """Displacements are from the rigid motion, which is integrated beyond the limit."""
+    with pytest.raises(SimulationError, match="wall time") as caught:
+        symgen.build(pendulum()).simulate(samples=201, rtol=1e-6, max_wall=max_wall)
+    partial = caught.value.partial
+    assert isinstance(partial, ElasticResult)
+    assert np.all(np.isfinite(partial["A.displacement"].values))
+    assert np.max(np.abs(partial["A.displacement"].values[0])) < 1e-12

@@ -19,6 +19,7 @@ from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, displacement, length_change, selected, strains
 from symgen.runtime.elastic.steps import check_revolutions, turn
+from symgen.runtime.integrate.pace import unlimited
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.model.rods import RodModel
@@ -217,7 +218,11 @@ def rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
     """Return the positions of the free points in the rigid motion, (times, 2) each."""
     d = motion.rigid.description
     if motion.undetermined:
-        rigid = motion.rigid.simulate(float(times[-1]), samples=len(times), rtol=_RIGID_RTOL)
+        if not times[-1]:
+            start = motion.rigid.initial_state().positions
+            return {p: np.array([start[p]]) for p in d.free}
+        with unlimited():
+            rigid = motion.rigid.simulate(float(times[-1]), samples=len(times), rtol=_RIGID_RTOL)
         return {p: rigid.variable(f"{p}.position").values for p in d.free}
     if motion.has_motor:
         motion = motion.about(motion.machine.path(float(times[-1])))

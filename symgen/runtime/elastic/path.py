@@ -228,7 +228,7 @@ class Machine:
             t = path.time_at(goal)
             if t is not None:
                 last = self.path(t, ratio)
-                # Interpolated angles have errors; a jump at the end of a steady revolution would move light links.
+                # A jump by the error of interpolated angles, once per revolution, would move light links.
                 t -= float((last.angles[-1] - goal) / last.rates[-1])
                 return t, float(last.rates[-1]) / self._speed
             span *= 2

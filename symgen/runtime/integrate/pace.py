@@ -67,6 +67,16 @@ def _limited(max_wall: object) -> Iterator[None]:
 
 
 @contextmanager
+def unlimited() -> Iterator[None]:
+    """Lift the limit of wall time inside, for a short computation on a run that the limit has ended."""
+    token = _LIMIT.set(None)
+    try:
+        yield
+    finally:
+        _LIMIT.reset(token)
+
+
+@contextmanager
 def uncounted() -> Iterator[None]:
     """Do not count deriving and compiling, inside: they cannot be ended, and are kept for the next run."""
     begun, limit = time.perf_counter(), _LIMIT.get()

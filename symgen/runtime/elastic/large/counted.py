@@ -38,7 +38,7 @@ class Counted:
     def restart(self) -> None:
         """Count from the start of a run, at which angles are from -pi to pi."""
         self._since, self._references = [-math.inf], [np.zeros(self._count)]
-        self._made: dict[tuple[int, int], Evaluator] = {}
+        self._made: dict[tuple[Evaluator, int], Evaluator] = {}
 
     def follow(self, t: float, q: Array, v: Array) -> bool:
         """Move references to the angles at a time [s], (1, coordinates); return whether any moved."""
@@ -89,7 +89,7 @@ class Counted:
 
     def _with(self, evaluator: Evaluator, k: int) -> Evaluator:
         """Return kernels with the references number k."""
-        key = id(evaluator), k
+        key = evaluator, k
         if key not in self._made:
             given = evaluator.given.copy()
             first = self._rigid.description.of_held.start
