@@ -194,3 +194,16 @@ def test_derivatives_are_those_of_undeformed_starts():
     run = symgen.build("spatial_slider_crank").simulate(1e-4, samples=2, initial="quasi-static")
     with pytest.raises(ModelError, match="those that start undeformed"):
         run.gradient(["rod.stress"])
+
+
+def test_modes_of_a_distant_equilibrium_are_refused():
+    """A horizontal pendulum: the modes of its hanging pose would stretch it."""
+    hanging = symgen.Scene(
+        points={"O": at(0, 0, 0, ground=True), "P": at(LENGTH, 0, 0)},
+        links={"rod": {"points": ["O", "P"], **ROD}},
+        joints=[{"point": "O", "kind": "revolute", "links": ["rod"], "axis": [0, 1, 0]}],
+        gravity={"acceleration": ["0 m/s^2", "0 m/s^2", f"-{G} m/s^2"]},
+        analysis={"t_end": "0.02 s"},
+    )
+    with pytest.raises(ModelError, match="expected an equilibrium near the drawing for initial modes"):
+        build(hanging).simulate(0.002, samples=2, initial=[1e-3])

@@ -208,6 +208,11 @@ class ElasticModel(Model):
 
         provenance = at.provenance
         method = provenance.get("method")
+        if method == "large-rotation":
+            raise ModelError(
+                f"{self.name}: runs in large rotation have no derivatives\n"
+                "  Compare runs with other parameters: model.with_parameters."
+            )
         if method not in ("periodic", *METHODS) or provenance["parameters"] != dict(self.parameters):
             raise ModelError(
                 f"{self.name}: expected a steady state or a run of this model for at: model.periodic(), "

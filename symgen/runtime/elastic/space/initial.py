@@ -27,6 +27,9 @@ _ROUNDED = 1e-9
 _PLACES = np.linspace(0.0, 1.0, 17)
 #: Part of frequencies and displacements by which those that count as alike differ.
 _ALIKE = 1e-6
+#: Change of unknowns from the drawing to the equilibrium, over their size, beyond which modes of one are not
+#: those of the other.
+_FAR = 0.1
 #: Corrections at most that put a deflected shape on the constraints, and their size over that of unknowns.
 _MOST, _CLOSE = 20, 1e-13
 
@@ -109,6 +112,13 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
             f"{longest:.3g} m, got {beyond:g} m"
         )
     modes, found = modes_of(linkage, 0.0), linkage.start()
+    apart = float(np.max(np.abs(equilibrium(linkage, 0.0).q - found.q) / linkage.scale))
+    if apart > _FAR:
+        raise ModelError(
+            f"{linkage.name}: expected an equilibrium near the drawing for initial modes, which are about "
+            f"it, got one in which unknowns differ by {apart:.2g} of their size\n"
+            "  Draw the linkage near its equilibrium with the input held, or start it undeformed."
+        )
     shapes = modes.shapes[:, modes.rigid :].T
     if len(amplitudes) > len(shapes):
         raise ModelError(
