@@ -72,8 +72,11 @@ def of_pose(_: Any, texts: Sequence[str], option: str) -> Values:
 
 
 def of_times(texts: Sequence[str], option: str, expected: str = "times") -> list[float]:
-    """Return times [s]; raise ModelError for other text. ``expected`` is the name of accepted values."""
-    return _read(texts, (1.0, "time"), {TIME: "time"}, f'{expected} after {option}, such as "0.3 s"')[0]
+    """Return times [s]; raise ModelError for other text, and for bare numbers other than 0.
+
+    ``expected`` is the name of accepted values.
+    """
+    return _read(texts, (math.nan, "time"), {TIME: "time"}, f'{expected} after {option}, such as "0.3 s"')[0]
 
 
 def crank_speeds(text: str) -> list[float]:
@@ -103,7 +106,9 @@ def _read(texts: Sequence[str], bare: tuple[float, str], units: Mapping[Any, str
         values, variables = zip(*(_value(end, bare, units) for end in ends), strict=True)
         many = int(count) if count.strip().isdecimal() and len(count) < _DIGITS else 0
         if not (all(variables) and all(map(math.isfinite, values)) and many >= len(ends)):
-            raise ModelError(f"expected {expected}, or FROM:TO:COUNT, got {text[:60]!r}")
+            bare_time = math.isnan(bare[0]) and _value(text, (1.0, "time"), {})[1]
+            remedy = f'\n  A time needs a unit: "{text} s".' if bare_time else ""
+            raise ModelError(f"expected {expected}, or FROM:TO:COUNT, got {text[:60]!r}{remedy}")
         values_in_si += np.linspace(values[0], values[-1], many).tolist()
         over |= set(variables)
     if len(over) > 1:
@@ -112,9 +117,12 @@ def _read(texts: Sequence[str], bare: tuple[float, str], units: Mapping[Any, str
 
 
 def _value(text: str, bare: tuple[float, str], units: Mapping[Any, str]) -> tuple[float, str]:
-    """Return a value in SI units and its variable; that of other text is empty."""
+    """Return a value in SI units and its variable; that of other text is empty.
+
+    ``bare`` is the unit and the variable of numbers without a unit; if the unit is nan, only 0 needs none.
+    """
     try:
-        return float(text) * bare[0], bare[1]
+        return float(text) and float(text) * bare[0], bare[1]
     except ValueError:
         pass
     try:

@@ -65,7 +65,16 @@ def test_times_of_poses_in_space_need_a_unit():
 
 
 def test_ranges_of_times():
-    assert of_times(["0 s:0.3 s:4,1"], "--at") == pytest.approx([0.0, 0.1, 0.2, 0.3, 1.0])
+    assert of_times(["0:0.3 s:4,1 s"], "--at") == pytest.approx([0.0, 0.1, 0.2, 0.3, 1.0])
+
+
+@pytest.mark.parametrize("line", ["sensitivity crank_rocker --outputs crank.torque", "equilibrium four_bar"])
+def test_times_need_a_unit(entry, line):
+    """45 is in degrees after ``--at`` of kinematics."""
+    code, _, said = entry(*line.split(), "--at", "45")
+    assert code == 2 and said.endswith('got \'45\'\n  A time needs a unit: "45 s".\n')
+    with pytest.raises(ModelError, match=r"time after --at.*got 'noon'$"):
+        of_times(["noon"], "--at", "a time")
 
 
 def test_times_and_angles_are_not_mixed():
