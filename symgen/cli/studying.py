@@ -97,8 +97,8 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
 
 @analysis(
     "symgen sweep slider_crank --vary a4=0in:30in:7 --outputs theta1.drive --out offsets.zarr",
-    "vary list_ sobol latin_hypercube random seed analysis outputs reduce samples t_end chunk part threads "
-    "processes dask dry_run set_ out plot page as_json backend",
+    "vary list_ sobol latin_hypercube random seed analysis of outputs reduce samples t_end chunk part "
+    "threads processes dask dry_run set_ out plot page as_json backend",
     page=o.Page,
     vary=o.maybe(
         list[str],
@@ -114,6 +114,7 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
     random=o.maybe(int, "--random", "N", "Sample ranges by random numbers.", _DESIGN),
     seed=o.maybe(int, "--seed", "N", "Seed of the samples (0).", _DESIGN),
     analysis=o.maybe(str, "--analysis", "NAME", "Analysis of each run, such as simulate or periodic."),
+    of=o.names("--of", "Points, links or corners A.B.C that kinematics records; default: all that move."),
     outputs=o.names("--outputs", "Outputs to keep; default: all."),
     reduce=o.names(
         "--reduce", "Reductions: peak (default), greatest, least, range, mean, rms, final or history."
@@ -163,7 +164,7 @@ def sweep(ctx: typer.Context) -> None:
         arguments["vary"] = of_options(vary)
     if kinds:
         arguments["sampling"], arguments["count"] = kinds[0]
-    names = ("seed", "analysis", "outputs", "reduce", "samples", "t_end", "chunk")
+    names = ("seed", "analysis", "of", "outputs", "reduce", "samples", "t_end", "chunk")
     arguments |= {name: params[name] for name in names if params[name] is not None}
     if "vary" not in arguments:
         raise ModelError("expected parameters to vary: --vary KEY=START:STOP:COUNT, or [sweep] in the scene")
