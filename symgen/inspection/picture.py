@@ -74,7 +74,7 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
         ends = [places[k.start], places[k.end]]
         if {k.start, k.end} <= fixed:
             yield Line("rail", "", np.array(ends))
-        elif k.carried:
+        elif k.carried and k.name not in elastic:
             yield Line("body", k.name, np.array([*ends, *(places[p.name] for p in k.carried)]))
         else:
             yield Line("elastic" if k.name in elastic else "rod", k.name, np.array(ends))
@@ -158,9 +158,22 @@ def _rigid(linkage: Linkage, drawn: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _moving(linkage: Linkage) -> list[str]:
-    """Return the points that move; in the plane the ground of linkages with elastic links does not."""
-    fixed = _fixed(linkage)
-    return [p.name for p in linkage.as_written.points if p.name not in fixed]
+    """Return the points of which runs have positions: those that move and have coordinates.
+
+    In the plane the ground of linkages with elastic links does not move.
+    """
+    others = {*_fixed(linkage), *_followed(linkage)}
+    return [p.name for p in linkage.as_written.points if p.name not in others]
+
+
+def _followed(linkage: Linkage) -> dict[str, tuple[str, float]]:
+    """Return link and fraction of the length of each point of an elastic link to which nothing is joined."""
+    return {
+        c.name: (e.link, linkage.number(c.along))
+        for e in linkage.elastic
+        for c in linkage.link(e.link).carried
+        if not c.joined
+    }
 
 
 def bent_sketch(
@@ -181,6 +194,8 @@ def bent_sketch(
         curve = (1 - shares) * bent[link.start] + shares * bent[link.end]
         curves[e.link] = curve + times * np.pad(off, ((1, 1), (0, 0)))
         straight.append(Line("rail", "", np.array([rigid[link.start], rigid[link.end]])))
+    for point, (name, at) in _followed(linkage).items():
+        bent[point] = np.array([np.interp(at, shares[:, 0], x) for x in curves[name].T])
     sketch = linkage_sketch(linkage, bent, None)
     lines = [replace(s, at=curves[s.name]) if s.kind == "elastic" else s for s in sketch.lines]
     return replace(sketch, lines=(*straight, *lines))

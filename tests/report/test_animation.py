@@ -247,6 +247,28 @@ def test_links_of_spherical_loops_are_plates_with_the_angle_of_their_axes():
     assert np.allclose(*moved)  # the ground stays
 
 
+def test_a_point_of_an_elastic_link_without_load_is_drawn_on_the_bent_link():
+    """Its place is that of the same point with a mass of next to nothing, which has coordinates and outputs."""
+    point = {"points.T": {"on": "coupler", "fraction": 0.5}}
+    scene = read_scene("elastic_four_bar")
+    masses = [*scene.data.get("masses", []), {"point": "T", "mass": "1e-9 kg"}]
+    alone, weighted = (
+        film_of(override(read_scene("elastic_four_bar"), changes), 7, t_end=0.05)
+        for changes in (point, {**point, "masses": masses})
+    )
+    magnified = [re.search(r"magnified (\d+) times", film.caption)[1] for film in (alone, weighted)]
+    assert magnified[0] == magnified[1]
+    at, expected = (
+        np.array([next(n.at for n in s.nodes if n.name == "T") for s in film.sketches])
+        for film in (alone, weighted)
+    )
+    curves = [next(k.at for k in s.lines if k.name == "coupler") for s in weighted.sketches]
+    off = expected - [(curve[0] + curve[-1]) / 2 for curve in curves]
+    largest = float(np.max(np.linalg.norm(off, axis=1)))
+    # The other has a node more, and steps of its own.
+    assert largest > 5e-5 and at == pytest.approx(expected, abs=0.02 * largest)
+
+
 def test_elastic_links_in_space_bend_by_magnified_deflections():
     """The rod between its pin, on a circle, and the slider; its middle against a station of the scene's own run."""
     station = {"stations": [{"name": "mid", "link": "rod", "at": 0.5}]}
