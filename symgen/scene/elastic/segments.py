@@ -21,6 +21,7 @@ from symgen.loads.load import Load
 from symgen.loads.torque import AppliedTorque
 from symgen.loads.torsion_spring import AngularSpring
 from symgen.scene.elastic.links import ElasticLink, Polynomial
+from symgen.scene.elastic.offsets import LUG
 from symgen.scene.rods.linkage import (
     CarriedPoint,
     Linkage,
@@ -82,9 +83,18 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     """
     if not _FEWEST <= count <= _MOST:
         raise ModelError(f"expected from {_FEWEST} to {_MOST} segments of an elastic link, got {count}")
-    welded = [beam.link for beam in linkage.elastic if beam.welds]
-    if welded:
-        raise ModelError(f"{linkage.name}: {welded[0]} is welded, and segments are joined by hinges alone")
+    for beam in linkage.elastic:
+        if beam.welds:
+            lug = next((k for k in linkage.links if k.start in beam.welds and _is_lug(k)), None)
+            what = (
+                f"{lug.end}, off the line of {beam.link}, is welded to it"
+                if lug
+                else f"{beam.link} is welded"
+            )
+            raise ModelError(
+                f"{linkage.name}: {what}, and segments are joined by hinges alone\n"
+                "  Use elements in place of segments: large_rotation(elements=4), --elements 4."
+            )
     measures = [m for load in linkage.loads for m in load.measures(2) if m.section]
     bent = [
         beam.link for beam in linkage.elastic if any(beam.link in dict(m.links).values() for m in measures)
@@ -135,6 +145,11 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     # Springs between rods of one link never turn by half a revolution.
     inner = (s for part in parts for s in _springs(part))
     return replace(with_windings(linkage_of_segments), loads=(*linkage_of_segments.loads, *inner))
+
+
+def _is_lug(link: RigidLink) -> bool:
+    """Return whether a link is the rigid joint of a point off the line of an elastic link."""
+    return link.name == LUG.format(link.end)
 
 
 def remade(linkage: Linkage, segments: int | None, places: Places) -> Linkage:
