@@ -72,7 +72,7 @@ def test_ranges_of_times():
 def test_times_need_a_unit(entry, line):
     """45 is in degrees after ``--at`` of kinematics."""
     code, _, said = entry(*line.split(), "--at", "45")
-    assert code == 2 and said.endswith('got \'45\'\n  A time needs a unit: "45 s".\n')
+    assert code == 2 and said.endswith("got '45'\n  A time needs a unit: \"45 s\".\n")
     with pytest.raises(ModelError, match=r"time after --at.*got 'noon'$"):
         of_times(["noon"], "--at", "a time")
 
