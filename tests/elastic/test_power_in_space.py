@@ -12,12 +12,13 @@ from shared.commands import call
 from shared.shipped import IN_SPACE
 
 import symgen
+from symgen.errors import SceneError
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import moved
 from symgen.runtime.elastic.large.passes import drift_of
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.integrate.pace import Pace
-from symgen.scene.loading import read_scene
+from symgen.scene.loading import override, read_scene
 
 #: Mode whose frequency is that of the revolutions, and revolutions; the speed of the scene is far below.
 RATES = {"of the scene": (None, 0.005), "first resonance": (0, 0.1), "second resonance": (1, 0.1)}
@@ -140,3 +141,31 @@ def test_power_at_a_pin_is_that_of_its_reaction():
 def test_a_run_prints_its_balance():
     printed = call("run", "spatial_slider_crank", "--t-end", "1e-3", "--samples", "11")
     assert "power balance" in printed and "of the largest power" in printed
+
+
+def test_a_scene_selects_any_output_of_a_run_and_no_other():
+    scene = read_scene("spatial_four_bar")
+    whole = symgen.build(scene).simulate(1e-3, samples=3)
+    names = [v.name for v in whole.variables][::-1]
+    assert {"input_power", "crank.power", "rocker.D.moment", "coupler.stress_4"} < {*names}
+    run = symgen.build(override(scene, {"analysis.outputs": names})).simulate(1e-3, samples=3)
+    assert [v.name for v in run.variables] == names
+    for name in names:
+        assert np.array_equal(run[name].values, whole[name].values)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("nothing", r"outputs\[0\]: there is no output 'nothing'\n  Known: .*input_power.*moment_y"),
+        ("rocker.D.momnt", "Did you mean 'moment'"),
+        ("rocker.frequencies", r"are in modes\(\)"),
+        ("energy", r"no output 'energy'\. Did you mean 'strain_energy'"),
+        ("C.velocity", r"no output 'C\.velocity'\. Known: .*coupler\.stress_1.*input_power"),
+    ],
+)
+def test_refused_outputs(name, words):
+    with pytest.raises(SceneError, match=words):
+        symgen.build(override(read_scene("spatial_four_bar"), {"analysis.outputs": [name]})).simulate(
+            1e-3, samples=3
+        )

@@ -218,6 +218,13 @@ OF_ELASTIC = (
     *("strain_energy", "dissipated_power", "shaft_power", "omitted_power"),
     *("greatest_stress", "greatest_stress_at"),
 )
+#: The same in space, where some are outputs of rigid links too.
+OF_ELASTIC_IN_SPACE = (
+    *("axial_strain", "bending_strain_y", "bending_strain_z", "torque", "moment_y", "moment_z"),
+    *("stress", "stress_1", "stress_2", "stress_3", "stress_4", "deflection", "position"),
+    *("force", "moment", "length_change", "power", "kinetic_energy", "strain_energy", "potential_energy"),
+    *("dissipated_power", "input_power"),
+)
 #: Outputs that need no masses and no forces.
 KINEMATIC = (
     *("position", "velocity", "acceleration", "angle", "angular_velocity", "angular_acceleration"),
@@ -249,6 +256,12 @@ def requested_outputs(model: RodsModel) -> list[NamedMatrix]:
                 continue
             scalars, unit, description = entries(model, name)
         except SceneError as error:
+            word = name.rpartition(".")[2]
+            if model.linkage.method == "spatial" and name not in names[:i]:
+                if word in OF_ELASTIC_IN_SPACE:
+                    continue  # which runs select, or refuse
+                hint = ELSEWHERE.get(word) or nearest(word, OF_ELASTIC_IN_SPACE)
+                error = SceneError(error.problem, hint=hint)
             raise error.located(where=f"analysis.outputs.{i}") from None
         rows = model.shown_axes if len(scalars) > 1 else ()
         matrices.append(named(model, name, scalars, unit, description, rows=rows))
