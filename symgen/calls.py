@@ -293,5 +293,5 @@ _KINDS = {
 _LISTS = {
     "float": _that(_is_list_of_numbers, "a list of numbers"),
     "int": _that(_is_list_of_numbers, "a list of numbers"),
-    "str": _typed(_is_list_of_names, "a list of names"),
+    "str": _that(_is_list_of_names, "a list of names"),
 }

@@ -592,7 +592,7 @@ def test_10_a_start_is_checked_by_the_equations_as_derived(monkeypatch):
         return expression.func(*map(to_noise, expression.args))
 
     monkeypatch.setattr(straight_line, "fold", to_noise)
-    with pytest.raises(SceneError, match=r"\[links\] rod: the start misses the length of link rod by 0\.1"):
+    with pytest.raises(SceneError, match=r"\[links\] rod: the start violates the length of link rod by 0\.1"):
         symgen.build(CASES / "start_length_planar.toml", backend="numpy", set={"parameters.l": "1.2000 m"})
 
 
@@ -2078,7 +2078,7 @@ def test_30_effective_damping_ratios_are_printed(tmp_path):
     shown = CliRunner().invoke(app, ["modes", scene])
     assert "damping ratio" in shown.stdout and f"{found.ratios[0]:.3g}" in shown.stdout
     ran = CliRunner().invoke(app, ["quasi-static", scene, "--samples", "3"])
-    assert f"at the start: {found.ratios[0]:.2g}" in ran.stdout
+    assert re.search(rf"damping ratios +{found.ratios[0]:.2g}", ran.stdout)
 
 
 def test_30_mean_power_of_the_shaft_is_compared_with_dissipation():

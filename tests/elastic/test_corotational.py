@@ -378,7 +378,6 @@ def test_motor_on_an_elastic_crank_against_rods():
         ("elastic_four_bar", {"elements": 2, "segments": 4}, "segments or elements, not both"),
         ("elastic_four_bar", {"elements": 0}, "from 1 to 1000 elements"),
         ("elastic_four_bar", {"elements": 2, "rtol": 0.0}, "rtol above zero"),
-        ("elastic_four_bar", {"elements": 2, "checkpoint": "file"}, "no checkpoints"),
     ],
 )
 def test_wrong_options(scene, options, said):

@@ -92,11 +92,11 @@ class Dense:
     def at(self, t):
         """M, C, K, Q of p in S = R p, and R, R'."""
         still, unit = np.zeros(self.n), np.eye(self.n)
-        load = -self.equations.residual(t, still, still, still)[1]
+        load = -self.equations.residual([t], still, still, still)[1][0]
 
         def columns(k):
             states = [[e if j == k else still for j in range(3)] for e in unit]
-            return np.array([self.equations.residual(t, *state)[1] + load for state in states]).T
+            return np.array([self.equations.residual([t], *state)[1][0] + load for state in states]).T
 
         stiffness, damping, mass = (columns(k) for k in range(3))
         r, rate, second = self.basis(t)
