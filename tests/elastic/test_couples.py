@@ -52,6 +52,23 @@ def test_moment_on_a_cantilever(point, arm):
     assert found["beam.torque"].values[-1] == pytest.approx(-5, rel=1e-9)
 
 
+def test_an_abrupt_couple_stresses_the_first_sample_of_coarse_elements():
+    """Large rotation takes strains from end moments with inertia, as the page on it says.
+
+    A cubic clamped at O with a couple c on its tip has the accelerations w, th of [[156, -22 L], [-22 L, 4 L^2]]
+    (w, th) = (0, c), and so the end moments 1.3 c and c of its inertia. The quadratic Legendre polynomial
+    through them is -(1.3 + 1) c/4 in the middle. Fine elements are at rest there.
+    """
+    couple, half = {"link": "beam", "point": "T", "torque": "5 N*m"}, THICKNESS / 2
+    model = build(cantilever(torques=[couple]))
+    expected = {1: -2.3 / 4 * 5 * half / BENDING, 16: 0.0}
+    for elements, strain in expected.items():
+        found = model.large_rotation(elements=elements, t_end=1e-6, samples=2)
+        size = 5 * half / BENDING
+        assert found["beam.bending_strain"].values[0] == pytest.approx(strain, abs=2e-3 * size)
+        assert abs(found["strain_energy"].values[0]) < 1e-20
+
+
 @pytest.mark.parametrize(
     "more",
     [
