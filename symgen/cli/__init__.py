@@ -5,8 +5,10 @@ from __future__ import annotations
 import atexit
 import errno
 import gc
+import inspect
 import logging
 import os
+import re
 import sys
 import warnings
 from copy import copy
@@ -73,6 +75,8 @@ _GROUP_OF = {name: group for group, names in _GROUPS.items() for name in names.s
 app.registered_commands.sort(key=lambda command: [*_GROUP_OF].index(_name(command)))
 for _command in app.registered_commands:
     _command.rich_help_panel = _GROUP_OF[_name(_command)]
+    # Typer keeps line breaks within the paragraphs of help.
+    _command.help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(_command.callback.__doc__ or ""))
 
 #: Exit codes of errors, which their subclasses share; that of all others is 2, wrong usage.
 _EXIT_CODES: dict[type[SymgenError], int] = {

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from symgen.report.extremes import Components
-from symgen.report.tables import MODES, events_table, table
+from symgen.report.tables import MODES, events_table, print_notes, table
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.speed_response import SpeedResponse
@@ -72,8 +72,7 @@ def print_speed_response(result: SpeedResponse, _: Any, console: Console) -> Non
     highest = "stress highest among neighbouring speeds"
     for label, speeds in ((highest, result.resonances), ("unstable", result.unstable)):
         console.print(f"{label} at: {', '.join(_rpm(s, 5) for s in speeds) or 'none'}")
-    for note in result.notes:
-        console.print(f"note: {note}")
+    print_notes(result.notes, console)
 
 
 def _damped(ratio: float) -> str:
@@ -93,8 +92,7 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
     console.print(table("The run", ("", ""), list(_of_run(result))))
     if result.events:
         console.print(events_table(result))
-    for note in result.notes:
-        console.print(f"note: {note}")
+    print_notes(result.notes, console)
 
 
 def _of_run(result: ElasticResult) -> Iterator[tuple[str, str]]:

@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from symgen.report.extremes import FEW, Components
-from symgen.report.tables import table
+from symgen.report.tables import print_notes, table
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.records import columns
 
@@ -29,8 +29,7 @@ def print_forces(forces: Forces, _: Any, console: Console) -> None:
         name, unit = label.removesuffix("]").split(" [")
         title = f"{forces.title}: {len(along)} poses over {name}, vectors by their magnitude"
         console.print(Components(sizes, len(along)).extremes(title, along, unit))
-    for note in forces.notes:
-        console.print(f"note: {note}")
+    print_notes(forces.notes, console)
     console.print(
         f"{forces.headline} at {forces.statistics['worst_at']}; balance met within "
         f"{forces.statistics['residual']:.1e} of the largest force"

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from symgen.report.analyses import print_modes_of_assembly
 from symgen.report.extremes import Components
-from symgen.report.tables import run_table, table
+from symgen.report.tables import print_notes, run_table, table
 from symgen.runtime.result.result import Result, Variable
 from symgen.runtime.result.state import AssemblyModes
 from symgen.runtime.result.turn import Turn
@@ -37,14 +37,14 @@ def print_turn(turn: Turn, _: Any, console: Console) -> None:
         span = f"{name} = {values[0]:.6g} to {values[-1]:.6g} {unit}"
         title = f"{turn.title}: {len(values)} poses, {span}"
         console.print(outputs.extremes(title, values, unit, mark=mark))
-    console.print(
-        f"closed within {turn.closure:.1e} (radians, lengths over the size of the loop); smallest "
-        f"singular value of its screws: {turn.statistics['least_singular']:.2g} of the largest"
+    rows = (
+        ("closure error", f"{turn.closure:.1e} (radians; lengths over the size of the loop)"),
+        ("singular values of screws", f"smallest {turn.statistics['least_singular']:.2g} of the largest"),
     )
+    console.print(table("The run", ("", ""), rows))
     if turn.indeterminate:
         console.print("* undetermined: a value of minimum norm")
-    for note in turn.notes:
-        console.print(f"Note: {note}.")
+    print_notes(turn.notes, console)
 
 
 def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
@@ -61,8 +61,7 @@ def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
         outputs = Components(result.shown, result.count)
         console.print(outputs.extremes("Recorded outputs", result.time, "s", end=True))
     console.print(run_table(result))
-    for note in result.notes:
-        console.print(f"Note: {note}.")
+    print_notes(result.notes, console)
 
 
 def print_assemblies(modes: AssemblyModes[Mapping[str, float]], model: Any, console: Console) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from symgen.report.extremes import Components, texts
-from symgen.report.tables import events_table, run_table, table
+from symgen.report.tables import events_table, print_notes, run_table, table
 from symgen.runtime.result.result import Result
 
 
@@ -38,5 +38,4 @@ def print_result(result: Result, model: Any, console: Console) -> None:
     console.print(run_table(result))
     if result.events:
         console.print(events_table(result))
-    for note in result.notes:
-        console.print(f"Note: {note}.")
+    print_notes(result.notes, console)

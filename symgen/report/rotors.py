@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
-from symgen.report.tables import MODES, table
+from symgen.report.tables import MODES, print_notes, table
 from symgen.runtime.result.modes import RotorModes
 
 
@@ -31,5 +31,4 @@ def print_modes_of_rotor(poses: Sequence[RotorModes], model: Any, console: Conso
         more = len(modes.frequencies) - MODES
         if more > 0:
             console.print(f"and {more} more modes: --json lists all")
-        for note in modes.notes:
-            console.print(f"note: {note}")
+        print_notes(modes.notes, console)

@@ -101,6 +101,12 @@ def _text(value: Any) -> str:
     return f"{value + 0.0:.6g}" if isinstance(value, float) else str(value)  # no -0
 
 
+def print_notes(notes: Iterable[str], console: Console) -> None:
+    """Print the notes of a result, a line each."""
+    for note in notes:
+        console.print(f"Note: {note}.")
+
+
 #: Maximum number of modes listed on the terminal.
 MODES = 10
 #: Maximum number of events listed on the terminal.

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from symgen.atomic import write_text
-from symgen.report.tables import table
+from symgen.report.tables import print_notes, table
 from symgen.study.accuracy.accuracy import Accuracy
 from symgen.study.accuracy.cancelling import Cancelling
 from symgen.study.accuracy.kernel_errors import OutputAccuracy, Worst
@@ -50,8 +50,7 @@ def print_accuracy(accuracy: Accuracy, console: Console) -> None:
         size, where = accuracy.condition
         console.print(f"Condition of the equations of motion, scaled: at most {size:.2g} ({where}).")
     print_cancelling(accuracy.cancelling, console)
-    for note in accuracy.notes:
-        console.print(f"Note: {note}.")
+    print_notes(accuracy.notes, console)
 
 
 _MEANING = """\

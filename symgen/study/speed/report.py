@@ -11,7 +11,7 @@ from rich.console import Console
 
 from symgen.display import seconds
 from symgen.report.page import plots
-from symgen.report.tables import table
+from symgen.report.tables import print_notes, table
 from symgen.study.speed.orders import Order
 from symgen.study.speed.work_precision import Point, WorkPrecision
 
@@ -33,8 +33,7 @@ def print_work_precision(measurement: WorkPrecision, console: Console) -> None:
     console.print(
         f"Reference: {measurement.reference}; it differs by {measurement.uncertainty:.1e} from a looser one."
     )
-    for note in measurement.notes:
-        console.print(f"Note: {note}.")
+    print_notes(measurement.notes, console)
 
 
 def _row(p: Point, measurement: WorkPrecision) -> tuple[str, ...]:
