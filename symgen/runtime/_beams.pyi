@@ -2,17 +2,14 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.runtime._core import Integrable
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.layout import Layout
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.elastic.path import Path
 from symgen.runtime.kernels.library import Library
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 MOTION: tuple[str, ...]
 APPLIED: tuple[str, ...]

@@ -2,15 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.elastic.large.collocation import Pattern
 from symgen.runtime.kernels.evaluate import Evaluator
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 class Part:
     pairs: Indices

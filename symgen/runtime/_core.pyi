@@ -6,9 +6,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.library import Library
 
-Array = NDArray[np.float64]
 Raw = NDArray[np.uint8]
 #: Numbers of t, q, u, p, work and out that a kernel reads or writes.
 Sizes = tuple[int, int, int, int, int, int]

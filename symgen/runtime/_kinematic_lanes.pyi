@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.rods.following.groups import Groups
-
-Array = NDArray[np.float64]
 
 class KinematicLanes:
     lanes: int

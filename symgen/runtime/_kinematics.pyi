@@ -1,12 +1,8 @@
 """Types of the binding of driven linkages; see ``_kinematics.pyx`` for what things do."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.following.groups import Groups
-
-Array = NDArray[np.float64]
 
 class Kinematics:
     n: int

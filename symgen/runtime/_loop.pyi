@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._core import Core, Integrable
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.library import Library
-
-Array = NDArray[np.float64]
 
 OPEN: int
 INCONSISTENT: int

@@ -5,11 +5,10 @@ from numpy.typing import NDArray
 
 from symgen.runtime._core import Equations
 from symgen.runtime._start import Starter
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.integrators.method import Method
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
-
-Array = NDArray[np.float64]
 
 def over_variants(evaluator: Evaluator, kernel: str, given: Array, times: Array, states: Array) -> Array: ...
 

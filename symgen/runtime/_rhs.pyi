@@ -2,12 +2,10 @@
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.runtime._core import Integrable
-
-Array = NDArray[np.float64]
+from symgen.runtime.arrays import Array
 
 class Rhs:
     start: Array

@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from symgen.runtime._core import Equations
 from symgen.runtime._loop import LoopEquations
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.integrators.method import Method
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
-
-Array = NDArray[np.float64]
 
 class Variations:
     columns: int

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SceneError
 from symgen.runtime import _beams
 from symgen.runtime._beams import MOTION
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.damping import modal_forces, shared
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import Layout
 from symgen.runtime.beams.links import Beam
-
-Array = NDArray[np.float64]
 
 #: Strain energy of a shape over the sum of its terms' sizes, up to which it is round-off of a rigid motion. A
 #: slender bar of a thousand elements keeps 1e-12.

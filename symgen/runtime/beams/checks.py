@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._beams import APPLIED, QUASI_STATIC, BeamEquations
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import BeamInfo, Properties
 from symgen.runtime.beams.elements import SHAPES, at, gauss, kernels, meshed, names, segments
 from symgen.runtime.beams.forces import Motion, crank_rotation, of_coordinates
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.evaluate import at_rows
-
-Array = NDArray[np.float64]
 
 #: Largest angle [rad] that the centre line makes with its rigid direction. Linear theory has sin a = a and
 #: cos a = 1: the neglected 1 - cos a is a/2 of the sin a that it keeps, one part in twenty.
@@ -276,8 +275,7 @@ def _added(motion: ElasticMotion, k: int, states: Motion, second: Array, inertia
     fibre = beam.fibres(places)
 
     def largest(local: Array, *shapes: str) -> Array:
-        sizes: Array = np.sqrt(np.sum([(local @ rows[shape].T) ** 2 for shape in shapes], axis=0))
-        return sizes
+        return np.sqrt(np.sum([(local @ rows[shape].T) ** 2 for shape in shapes], axis=0))
 
     first = states.local(motion, k)
     more, elastic = (motion.local_unknowns(k, states.links, x) for x in (second, inertia))

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import SceneError
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import BeamInfo, Piece, Properties
 from symgen.runtime.beams.pieces import whole
-
-Array = NDArray[np.float64]
 
 #: The most modes of a link or a structure that each have a damping ratio by forces of their own.
 _OWN = 24
@@ -44,8 +42,7 @@ def modal_forces(elastic: Array, speeds: Array, ratios: float | Array) -> Array:
     speeds, ratios
         Angular frequencies [rad/s], (modes,), and damping ratios.
     """
-    forces: Array = elastic * np.sqrt(2 * ratios / speeds**3)
-    return forces
+    return elastic * np.sqrt(2 * ratios / speeds**3)
 
 
 def shared(ratio: float, speeds: Array) -> tuple[Array, float]:

@@ -16,13 +16,11 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import BeamInfo, Lump, Profile, Properties
 from symgen.runtime.kernels.evaluate import at_rows
 from symgen.runtime.kernels.library import shipped_module
-
-Array = NDArray[np.float64]
 
 #: Rows that the kernels ``shape`` give, in their order.
 SHAPES = ("u", "w", "slope", "rotation", "axial_strain", "curvature")
@@ -57,8 +55,7 @@ def _evaluated(block: str, name: str, q: Array, u: Array | None = None) -> Array
     """Return the result of a kernel of a building block, with its tangent for complex arguments."""
     station = np.zeros(1) if u is None else u
     if not (np.iscomplexobj(q) or np.iscomplexobj(station)):
-        result: Array = getattr(kernels(block), name)(q=q, u=u)
-        return result
+        return getattr(kernels(block), name)(q=q, u=u)
     arguments = {"q": np.real(q).copy(), "u": np.real(station).copy()}
     seeds = np.concatenate([np.imag(q), np.imag(station)])
     value, tangent = (
@@ -68,8 +65,7 @@ def _evaluated(block: str, name: str, q: Array, u: Array | None = None) -> Array
             (f"{block}_tangents", f"{name}_tangent", {"work": seeds}),
         )
     )
-    whole: Array = value + 1j * tangent
-    return whole
+    return value + 1j * tangent
 
 
 def rows_at(block: str, kernel: str, rows: Array, n: int, parameters_of_rows: Array, width: int) -> Array:
@@ -85,8 +81,7 @@ def rows_at(block: str, kernel: str, rows: Array, n: int, parameters_of_rows: Ar
     tangents = np.broadcast_to(parameters_of_rows.imag, (len(rows), len(parameters_of_rows)))
     seeds = np.ascontiguousarray(np.hstack([rows.imag, tangents]))
     of_tangents = kernels(f"{block}_tangents").ADDRESSES[f"{kernel}_tangent"]
-    whole: Array = values + 1j * at_rows(of_tangents, plain, n, parameters, width, seeds)
-    return whole
+    return values + 1j * at_rows(of_tangents, plain, n, parameters, width, seeds)
 
 
 def shifted(polynomial: Sequence[float], by: float) -> list[float]:

@@ -6,14 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.forces import Forces, Motion, local_motion, modal_rates, of_coordinates
 from symgen.runtime.beams.shortening import Shortening, rows_work, shortening
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
 
-Array = NDArray[np.float64]
 #: Factors in the energies of a link, each (times,), by the columns of the kernel ``energies``.
 Weights = Mapping[str, Array]
 
@@ -372,5 +371,4 @@ def _speed(motion: ElasticMotion, run: Motion, weights: Sequence[Weights], u: Ar
     rotation, _ = motion.rigid_crank(run.times, run.q)
     d = motion.rigid.description
     end = 2 * d.free.index(d.links[motion.info.crank][1])
-    speed: Array = np.sum(rotation * u[:, end : end + 2], axis=1)
-    return speed
+    return np.sum(rotation * u[:, end : end + 2], axis=1)

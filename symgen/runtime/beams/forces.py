@@ -6,17 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime import _beams
 from symgen.runtime._beams import APPLIED, BeamEquations
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import STIFFNESS_OF_FORCES, Piece
 from symgen.runtime.beams.frames import Frames, frames
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
 from symgen.runtime.structure import forces_on_links
 
-Array = NDArray[np.float64]
 #: Unknowns of a link on its own axes with their rates, (times, n) each.
 States = tuple[Array, Array, Array]
 
@@ -272,15 +271,13 @@ def crank_rotation(motion: ElasticMotion, run: Motion) -> Array:
     if motion.layout.shaft >= 0:
         return run.displacements[:, motion.layout.shaft]
     rotation, _ = motion.rigid_crank(run.times, run.q)
-    turned: Array = np.sum(rotation * run.displacements[:, _end_of_crank(motion)], axis=1)
-    return turned
+    return np.sum(rotation * run.displacements[:, _end_of_crank(motion)], axis=1)
 
 
 def _of_drive(motion: ElasticMotion, run: Motion, bound: Array) -> Array:
     """Return the torque of the shaft of a rigid crank from the forces that hold its direction."""
     _, arm = motion.rigid_crank(run.times, run.q)
-    torque: Array = -np.sum(arm * bound[:, _end_of_crank(motion)], axis=1)
-    return torque
+    return -np.sum(arm * bound[:, _end_of_crank(motion)], axis=1)
 
 
 def _end_of_crank(motion: ElasticMotion) -> list[int]:

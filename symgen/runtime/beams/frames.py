@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._beams import MOTION
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import integral
 from symgen.runtime.beams.links import Beam
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,20 +52,18 @@ class Frames:
         before = [(lump.mass * (x >= lump.at), lump.mass * lump.at * (x >= lump.at)) for lump in beam.lumps]
         mass = np.array([integral(p.mass, v) for v in x.tolist()]) + sum(m for m, _ in before)
         moment = np.array([integral((0.0, *p.mass), v) for v in x.tolist()]) + sum(s for _, s in before)
-        force: Array = self.stiffness_geometric0[:, None] + (
+        return self.stiffness_geometric0[:, None] + (
             self.stiffness_geometric1[:, None] * mass + self.stiffness_geometric2[:, None] * moment
         )
-        return force
 
     def load(self, x: Array, y: Array, out: Array, turn: Array) -> Array:
         """Return the load of the rigid motion by the load vectors of a link, (times, n)."""
-        force: Array = (
+        return (
             np.outer(self.load_x, x)
             + np.outer(self.load_y, y)
             + np.outer(self.load_out, out)
             + np.outer(self.load_turn, turn)
         )
-        return force
 
 
 def frames(motion: Array) -> Frames:

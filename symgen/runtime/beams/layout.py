@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._beams import BLOCKS, MATRICES, SPREAD, VECTORS
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.links import Beam, Piece
 from symgen.runtime.kernels.description import BlockInfo, Description
 from symgen.runtime.kernels.elastic_description import ElasticInfo
-
-Indices = NDArray[np.intp]
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

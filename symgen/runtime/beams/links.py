@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.damping import modal, rayleigh
 from symgen.runtime.beams.data import BeamInfo, Lump, Piece, Profile, Properties, StationRows
 from symgen.runtime.beams.elements import SAME, SHAPES, Segment, names, segment_at, segments
@@ -18,7 +18,6 @@ from symgen.runtime.beams.reduction import of_one_length, reduced
 
 __all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Profile", "Properties", "StationRows", "beam"]
 
-Array = NDArray[np.float64]
 
 #: Intervals of each element between whose ends stresses are compared, and the most of a link.
 _PER_ELEMENT, _LOOKS = 16, 1024

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from symgen.runtime.arrays import Array
+
 #: Weights of the accelerations at the start and at the end of a step.
 Pair = tuple[float, float]
 

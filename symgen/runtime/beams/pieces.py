@@ -7,13 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._beams import MATRICES, SPREAD, VECTORS
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import Lump, Piece, Profile, Properties
 from symgen.runtime.beams.elements import Segment, gauss, integral, point, segment_at
-
-Array = NDArray[np.float64]
 
 #: Points of the Gauss rule for slopes squared: exact to degree 15, and they have 8 at most.
 GAUSS = 8

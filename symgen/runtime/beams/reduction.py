@@ -8,13 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import SceneError
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import BeamInfo, Piece
 from symgen.runtime.beams.elements import Segment
-
-Array = NDArray[np.float64]
 
 
 def of_one_length(

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import integral
 from symgen.runtime.beams.forces import Motion, States, local_motion, of_coordinates
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
-
-Array = NDArray[np.float64]
 
 #: Steps of a difference of fourth order, its factors of the rate, and of the second rate.
 _STENCIL = np.arange(-2.0, 3.0)
@@ -74,8 +72,7 @@ class Shortening:
         inertia = self._by_mass(motion, q, self.unit, self.displacements[2])
         work = np.sum(self.by_angle * bound, axis=1)
         work += self._of_shaft(motion, q, self.by_angle, solutions[:, : u.shape[1]])
-        torque: Array = inertia - work + self.lifted[2]
-        return torque
+        return inertia - work + self.lifted[2]
 
     def _by_mass(self, motion: ElasticMotion, q: Array, u: Array, v: Array) -> Array:
         """Return u^T M v of the rigid linkage without the flywheel, by kinetic energies, (times,)."""

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.chain.elimination import ChainMotion, Elimination
-from symgen.runtime.chain.inputs import Array, refuse, tree, vector
+from symgen.runtime.chain.inputs import refuse, tree, vector
 from symgen.runtime.chain.run import ChainRun, run
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.library import shipped_module

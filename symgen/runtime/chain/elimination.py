@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime.chain.inputs import Array, aligned, on_length, repeated, shaped
+from symgen.runtime.arrays import Array
+from symgen.runtime.chain.inputs import aligned, on_length, repeated, shaped
 
 #: Digits that cancellation may cost before a solution is refined, and beyond which it is refused.
 _REFINE, _REFUSE = 1e2, 1e14
@@ -76,12 +77,10 @@ class Elimination:
 
     def _kinetic(self, v: Array) -> Array:
         coupled = np.einsum("...ki,...ki->...k", v[..., self.parents, :], v[..., 1:, :]) @ self._coupling
-        energy: Array = coupled + np.einsum("...pi,...pi->...p", v, v) @ self._mass / 2
-        return energy
+        return coupled + np.einsum("...pi,...pi->...p", v, v) @ self._mass / 2
 
     def _potential(self, p: Array) -> Array:
-        energy: Array = -np.einsum("...pi,pi->...", p, self._weight)
-        return energy
+        return -np.einsum("...pi,pi->...", p, self._weight)
 
     def _refined(
         self, d: Array, gamma: Array, force: Array, start: Array, refinements: int | None, threads: int | None

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError
-
-Array = NDArray[np.float64]
+from symgen.runtime.arrays import Array
 
 #: Relative error that the length of a rod may have.
 _ON_LENGTH = 1e-6

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime.arrays import Array
 from symgen.runtime.chain.elimination import Elimination
-from symgen.runtime.chain.inputs import Array
 from symgen.runtime.integrate.pace import is_spent, out_of_time
 
 Forces = ArrayLike | Callable[[float, Array, Array], ArrayLike]

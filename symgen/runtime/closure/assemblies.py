@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.closed_form import closed_forms
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.loop.frames import ball_angles, standing
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 #: Numbers of starts if some close and if none does, and of closures of a loop with a continuum of them.
 _TRIES, _MORE_TRIES, _MOST = 120, 1000, 48

@@ -12,12 +12,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.loop.frames import product
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,5 +119,4 @@ def _ball_b(table: Array, k: int) -> Array:
     """Return the place of the second ball in {1}, from the far end of the table."""
     behind = product(table[k + 2 :])
     beyond = np.array([-table[k + 1, 4], 0.0, 0.0]) - behind[:3, 3]
-    place: Array = behind[:3, :3].T @ beyond
-    return place
+    return behind[:3, :3].T @ beyond

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import InitialStateError, ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.assemblies import Closing
 from symgen.runtime.closure.closed_form import closed_forms
 from symgen.runtime.closure.start import Closed, close_near
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 #: Equal parts of the range at which a closure is looked for.
 _PARTS = 36

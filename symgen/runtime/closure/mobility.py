@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import InitialStateError
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.assemblies import Closing, Search
 from symgen.runtime.loop.kernels import LoopKernels, in_words
-
-Array = NDArray[np.float64]
 
 #: Part of the largest component by which a variable takes part in a motion.
 _PART = 1e-6
@@ -28,8 +26,7 @@ def scaled_screws(kernels: LoopKernels, t: float, q: Array) -> Array:
     """Return the screws of all variables, shape (6, n), made dimensionless by the size of the loop."""
     screws: Array = kernels("position", t, q, np.zeros_like(q))["closure_jacobian"].copy()
     screws[3:] /= kernels.description.size
-    scaled: Array = screws * kernels.scale
-    return scaled
+    return screws * kernels.scale
 
 
 def not_determined(kernels: LoopKernels, t: float, q: Array, rank: int) -> InitialStateError:
@@ -66,8 +63,7 @@ def not_determined(kernels: LoopKernels, t: float, q: Array, rank: int) -> Initi
 def _basis(kernels: LoopKernels, t: float, q: Array, rank: int) -> Array:
     """Return the motions of the dependent variables that closure allows, scaled, one in each row."""
     screws = scaled_screws(kernels, t, q)[:, kernels.description.having("dependent")]
-    basis: Array = np.linalg.svd(screws)[2][rank:]
-    return basis
+    return np.linalg.svd(screws)[2][rank:]
 
 
 def _moved(kernels: LoopKernels, t: float, q: Array, rank: int) -> Array | None:

@@ -6,15 +6,13 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError, nearest
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.motion import rates_at
-
-Array = NDArray[np.float64]
 
 #: Longest step of a variable, and its change that is a jump: angles [rad], lengths over the size of the loop.
 _STEP, _JUMP = 0.05, 0.5

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.records import Variable
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Least pivot of independent screws, of the first, and least effect of a unit wrench that counts.

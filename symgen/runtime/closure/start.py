@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import InitialStateError
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.assemblies import search
 from symgen.runtime.closure.mobility import not_determined, not_followed, open_loop, scaled_screws
 from symgen.runtime.loop.ball_poles import starts_at_pole
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 _RANK, _FOLLOWS = 1e-8, 1e-7
 #: Defect of closure that rounding may leave, for angles of one radian.

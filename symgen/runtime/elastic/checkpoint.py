@@ -6,14 +6,13 @@ import time
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, store, stored
 
 if TYPE_CHECKING:
     from symgen.runtime._beams import BeamSteps
 
-Array = NDArray[np.float64]
 #: Displacements and rates, (times, unknowns) each.
 Pair = tuple[Array, Array]
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
@@ -28,7 +28,6 @@ from symgen.runtime.result.records import Variable, of_model
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 
-Array = NDArray[np.float64]
 #: Largest axial strain of rods that keep their length: what depends on lengths is off by that part.
 STRETCH = 0.01
 
@@ -64,8 +63,7 @@ class Cut:
         middles = (self.nodes[1:] + self.nodes[:-1]) / 2
         k = min(max(int(np.searchsorted(middles, at)), 1), len(middles) - 1)
         part = (at - middles[k - 1]) / (middles[k] - middles[k - 1])
-        force: Array = (1.0 - part) * tensions[:, k - 1] + part * tensions[:, k]
-        return force
+        return (1.0 - part) * tensions[:, k - 1] + part * tensions[:, k]
 
     def curvature(self, angles: Array, at: float) -> Array:
         """Return the curvature [1/m] at a share of the length from the directions of the rods (times, rods).
@@ -80,8 +78,7 @@ class Cut:
         every = np.hstack([first, bent, np.zeros((len(bent), 1))])
         k = min(max(int(np.searchsorted(self.nodes, at)), 1), len(self.nodes) - 1)
         part = (at - self.nodes[k - 1]) / (self.nodes[k] - self.nodes[k - 1])
-        curvature: Array = (1.0 - part) * every[:, k - 1] + part * every[:, k]
-        return curvature
+        return (1.0 - part) * every[:, k - 1] + part * every[:, k]
 
 
 def end_of_run(motion: ElasticMotion, task: LargeRotation) -> float:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Errors, Found
 from symgen.runtime.elastic.steps import Progress, Start, Task, turn
@@ -20,8 +20,6 @@ from symgen.runtime.integrate.options import TIGHTEST
 from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, check_wall, wall_left
 from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.result.recording import wound
-
-Array = NDArray[np.float64]
 
 #: Least number of evaluations per revolution, and the angle by which references of angles move.
 _LOOKS, _QUARTER = 720, np.pi / 2
@@ -151,8 +149,7 @@ def _angles(motion: ElasticMotion, times: Array, before: _Before | None) -> Arra
     angles = angles.reshape(len(times), -1)
     if before is not None:
         angles[0] = before.angles
-    continuous: Array = np.unwrap(angles, axis=0)
-    return continuous
+    return np.unwrap(angles, axis=0)
 
 
 def _distances(motion: ElasticMotion, times: Array, references: Array) -> Array:

@@ -12,10 +12,10 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime import _beams, _core
 from symgen.runtime._beams import APPLIED, MOTION
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.checks import held_alone
 from symgen.runtime.beams.damping import stiffened
 from symgen.runtime.beams.data import BeamInfo, Properties
@@ -30,8 +30,6 @@ from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.steps import turn
 from symgen.runtime.result.records import Variable
 from symgen.runtime.structure import UnstableError, forces_of_modes
-
-Array = NDArray[np.float64]
 
 #: Error of the number of elements chosen by default, over the peak stress of a station and over a frequency.
 ENOUGH = 1e-2
@@ -123,8 +121,7 @@ class MeshedMotion(ElasticMotion):
             modes = elastic_modes(self, self.equations(), 0.0)
         except UnstableError:
             return []
-        ratios: list[float] = modes.ratios[modes.rigid : modes.rigid + _DAMPED].tolist()
-        return ratios
+        return modes.ratios[modes.rigid : modes.rigid + _DAMPED].tolist()
 
     def unreduced(self) -> MeshedMotion | None:
         """Return the same structure without reduction; None if no link is reduced."""

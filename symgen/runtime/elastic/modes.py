@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime._beams import MOTION
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.modes import ElasticModes, relative
 from symgen.runtime.structure import ROUND_OFF, modes_at_rest, stiffness_sizes
-
-Array = NDArray[np.float64]
 
 #: Unknowns up to which all modes are found at once.
 _DENSE = 60

@@ -9,11 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError, check_joints
 from symgen.runtime import _beams, _core
 from symgen.runtime._beams import APPLIED, MOTION, RigidMotion
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import Lump, Profile
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import Layout, layout
@@ -21,8 +21,6 @@ from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.path import Machine, Path
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.model.rods import RodModel
-
-Array = NDArray[np.float64]
 
 #: Angle [rad] of the crank over which a pose is a good guess of the next.
 _STRIDE = 0.02

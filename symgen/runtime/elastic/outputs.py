@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from symgen.errors import SceneError, SimulationError, nearest
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Coordinate, Variable, over_time
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.intp]
 
 #: Part of the largest stress below which one is round-off.
@@ -146,8 +146,7 @@ def _stretch(beam: Beam, local: Array) -> Array:
     for part in beam.segments:
         here = whole[:, list(part.dofs)]
         shortened += np.einsum("ti,ij,tj->t", here, part.matrix("geometric", 3)[0], here)
-    stretch: Array = local[:, u1] - local[:, u0] - shortened / 2
-    return stretch
+    return local[:, u1] - local[:, u0] - shortened / 2
 
 
 def recovered(motion: ElasticMotion, run: Motion) -> list[Variable]:
@@ -183,8 +182,7 @@ def bow(name: str, beam: Beam, at: float, values: Array) -> Variable:
 def deflection(beam: Beam, local: Array, at: float) -> Array:
     """Return the displacement across a link [m] less that of the straight line between its ends, (times,)."""
     (_, first), *_, (_, last) = beam.joints
-    deflected: Array = local @ beam.rows(at).w - (1 - at) * local[:, first] - at * local[:, last]
-    return deflected
+    return local @ beam.rows(at).w - (1 - at) * local[:, first] - at * local[:, last]
 
 
 def in_mode(
@@ -324,8 +322,7 @@ class Errors:
     @cached_property
     def _links(self) -> Array:
         """Return the rigid motion of the links, which takes as long as many steps: once it is needed."""
-        links: Array = self.motion.rigid_motion(self.equations, self.times)[1]
-        return links
+        return self.motion.rigid_motion(self.equations, self.times)[1]
 
     def _differences(self, coarse: Array, fine: Array, places: NDArray[np.intp] | None = None) -> Array:
         """Return the largest difference at each time, (times,), or at some places of the times."""

@@ -7,18 +7,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import options
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.integrate.simulate import drive
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.recording import wound
-
-Array = NDArray[np.float64]
 
 #: Angle [rad] of the crank between rows of a path, tolerance of the integration.
 _SPACING, _RTOL = 0.01, 1e-11
@@ -74,8 +72,7 @@ class Path:
         from scipy.interpolate import CubicHermiteSpline
 
         nodes = self.spacing * np.arange(len(self.rows))
-        angles: Array = CubicHermiteSpline(nodes, self.angles, self.rates)(times)
-        return angles
+        return CubicHermiteSpline(nodes, self.angles, self.rates)(times)
 
     def time_at(self, angle: float) -> float | None:
         """Return the first time [s] at which the crank has turned to a direction [rad], or None."""

@@ -10,10 +10,10 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS
 from symgen.runtime.elastic.jumps import check_repeats
 from symgen.runtime.elastic.motion import ElasticMotion
@@ -24,7 +24,6 @@ from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond
 from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.speed_response import SpeedResponse
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 #: Steps per revolution that shooting begins with, and the most that it is doubled to.

@@ -9,10 +9,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.checks import (
     moments,
     of_crank,
@@ -48,7 +48,6 @@ from symgen.runtime.result.recording import of_switches
 from symgen.runtime.result.records import Drift, Later, Variable, of_model
 from symgen.runtime.structure import UnstableError
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 #: Error over its change by halved elements, where it falls with the square of their length: linear stretch.

@@ -6,19 +6,17 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams
+from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Found
 from symgen.runtime.elastic.steps import Start, Task, turn
 from symgen.runtime.integrate.pace import OutOfTime, Pace
 from symgen.runtime.structure import stiffness_sizes
-
-Array = NDArray[np.float64]
 
 #: Places along each link at which the largest displacement of a mode is looked for.
 _PLACES = 65

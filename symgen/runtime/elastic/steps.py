@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.checkpoint import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
@@ -34,7 +34,6 @@ from symgen.runtime.integrate.pace import OutOfTime, Pace, wall_left
 from symgen.runtime.kernels.arguments import is_real, out_of_range
 from symgen.runtime.kernels.typed import library_of_runs
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 #: S and S' at time zero, (unknowns, 1) each; None at rest and undeformed.
 Start = tuple[Array, Array] | None

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
-
-Array = NDArray[np.float64]
 
 #: A spring shorter than this share of the coordinates is at zero length.
 NEAR = 1e-12

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib.npyio import NpzFile
-from numpy.typing import NDArray
 
 from symgen.atomic import replacing
 from symgen.errors import ModelError, ResultError
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.arguments import is_real
 from symgen.runtime.kernels.library import Library
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.evaluate import Evaluator
     from symgen.runtime.loop.kernels import LoopKernels
 
-Array = NDArray[np.float64]
 FORMAT = 2
 #: Default wall time [s] between two checkpoints.
 EVERY = 10.0

@@ -8,16 +8,15 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError, SimulationError, nearest
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime._core import STABILISATIONS
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.integrators import integrator
 from symgen.runtime.integrate.integrators.method import Method
 from symgen.runtime.kernels.arguments import count, is_real, out_of_range, reals
-
-Array = NDArray[np.float64]
 
 #: Times of t_eval in messages.
 _SHOWN = 4

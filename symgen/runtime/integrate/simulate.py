@@ -7,10 +7,11 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, mark_of
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
@@ -22,7 +23,6 @@ from symgen.runtime.result.recording import Recording
 from symgen.runtime.result.result import Result
 from symgen.runtime.rods.redundancy import slack
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 #: Recorded times up to this number are cached for the next run.

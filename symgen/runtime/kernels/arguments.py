@@ -7,11 +7,9 @@ import numbers
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ArgumentError, ModelError, shown
-
-Array = NDArray[np.float64]
+from symgen.runtime.arrays import Array
 
 
 def is_real(value: Any) -> bool:

@@ -7,16 +7,14 @@ from functools import cached_property
 from math import prod
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import BlockInfo, Description, KernelInfo
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.tangent import places
 from symgen.runtime.kernels.typed import Typed
-
-Array = NDArray[np.float64]
 
 #: Address and sizes of a kernel, and name, part of ``out`` and shape of each of its results.
 _Call = tuple[int, "_core.Sizes", tuple[tuple[str, slice, tuple[int, ...]], ...]]

@@ -18,8 +18,7 @@ def record(kind: type[Record], data: Any) -> Record:
     ValueError
         When a field is missing, unknown, or of another type than declared; it names the field.
     """
-    instance: Record = _read(kind, data, kind.__name__)
-    return instance
+    return _read(kind, data, kind.__name__)
 
 
 def _read(kind: Any, data: Any, where: str) -> Any:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
 from symgen.runtime._beams import APPLIED, AT_REST, MOTION, QUASI_STATIC, BeamEquations
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.elastic.mesh import properties_of
 from symgen.runtime.elastic.modes import elastic_modes
@@ -34,7 +35,6 @@ from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.state_space import Tangents
 from symgen.runtime.result.records import Variable
 
-Array = NDArray[np.float64]
 #: Numbers with tangents.
 Dual = NDArray[Any]
 
@@ -234,8 +234,7 @@ def frequency_slopes(
             mu = np.linalg.lstsq(bound.real.T, -residual.real @ phi, rcond=None)[0]
             change = phi @ residual.imag @ phi + 2 * mu @ bound.imag @ phi
             slopes[i, j] = change / UNIT / (phi @ mass.real @ phi)
-    by_parameter: Array = slopes / (8 * np.pi**2 * frequencies[:, None])
-    return by_parameter
+    return slopes / (8 * np.pi**2 * frequencies[:, None])
 
 
 def derived(
@@ -291,5 +290,4 @@ def _differential(at: Assembled, shape: Array) -> Array:
     scaled = shape * sizes
     mu = np.linalg.lstsq(rows.real.T, at.load.real / sizes - stiffness.real @ scaled, rcond=None)[0]
     right = np.concatenate([at.load / sizes, np.zeros(m)]) - whole_matrix @ np.concatenate([scaled, mu])
-    solution: Array = np.linalg.solve(whole_matrix.real, right.imag / UNIT)[:n] / sizes
-    return solution
+    return np.linalg.solve(whole_matrix.real, right.imag / UNIT)[:n] / sizes

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime._beams import IN_MOTION, MOTION
+from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.elastic import Pose
 
-Array = NDArray[np.float64]
 #: Numbers with tangents.
 Dual = NDArray[Any]
 
@@ -71,8 +71,7 @@ class Course:
         self._weights = weights
 
     def _times(self, count: int) -> Array:
-        times: Array = self.end * (0.5 - 0.5 * np.cos(np.pi * np.arange(count + 1) / count))
-        return times
+        return self.end * (0.5 - 0.5 * np.cos(np.pi * np.arange(count + 1) / count))
 
     def _more(self, count: int) -> int:
         if count >= _MOST:
@@ -110,8 +109,7 @@ class Course:
         met = apart == 0.0
         terms = self._weights / np.where(met, 1.0, apart)
         terms = np.where(np.any(met, axis=1)[:, None], met, terms)  # all at the start
-        weights: Array = terms / np.sum(terms, axis=1, keepdims=True)
-        return weights
+        return terms / np.sum(terms, axis=1, keepdims=True)
 
     def rows(self, j: int, times: Array) -> Dual:
         """Return the weights of links at times with tangents along parameter j, (times, links, columns)."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Counts
@@ -24,7 +25,6 @@ from symgen.runtime.linearisation.elastic import check_smooth, derived
 from symgen.runtime.linearisation.elastic_course import Course, Reduced, bases, reduced
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 
-Array = NDArray[np.float64]
 #: Numbers with tangents.
 Dual = NDArray[Any]
 
@@ -109,8 +109,7 @@ def _scheme(method: BeamMethod) -> _Scheme:
 
 
 def _times(matrices: NDArray[Any], vectors: NDArray[Any]) -> Array:
-    product: Array = (matrices @ vectors[..., None])[..., 0]
-    return product
+    return (matrices @ vectors[..., None])[..., 0]
 
 
 class _State:

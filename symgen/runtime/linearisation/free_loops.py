@@ -10,15 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
+from symgen.runtime.arrays import Array
 from symgen.runtime.linearisation.loops import RANK, LoopPose, check_poles, null_space
 from symgen.runtime.linearisation.record import Linearisation
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State
-
-Array = NDArray[np.float64]
 
 #: Part of the size of the loop, and of its speeds, by which a state may be open.
 _CLOSED = 1e-6
@@ -78,13 +76,11 @@ class FreePose(LoopPose):
 
     def _efforts(self, direction: Array) -> Array:
         """Return the tangents of known efforts [N m]."""
-        efforts: Array = (self.along("efforts", direction) * self.columns)[..., self.known]
-        return efforts
+        return (self.along("efforts", direction) * self.columns)[..., self.known]
 
     def _solved(self, left: Array) -> Array:
         """Return the direction of accelerations and wrench that changes the equations by minus these."""
-        solution: Array = -np.linalg.lstsq(self.matrix, left.T, rcond=RANK)[0].T @ self.unknowns
-        return solution
+        return -np.linalg.lstsq(self.matrix, left.T, rcond=RANK)[0].T @ self.unknowns
 
     def started(self, order: int, variable: int) -> Array:
         """Return the direction of everything by a free variable (order 0) or its rate (1)."""
@@ -178,8 +174,7 @@ class FreePose(LoopPose):
         whole = self.loop("inverse", self.t, self.q, self.u)["mass_matrix"]
         basis = np.array([self._moved(i) for i in self.free])
         inverse = np.linalg.inv(turned)
-        matrix: Array = inverse.T @ basis @ whole @ basis.T @ inverse
-        return matrix
+        return inverse.T @ basis @ whole @ basis.T @ inverse
 
     def state_space(self, inputs: Sequence[str], coordinates: Sequence[str] | None) -> Linearisation:
         """Return A, B, C and D in independent coordinates, the free variables when absent.

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime._variations import LoopVariations
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.description import LoopDescription
@@ -22,8 +22,6 @@ from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 from symgen.runtime.linearisation.runs import Path, carried_back, carried_forward, fewer, followed, state_of
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State
-
-Array = NDArray[np.float64]
 
 
 def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: Array) -> Path:

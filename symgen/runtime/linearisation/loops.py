@@ -14,16 +14,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.driven import moving_at
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 #: Relative sizes of singular values, and of residuals of equations, that count as none.
 RANK, _LEFT = 1e-9, 1e-9
@@ -225,5 +223,4 @@ class _Driven(LoopPose):
 def null_space(matrix: Array) -> Array:
     """Return an orthonormal basis of the null space of a matrix, a row each."""
     _, values, right = np.linalg.svd(matrix)
-    basis: Array = right[np.count_nonzero(values > RANK * values.max(initial=0.0)) :]
-    return basis
+    return right[np.count_nonzero(values > RANK * values.max(initial=0.0)) :]

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime._beams import IN_MOTION
+from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.kernels.evaluate import UNIT
@@ -30,7 +31,6 @@ from symgen.runtime.linearisation.elastic_course import highest
 from symgen.runtime.linearisation.elastic_matrices import Assembled, Dual, assembled
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 
-Array = NDArray[np.float64]
 #: Numbers in long double.
 Wide = NDArray[Any]
 
@@ -187,8 +187,7 @@ class _Orbit:
         n = len(self.times)
         half = np.pi * (times[:, None] - self.times) / self.motion.period
         close = np.abs(np.sin(half)) < 1e-14
-        weights: Array = np.where(close, 1.0, np.sin(n * half) / (n * np.where(close, 1.0, np.sin(half))))
-        return weights
+        return np.where(close, 1.0, np.sin(n * half) / (n * np.where(close, 1.0, np.sin(half))))
 
     def tangents(self, j: int) -> list[_Tangents]:
         """Return the rigid motion in all poses with tangents along parameter j."""
@@ -248,8 +247,7 @@ class _Orbit:
         factors = lu_factor(system.reshape(count * (n + m), -1), overwrite_a=True)
 
         def times(matrices: Wide, rows: Wide) -> Wide:
-            product: Wide = np.einsum("kij,kj->ki", matrices, rows)
-            return product
+            return np.einsum("kij,kj->ki", matrices, rows)
 
         def solve(forces: Wide, opened: Wide) -> tuple[Wide, Wide]:
             s, mu = np.zeros((count, n), np.longdouble), np.zeros((count, m), np.longdouble)

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError, check_known
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.arguments import reals
 
 if TYPE_CHECKING:
     from scipy.signal import StateSpace
 
     from symgen.runtime.kernels.description import Described
-
-Array = NDArray[np.float64]
 
 
 @checked

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime._variations import LinkageVariations, Variations
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.simulate import effects_of
@@ -26,8 +27,6 @@ from symgen.runtime.linearisation.sensitivity import Jump, jumps_between, moved_
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import slack
-
-Array = NDArray[np.float64]
 
 #: Steps at most of a run with derivatives, whose states are all kept.
 MOST_STEPS = 1_000_000

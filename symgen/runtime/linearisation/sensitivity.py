@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, with_outputs
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
 from symgen.runtime.linearisation.vibration import spectrum
-
-Array = NDArray[np.float64]
 
 #: The part of a constraint's slopes within which others agree, and of stiffness below which it is neutral.
 _EQUAL, _NEUTRAL = 1e-9, 1e-12

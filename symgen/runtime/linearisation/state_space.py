@@ -11,16 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Linearisation
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import CLOSED, extent, not_unique, violation
-
-Array = NDArray[np.float64]
 
 #: Coordinates whose directions are closer to dependent than this do not determine the motion.
 _DEPENDENT = 1e-9
@@ -204,8 +202,7 @@ class Tangents:
     def mass_matrix(self, coordinates: Sequence[str]) -> Array:
         """Return the mass matrix of independent coordinates; errors as of :meth:`directions`."""
         unit = self.free @ np.linalg.inv(self.directions(coordinates))
-        reduced: Array = unit.T @ self.mass @ unit
-        return reduced
+        return unit.T @ self.mass @ unit
 
     def check_closed(self) -> None:
         """Raise ModelError for a state that violates the constraints."""

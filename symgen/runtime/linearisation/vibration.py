@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.state_space import Tangents
 from symgen.runtime.rods.modes import damped
-
-Array = NDArray[np.float64]
 
 #: The matrices of small vibrations.
 _SYSTEM = ("mass_matrix", "stiffness", "damping")

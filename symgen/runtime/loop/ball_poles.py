@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime import _loop
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.loop.frames import standing
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 #: Change of the angles by which their effect on the links is judged [rad], and the part of it that is none.
 _STEP, _MOVES = 1e-4, 1e-6

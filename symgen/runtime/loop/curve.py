@@ -5,15 +5,13 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import SimulationError
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.rods.following.continuation import Curve, CurvePoint
-
-Array = NDArray[np.float64]
 
 _MOST, _EXACT = 100_000, 1e-11
 #: Points after which a pole of angles is looked for: a revolution has about a hundred.
@@ -41,8 +39,7 @@ class LoopConstraints:
 
     def unknowns(self, q: Array) -> Array:
         """Return the unknowns [m] of a pose."""
-        unknowns: Array = (q * self.scale)[self.solved]
-        return unknowns
+        return (q * self.scale)[self.solved]
 
     def residual(self, x: Array, t: float) -> Array:
         """Return the small rotation, times the size, and the displacement by which the loop is open [m]."""
@@ -52,14 +49,12 @@ class LoopConstraints:
 
     def jacobian(self, x: Array, t: float) -> Array:
         """Return its derivative by the unknowns [1], shape (6, unknowns)."""
-        jacobian: Array = self._screws(x, t)[:, self.solved] / self.scale[self.solved]
-        return jacobian
+        return self._screws(x, t)[:, self.solved] / self.scale[self.solved]
 
     def drift(self, x: Array, t: float) -> Array:
         """Return its rate at fixed unknowns [m/s]."""
         inputs = self.kernels.inputs
-        drift: Array = self._screws(x, t)[:, inputs] @ self.kernels.prescribed(t)[:, 1]
-        return drift
+        return self._screws(x, t)[:, inputs] @ self.kernels.prescribed(t)[:, 1]
 
     def _screws(self, x: Array, t: float) -> Array:
         screws = self._position(x, t)["closure_jacobian"].copy()

@@ -8,10 +8,10 @@ from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core, _loop
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.assemblies import same_assembly
 from symgen.runtime.closure.redundancy import component_names, note, ranges_of, undetermined
 from symgen.runtime.closure.start import Closed
@@ -25,8 +25,6 @@ from symgen.runtime.loop.obstacles import why_stopped
 from symgen.runtime.loop.poles import OF_MOTION, PoleAt, beside_pole, poles
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time
 from symgen.runtime.result.turn import Pole, Turn, variables
-
-Array = NDArray[np.float64]
 
 #: Parts of the range that are the longest step.
 PARTS = 36
@@ -199,8 +197,7 @@ def moving_at(kernels: LoopKernels, begin: Closed, t: float) -> Array:
     status, _, at = follow_over(kernels, equations, begin.t, q, np.array([t]), longest, *rows)
     if status != _core.DONE:
         raise SimulationError(why_stopped(kernels, equations, status, at, q[:-1], t), time=at)
-    state: Array = rows[0][0]
-    return state
+    return rows[0][0]
 
 
 def driven(d: LoopDescription) -> None:

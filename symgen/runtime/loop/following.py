@@ -11,14 +11,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime import _core, _loop
+from symgen.runtime.arrays import Array
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.frames import standing
 from symgen.runtime.loop.kernels import LoopKernels
 
-Array = NDArray[np.float64]
 Rows = tuple[Array, ...]
 
 #: Distances [rad, or sizes of the loop] of the input by which a pole is stepped over: the first to succeed.

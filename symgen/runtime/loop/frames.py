@@ -7,19 +7,16 @@ from collections.abc import Callable, Iterable
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.library import shipped_module
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 
 @cache
 def _transform() -> Callable[..., Array]:
     """Return the compiled transform of a row, whose module is checked once."""
-    transform: Callable[..., Array] = shipped_module("loop_row").transform
-    return transform
+    return shipped_module("loop_row").transform
 
 
 def product(rows: Iterable[Array]) -> Array:

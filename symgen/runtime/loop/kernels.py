@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, RangeError
 from symgen.runtime import _core, _loop
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import BlockInfo, KernelInfo, LoopDescription, VariableInfo
 from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.loop.times import first_times
-
-Array = NDArray[np.float64]
 
 #: Rounding of a value of the input at the time found for it.
 CLOSE = 4 * float(np.finfo(float).eps)
@@ -159,8 +158,7 @@ class LoopKernels:
         unit = np.eye(self.description.coordinates)
         still = np.zeros(len(unit))
         table = [self("rows", 0.0, q, still)["rows"] for q in (still, *unit)]
-        slopes: Array = np.array(table[1:]) - table[0]
-        return slopes
+        return np.array(table[1:]) - table[0]
 
     @cached_property
     def balls(self) -> list[tuple[list[int], float]]:
@@ -176,16 +174,14 @@ class LoopKernels:
     def pitches(self) -> Array:
         """Translation along a joint for each radian of an angle [m/rad]; zero of all but helical joints."""
         slopes = np.max(np.abs(self._slopes[:, :, _LENGTHS]), axis=(1, 2), initial=0.0)
-        pitches: Array = np.where(~self.lengths & (slopes > 1e-14 * self.description.size), slopes, 0.0)
-        return pitches
+        return np.where(~self.lengths & (slopes > 1e-14 * self.description.size), slopes, 0.0)
 
     @cached_property
     def periodic(self) -> NDArray[np.bool_]:
         """Whether a full revolution of a variable leaves all links in place, for every variable."""
         turns = self._slopes[:, :, np.logical_not(_LENGTHS)]
         whole = np.all(np.abs(turns - np.round(turns)) < 1e-14, axis=(1, 2))
-        periodic: NDArray[np.bool_] = ~self.lengths & whole & (self.pitches == 0.0)
-        return periodic
+        return ~self.lengths & whole & (self.pitches == 0.0)
 
     def prescribed(self, t: float) -> Array:
         """Return value, rate and acceleration of every input at a time, shape (inputs, 3)."""

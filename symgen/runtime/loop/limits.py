@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _core, _loop
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.following import follow_about, follow_over
 from symgen.runtime.loop.frames import standing
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 #: Least singular value, of the largest, below which accelerations have lost digits that matter.
 WEAK = 3e-3

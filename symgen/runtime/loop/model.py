@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import CapabilityError, InitialStateError, ModelError, check_known
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.assemblies import search
 from symgen.runtime.closure.later import closed_later
 from symgen.runtime.closure.moved import state_at
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from symgen.runtime.linearisation.free_loops import FreePose
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.result.result import Result
-
-Array = NDArray[np.float64]
 
 
 @checked
@@ -282,8 +280,7 @@ class LoopModel(Model):
 
     def _jacobian(self, state: State | None = None) -> Array:
         at = self.initial_state() if state is None else state
-        jacobian: Array = self.kernels("position", at.t, at.q, at.u)["closure_jacobian"]
-        return jacobian
+        return self.kernels("position", at.t, at.q, at.u)["closure_jacobian"]
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         return self._free_pose(state, ()).mass_matrix(coordinates)
@@ -329,8 +326,7 @@ class LoopModel(Model):
         """Return the kernels of an analysis; in ``lanes`` compiled ones take vectors."""
         if self._analyses is None:
             raise ModelError(f"{self.name} was created without its scene: build it with symgen.build")
-        kernels: tuple[LoopDescription, Library] = self._analyses(kind, outputs, lanes)
-        return kernels
+        return self._analyses(kind, outputs, lanes)
 
     @takes(Run)
     def _simulate(self, request: Run) -> Result:

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.errors import SimulationError
 from symgen.runtime import _core, _loop
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.closure.redundancy import note, ranges_of
 from symgen.runtime.closure.start import Closed
@@ -33,8 +34,6 @@ from symgen.runtime.result.recording import (
 from symgen.runtime.result.records import of_model, over_time
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.turn import variables
-
-Array = NDArray[np.float64]
 
 _AXES = ("x", "y", "z")
 #: Times named in a note.

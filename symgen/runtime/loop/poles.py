@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _core, _loop
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import part
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.following import follow_over
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 _RANK = 1e-8
 #: Steps [rad, or sizes of the loop] of the input in which a limit at a pole is approached.

@@ -9,11 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.closure.redundancy import Mask, undetermined
 from symgen.runtime.loop.frames import product
 from symgen.runtime.loop.kernels import LoopKernels
-
-Array = NDArray[np.float64]
 
 #: Sine of the angle from a pole below which rates of the table's own angles have no digits.
 _AT_POLE = 1e-6

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.rods.instants import bisected
 
-Array = NDArray[np.float64]
 #: Value, rate and acceleration of an input at many times, shape (times, 3).
 Input = Callable[[Array], Array]
 

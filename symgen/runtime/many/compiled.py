@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime._many import Lanes, Runs
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.simulate import sample_times
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
@@ -28,7 +29,6 @@ from symgen.runtime.rods.large_start import LARGE
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
 
-Array = NDArray[np.float64]
 #: Longer runs are carried out singly: they can be interrupted, and tell their pace.
 _MOST_STEPS = 100_000
 

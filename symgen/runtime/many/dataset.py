@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
+from symgen.runtime.arrays import Array
 from symgen.runtime.many.reductions import HISTORY, mean_weights, reduced, reductions
 from symgen.runtime.result.records import Coordinate, Variable
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
     from symgen.runtime.kernels.description import Described
 
-Array = NDArray[np.float64]
 #: Name of the number of samples of each run, next to reductions.
 RECORDED = "recorded"
 #: Most runs that a thread takes at a time: progress is reported in these parts.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from symgen.runtime._kinematic_lanes import KinematicLanes
 from symgen.runtime._many import Starts, over_variants
 from symgen.runtime._start import StartLanes
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.result.state import State
 
-Array = NDArray[np.float64]
 Kernels = tuple["Description", "Library"]
 #: Number of starts from which kernels that assemble in lanes are compiled.
 _MANY = 128

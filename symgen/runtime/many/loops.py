@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._loop import LoopLanes
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.loop.driven import LEAST_RANGE, PARTS, STAGES
@@ -20,7 +20,6 @@ from symgen.runtime.many.starts import parameters_of_runs
 from symgen.runtime.result.records import Coordinate, over_time
 from symgen.runtime.result.turn import Turn, variables
 
-Array = NDArray[np.float64]
 #: Components of vectors.
 _AXES = ("x", "y", "z")
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
+from symgen.runtime.arrays import Array
 from symgen.runtime.result.records import Variable
 
-Array = NDArray[np.float64]
 #: The whole history, which is no reduction.
 HISTORY = "history"
 #: Steps between samples are equal that differ by less over their size.
@@ -21,8 +20,7 @@ _EQUAL = 1e-9
 
 def _magnitudes(values: Array, vector: bool) -> Array:
     """Return the magnitude of each sample: of a vector that of the vector."""
-    magnitudes: Array = np.sqrt(np.sum(values**2, axis=-1)) if vector else np.abs(values)
-    return magnitudes
+    return np.sqrt(np.sum(values**2, axis=-1)) if vector else np.abs(values)
 
 
 def mean_weights(along: Array, times: Array | None = None) -> Array:

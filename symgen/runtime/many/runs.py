@@ -10,9 +10,10 @@ from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, check_known, shown
+from symgen.runtime.arrays import Array
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import BLOCK, Keep, Kept, of_one
 from symgen.runtime.many.driven import Driven, driven_runs
@@ -21,7 +22,6 @@ from symgen.runtime.many.poses import FLOQUET, at_one_pose, of_modes, with_notes
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
 
-Array = NDArray[np.float64]
 #: Errors of single runs, which become entries of the dataset; all others end the call.
 FAILURES = (SimulationError, InitialStateError, RangeError)
 #: Arguments of a single run that do not apply to many.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime._start import Starter
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import NEAR
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.redundancy import ASSEMBLED
@@ -18,8 +19,6 @@ from symgen.runtime.rods.start import CONSISTENT, ROUNDING
 if TYPE_CHECKING:
     from symgen.runtime.loop.kernels import LoopKernels
     from symgen.runtime.result.state import State
-
-Array = NDArray[np.float64]
 
 
 def parameters_of_runs(

@@ -107,8 +107,7 @@ class Compiled:
         return self._parameters
 
     def _repr_html_(self) -> str:
-        html: str = display("model_html", self)
-        return html
+        return display("model_html", self)
 
     @property
     def name(self) -> str:

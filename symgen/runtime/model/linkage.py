@@ -9,10 +9,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.pace import uncounted
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -25,8 +26,6 @@ from symgen.runtime.rods.start import Start
 if TYPE_CHECKING:
     from symgen.runtime.result.motion import Motion
     from symgen.runtime.rods.constraints import Constraints
-
-Array = NDArray[np.float64]
 
 
 @checked

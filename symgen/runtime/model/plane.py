@@ -7,10 +7,8 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from symgen.calls import checked
+from symgen.runtime.arrays import Array
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageMotion, LinkageRun, takes
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
@@ -22,8 +20,6 @@ if TYPE_CHECKING:
     from symgen.runtime.result.motion import Motion
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
-
-Array = NDArray[np.float64]
 
 
 @checked

@@ -8,11 +8,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.errors import ModelError, check_known
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
     from symgen.runtime.result.forces import Forces
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
-
-Array = NDArray[np.float64]
 
 
 @checked

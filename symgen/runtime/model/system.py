@@ -6,16 +6,15 @@ from collections.abc import Mapping
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.errors import ModelError, check_known
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import SystemDescription
 from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.model.model import Model
-
-Array = NDArray[np.float64]
 
 
 @checked

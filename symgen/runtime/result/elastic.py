@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from symgen.calls import checked
 from symgen.display import seconds
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.result import Result
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 #: Beginning of the note that the limits of linear theory are checked at selected samples only.
 SELECTED = "peaks, and limits of linear theory, are those at the"

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.lib.npyio import NpzFile
-from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ResultError
+from symgen.runtime.arrays import Array
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.motion import Motion
@@ -19,8 +19,6 @@ from symgen.runtime.result.records import Coordinate, Drift, Event, Variable
 from symgen.runtime.result.result import FORMAT, Result
 from symgen.runtime.result.speed_response import SpeedResponse
 from symgen.runtime.result.turn import Turn
-
-Array = NDArray[np.float64]
 
 #: Classes of results by their kind in files.
 _KINDS = {kind.KIND: kind for kind in (Result, Motion, SpeedResponse, ElasticResult, Turn, Forces)}

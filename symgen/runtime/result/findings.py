@@ -8,17 +8,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.display import display
 from symgen.errors import CapabilityError, ResultError
+from symgen.runtime.arrays import Array
 from symgen.runtime.result.records import Coordinate, Event, Variable
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,8 +186,7 @@ class Findings:
             options_of_run |= {} if t_eval is not None else {"at": float(self.time[-1])}
         else:
             raise ResultError(f"results of {verb} have no gradient")
-        sensitivity: Sensitivity = model.sensitivity(outputs, parameters, **options_of_run)
-        return sensitivity
+        return model.sensitivity(outputs, parameters, **options_of_run)
 
     def _run_end(self, arguments: Mapping[str, Any]) -> float:
         """Return the requested end of the run [s]: an event that ended the run also ends its repetition."""
@@ -242,8 +240,7 @@ class Pictures:
         return display("animate", self, file, frames)
 
     def _repr_html_(self) -> str:
-        html: str = display("result_html", self)
-        return html
+        return display("result_html", self)
 
 
 for _call in (Findings.gradient, Pictures.plot, Pictures.animate):

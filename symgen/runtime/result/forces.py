@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.runtime.result.result import Result
-
-Array = NDArray[np.float64]
 
 
 @checked

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
+from symgen.runtime.arrays import Array
 from symgen.runtime.result.records import plain
-
-Array = NDArray[np.float64]
 
 
 def relative(values: Array, exact: Array) -> Array:

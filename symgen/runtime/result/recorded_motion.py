@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
@@ -17,9 +18,6 @@ from symgen.runtime.result.recording import nearest_turn, of_points, shaped
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.poses import Poses
-
-Array = NDArray[np.float64]
-
 
 #: Function that returns the continuous angles of a link at the samples [rad].
 Counted = Callable[[str, Array], Array]

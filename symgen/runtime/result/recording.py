@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.description import Description, KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, converters, over_time
 from symgen.runtime.rods.redundancy import CLOSED, SelfStress, extent, not_unique, slack, violation
-
-Array = NDArray[np.float64]
 
 #: Largest number of passages whose times are reported; of more, only the number is.
 _SHOWN = 6
@@ -279,8 +278,7 @@ def grouped(parameters: Array, first: int, values: Array) -> Iterator[tuple[Arra
 def nearest_turn(angles: Array, to: Array) -> Array:
     """Return angles [rad] shifted by whole revolutions to be nearest to other angles."""
     revolution = 2 * np.pi
-    nearest: Array = angles + np.round((to - angles) / revolution) * revolution
-    return nearest
+    return angles + np.round((to - angles) / revolution) * revolution
 
 
 def shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:

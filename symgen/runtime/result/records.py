@@ -9,12 +9,12 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from symgen.runtime.arrays import Array
 
 if TYPE_CHECKING:
     from symgen.runtime.kernels.description import Described
 
-Array = NDArray[np.float64]
 #: Range of an energy over the energy exchanged below which plots show it as constant.
 _FLAT = 1e-6
 _SI = {"length": ("m", 1.0), "force": ("N", 1.0), "angle": ("rad", 1.0), "stress": ("Pa", 1.0)}

@@ -12,18 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.display import seconds
 from symgen.errors import ResultError, nearest
+from symgen.runtime.arrays import Array
 from symgen.runtime.result.findings import Findings, Pictures
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, columns, converted, plain
 
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 FORMAT = 2
 #: Version of the summary that the command line prints as JSON.
 SUMMARY = 1
@@ -266,7 +266,7 @@ class Result(Findings, Pictures):
         """Return the result without its samples, in SI units: see ``docs/results.md``, JSON."""
         along, outputs = self.coordinate, columns(self.variables)
         ends = {"first": along.values[0], "last": along.values[-1]} if self.count else {}
-        summary: dict[str, Any] = plain(
+        return plain(
             {
                 "version": SUMMARY,
                 "scene": self.name,
@@ -283,7 +283,6 @@ class Result(Findings, Pictures):
                 "provenance": self.provenance,
             }
         )
-        return summary
 
     def _extremes(self, values: Array) -> dict[str, Any]:
         """Return the last, least and greatest value, and where the extremes occur; None without values."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.calls import checked
+from symgen.runtime.arrays import Array
 from symgen.runtime.result.elastic import is_stable, panel_by_kind
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.result import Result
-
-Array = NDArray[np.float64]
 
 
 @checked

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.errors import ModelError, check_known
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 
-Array = NDArray[np.float64]
 Pose = TypeVar("Pose")
 
 #: Relative out-of-plane component of a vector that counts as rounding of an analysis in space.

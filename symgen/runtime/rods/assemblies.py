@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.rods.assur import NotInGroups, modes_of_groups
 from symgen.runtime.rods.constraints import Constraints
-
-Array = NDArray[np.float64]
 
 _SEED, _SAME, _CLOSED = 20, 1e-6, 1e-12
 

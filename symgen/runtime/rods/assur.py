@@ -19,10 +19,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.groups import groups_of
 
-Array = NDArray[np.float64]
 #: Coordinates in units of the linkage's size, from a pose; complex if a group does not close.
 Poses = NDArray[Any]
 
@@ -58,15 +58,13 @@ class Quadratics:
     def values(self, rows: Sequence[int], x: Poses) -> Poses:
         """Return the constraints of some rows at poses (..., n): (..., rows)."""
         bent = np.einsum("...i,rij,...j->...r", x, self.curvature[rows], x)
-        values: Poses = self.constant[rows] + x @ self.slope[rows].T + bent / 2
-        return values
+        return self.constant[rows] + x @ self.slope[rows].T + bent / 2
 
     def slopes(self, rows: Sequence[int], columns: Sequence[int], x: Poses) -> Poses:
         """Return the derivatives of rows by columns at poses (..., n): (..., rows, columns)."""
-        slopes: Poses = self.slope[np.ix_(rows, columns)] + np.einsum(
+        return self.slope[np.ix_(rows, columns)] + np.einsum(
             "rci,...i->...rc", self.curvature[np.ix_(rows, columns)], x
         )
-        return slopes
 
     def having(self, rows: Iterable[int], columns: Iterable[int]) -> dict[int, set[int]]:
         """Return the columns on which each row depends."""
@@ -116,8 +114,7 @@ class _Point:
 def _solved(matrix: Poses, right: Poses) -> Poses:
     if np.any(np.abs(np.linalg.det(matrix)) < _DEGENERATE**2):
         raise NotInGroups(_SINGULAR)
-    solution: Poses = np.linalg.solve(matrix, right[..., None])[..., 0]
-    return solution
+    return np.linalg.solve(matrix, right[..., None])[..., 0]
 
 
 def _placed(x: Poses, columns: Sequence[int], values: Poses) -> Poses:
@@ -174,8 +171,7 @@ class _Circle:
             signs = [(way, divisor * squared) for ways, squared, divisor in solved for way in ways]
         for pose, divisor in signs:
             missed = missed * of.values([self.last], pose)[:, 0] * divisor
-        error: Array = missed.real
-        return error
+        return missed.real
 
 
 def _roots(function: Callable[[Array], Array]) -> list[float]:

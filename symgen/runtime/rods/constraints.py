@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.redundancy import extent
-
-Array = NDArray[np.float64]
 
 
 class Constraints:
@@ -63,8 +62,7 @@ class Constraints:
         value, scale = blocks[: self.m], blocks[self.m : 2 * self.m]
         if kernel != "constraints":
             value = self._call(kernel, q, u, t)[: self.m * columns]
-        scaled: Array = (value.reshape(self.m, columns) / scale[:, None]).ravel()
-        return scaled
+        return (value.reshape(self.m, columns) / scale[:, None]).ravel()
 
     def _call(self, kernel: str, q: Array, u: Array, t: float) -> Array:
         """Call a kernel with stored arrays, since a curve takes thousands of calls."""

@@ -6,17 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.state import State, reactions_at, state_at
 from symgen.runtime.rods.assemblies import polished
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.linear import Linearised, Statics
-
-Array = NDArray[np.float64]
 
 _STEPS, _AWAY = 500, 1e4
 _IN_MOTION = "there is no equilibrium while a drive is in motion"

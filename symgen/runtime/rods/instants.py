@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError, RangeError
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.options import end_of_scene
 from symgen.runtime.kernels.arguments import reals
 
-Array = NDArray[np.float64]
 #: Gives the values of the drives [rad or m] at many times, by name.
 Drives = Callable[[Array], dict[str, Array]]
 #: Times at which the drive is evaluated to bracket a value.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime.arrays import Array
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
@@ -22,8 +23,6 @@ from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoin
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
 from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.poses import Poses
-
-Array = NDArray[np.float64]
 
 _STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
 
@@ -241,8 +240,7 @@ def _rates(curve: Curve[Constraints], q: Array, t: float) -> tuple[Array, Array,
     inverse = np.divide(1.0, values, out=np.zeros_like(values), where=values > 1e-14 * values[0])
 
     def solve(rhs: Array) -> Array:
-        solved: Array = right.T @ (inverse * (left.T @ rhs))
-        return solved
+        return right.T @ (inverse * (left.T @ rhs))
 
     u = solve(-constraints.drift(q, t))
     return u, solve(constraints.gamma(q, u, t)), sound

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
-Array = NDArray[np.float64]
 
 #: Number of coordinates above which dense matrices of the start take longer than sparse ones.
 LARGE = 400

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Constraints
-
-Array = NDArray[np.float64]
 
 _EPS = float(np.finfo(float).eps)
 #: Rank tolerance of the constraints, above the error with which poses meet them.

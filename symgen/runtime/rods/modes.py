@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.equilibrium import Equilibrium
 from symgen.runtime.rods.linear import SMALL
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +154,7 @@ def analyse(evaluator: Evaluator, equilibrium: Equilibrium) -> Modes:
 def _congruent(root: Array, matrix: Array) -> Array:
     """Return L^-1 A L^-T."""
     half = np.linalg.solve(root, matrix)
-    whole: Array = np.linalg.solve(root, half.T).T
-    return whole
+    return np.linalg.solve(root, half.T).T
 
 
 def _symmetric(matrix: Array) -> bool:

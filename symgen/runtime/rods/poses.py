@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from symgen.runtime.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,17 +27,14 @@ class Poses:
     @property
     def q(self) -> Array:
         """Coordinates [m]."""
-        coordinates: Array = self.states[:, 0]
-        return coordinates
+        return self.states[:, 0]
 
     @property
     def u(self) -> Array:
         """Velocities [m/s]."""
-        rates: Array = self.states[:, 1]
-        return rates
+        return self.states[:, 1]
 
     @property
     def accelerations(self) -> Array:
         """Accelerations [m/s^2]."""
-        second_rates: Array = self.states[:, 2]
-        return second_rates
+        return self.states[:, 2]

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import InitialStateError
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
-
-Array = NDArray[np.float64]
 
 #: The share of the linkage's size that an assembly error may have unstated, and how it may grow on the way.
 ASSEMBLED, _SLACK = 1e-8, 10.0

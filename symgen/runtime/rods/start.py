@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import InitialStateError
 from symgen.runtime import _start
 from symgen.runtime._start import Starter
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -21,8 +21,6 @@ from symgen.runtime.rods.redundancy import (
     not_positive,
     redundant_constraints,
 )
-
-Array = NDArray[np.float64]
 
 #: Round-off of drawn positions over the size of the linkage, and of velocities over the prescribed ones.
 ROUNDING, CONSISTENT = 1e-14, 1e-9

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from symgen.calls import checked
 from symgen.errors import ModelError
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.model.model import Model
@@ -19,8 +20,6 @@ from symgen.runtime.result.modes import RotorModes, relative
 from symgen.runtime.rotor.description import RotorDescription
 from symgen.runtime.rotor.structure import Structure, parts, structure
 from symgen.runtime.structure import UnstableError, modes_at_rest
-
-Array = NDArray[np.float64]
 
 #: Unknowns up to which frequencies are compared with those of halved elements.
 _REFINED = 400

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.rotor.description import RotorDescription, RotorLink
-
-Array = NDArray[np.float64]
 
 _BLOCK = "spatial_beam"
 #: Unknowns of a node, in the order of the kernels; those at joints that belong to one link alone.

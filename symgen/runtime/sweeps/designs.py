@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, check_known, shown
+from symgen.runtime.arrays import Array
 
 if TYPE_CHECKING:
     from scipy.stats.qmc import Sobol
 
-Array = NDArray[np.float64]
 #: Runs whose random numbers come from one generator.
 _BLOCK = 1024
 #: Normal distributions: half the interval of a worst case, in standard deviations.

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, check_known, shown
+from symgen.runtime.arrays import Array
 from symgen.runtime.sweeps.problem import Problem, Quantity, Search
 
-Array = NDArray[np.float64]
 #: Most iterations.
 _MOST = 10**6
 METHODS = ("SLSQP", "trust-constr", "differential-evolution")

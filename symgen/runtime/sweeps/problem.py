@@ -9,9 +9,9 @@ from itertools import combinations, islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError, SymgenError, nearest
+from symgen.runtime.arrays import Array
 from symgen.runtime.many.dataset import RECORDED
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import REDUCTIONS, mean_weights
@@ -22,7 +22,6 @@ from symgen.runtime.sweeps.sweep import OF_A_POSE, sweep_of
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 #: Part of a parameter's range over which differences are taken, to either side.
 _STEP = 1e-5
 #: Agreement of exact derivatives with differences at the start, over the largest.
@@ -251,8 +250,7 @@ class Problem:
             arguments = {"at": arguments["at"] if "at" in arguments else model.equilibrium(**arguments)}
         requested = ["frequencies"] if self.analysis == "modes" else outputs
         sensitivity = model.sensitivity(requested, list(self.names), **arguments)
-        derivatives: Array = sensitivity.derivatives[[sensitivity.outputs.index(name) for name in outputs]]
-        return derivatives
+        return sensitivity.derivatives[[sensitivity.outputs.index(name) for name in outputs]]
 
     def _at_start(self, model: Any, outputs: list[str]) -> tuple[Array, tuple[str, ...]]:
         """Return exact derivatives at the start, and angles of links that determine it and are held."""
@@ -316,8 +314,7 @@ class Problem:
         components = self._components[quantity.output]
         if components and not quantity.component:
             size = np.maximum(np.sqrt(np.sum(values**2, axis=-1)), 1e-300)
-            slopes_of_magnitude: Array = np.sum(slopes * values, axis=-1) / size
-            return slopes_of_magnitude
+            return np.sum(slopes * values, axis=-1) / size
         i = components.index(quantity.component) if quantity.component else 0
         return slopes[..., i] * (np.sign(values[..., i]) if quantity.of_magnitude else 1.0)
 

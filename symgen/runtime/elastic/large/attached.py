@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.elements import SAME, kernels
 from symgen.runtime.elastic.large.links import LargeLink
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.evaluate import at_rows
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Properties that the kernels ``corotational_node`` read, and the numbers that each writes.
 _PROPERTIES = ("length", "g_x", "g_y", "start", "even", "slope")
@@ -228,5 +226,4 @@ def _node(motion: ElasticMotion, link: LargeLink, at: float) -> Indices:
             f"{link.beam.info.link}, within 1 % of another one\n"
             "  Move the mass or force there to the other node, or to the end of the link."
         )
-    unknowns: Indices = link.places[nodes[0]]
-    return unknowns
+    return link.places[nodes[0]]

@@ -6,13 +6,11 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._constrained import Steps
+from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import Moment, Pause, System
 from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, store, stored
-
-Array = NDArray[np.float64]
 
 
 class Samples:

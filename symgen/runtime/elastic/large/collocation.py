@@ -21,15 +21,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import SimulationError
 from symgen.runtime._constrained import Constrained, Part, Steps
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.integrate.pace import OutOfTime, Pace
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Error that corrections leave in the places, over their sizes.
 CLOSE = 1e-10
@@ -135,8 +132,7 @@ class Pattern:
         low, high = np.minimum(i, j), np.maximum(i, j)
         below = self.starts[high] + low - self.first[high]
         count = self.starts[-1]
-        slots: Indices = np.where(i > j, below, np.where(i < j, below + count, i + 2 * count))
-        return slots
+        return np.where(i > j, below, np.where(i < j, below + count, i + 2 * count))
 
     @cached_property
     def places(self) -> tuple[Indices, Indices]:

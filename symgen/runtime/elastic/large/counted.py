@@ -6,12 +6,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.evaluate import Evaluator, part
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Change [rad] of an angle after which its reference moves: far below the half revolution that it may change
 #: before the nearer way round is another one.

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.elastic.large.collocation import Moment
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.recording import motion
 from symgen.runtime.result.records import Event
-
-Array = NDArray[np.float64]
 
 #: Fractions of a step at which gaps are evaluated.
 _SHARES = np.linspace(0.0, 1.0, 5)
@@ -118,5 +116,4 @@ class Events:
     def _zero(self, step: _Step, k: int, low: float, high: float) -> float:
         from scipy.optimize import brentq
 
-        zero: float = brentq(lambda share: self._gaps(step, np.array([share]))[0, k], low, high, xtol=1e-14)
-        return zero
+        return brentq(lambda share: self._gaps(step, np.array([share]))[0, k], low, high, xtol=1e-14)

@@ -11,11 +11,11 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime._beams import APPLIED, MOTION
 from symgen.runtime._constrained import Added, Elements, Part, Rigid, Ties
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.attached import Posed, Section, direction_of, forces_along, lumps_of
@@ -31,9 +31,6 @@ from symgen.runtime.elastic.large.supports import (
     welds_to_bodies,
 )
 from symgen.runtime.elastic.motion import ElasticMotion
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Matrices that the kernel ``joints`` gives: M, C, K.
 _SLOPES = ("mass_matrix", "damping", "stiffness")
@@ -253,8 +250,7 @@ class LargeLinkage(System):
         """Return the places of a point of the ground at times, (times, 2)."""
         y = np.broadcast_to(self.motion._start[: self._points], (len(t), self._points))
         number = self.motion.rigid.description.points.index(point)
-        positions: Array = self._rigid.many_blocks("points", t, y, np.zeros_like(y))["positions"][:, number]
-        return positions
+        return self._rigid.many_blocks("points", t, y, np.zeros_like(y))["positions"][:, number]
 
     def _diagonal(self, t: Array, q: Array, v: Array) -> Array:
         """Return mass, damping and stiffness of masses on links and of a motor, (3, unknowns of ``_own``).
@@ -304,8 +300,7 @@ class LargeLinkage(System):
         shaft = next(p for p in d.links[info.crank][:2] if p not in d.free)
         arms = q[:, :n].reshape(len(t), -1, 2) - self._ground(t, shaft)[:, None]
         # The power of J^T lambda at the unit rate of the crank.
-        torque: Array = -np.sum(pulls[..., 1] * arms[..., 0] - pulls[..., 0] * arms[..., 1], axis=1)
-        return torque
+        return -np.sum(pulls[..., 1] * arms[..., 0] - pulls[..., 0] * arms[..., 1], axis=1)
 
 
 def _check(motion: ElasticMotion) -> None:

@@ -7,16 +7,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._constrained import Elements
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.data import Properties
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.elements import integral, kernels
 from symgen.runtime.beams.links import Beam
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 BLOCK = "corotational_beam"
 #: Numbers that each kernel writes.
@@ -89,8 +86,7 @@ class LargeLink:
         _, first_slope, _, second_slope = hermite(x)
         bow = first_slope * rotations[0] + second_slope * rotations[1]
         place = first + x * chord + bow * np.stack([-chord[1], chord[0]]) - start
-        deflection: Array = (whole[0] * place[1] - whole[1] * place[0]) / np.linalg.norm(whole, axis=0)
-        return deflection
+        return (whole[0] * place[1] - whole[1] * place[0]) / np.linalg.norm(whole, axis=0)
 
 
 def values(kernel: str, elements: Indices, properties: Array, q: Array, v: Array, a: Array) -> Array:
@@ -133,5 +129,4 @@ def hermite(x: float) -> tuple[float, float, float, float]:
 
 def _along(angle: Array, x: Array, y: Array) -> Array:
     """Return the component of vectors along directions."""
-    component: Array = np.cos(angle) * x + np.sin(angle) * y
-    return component
+    return np.cos(angle) * x + np.sin(angle) * y

@@ -10,9 +10,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.checkpoint import Samples
 from symgen.runtime.elastic.large.collocation import CLOSE, Moment, System, moved, stacked
@@ -28,8 +28,6 @@ from symgen.runtime.model.arguments import Refined
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model
-
-Array = NDArray[np.float64]
 
 #: Error by time steps over the peak stress of a station, where ``rtol`` is not given.
 RTOL = 2e-3

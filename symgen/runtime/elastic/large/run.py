@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.beams.energies import Energies
@@ -22,8 +21,6 @@ from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.records import Variable
-
-Array = NDArray[np.float64]
 
 #: Steps of a revolution, or of a run without, that a run starts with.
 _STEPS = 128

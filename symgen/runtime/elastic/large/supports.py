@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime._constrained import Welds
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels, meshed
 from symgen.runtime.elastic.large.attached import DIRECTION, FORCE, Section, at_nodes
 from symgen.runtime.elastic.large.links import LargeLink, element_properties
 from symgen.runtime.elastic.motion import ElasticMotion
-
-Array = NDArray[np.float64]
 
 #: Part of the length of a run over which a prescribed angle is differentiated.
 _PART = 1e-4
@@ -182,5 +180,4 @@ class Supports:
             return np.full(len(t), self._motion.speed)
         h = _PART * self._motion.rigid.description.t_end
         before, less, more, after = (self._motion.angle_at(t + k * h) for k in (-2, -1, 1, 2))
-        speed: Array = (before - 8 * less + 8 * more - after) / (12 * h)
-        return speed
+        return (before - 8 * less + 8 * more - after) / (12 * h)

@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._constrained import Directions
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.kernels.evaluate import at_rows
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _BLOCK = "direction"
 #: Name of the constraints of directors.

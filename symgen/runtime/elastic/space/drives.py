@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime.elastic.large.collocation import Moment, stacked
 from symgen.runtime.elastic.space.linkage import AXES, LinkageInSpace
 from symgen.runtime.result.records import Variable
-
-Array = NDArray[np.float64]
 
 
 def drives(of: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:

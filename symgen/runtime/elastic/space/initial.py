@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import Moment
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.modes import at_rest, equilibrium, modes_of
-
-Array = NDArray[np.float64]
 
 #: Poses from the start on by whose differences equilibria and shapes have rates.
 _POSES = 9

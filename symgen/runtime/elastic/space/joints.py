@@ -6,13 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.elastic.space.directions import DIRECTORS, Row
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Size of a direction, of length one, that counts as zero.
 _NONE = 1e-8
@@ -100,14 +97,12 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
 def _normals(axis: Array) -> Array:
     """Return two directions across a unit vector, (2, 3), with its tangents."""
     normals = np.linalg.svd(axis.real[None])[2][1:]
-    found: Array = normals - np.outer(normals @ axis, axis)
-    return found
+    return normals - np.outer(normals @ axis, axis)
 
 
 def length_of(vectors: Array) -> Array:
     """Return the lengths of vectors (..., 3), with their tangents."""
-    length: Array = np.sqrt(np.sum(vectors**2, axis=-1))
-    return length
+    return np.sqrt(np.sum(vectors**2, axis=-1))
 
 
 def check_independent(name: str, jacobian: Array, labels: Sequence[str]) -> None:

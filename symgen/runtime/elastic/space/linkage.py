@@ -14,10 +14,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime._constrained import Elements, Rigid, Ties
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels, rows_at
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.collocation import Moment, System
@@ -27,9 +27,6 @@ from symgen.runtime.elastic.space.links import BLOCK, DAMPING, links_in_space
 from symgen.runtime.kernels.elastic_description import JointInfo
 from symgen.runtime.kernels.evaluate import UNIT, Duals
 from symgen.runtime.model.rods import RodModel
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Matrices that the kernel ``joints`` gives: M, C, K.
 _SLOPES = ("mass_matrix", "damping", "stiffness")

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import check_joints
 from symgen.runtime._constrained import Elements
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.data import BeamInfo
 from symgen.runtime.beams.elements import kernels, rows_at
 from symgen.runtime.kernels.description import Description
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 BLOCK = "director_beam"
 #: Numbers that each of the kernels writes.

@@ -7,16 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import Moment
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.modes import ElasticModes, relative
 from symgen.runtime.structure import modes_at_rest
-
-Array = NDArray[np.float64]
 
 #: Corrections of an equilibrium at most, and the last one over the sizes of the unknowns.
 _MOST, _CLOSE = 40, 1e-11

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import Moment, moved
 from symgen.runtime.elastic.space.linkage import Along, LinkageInSpace
@@ -28,8 +28,6 @@ from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.state_space import derivatives
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.records import Variable
-
-Array = NDArray[np.float64]
 
 #: Error that corrections leave in the places: stiff links multiply it.
 _CLOSE = 1e-14

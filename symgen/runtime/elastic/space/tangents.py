@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.elastic.large.collocation import PART, Moment, Slopes, stacked
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.kernels.evaluate import UNIT
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +181,7 @@ class Tangents:
         pushed, rest = replace(at, a=change, multipliers=multipliers), replace(at, a=still, multipliers=none)
         curved = self._one.matrix(self._slopes(pushed).stiffness - self._slopes(rest).stiffness)
         by, without = self._held(pushed, rest).forces
-        found: Array = by - without + curved[: len(dq), : len(dq)] @ dq
-        return found
+        return by - without + curved[: len(dq), : len(dq)] @ dq
 
     def _rows(self, at: Moment, dq: Array, dv: Array) -> Array:
         """Return the differentials of the rates of the constraints."""

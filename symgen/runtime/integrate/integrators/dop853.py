@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from symgen.runtime.integrate.integrators.tableau import Array, explicit_runge_kutta
+from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.integrators.tableau import explicit_runge_kutta
 
 _STAGES = 12
 

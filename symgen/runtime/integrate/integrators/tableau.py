@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.integrators.method import Method
-
-Array = NDArray[np.float64]
 
 
 def explicit_runge_kutta(

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._kinematics import Kinematics
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.groups import groups_of
 from symgen.runtime.rods.poses import Poses
-
-Array = NDArray[np.float64]
 
 #: Parts of the range at first, and the most of them.
 _PARTS, _MOST = 8, 1_000_000
@@ -69,8 +68,7 @@ def along_branch(
 
 def nodes_of(low: float, high: float, times: Array, parts: int = _PARTS) -> Array:
     """Return the times of poses along a branch: those requested, and ends of parts of the range."""
-    nodes: Array = np.union1d(np.linspace(low, high, parts + 1), times)
-    return nodes
+    return np.union1d(np.linspace(low, high, parts + 1), times)
 
 
 def steps_of(constraints: Constraints, q: Array, t: float, forces: Evaluator | None = None) -> Kinematics:

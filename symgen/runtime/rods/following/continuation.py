@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from symgen.runtime.arrays import Array
 
 
 class Constraints(Protocol):

@@ -6,14 +6,12 @@ import math
 from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.linearisation.state_space import Tangents
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import extent
-
-Array = NDArray[np.float64]
 
 #: Largest change of a coordinate or drive in a step [rad], of lengths relative to the linkage's size.
 _STEP = 0.2

@@ -6,13 +6,11 @@ import math
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.continuation import Curve, CurvePoint
-
-Array = NDArray[np.float64]
 
 #: Component of the tangent along t that counts as none.
 TURNING = 1e-9

@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass, replace
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -28,7 +28,6 @@ from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.kinematics import Followed, driven, follow
 from symgen.runtime.rods.poses import Poses
 
-Array = NDArray[np.float64]
 _MOST_ELEMENTS, _MOST_SAMPLES = 1000, 100_000
 #: A smaller part of an unknown in the forces that nothing balances is rounding.
 _OPEN = 1e-6

@@ -15,13 +15,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.chain import Attachment, Chain, Distribution, even
 from symgen.runtime.rods.poses import Poses
 
-Array = NDArray[np.float64]
 #: A singular value that is a smaller part of the largest is lost rank; as in the kinematics.
 RANK = 1e-9
 
@@ -179,8 +179,7 @@ class Assembly:
         """Loads on each point less mass times acceleration, (poses, points, 2) [N]."""
         masses = self._values("point_masses")[:, :, 0]
         free_fall = self._values("gravity")[:, None, :, 0]
-        on_points: Array = self._values("point_loads") - masses[:, :, None] * (self.accelerations - free_fall)
-        return on_points
+        return self._values("point_loads") - masses[:, :, None] * (self.accelerations - free_fall)
 
     def _given_away(self, point: str) -> Iterator[tuple[Unknown, Array]]:
         """Yield the unknowns that a point gives away, with their directions (poses, 2, components)."""

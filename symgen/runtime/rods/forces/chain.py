@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.kernels.evaluate import at_rows
 
-Array = NDArray[np.float64]
 #: How far from even a rod may be by rounding: of its mass, length and moment of inertia.
 _ROUNDING = 1e-9
 

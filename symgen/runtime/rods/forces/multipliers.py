@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import steps_of
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, solve
 from symgen.runtime.rods.poses import Poses
-
-Array = NDArray[np.float64]
 
 
 def by_multipliers(
