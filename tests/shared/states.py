@@ -6,10 +6,11 @@ import numpy as np
 
 
 def values_of(model, system, rng):
+    """Times are multiples of 1/1024, so that kernels have angles of cranks such as 60 rad/s*t without rounding."""
     state = model.initial_state()
     size = np.max(np.abs(state.q))
     return {
-        "t": rng.uniform(0, 1, 1),
+        "t": np.round(rng.uniform(0, 1, 1) * 1024) / 1024,
         "q": state.q + 0.05 * size * rng.standard_normal(state.q.size),
         "u": size * rng.standard_normal(state.u.size),
         "p": np.array(model.given),
