@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,14 +25,21 @@ def _scenes(incomplete: str) -> list[str]:
     return [name for name in shipped_scenes() if name.startswith(incomplete)]
 
 
-def _result_file(file: Path | None) -> Path | None:
-    """Check that a result can be written to the file before a command runs; raise ResultError if not."""
-    if file:
-        from symgen.atomic import writable
-        from symgen.runtime.result.result import SAVED_AS
+def _writable(noun: str, endings: str | tuple[str, ...]) -> Callable[[Path | None], Path | None]:
+    """Return a check that a file can be written, made before a command runs; it raises ResultError if not.
 
-        writable(file, SAVED_AS, "result")
-    return file
+    ``endings`` are those of its name, or ``module:NAME`` of symgen, which is imported if the option is given.
+    """
+
+    def check(file: Path | None) -> Path | None:
+        if file:
+            from symgen.atomic import writable
+            from symgen.registry import load
+
+            writable(file, load(f"symgen.{endings}") if isinstance(endings, str) else endings, noun)
+        return file
+
+    return check
 
 
 def _film_file(file: Path | None) -> Path | None:
@@ -40,16 +48,6 @@ def _film_file(file: Path | None) -> Path | None:
         from symgen.report.page.movie import film_file
 
         film_file(file)
-    return file
-
-
-def _plot_file(file: Path | None) -> Path | None:
-    """Check that a plot can be written to the file before a command runs."""
-    if file:
-        from symgen.atomic import writable
-        from symgen.report.page.plots import DRAWN_AS
-
-        writable(file, DRAWN_AS, "plot")
     return file
 
 
@@ -72,12 +70,22 @@ Set = Annotated[
 Plot = Annotated[
     Path | None,
     option(
-        "--plot", metavar="FILE", group=_OUTPUT, callback=_plot_file, help="Save a plot: .png, .svg or .pdf."
+        "--plot",
+        metavar="FILE",
+        group=_OUTPUT,
+        callback=_writable("plot", "report.page.plots:DRAWN_AS"),
+        help="Save a plot: .png, .svg or .pdf.",
     ),
 ]
 Page = Annotated[
     Path | None,
-    option("--page", metavar="FILE", group=_OUTPUT, help="Write an HTML page with the results."),
+    option(
+        "--page",
+        metavar="FILE",
+        group=_OUTPUT,
+        callback=_writable("page", (".html",)),
+        help="Write an HTML page with the results.",
+    ),
 ]
 Json = Annotated[bool, option("--json", group=_OUTPUT, help="Print one JSON object and nothing else.")]
 Backend = Annotated[
@@ -239,7 +247,12 @@ OF_ANALYSES: dict[str, Any] = {
     ],
     "set_": Set,
     "out": maybe(
-        Path, "--out", "FILE", "Save the result: .nc, .npz or .csv.", _OUTPUT, callback=_result_file
+        Path,
+        "--out",
+        "FILE",
+        "Save the result: .nc, .npz or .csv.",
+        _OUTPUT,
+        callback=_writable("result", "runtime.result.result:SAVED_AS"),
     ),
     "plot": Plot,
     "plot_of": names("--of", "Outputs, points or links in the plot; default: all outputs.", group=_OUTPUT),

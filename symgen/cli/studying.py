@@ -40,15 +40,12 @@ def synthesise(
     points = \[\["0 m", "0 m"], \["4 cm", "3 cm"], ...], angles = \["0 deg", "20 deg", ...].
     Each linkage is run, and faults of its motion are listed.
     """
-    from symgen.atomic import writable, writable_folder, write_folder, write_text
-    from symgen.report.page.study import render_study
-    from symgen.report.synthesis import print_synthesis, synthesis_page
+    from symgen.atomic import writable_folder, write_folder
+    from symgen.report.synthesis import synthesis_study
     from symgen.synthesis.synthesise import synthesise as found
 
     if out:
         writable_folder(out, "scenes")
-    if page:
-        writable(page, (".html",), "page")
     if vary:
         if out:
             raise ModelError("a design chart has no scenes: omit --out, or --vary")
@@ -57,41 +54,39 @@ def synthesise(
     if plot:
         raise ModelError("expected --vary NAME=START:STOP:COUNT with --plot, which draws a design chart")
     result = found(task)
-    if page:
-        write_text(page, render_study(synthesis_page(result, task.stem)))
     if out:
         stem = {"spherical": "spherical_four_bar"}.get(result.linkage, result.linkage.replace("-", "_"))
         scenes = [d.linkage.toml(result.title, result.units).encode() for d in result.designs]
         write_folder(out, {f"{stem}_{i}.toml": scene for i, scene in enumerate(scenes, 1)}, "scenes")
-    if as_json:
-        print_json(result.summary())
-        return
-    print_synthesis(result, console())
-    if out:
-        count = len(result.designs)
-        console().print(f"{count} scene{'s' * (count != 1)} in {out}", soft_wrap=True)
-    if page:
-        console().print(f"wrote {page}", soft_wrap=True)
+    _show(synthesis_study(result), task.stem, result.summary(), as_json, page, out)
 
 
 def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json: bool) -> None:
     """Print, plot and write a design chart."""
-    from symgen.atomic import write_text
-    from symgen.report.page.study import render_study
-    from symgen.report.synthesis import chart_page, plot_chart, print_chart
+    from symgen.report.synthesis import chart_study, plot_chart
     from symgen.synthesis.charts import design_chart, values_of
 
     name, values = values_of(task, vary)
     chart = design_chart(task, name, values)
     if plot:
         plot_chart(chart, plot)
+    _show(chart_study(chart), task.stem, chart.summary(), as_json, page, plot)
+
+
+def _show(
+    study: Any, name: str, data: dict[str, Any], as_json: bool, page: Path | None, *files: Path | None
+) -> None:
+    """Write the page of a study if requested; print the study and the files written, or one JSON object."""
+    from symgen.atomic import write_text
+    from symgen.report.page.study import print_study, render_study
+
     if page:
-        write_text(page, render_study(chart_page(chart, task.stem)))
+        write_text(page, render_study(study, name))
     if as_json:
-        print_json(chart.summary())
+        print_json(data)
         return
-    print_chart(chart, console())
-    for file in filter(None, (plot, page)):
+    print_study(study, console())
+    for file in filter(None, (*files, page)):
         console().print(f"wrote {file}", soft_wrap=True)
 
 
@@ -137,9 +132,7 @@ def sweep(ctx: typer.Context) -> None:
 
     Options replace those of the table \[sweep] of the scene. Extremes of all outputs are printed.
     """
-    from symgen.atomic import writable, write_text
     from symgen.report import sweeps
-    from symgen.report.page.study import render_study
     from symgen.runtime.sweeps.executors import dask_client
     from symgen.scene.loading import load_scene
     from symgen.study.sweeps import of_file, of_options, varied
@@ -168,9 +161,7 @@ def sweep(ctx: typer.Context) -> None:
     arguments |= {name: params[name] for name in names if params[name] is not None}
     if "vary" not in arguments:
         raise ModelError("expected parameters to vary: --vary KEY=START:STOP:COUNT, or [sweep] in the scene")
-    out, plot, page = params["out"], params["plot"], params["page"]
-    if page:
-        writable(page, (".html",), "page")
+    out, plot = params["out"], params["plot"]
     model, arguments["vary"] = varied(
         scene, arguments["vary"], set=changes(params["set_"]), backend=params["backend"]
     )
@@ -188,15 +179,9 @@ def sweep(ctx: typer.Context) -> None:
         runs = model.sweep(**arguments, executor=executor, progress=progress)
     if plot:
         sweeps.plot(runs, file=plot)
-    if page:
-        write_text(page, render_study(sweeps.sweep_page(runs, model.name)))
-    if params["as_json"]:
-        print_json({"scene": model.name, "kind": "sweep", **sweeps.summary(runs)})
-        return
-    sweeps.print_sweep(runs, console())
-    for file in (out, plot, page):
-        if file:
-            console().print(f"wrote {file}", soft_wrap=True)
+    about = sweeps.summary(runs)
+    data = {"scene": model.name, "kind": "sweep", **about}
+    _show(sweeps.sweep_study(runs, about), model.name, data, params["as_json"], params["page"], out, plot)
 
 
 def _estimated(model: Any, arguments: dict[str, Any], as_json: bool) -> None:
@@ -248,9 +233,7 @@ def optimise(
     The table \[optimise] of the scene has the variables with their bounds, the objective and the constraints.
     Two objectives give the designs of their Pareto front.
     """
-    from symgen.atomic import writable, write_text
-    from symgen.report import sweeps
-    from symgen.report.page.study import render_study
+    from symgen.report.sweeps import optimum_study
     from symgen.scene.loading import load_scene
     from symgen.study.sweeps import varied
 
@@ -263,40 +246,25 @@ def optimise(
     arguments["constraints"] = {name: (b.least, b.greatest) for name, b in plan.constraints.items()}
     arguments |= {name: value for name, value in (("method", method), ("seed", seed)) if value is not None}
     model, arguments["variables"] = varied(scene, arguments["variables"], set=changes(set_), backend=backend)
-    if page:
-        writable(page, (".html",), "page")
     if isinstance(arguments["objective"], list):
         _front(model, arguments, page, as_json)
         return
     if arguments.pop("points", None) is not None:
         raise ModelError("points are those of a Pareto front: give [optimise] two objectives")
     optimum = model.optimise(**arguments)
-    if page:
-        write_text(page, render_study(sweeps.optimum_page(optimum, arguments["objective"], model.name)))
-    if as_json:
-        print_json({"scene": model.name, "kind": "optimum", **optimum.summary()})
-        return
-    sweeps.print_optimum(optimum, arguments["objective"], console())
-    if page:
-        console().print(f"wrote {page}", soft_wrap=True)
+    study = optimum_study(optimum, arguments["objective"])
+    data = {"scene": model.name, "kind": "optimum", **optimum.summary()}
+    _show(study, model.name, data, as_json, page)
 
 
 def _front(model: Any, arguments: dict[str, Any], page: Path | None, as_json: bool) -> None:
     """Find, print and write the Pareto front of two objectives."""
-    from symgen.atomic import write_text
-    from symgen.report import sweeps
-    from symgen.report.page.study import render_study
+    from symgen.report.sweeps import front_study
 
     if arguments.pop("method", "SLSQP") != "SLSQP":
         raise ModelError("a Pareto front is found by SLSQP: omit the method")
     arguments.pop("seed", None)
     front = model.pareto(objectives=arguments.pop("objective"), **arguments)
-    if page:
-        write_text(page, render_study(sweeps.front_page(front, model.name)))
-    if as_json:
-        data = {str(n): front[n].values.tolist() for n in (*front.coords, *front.data_vars)}
-        print_json({"scene": model.name, "kind": "pareto", "points": data, "runs": front.attrs["runs"]})
-        return
-    sweeps.print_front(front, console())
-    if page:
-        console().print(f"wrote {page}", soft_wrap=True)
+    points = {str(n): front[n].values.tolist() for n in (*front.coords, *front.data_vars)}
+    data = {"scene": model.name, "kind": "pareto", "points": points, "runs": front.attrs["runs"]}
+    _show(front_study(front), model.name, data, as_json, page)

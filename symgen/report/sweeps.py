@@ -1,4 +1,4 @@
-"""Tables, plots and pages of sweeps, optimisations and Pareto fronts."""
+"""Sweeps, optimisations and Pareto fronts as studies for readers."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symgen.report.page.figures import plain_figure
 from symgen.report.page.page import Fact, TableView
-from symgen.report.page.study import StudyPage
+from symgen.report.page.study import Study
 from symgen.report.page.sweep_plots import (
     DRAWN,
     histories_of,
@@ -21,7 +20,6 @@ from symgen.report.page.sweep_plots import (
     unit_of,
     values_of,
 )
-from symgen.report.tables import table
 from symgen.runtime.many.dataset import RECORDED
 from symgen.runtime.many.poses import NOTES
 from symgen.runtime.many.reductions import REDUCTIONS
@@ -32,7 +30,6 @@ from symgen.runtime.sweeps.stores import DONE
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
-    from rich.console import Console
 
     from symgen.runtime.sweeps.optimisation import Optimum
 
@@ -89,10 +86,6 @@ def _extremes(runs: xarray.Dataset, name: str, component: int | None) -> dict[st
     return extremes
 
 
-#: Head of the table of extremes.
-_EXTREMES = ("output", "", "value", "unit", "at")
-
-
 def _rows(runs: xarray.Dataset, about: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
     """Yield the extremes of all outputs and where they occur, of a :func:`summary`, in the scene's units."""
     shown, places = display_units(runs.attrs), {p: unit_of(runs, p) for p in parameters_of(runs)}
@@ -130,114 +123,70 @@ def _notes(about: dict[str, Any]) -> Iterator[str]:
         yield f"linear theory does not hold in {beyond} of {about['runs']} runs: see {NOTES}"
 
 
-def print_sweep(runs: xarray.Dataset, console: Console) -> None:
-    """Print the extremes of all outputs, where they occur, and the number of failed runs."""
-    about = summary(runs)
-    console.print(table(str(runs.attrs["title"]), _EXTREMES, _rows(runs, about), (0, 1, 3, 4)))
-    for note in _notes(about):
-        console.print(note)
-
-
-def sweep_page(runs: xarray.Dataset, name: str) -> StudyPage:
-    """Return the page of a sweep of a scene: plots, extremes and where they occur, failures."""
-    about = summary(runs)
+def sweep_study(runs: xarray.Dataset, about: dict[str, Any]) -> Study:
+    """Return a sweep with its :func:`summary`: plots, extremes and where they occur, failures."""
     varied = parameters_of(runs)
     ranges = [
         f"{values_of(runs, p).min():.6g} to {_with_unit(values_of(runs, p).max(), unit_of(runs, p)[0])}"
         for p in varied
     ]
-    rows = [(n, key, f"{x:.6g}", unit, place) for n, key, x, unit, place in _rows(runs, about)]
-    return StudyPage(
-        name=name,
+    rows = [(n, key, f"{x + 0.0:.6g}", unit, place) for n, key, x, unit, place in _rows(runs, about)]
+    return Study(
         title=str(runs.attrs["title"]),
+        table=TableView(("output", "", "value", "unit", "at"), tuple(rows)),
+        notes=tuple(_notes(about)),
         facts=(
             Fact("runs", str(about["runs"])),
             Fact("failed", str(about["failed"])),
             *(Fact(p, r) for p, r in zip(varied, ranges, strict=True)),
         ),
-        tables=(TableView(_EXTREMES, tuple(rows)),),
-        figures=tuple(plain_figure(draw, alt) for draw, alt in _figures(runs, varied)),
-        notes=(*_notes(about), *_undrawn(runs)),
+        texts=(0, 1, 3, 4),
+        figures=tuple(_figures(runs, varied)),
     )
 
 
-def _figures(runs: xarray.Dataset, varied: Sequence[str]) -> Iterator[tuple[Callable[[], Figure], str]]:
-    """Yield functions that draw the figures of a page, and their descriptions."""
+def _figures(runs: xarray.Dataset, varied: Sequence[str]) -> Iterator[tuple[Callable[[], Figure], str, str]]:
+    """Yield functions that draw the figures of a page, with alternative text and caption."""
     reduced = [name for name in outputs_of(runs) if not name.endswith("_drift")]
     if reduced:
-        yield lambda: plot(runs, *reduced), f"Outputs over {' and '.join(varied)}"
+        yield lambda: plot(runs, *reduced), f"Outputs over {' and '.join(varied)}", ""
     if histories_of(runs):
-        yield lambda: plot(runs, *histories_of(runs)), "Curves of the runs"
+        few = f"Curves are those of the first {DRAWN} runs." if runs.sizes["run"] > DRAWN else ""
+        yield lambda: plot(runs, *histories_of(runs)), "Curves of the runs", few
 
 
-def _undrawn(runs: xarray.Dataset) -> Iterator[str]:
-    if histories_of(runs) and runs.sizes["run"] > DRAWN:
-        yield f"Curves are those of the first {DRAWN} runs"
-
-
-def print_optimum(optimum: Optimum, objective: str, console: Console) -> None:
-    """Print the variables, the objective and the constrained quantities."""
-    title = f"{optimum.model.description.title}: least {objective}"
-    console.print(table(title, ("", "value", "unit"), _quantities(optimum, objective), (0, 2)))
-    console.print(f"{optimum.message} ({optimum.runs} runs, gradients: {optimum.gradients})")
-    if not optimum.converged:
-        console.print("The method did not meet its tolerance.")
-
-
-def _quantities(optimum: Optimum, objective: str) -> Iterator[tuple[str, float, str]]:
-    """Yield name, value and unit of the variables, of the objective and of the constrained quantities."""
+def optimum_study(optimum: Optimum, objective: str) -> Study:
+    """Return an optimisation: its variables, the objective and the constrained quantities."""
     units = {p.name: p.unit for p in optimum.model.description.tunable} | optimum.units
     quantities = {**optimum.parameters, objective: optimum.objective, **optimum.constraints}
     shown = converters(optimum.model.description.units)
+    rows = []
     for name, value in quantities.items():
         unit, size = shown.get(units[name], (units[name], 1.0))
-        yield name, value / size, unit
-
-
-def optimum_page(optimum: Optimum, objective: str, name: str) -> StudyPage:
-    """Return the page of an optimisation of a scene."""
-    rows = tuple((key, f"{x:.6g}", unit) for key, x, unit in _quantities(optimum, objective))
+        rows.append((name, f"{value / size + 0.0:.6g}", unit))
     unmet = () if optimum.converged else ("The method did not meet its tolerance",)
-    return StudyPage(
-        name=name,
+    return Study(
         title=f"{optimum.model.description.title}: least {objective}",
-        facts=(Fact("runs", str(optimum.runs)), Fact("gradients", optimum.gradients)),
-        tables=(TableView(("", "value", "unit"), rows),),
+        table=TableView(("", "value", "unit"), tuple(rows)),
         notes=(optimum.message.rstrip("."), *unmet),
+        facts=(Fact("runs", str(optimum.runs)), Fact("gradients", optimum.gradients)),
+        texts=(0, 2),
     )
 
 
-def _of_front(front: xarray.Dataset) -> list[str]:
-    """Return the names of the objectives and of the variables."""
-    return [str(name) for name in (*front.data_vars, *front.coords) if name != "converged"]
-
-
-def _front_rows(front: xarray.Dataset) -> Iterator[tuple[float, ...]]:
-    return zip(*(values_of(front, name).tolist() for name in _of_front(front)), strict=True)
-
-
-def _unmet(front: xarray.Dataset) -> list[str]:
+def front_study(front: xarray.Dataset) -> Study:
+    """Return a Pareto front: objectives and variables of all points."""
+    names = [str(name) for name in (*front.data_vars, *front.coords) if name != "converged"]
+    rows = zip(*(values_of(front, name).tolist() for name in names), strict=True)
     missed = int((~front["converged"]).sum())
-    return [f"{missed} of {front.sizes['point']} points did not meet the tolerance"] if missed else []
-
-
-def print_front(front: xarray.Dataset, console: Console) -> None:
-    """Print objectives and variables of all points."""
-    console.print(
-        table(str(front.attrs["title"]), [label_of(front, n) for n in _of_front(front)], _front_rows(front))
-    )
-    for note in (f"{front.attrs['runs']} runs, gradients: {front.attrs['gradients']}", *_unmet(front)):
-        console.print(note)
-
-
-def front_page(front: xarray.Dataset, name: str) -> StudyPage:
-    """Return the page of a Pareto front."""
-    rows = tuple(tuple(f"{x:.6g}" for x in row) for row in _front_rows(front))
-    return StudyPage(
-        name=name,
+    unmet = f"{missed} of {front.sizes['point']} points did not meet the tolerance"
+    return Study(
         title=str(front.attrs["title"]),
+        table=TableView(
+            tuple(label_of(front, name) for name in names),
+            tuple(tuple(f"{x + 0.0:.6g}" for x in row) for row in rows),
+        ),
+        notes=(unmet,) if missed else (),
         facts=(Fact("runs", str(front.attrs["runs"])), Fact("gradients", str(front.attrs["gradients"]))),
-        tables=(TableView(tuple(label_of(front, n) for n in _of_front(front)), rows),),
-        figures=(plain_figure(lambda: plot_front(front), "Pareto front"),),
-        notes=tuple(_unmet(front)),
+        figures=((lambda: plot_front(front), "Pareto front", ""),),
     )

@@ -1,4 +1,4 @@
-"""Terminal output and page of a synthesis."""
+"""Syntheses and design charts as studies for readers."""
 
 from __future__ import annotations
 
@@ -8,15 +8,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import Console
 
 from symgen.report.page.drawing import Line, Node, Sketch
-from symgen.report.page.figures import plain_figure
 from symgen.report.page.page import TableView
 from symgen.report.page.plots import save
 from symgen.report.page.sheet import Sheet
-from symgen.report.page.study import StudyPage
-from symgen.report.tables import table
+from symgen.report.page.study import Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -101,27 +98,18 @@ def _faults(synthesis: Any) -> Iterator[str]:
         yield from (f"{i}: {fault}" for fault in design.faults)
 
 
-def print_synthesis(synthesis: Any, console: Console) -> None:
-    """Print class, lengths and transmission angles of every linkage, and the faults of their motion."""
-    designs = _table(synthesis)
-    console.print(table(_title(synthesis), designs.head, designs.rows, texts=(1,), keys=2))
-    console.print(_units(synthesis))
-    for fault in _faults(synthesis):
-        console.print(fault)
-
-
-def synthesis_page(synthesis: Any, name: str) -> StudyPage:
-    """Return the page of a synthesis: the table, and a drawing of every linkage."""
-    return StudyPage(
-        name=name,
+def synthesis_study(synthesis: Any) -> Study:
+    """Return a synthesis: class, lengths, transmission angles and faults of every linkage, and drawings."""
+    return Study(
         title=_title(synthesis),
-        facts=(),
-        tables=(_table(synthesis),),
-        drawings=tuple(
+        table=_table(synthesis),
+        notes=(_units(synthesis), *_faults(synthesis)),
+        texts=(1,),
+        keys=2,
+        drawings=lambda: (
             _drawn(i, d.linkage, _shown_in(synthesis)[0]).svg()
             for i, d in enumerate(synthesis.designs[:_DRAWN], start=1)
         ),
-        notes=(_units(synthesis)[0].upper() + _units(synthesis)[1:], *_faults(synthesis)),
     )
 
 
@@ -150,24 +138,13 @@ def _chart_gaps(chart: Any) -> Iterator[str]:
             yield f"{x / size:.6g}: {reason}"
 
 
-def print_chart(chart: Any, console: Console) -> None:
-    """Print lengths and transmission angles of all linkages of a design chart."""
-    rows = _chart_table(chart)
-    console.print(table(chart.title or "Design chart", rows.head, rows.rows, keys=1))
-    console.print(_units(chart))
-    for gap in _chart_gaps(chart):
-        console.print(gap)
-
-
-def chart_page(chart: Any, name: str) -> StudyPage:
-    """Return the page of a design chart: the plot and the table."""
-    return StudyPage(
-        name=name,
+def chart_study(chart: Any) -> Study:
+    """Return a design chart: the plot, and lengths and transmission angles of all linkages."""
+    return Study(
         title=chart.title or "Design chart",
-        facts=(),
-        tables=(_chart_table(chart),),
-        notes=(_units(chart)[0].upper() + _units(chart)[1:], *_chart_gaps(chart)),
-        figures=(plain_figure(lambda: plot_chart(chart), f"Lengths and angles over {chart.name}"),),
+        table=_chart_table(chart),
+        notes=(_units(chart), *_chart_gaps(chart)),
+        figures=((lambda: plot_chart(chart), f"Lengths and angles over {chart.name}", ""),),
     )
 
 

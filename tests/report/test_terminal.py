@@ -18,7 +18,8 @@ import symgen
 from symgen.cli import carrying, inspection
 from symgen.report import sweeps
 from symgen.report.extremes import Components
-from symgen.report.synthesis import print_synthesis
+from symgen.report.page.study import print_study
+from symgen.report.synthesis import synthesis_study
 from symgen.report.tables import table
 from symgen.runtime.result.records import Variable
 
@@ -90,7 +91,9 @@ def test_four_bars_fit_80_columns():
         for angles in ({}, {"transmission_minimum": 0.7, "transmission_maximum": 2.5})
     ]
     terminals = Terminals()
-    print_synthesis(SimpleNamespace(title="", linkage="four-bar", designs=designs, units={}), terminals)
+    print_study(
+        synthesis_study(SimpleNamespace(title="", linkage="four-bar", designs=designs, units={})), terminals
+    )
     terminals.check()
     assert re.search(r" - +- ", terminals.texts[1]) and "143.24" in terminals.texts[0]
 
@@ -104,7 +107,7 @@ def test_extremes_of_a_sweep_fit_80_columns():
         {"title": "a sweep"},
     )
     terminals = Terminals()
-    sweeps.print_sweep(runs, terminals)
+    print_study(sweeps.sweep_study(runs, sweeps.summary(runs)), terminals)
     terminals.check()
 
 

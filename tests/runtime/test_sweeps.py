@@ -18,7 +18,8 @@ from shared.variants import crank_rocker_with_lengths, pins
 
 import symgen
 from symgen.errors import CapabilityError, ModelError, ResultError, SimulationError
-from symgen.report.sweeps import print_sweep, summary, sweep_page
+from symgen.report.page.study import print_study
+from symgen.report.sweeps import summary, sweep_study
 from symgen.runtime.result.elastic import beyond_linear_theory
 from symgen.runtime.sweeps.designs import Normal, Uniform, design_of
 from symgen.runtime.sweeps.stores import Zarr
@@ -287,8 +288,9 @@ def test_runs_beyond_linear_theory_say_so(analysis, tmp_path):
     assert summary(runs)["beyond_linear_theory"] == 1
     said = "linear theory does not hold in 1 of 2 runs: see notes"
     printed = Console(file=io.StringIO(), width=120)
-    print_sweep(runs, printed)
-    assert said in printed.file.getvalue() and said in sweep_page(runs, "rod").notes
+    study = sweep_study(runs, summary(runs))
+    print_study(study, printed)
+    assert said in printed.file.getvalue() and said in study.notes
     model.sweep({"speed": speeds}, analysis, outputs=["rod.stress"], file=tmp_path / "runs.csv")
     with (tmp_path / "runs.csv").open(newline="") as stream:
         assert [row["notes"] for row in csv.DictReader(stream)] == [good, beyond]

@@ -14,7 +14,7 @@ from shared.commands import call
 import symgen
 from symgen.errors import SceneError, SimulationError
 from symgen.report.page.study import render_study
-from symgen.report.synthesis import synthesis_page
+from symgen.report.synthesis import synthesis_study
 from symgen.synthesis.four_bar import FourBar
 
 #: Case I of the method file: swing, rocker angle folded, least transmission angle [deg]; a, b, c for d = 1.
@@ -218,7 +218,7 @@ def test_motion_generation_with_given_pivots():
          "ground_x": ["0 m", "1 m"], "ground_y": ["0 m", "0 m"]}
     )  # fmt: skip
     assert lengths(found)[0] == pytest.approx((A, B, C, D), rel=1e-9) and not found.designs[0].faults
-    page = render_study(synthesis_page(found, "task"))
+    page = render_study(synthesis_study(found), "task")
     assert page.count('<figure class="drawing">') == len(found.designs)
     assert all(f'<td class="n">{x:.6g}</td>' in page for x in (A, B, C, D))
 

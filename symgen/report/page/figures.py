@@ -75,10 +75,10 @@ def run_figure(result: Result) -> FigureView:
     )
 
 
-def plain_figure(draw: Callable[[], Figure], alt: str) -> FigureView:
+def plain_figure(draw: Callable[[], Figure], alt: str, caption: str = "") -> FigureView:
     """Return a figure that a function draws, in the style of pages."""
     with _styled():
-        return FigureView(_uri(draw()), alt, "")
+        return FigureView(_uri(draw()), alt, caption)
 
 
 def error_figure(curves: Sequence[tuple[str, Sequence[tuple[float, float]]]], measured: str) -> FigureView:
