@@ -23,8 +23,7 @@ QUASI_STATIC: int
 
 class RigidMotion:
     equations: Integrable
-    @property
-    def t(self) -> float: ...
+    t: float
     def __init__(
         self,
         equations: Integrable,
@@ -63,7 +62,5 @@ class BeamSteps:
     def advance(self, t0: float, t1: float, steps: int, first: int = 0, last: int | None = None) -> int: ...
     def save(self) -> bytes: ...
     def restore(self, memory: bytes) -> None: ...
-    @property
-    def displacements(self) -> Array: ...
-    @property
-    def rates(self) -> Array: ...
+    displacements: Array
+    rates: Array

@@ -22,14 +22,10 @@ STATUS: int
 class LoopEquations(Integrable):
     rank: int
     size: float
-    @property
-    def closure(self) -> float: ...
-    @property
-    def rates_left(self) -> float: ...
-    @property
-    def hold(self) -> float: ...
-    @property
-    def iterations(self) -> int: ...
+    closure: float
+    rates_left: float
+    hold: float
+    iterations: int
     def __init__(
         self,
         library: Library,

@@ -26,8 +26,7 @@ def stopped_after(count, monkeypatch):
         if len(written) == count:
             raise Stopped
 
-    for module in ("integrate.checkpoint", "elastic.checkpoint"):
-        monkeypatch.setattr(f"symgen.runtime.{module}.store", store)
+    monkeypatch.setattr(checkpoint, "store", store)
     monkeypatch.setattr("symgen.runtime.integrate.pace._LOOK", 0.0)
     return written
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, store, stored
+from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping
 
 if TYPE_CHECKING:
     from symgen.runtime._beams import BeamSteps
@@ -17,46 +16,24 @@ if TYPE_CHECKING:
 Pair = tuple[Array, Array]
 
 
-class Stages:
-    """Consecutive runs that share one checkpoint and resume from it.
+class Stages(Checkpoints):
+    """Checkpoints of consecutive runs, which resume from it.
 
     Finished runs are not repeated: the checkpoint holds their results.
-
-    Parameters
-    ----------
-    mark
-        The hash of all of them by :func:`symgen.runtime.integrate.checkpoint.mark_of_kernels`.
-    keeping
-        File of the checkpoints, and the one to resume from.
-
-    Raises
-    ------
-    ResultError
-        If the checkpoint to resume from is missing, broken, or of another run.
     """
 
     def __init__(self, mark: str, keeping: Keeping) -> None:
+        super().__init__(mark, keeping)
         self._finished: list[Pair] = []
         self._taken = 0
-        self._left: dict[str, Array] | None = None
-        spent = 0.0
-        if keeping.resume is not None:
-            self._left, spent = stored(keeping.resume, mark)
-        self._checkpoints = Checkpoints(mark, keeping.file, keeping.every, spent)
-        self._begun = time.perf_counter()
-
-    @property
-    def spent(self) -> float:
-        """Wall time taken before the runs were resumed [s]."""
-        return self._checkpoints.spent
 
     def next(self) -> Pair | None:
         """Begin the next run; return its displacements and rates if it is already finished, else None."""
         self._taken += 1
-        if self._left is None or self._taken > len(self._left["displacements"]):
+        if not self.left or self._taken > len(self.left["displacements"]):
             return None
         place = self._taken - 1
-        self._finished.append((self._left["displacements"][place], self._left["rates"][place]))
+        self._finished.append((self.left["displacements"][place], self.left["rates"][place]))
         return self._finished[-1]
 
     def resumed(self, steps: BeamSteps, displacements: Array, rates: Array) -> tuple[int, int]:
@@ -67,12 +44,12 @@ class Stages:
         tuple
             How many times were reached by then, and how many steps taken from the last of them.
         """
-        if self._left is None:
+        if not self.left:
             return 0, 0
-        steps.restore(self._left["steps"].tobytes())
-        displacements[:], rates[:] = self._left["now"]
-        reached, taken = (int(k) for k in self._left["place"])
-        self._left = None
+        steps.restore(self.left["steps"].tobytes())
+        displacements[:], rates[:] = self.left["now"]
+        reached, taken = (int(k) for k in self.left["place"])
+        self.left = {}
         return reached, taken
 
     def look(
@@ -88,8 +65,7 @@ class Stages:
 
         ``place`` is as from ``resumed``.
         """
-        file = self._checkpoints.file if last else self._checkpoints.due()
-        if file is None:
+        if not self.due(last):
             return
         arrays = {
             "displacements": np.array([pair[0] for pair in self._finished]),
@@ -98,8 +74,7 @@ class Stages:
             "place": np.array(place, dtype=float),
             "steps": np.frombuffer(steps.save(), np.uint8),
         }
-        wall = self.spent + time.perf_counter() - self._begun
-        store(file, self._checkpoints.mark, t, wall, arrays)
+        self.write(t, arrays)
 
     def finished(self, displacements: Array, rates: Array) -> Pair:
         """Record displacements and rates of a finished run, and return them."""

@@ -15,7 +15,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Errors, Found
 from symgen.runtime.elastic.steps import Progress, Start, Task, turn
-from symgen.runtime.integrate.checkpoint import Keeping, mark_of
+from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
 from symgen.runtime.integrate.options import TIGHTEST
 from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, check_wall, wall_left
 from symgen.runtime.kernels.typed import library_of_runs
@@ -240,7 +240,7 @@ def explicit(
             mark = mark_of(
                 motion.rigid.evaluator, library, equations, chosen, 0.0, np.zeros(2 * n), *identity
             )
-            checkpoints = keeping.of(stepper, mark)
+            checkpoints = RunCheckpoints(stepper, mark, keeping)
         status, _ = drive(stepper, 0.0, chosen, progress, checkpoints)
         spent = checkpoints.spent if checkpoints else 0.0
         steps += stepper.steps

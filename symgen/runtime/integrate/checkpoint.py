@@ -12,7 +12,7 @@ import os
 import platform
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,43 +83,6 @@ def mark_of_kernels(
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
 
-@dataclass(slots=True)
-class Checkpoints:
-    """Where a run leaves its state, and how often.
-
-    Parameters
-    ----------
-    mark
-        The hash of the run by :func:`mark_of`.
-    file
-        The file, overwritten every time; None for no checkpoints.
-    every
-        Wall time between two of them [s].
-    spent
-        Wall time that the run had taken before it was resumed [s].
-    """
-
-    mark: str
-    file: Path | None = None
-    every: float = EVERY
-    spent: float = 0.0
-    written: float = field(default_factory=time.perf_counter)
-
-    def look(self, run: _core.Run, wall: float, last: bool = False) -> None:
-        """Write a checkpoint if it is time, or the last; ``wall`` is the time of this part of the run [s]."""
-        file = self.file if last else self.due()
-        if file is not None:
-            write(file, run, self.mark, self.spent + wall)
-
-    def due(self) -> Path | None:
-        """Return the file if it is time to write it, and count from now."""
-        now = time.perf_counter()
-        if self.file is None or now - self.written < self.every:
-            return None
-        self.written = now
-        return self.file
-
-
 @dataclass(frozen=True, slots=True)
 class Keeping:
     """File of a run's checkpoints, wall time between them [s], and the checkpoint to resume from."""
@@ -128,16 +91,64 @@ class Keeping:
     every: float
     resume: Path | None
 
-    def of(self, run: _core.Run, mark: str) -> Checkpoints:
-        """Return the checkpoints of a run that has not begun; restore the run from ``resume`` if given.
 
-        Raises
-        ------
-        ResultError
-            If the checkpoint to resume from is missing, broken, or of another run.
-        """
-        spent = 0.0 if self.resume is None else resume(self.resume, run, mark)
-        return Checkpoints(mark, self.file, self.every, spent)
+class Checkpoints:
+    """Where a run, or runs that share a file, leave their state, and how often.
+
+    Parameters
+    ----------
+    mark
+        The hash of the runs by :func:`mark_of_kernels`.
+    keeping
+        File of the checkpoints, and the one to resume from.
+
+    Attributes
+    ----------
+    left
+        Arrays of the checkpoint to resume from; empty without one.
+    spent
+        Wall time taken before the runs were resumed [s].
+
+    Raises
+    ------
+    ResultError
+        If the checkpoint to resume from is missing, broken, or of another run.
+    """
+
+    def __init__(self, mark: str, keeping: Keeping) -> None:
+        self._mark, self._file, self._every = mark, keeping.file, keeping.every
+        self.left, self.spent = ({}, 0.0) if keeping.resume is None else stored(keeping.resume, mark)
+        self._started = self._written = time.perf_counter()
+
+    def due(self, last: bool = False) -> bool:
+        """Return whether it is time to write, or the last time to; count from now if it is."""
+        now = time.perf_counter()
+        if self._file is None or not (last or now - self._written >= self._every):
+            return False
+        self._written = now
+        return True
+
+    def write(self, t: float, arrays: Mapping[str, Any]) -> None:
+        """Write a checkpoint at a time [s] of the motion, if there is a file."""
+        if self._file is not None:
+            store(self._file, self._mark, t, self.spent + time.perf_counter() - self._started, arrays)
+
+
+class RunCheckpoints(Checkpoints):
+    """Checkpoints of a run of the step loop that has not begun; it is restored if it is to be resumed."""
+
+    def __init__(self, run: _core.Run, mark: str, keeping: Keeping) -> None:
+        super().__init__(mark, keeping)
+        if keeping.resume is not None:
+            try:
+                restore(run, self.left)
+            except (KeyError, TypeError, ValueError) as error:
+                raise ResultError(f"{keeping.resume} is an incomplete checkpoint: {error}") from error
+
+    def look(self, run: _core.Run, last: bool = False) -> None:
+        """Write a checkpoint if it is time, or the last."""
+        if self.due(last):
+            self.write(run.t, memory_of(run))
 
 
 def keeping(
@@ -166,23 +177,26 @@ def keeping(
     return Keeping(path, every, None if resumed is None else Path(resumed))
 
 
-def write(file: Path, run: _core.Run, mark: str, wall: float) -> None:
-    """Write the state of a run between two steps, whole or not at all.
-
-    Raises
-    ------
-    ResultError
-        When the file cannot be written.
-    """
+def memory_of(run: _core.Run) -> dict[str, Array]:
+    """Return the state of a run between two steps, as the arrays of a checkpoint."""
     equations, memory = run.save()
-    arrays = {
+    return {
         "equations": np.frombuffer(equations, np.uint8),
         "run": np.frombuffer(memory, np.uint8),
         "passages": np.array(run.passages, dtype=float).reshape(-1, 3),
         "events": np.array([event[:3] for event in run.events], dtype=float).reshape(-1, 3),
         "event_states": np.array([event[3] for event in run.events], dtype=float).reshape(-1, run.dim),
     }
-    store(file, mark, run.t, wall, arrays)
+
+
+def restore(run: _core.Run, content: Mapping[str, Any]) -> None:
+    """Bring a run that has not begun to where a checkpoint left it; KeyError or ValueError if incomplete."""
+    run.restore(content["equations"].tobytes(), content["run"].tobytes())
+    run.passages.extend((t, sound, int(k)) for t, sound, k in content["passages"].tolist())
+    run.events.extend(
+        (t, int(i), bool(rising), state)
+        for (t, i, rising), state in zip(content["events"].tolist(), content["event_states"], strict=True)
+    )
 
 
 def store(file: Path, mark: str, t: float, wall: float, arrays: Mapping[str, Any]) -> None:
@@ -205,27 +219,6 @@ def store(file: Path, mark: str, t: float, wall: float, arrays: Mapping[str, Any
             np.savez(stream, header=np.array(json.dumps(header)), **arrays)
     except OSError as error:
         raise ResultError(f"cannot write the checkpoint {file}: {error.strerror or error}") from None
-
-
-def resume(file: str | os.PathLike[str], run: _core.Run, mark: str) -> float:
-    """Bring a run that has not begun to where a checkpoint left it; return the wall time spent till then [s].
-
-    Raises
-    ------
-    ResultError
-        When the file is missing, broken, or of another run.
-    """
-    content, spent = stored(file, mark)
-    try:
-        run.restore(content["equations"].tobytes(), content["run"].tobytes())
-        run.passages.extend((t, sound, int(k)) for t, sound, k in content["passages"].tolist())
-        run.events.extend(
-            (t, int(i), bool(rising), state)
-            for (t, i, rising), state in zip(content["events"].tolist(), content["event_states"], strict=True)
-        )
-        return spent
-    except (KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"{file} is an incomplete checkpoint: {error}") from error
 
 
 def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], float]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, mark_of
+from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace
@@ -97,7 +97,8 @@ def run(
     checkpoints = None
     if keeping is not None:
         more = (*events, np.asarray(t_eval).tolist()) if t_eval is not None else events
-        checkpoints = keeping.of(stepper, mark_of(evaluator, library, equations, chosen, t0, y0, *more))
+        mark = mark_of(evaluator, library, equations, chosen, t0, y0, *more)
+        checkpoints = RunCheckpoints(stepper, mark, keeping)
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     if evaluator.description.switches or evaluator.description.windings:
         equations.set_parameters(evaluator.given)  # samples are evaluated with the loads' own branches
@@ -139,7 +140,7 @@ def drive(
     t0: float,
     chosen: Options,
     progress: Progress | None,
-    checkpoints: Checkpoints | None = None,
+    checkpoints: RunCheckpoints | None = None,
 ) -> tuple[int, float]:
     """Step to the end in chunks of time; return the last status and the wall time [s].
 
@@ -161,7 +162,7 @@ def drive(
         status = stepper.advance(min(pace.chunk(), chosen.max_steps - stepper.steps))
         over = status == _core.MORE and pace.spent(stepper.t, partial(_short, stepper))
         if checkpoints and status == _core.MORE:
-            checkpoints.look(stepper, pace.wall, last=over)
+            checkpoints.look(stepper, last=over)
         if progress:
             progress((stepper.t - t0) / (chosen.t_end - t0))
         if over:

@@ -14,7 +14,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.closure.redundancy import note, ranges_of
 from symgen.runtime.closure.start import Closed
-from symgen.runtime.integrate.checkpoint import Keeping, mark_of
+from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import of_sliding, unfinished
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
@@ -73,7 +73,8 @@ def run(
     if keeping is not None:
         library = library_of_runs(kernels.library, kernels.typed)
         more = () if t_eval is None else (times.tolist(),)
-        checkpoints = keeping.of(stepper, mark_of(kernels, library, equations, chosen, begin.t, y0, *more))
+        mark = mark_of(kernels, library, equations, chosen, begin.t, y0, *more)
+        checkpoints = RunCheckpoints(stepper, mark, keeping)
     status, wall = drive(stepper, begin.t, chosen, progress, checkpoints)
     result = _recorded(kernels, equations, begin, stepper, chosen, wall)
     if status == _core.DONE:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,18 +9,11 @@ import numpy as np
 from symgen.runtime._constrained import Steps
 from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import Moment, Pause, System
-from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, store, stored
+from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping
 
 
-class Samples:
-    """Runs of one system that share a checkpoint and resume from it, at the last sample.
-
-    Parameters
-    ----------
-    mark
-        The hash of all of them by :func:`symgen.runtime.integrate.checkpoint.mark_of_kernels`.
-    keeping
-        File of the checkpoints, and the one to resume from.
+class Samples(Checkpoints):
+    """Checkpoints of runs of one system, which resume from the last sample.
 
     Attributes
     ----------
@@ -29,42 +21,28 @@ class Samples:
         Motion of the run before at all samples, with its steps and corrections, if it is finished.
     steps
         Steps between two samples of the run to resume; 0 without.
-
-    Raises
-    ------
-    ResultError
-        If the checkpoint to resume from is missing, broken, or of another run.
     """
 
     def __init__(self, system: System, mark: str, keeping: Keeping) -> None:
-        self._system, self._content = system, dict[str, Array]()
+        super().__init__(mark, keeping)
+        self._system, self._corrections = system, 0
         self.before: tuple[list[Moment], int, int] | None = None
-        self.steps, self._corrections, spent = 0, 0, 0.0
-        if keeping.resume is not None:
-            self._content, spent = stored(keeping.resume, mark)
-            self.steps = int(self._content["steps"])
-            if "before" in self._content:
-                steps, corrections = (int(k) for k in self._content["counts_before"])
-                system.restore(_part(self._content, "before_"))
-                self.before = self._unpacked(self._content["before"]), steps, corrections
-        self._checkpoints = Checkpoints(mark, keeping.file, keeping.every, spent)
+        self.steps = int(self.left["steps"]) if self.left else 0
+        if "before" in self.left:
+            steps, corrections = (int(k) for k in self.left["counts_before"])
+            system.restore(_part(self.left, "before_"))
+            self.before = self._unpacked(self.left["before"]), steps, corrections
         self._latest: tuple[int, Pause, int] | None = None
-        self._started = time.perf_counter()
-
-    @property
-    def spent(self) -> float:
-        """Wall time taken before the runs were resumed [s]."""
-        return self._checkpoints.spent
 
     def resumed(self) -> Pause | None:
         """Return the motion of the run to resume, once, with the memory of the system; else None."""
-        content, self.steps = self._content, 0
+        content, self.steps = self.left, 0
         if "moments" not in content:
             return None
         self._system.restore(_part(content, "now_"))
         (now,) = self._unpacked(content["now"])
         moments, guess = self._unpacked(content["moments"]), (content["guess"], content["guess_forces"])
-        self._content = {k: v for k, v in content.items() if k.startswith("before") or k == "counts_before"}
+        self.left = {k: v for k, v in content.items() if k.startswith("before") or k == "counts_before"}
         self._corrections = int(content["corrections"])
         return Pause(moments, now, guess, self._corrections)
 
@@ -72,21 +50,20 @@ class Samples:
         """Record a finished run."""
         memory = {f"before_{name}": values for name, values in self._system.memory().items()}
         counts, self._corrections, self._latest = np.array([steps, corrections]), 0, None
-        self._content = {"before": _packed(moments), "counts_before": counts, **memory}
+        self.left = {"before": _packed(moments), "counts_before": counts, **memory}
 
     def look(self, steps: int, pause: Pause, stepper: Steps) -> None:
         """Write a checkpoint at a sample if it is time."""
         self._latest = steps, pause, self._corrections + stepper.corrections
-        if self._checkpoints.due():
-            self.write()
+        if self.due():
+            self.save()
 
-    def write(self) -> None:
+    def save(self) -> None:
         """Write a checkpoint at the last sample, if there is one."""
-        file = self._checkpoints.file
-        if file is None or self._latest is None:
+        if self._latest is None:
             return
         steps, pause, corrections = self._latest
-        arrays = self._content | {
+        arrays = self.left | {
             "steps": np.array(steps),
             "corrections": np.array(corrections),
             "moments": _packed(pause.moments),
@@ -95,8 +72,7 @@ class Samples:
             "guess_forces": pause.guess[1],
             **{f"now_{name}": values for name, values in self._system.memory().items()},
         }
-        wall = self.spent + time.perf_counter() - self._started
-        store(file, self._checkpoints.mark, pause.now.t, wall, arrays)
+        self.write(pause.now.t, arrays)
 
     def _unpacked(self, rows: Array) -> list[Moment]:
         n = self._system.unknowns

@@ -121,7 +121,7 @@ def refined_run(
         _refine(passes, of, times, least, rtol, pace, request.progress, kept)
     except OutOfTime as stop:
         if kept:
-            kept.write()
+            kept.save()
         problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall + spent)
         raise SimulationError(f"{of.rigid.name}: {problem}", time=stop.t, partial=result) from None
     final = _result(of, times, passes[-1], rtol, pace.wall + spent)
