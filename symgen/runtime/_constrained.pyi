@@ -19,22 +19,18 @@ class Elements(Part):
     ) -> None: ...
     def values(self, kernel: str, width: int, q: Array, v: Array, a: Array) -> Array: ...
 
-class Directions(Part):
+class Rows(Part):
     def __init__(
         self,
         kernel: int,
         places: Indices,
-        factors: Array,
+        slopes: Indices,
         first: int,
-        bound: Indices,
-        pairs: Indices,
-        owners: Indices,
-        curvature: Array,
-    ) -> None: ...
-
-class Welds(Part):
-    def __init__(
-        self, kernel: int, places: Indices, properties: Array, acting: Array, first: int, unknowns: int
+        factors: Array,
+        properties: Array,
+        acting: Array,
+        inner: Indices,
+        curvature: Array | None,
     ) -> None: ...
 
 class Ties(Part):

@@ -28,13 +28,8 @@ cdef extern from "core/elastic.h" nogil:
 cdef const elastic_table *API = <const elastic_table *>(<Core>DOUBLE).api.elastic
 
 cdef enum:
-    # Number of the vectors and of the factors of a constraint on directions.
-    _VECTORS = 21
-    _FACTORS = 8
-    # Numbers of the state of a weld to a rigid link, of the properties of its kernel, and of its angle.
-    _OF_WELD = 6
-    _PROPERTIES = 6
-    _ACTING = 8
+    # The most places, factors or numbers of work of a constraint.
+    _WIDEST = 21
 
 #: Corrections that do not decrease are rounding below this part of the size of the unknowns.
 cdef double _ROUNDING = 1e-10
@@ -199,98 +194,56 @@ cdef class Elements(Part):
         return power
 
 
-cdef class Directions(Part):
-    """Constraints on directions: unknowns of their vectors (rows, 21), factors and value (rows, 8), number of the
-    first row.
+cdef class Rows(Part):
+    """Constraints by a kernel each, which writes the error, its rate, and the slopes by the places of the row.
 
-    ``curvature`` are the second slopes of rows ``owners`` at ``pairs``.
+    Parameters
+    ----------
+    kernel
+        Its address.
+    places, slopes
+        Unknowns of the states, (rows, size), and those of the slopes: a prescribed number where one vanishes.
+    first
+        Number of the first row.
+    factors, properties, acting
+        Numbers behind the rates, parameters and work of the kernel, (rows, numbers) each.
+    inner
+        Entries of second slopes (rows, size, size) by number.
+    curvature
+        Their values; None where the kernel writes second slopes behind the slopes.
     """
 
     cdef kernel_t row
-    cdef Py_ssize_t count, first
-    cdef Py_ssize_t[::1] places, owners
-    cdef double[::1] factors, curvature, state, out
+    cdef Py_ssize_t count, size, first, behind, own, acts
+    cdef Py_ssize_t[::1] places, inner
+    cdef double[::1] factors, properties, acting, curvature, out
 
-    def __init__(self, uintptr_t kernel, places, factors, Py_ssize_t first, bound, pairs, owners, curvature):
-        self.row, self.count, self.first = <kernel_t>kernel, len(places), first
-        self.places, self.factors = _places(places), _numbers(factors)
-        self.owners, self.curvature = _places(owners), _numbers(curvature)
-        self.state, self.out = np.zeros(2 * _VECTORS), np.zeros(2 + _VECTORS)
-        self.bound, self.pairs = bound, pairs
-
-    cdef inline void call(self, const states *s, Py_ssize_t row, Py_ssize_t k) noexcept:
-        cdef Py_ssize_t i, place, n = s.unknowns
-        cdef double[2 * _VECTORS + _FACTORS] state
-        for i in range(_VECTORS):
-            place = self.places[k * _VECTORS + i]
-            state[i] = _of(s.q + row * n, n, s.known_of + row * s.known, place)
-            state[_VECTORS + i] = _of(s.v + row * n, n, s.known_rates + row * s.known, place)
-        memcpy(&state[2 * _VECTORS], &self.factors[k * _FACTORS], _FACTORS * sizeof(double))
-        self.row(s.t + row, state, state + _VECTORS, NULL, NULL, &self.out[0])
-
-    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
-        cdef Py_ssize_t row, k, i, place, at
-        cdef double multiplier
-        for row in range(s.count):
-            for k in range(self.count):
-                self.call(s, row, k)
-                at = row * s.multipliers + self.first + k
-                if errors != NULL:
-                    errors[at] += self.out[0]
-                if rates != NULL:
-                    rates[at] += self.out[1]
-                if forces == NULL:
-                    continue
-                for i in range(_VECTORS):
-                    place = self.places[k * _VECTORS + i]
-                    if place < s.unknowns:
-                        forces[row * s.unknowns + place] += self.out[2 + i] * s.multipliers_of[at]
-        return 0
-
-    cdef int add_slopes(self, const states *s, matrices *to) except -1:
-        cdef Py_ssize_t k, i
-        for k in range(self.count):
-            self.call(s, 0, k)
-            for i in range(_VECTORS):
-                self.bind(to, k * _VECTORS + i, self.out[2 + i])
-        for k in range(self.curvature.shape[0] - 1):
-            to.of[2 * to.size + self.slots[k]] += self.curvature[k] * s.multipliers_of[self.first + self.owners[k]]
-        return 0
-
-
-cdef class Welds(Part):
-    """Welds of sections to rigid links: places of their states (rows, 6), properties and angles, the first row.
-
-    They are numbers of the kernel ``weld`` of ``corotational_node``, (rows, 6) and (rows, 8); the state is that
-    of ``symgen.mechanics.elastic.nodes.weld``.
-    """
-
-    cdef kernel_t row
-    cdef Py_ssize_t count, first
-    cdef Py_ssize_t[::1] places, owners
-    cdef double[::1] properties, acting, out
-
-    def __init__(self, uintptr_t kernel, places, properties, acting, Py_ssize_t first, Py_ssize_t unknowns):
-        self.row, self.count, self.first = <kernel_t>kernel, len(places), first
-        self.places, self.properties, self.acting = _places(places), _numbers(properties), _numbers(acting)
-        self.out = np.zeros(2 + _OF_WELD + _OF_WELD ** 2)
-        self.bound = np.array([np.repeat(first + np.arange(len(places)), _OF_WELD), places.ravel()])
-        pairs = np.stack(np.broadcast_arrays(places[:, :, None], places[:, None, :])).reshape(2, -1)
-        # Numbers of the slopes by unknowns.
-        inner = np.flatnonzero((pairs < unknowns).all(axis=0))
-        self.owners, self.pairs = _places(inner), pairs[:, inner]
+    def __init__(self, uintptr_t kernel, places, slopes, Py_ssize_t first, factors, properties, acting, inner, curvature):
+        self.row, self.first = <kernel_t>kernel, first
+        self.count, self.size = places.shape
+        self.behind, self.own, self.acts = factors.shape[1], properties.shape[1], acting.shape[1]
+        if max(self.size, self.behind, self.acts) > _WIDEST:
+            raise ValueError(f"expected at most {_WIDEST} numbers of a row, got {self.size}, {self.behind}, {self.acts}")
+        for of in (slopes, factors, properties, acting):
+            at_least("rows", len(of), self.count)
+        self.places, self.factors, self.properties, self.acting = _places(places), _numbers(factors), _numbers(properties), _numbers(acting)
+        self.inner, self.curvature = _places(inner), None if curvature is None else _numbers(curvature)
+        self.out = np.zeros(2 + self.size + self.size ** 2)
+        self.bound = np.array([np.repeat(first + np.arange(self.count), self.size), slopes.ravel()])
+        row, i, j = np.unravel_index(inner, (self.count, self.size, self.size))
+        self.pairs = np.stack([places[row, i], places[row, j]])
 
     cdef inline void call(self, const states *s, Py_ssize_t row, Py_ssize_t k) noexcept:
         cdef Py_ssize_t i, place, n = s.unknowns
-        cdef double[3 * _OF_WELD] state
-        cdef double[_ACTING] acting
-        for i in range(_OF_WELD):
-            place = self.places[k * _OF_WELD + i]
+        cdef double[3 * _WIDEST] state
+        cdef double[_WIDEST] acting
+        for i in range(self.size):
+            place = self.places[k * self.size + i]
             state[i] = _of(s.q + row * n, n, s.known_of + row * s.known, place)
-            state[_OF_WELD + i] = _of(s.v + row * n, n, s.known_rates + row * s.known, place)
-            state[2 * _OF_WELD + i] = 0.0
-        memcpy(acting, &self.acting[k * _ACTING], _ACTING * sizeof(double))
-        self.row(s.t + row, state, state + _OF_WELD, &self.properties[k * _PROPERTIES], acting, &self.out[0])
+            state[self.size + i] = _of(s.v + row * n, n, s.known_rates + row * s.known, place)
+        memcpy(state + 2 * self.size, &self.factors[k * self.behind], self.behind * sizeof(double))
+        memcpy(acting, &self.acting[k * self.acts], self.acts * sizeof(double))
+        self.row(s.t + row, state, state + self.size, &self.properties[k * self.own], acting, &self.out[0])
 
     cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
         cdef Py_ssize_t row, k, i, place, at
@@ -304,25 +257,23 @@ cdef class Welds(Part):
                     rates[at] += self.out[1]
                 if forces == NULL:
                     continue
-                for i in range(_OF_WELD):
-                    place = self.places[k * _OF_WELD + i]
+                for i in range(self.size):
+                    place = self.places[k * self.size + i]
                     if place < s.unknowns:
                         forces[row * s.unknowns + place] += self.out[2 + i] * s.multipliers_of[at]
         return 0
 
     cdef int add_slopes(self, const states *s, matrices *to) except -1:
-        cdef Py_ssize_t k, i, last = -1, entry, square = _OF_WELD * _OF_WELD
+        cdef Py_ssize_t k, i, entry = 0, square = self.size * self.size
+        cdef double second
         for k in range(self.count):
             self.call(s, 0, k)
-            for i in range(_OF_WELD):
-                self.bind(to, k * _OF_WELD + i, self.out[2 + i])
-        for i in range(self.owners.shape[0] - 1):
-            entry = self.owners[i]
-            k = entry // square
-            if k != last:
-                self.call(s, 0, k)
-                last = k
-            to.of[2 * to.size + self.slots[i]] += self.out[2 + _OF_WELD + entry % square] * s.multipliers_of[self.first + k]
+            for i in range(self.size):
+                self.bind(to, k * self.size + i, self.out[2 + i])
+            while entry < self.inner.shape[0] - 1 and self.inner[entry] // square == k:
+                second = self.curvature[entry] if self.curvature is not None else self.out[2 + self.size + self.inner[entry] % square]
+                to.of[2 * to.size + self.slots[entry]] += second * s.multipliers_of[self.first + k]
+                entry += 1
         return 0
 
 

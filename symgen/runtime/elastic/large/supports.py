@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from symgen.errors import ModelError
-from symgen.runtime._constrained import Welds
+from symgen.runtime._constrained import Rows
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels, meshed
 from symgen.runtime.elastic.large.attached import DIRECTION, FORCE, Section, at_nodes
@@ -76,7 +76,7 @@ def rotation_of(links: Sequence[LargeLink], name: str) -> Section:
 
 def welds_to_bodies(
     motion: ElasticMotion, links: Sequence[LargeLink], start: Array, first: int, known: int
-) -> Welds | None:
+) -> Rows | None:
     """Return the welds of sections to rigid links, constraints from the row ``first`` on; None without.
 
     The angles are those at the start. Numbers from ``known`` on are the coordinates of points on the ground.
@@ -112,7 +112,10 @@ def welds_to_bodies(
         c, s = np.cos(angle), np.sin(angle)
         turned[DIRECTION : DIRECTION + 2] = np.array([[c, s], [-s, c]]) @ along / length
     kernel = kernels("corotational_node").ADDRESSES["weld"]
-    return Welds(kernel, places, properties, acting, first, len(start))
+    inner = np.flatnonzero((places[:, :, None] < len(start)) & (places[:, None, :] < len(start)))
+    # The kernel's state has second rates behind the rates.
+    still = np.zeros((len(welded), 6))
+    return Rows(kernel, places, places, first, still, properties, acting, inner, None)
 
 
 class Supports:

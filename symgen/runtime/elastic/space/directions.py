@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symgen.runtime._constrained import Directions
+from symgen.runtime._constrained import Rows
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.kernels.evaluate import at_rows
@@ -42,7 +42,7 @@ def orthonormal(directors: Indices) -> list[Row]:
     ]
 
 
-def directions(rows: Sequence[Row], unknowns: int, first: int) -> Directions:
+def directions(rows: Sequence[Row], unknowns: int, first: int) -> Rows:
     """Return constraints on directions, one or more, as the part of a system.
 
     Places of vectors from ``unknowns`` on are those of prescribed numbers; ``first`` is the number of the
@@ -55,9 +55,8 @@ def directions(rows: Sequence[Row], unknowns: int, first: int) -> Directions:
     curved = at_rows(of["curvature"], states, 21, np.zeros(1), 21 * 21).reshape(-1, 21, 21)
     free = places < unknowns
     curved[~(free[:, :, None] & free[:, None])] = 0.0
-    owners, *at = np.nonzero(curved)
-    pairs = np.stack([places[owners, k] for k in at])
     # Vectors without a factor have no slopes: one that is constant stands for them.
     used = np.repeat(factors[:, :7], 3, axis=1) != 0.0
-    bound = np.stack([first + np.repeat(np.arange(len(rows)), 21), np.where(used, places, unknowns).ravel()])
-    return Directions(of["row"], places, factors, first, bound, pairs, owners, curved[owners, at[0], at[1]])
+    slopes, none = np.where(used, places, unknowns), np.zeros((len(rows), 0))
+    inner = np.flatnonzero(curved)
+    return Rows(of["row"], places, slopes, first, factors, none, none, inner, curved.ravel()[inner])
