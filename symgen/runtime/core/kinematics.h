@@ -42,27 +42,13 @@ struct kinematics {
     struct kinematic_groups groups;
     const real *p, *balance_p; /* owned by the caller */
     /* present state */
-    real t, stride;
-    int sign;                /* of the determinant of dPhi/dq; 0 before the first pose */
-    real *q, *u, *a, *past;
-    real *next, *change, *still, *phi, *weight, *solved, *work, *closure, *out;
+    real t, stride, length;
+    ptrdiff_t sign;              /* whether the determinant of dPhi/dq is negative */
+    real *q, *past, *next;       /* q, u, a: now, a stride before, after the next step */
+    real *change, *still, *phi, *scale, *weight, *solved, *work, *closure, *out;
     real *values, *inverse;  /* of dPhi/dq, its groups factorised; 1 / pivots of groups of two */
     ptrdiff_t *swaps;
 };
-
-size_t kinematics_bytes(const struct kinematic_sizes *sizes, const struct kinematic_groups *groups);
-void kinematics_bind(struct kinematics *k, const struct kinematic_sizes *sizes, const struct kinematic_kernels *kernels,
-                     const struct kinematic_groups *groups, const real *p, const real *balance_p, void *memory);
-
-/* Follow from the pose q at t through monotone times, one row (q, u, a) for each. Return the number of times reached:
-   fewer than `count` near a pose with singular dPhi/dq, or if the prediction fails. */
-ptrdiff_t kinematics_follow(struct kinematics *k, real t, const real *q, const real *times, ptrdiff_t count, real *rows);
-
-/* Write the multipliers lambda of J^T lambda = f - M a at closed poses, rows (q, u, a), and for each pose the least
-   pivot over the greatest and the largest error [N] of these equations. Return the number of poses done: fewer if
-   dPhi/dq is nearly singular. */
-ptrdiff_t kinematics_multipliers(struct kinematics *k, const real *times, const real *rows, ptrdiff_t count,
-                                 real *multipliers, real *quality);
 
 struct kinematic_lanes_api;
 
@@ -72,7 +58,12 @@ struct kinematics_api {
     size_t (*bytes)(const struct kinematic_sizes *sizes, const struct kinematic_groups *groups);
     void (*bind)(struct kinematics *k, const struct kinematic_sizes *sizes, const struct kinematic_kernels *kernels,
                  const struct kinematic_groups *groups, const void *p, const void *balance_p, void *memory);
+    /* Follow from the pose q at t through monotone times, one row (q, u, a) for each. Return the number of times
+       reached: fewer than `count` near a pose with singular dPhi/dq, or if the prediction fails. */
     ptrdiff_t (*follow)(struct kinematics *k, double t, const void *q, const void *times, ptrdiff_t count, void *rows);
+    /* Write the multipliers lambda of J^T lambda = f - M a at closed poses, rows (q, u, a), and for each pose the least
+       pivot over the greatest and the largest error [N] of these equations. Return the number of poses done: fewer if
+       dPhi/dq is nearly singular. */
     ptrdiff_t (*multipliers)(struct kinematics *k, const void *times, const void *rows, ptrdiff_t count,
                              void *multipliers, void *quality);
     const struct kinematic_lanes_api *(*lanes)(ptrdiff_t width);
