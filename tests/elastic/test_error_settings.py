@@ -95,3 +95,13 @@ def test_estimates_in_large_rotation_are_near_the_true_errors(seed):
     fine, finer = (model.large_rotation(elements=k * elements, **part, **shorter) for k in (1, FINER))
     assert 0.5 < run.statistics["error"] / difference(run, fine) < 1.5
     assert 0.5 < run.mesh_error / difference(fine, finer) < 1.5
+
+
+def test_error_estimates_cover_axial_vibrations_that_steps_do_not_resolve():
+    """The cantilever from rest with two runs alone: the estimate is no less than the error against fine steps."""
+    model = symgen.build("rotating_cantilever")
+    coarse = model.simulate(steps=360, samples=61)
+    fine = model.simulate(steps=11520, samples=61)
+    error = np.max(np.abs(coarse["root.stress"] - fine["root.stress"])) / np.max(np.abs(fine["root.stress"]))
+    assert error > 0.1
+    assert coarse.statistics["error"] > 0.9 * error

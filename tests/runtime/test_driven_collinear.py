@@ -1,6 +1,8 @@
 """Adaptive steps through collinear states of linkages whose motion is prescribed, in whole or in part."""
 
+import math
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +10,9 @@ from scipy.integrate import solve_ivp
 from shared.full import full
 
 import symgen
+from symgen.errors import SimulationError
+
+CASES = Path(__file__).parents[1] / "cases"
 
 CRANK, GROUND, ROD, G = 0.3, 3.0, 0.5, 9.81
 METHODS = ("dop853", "dopri5", "radau5")
@@ -78,3 +83,19 @@ def test_a_pendulum_on_the_coupler(method, rtol, speed, phase):
     # a sample moved away from a loss of rank has another time
     kept = np.isclose(result.time, np.linspace(0, 2, 201), rtol=0, atol=1e-12)
     assert result["T.position"].values[kept, 0] == pytest.approx(exact[kept], abs=max(300 * rtol, 1e-7))
+
+
+def test_a_driven_parallelogram_of_equal_links():
+    """All motion is prescribed: the coupler stays parallel to the ground through seven collinear states."""
+    result = symgen.build(CASES / "driven_parallelogram.toml").simulate(max_steps=1000)
+    angle = math.atan2(0.24, 0.18) + 10 * result.time
+    exact = np.column_stack([3 + 0.3 * np.cos(angle), 0.3 * np.sin(angle)])
+    assert result["R.position"].values == pytest.approx(exact, abs=1e-12)
+
+
+def test_a_dead_centre_next_to_a_collinear_state():
+    """The coupler is 0.1 mm too long for the crank to pass: it stops where coupler and rocker are in line."""
+    stop = 2 * math.pi - math.acos((1 + 0.3**2 - (1.0001 - 0.3) ** 2) / (2 * 0.3))
+    with pytest.raises(SimulationError, match="dead centre") as caught:
+        symgen.build(CASES / "gap.toml").simulate(max_steps=2000)
+    assert caught.value.time == pytest.approx((stop - math.pi / 2) / 6, abs=1e-8)

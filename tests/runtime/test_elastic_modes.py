@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -203,3 +204,43 @@ def test_frequencies_are_found_in_the_first_run_alone(monkeypatch):
     for name in ("lowest", "elastic_modes"):  # further calls fail
         monkeypatch.setattr(f"symgen.runtime.elastic.mesh.{name}", None)
     assert model.simulate(steps=90, samples=3).statistics["damping_ratios"]
+
+
+@pytest.mark.parametrize(
+    "elastic, thickness, tolerance",
+    [
+        ("elements = 200", 5e-3, 1e-6),
+        ('element = "timoshenko", shear = { poisson = 0.3 }, elements = 40', 5e-4, 1e-6),
+    ],
+)
+def test_low_frequencies_of_fine_meshes_are_not_called_rigid(tmp_path, elastic, thickness, tolerance):
+    """A clamped bar at rest has no rigid motion: cos x cosh x = -1, also where its highest frequency is 1e7 times."""
+    shipped = (Path(symgen.__file__).parent / "scenes" / "rotating_cantilever.toml").read_text()
+    scene = tmp_path / "cantilever.toml"
+    scene.write_text(
+        shipped.replace("elements = 4", elastic).replace('thickness = "5 mm"', f'thickness = "{thickness} m"')
+    )
+    found = symgen.build(str(scene)).modes()
+    speed = np.sqrt(210e9 * thickness**2 / 12 / 7850)
+    roots = np.array([1.875104068711961, 4.694091132974175, 7.854757438237613])
+    # The Timoshenko bar is slower by shear and rotary inertia, of the order of (thickness/length)^2.
+    expected = roots**2 * speed / (2 * np.pi)
+    shear = 50 * thickness**2 if "timoshenko" in elastic else 0.0
+    assert found.frequencies[:3] == pytest.approx(expected, rel=tolerance + shear)
+    assert found.rigid == 0
+
+
+def test_the_crank_left_to_itself_is_the_one_rigid_motion(tmp_path):
+    """Of thin links that keep their length, on a rigid crank: large stiffnesses cancel in that motion."""
+    shipped = (Path(symgen.__file__).parent / "scenes" / "elastic_four_bar_free.toml").read_text()
+    text = shipped.replace('elastic = { E = "E" }', 'elastic = { E = "E", axial = false, elements = 20 }')
+    crank, elastic = text.index("[links.crank]"), text.index("elastic = {")
+    assert crank < elastic
+    text = text[:elastic] + text[text.index("\n", elastic) :]
+    scene = tmp_path / "free.toml"
+    scene.write_text(text.replace('thickness = "0.125 in"', 'thickness = "0.0125 in"'))
+    model = symgen.build(str(scene))
+    for angle in (0.0, 1.0, 2.0):
+        found = model.modes(angle)
+        assert found.frequencies[0] == 0.0 and found.frequencies[1] > 1.0
+        assert found.rigid == 1

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import math
+from pathlib import Path
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import symgen
+from symgen.cli import app
 from symgen.errors import InitialStateError, SceneError
 from symgen.runtime.closure.closed_form import closed_forms
 from symgen.runtime.closure.start import check_closed
+
+CASES = Path(__file__).parents[1] / "cases"
 
 INCH = 0.0254
 
@@ -106,3 +114,20 @@ def test_a_freedom_too_many_is_told(tmp_path):
 
 
 FIVE = (("a", "theta1"), ("b", "?"), ("c", "?"), ("d", "?"), ("ground", "?"))
+
+
+def test_guesses_are_set_without_a_start_table(tmp_path):
+    """Parallelogram without a table of guesses: keys of it, or all of it, are set from outside."""
+    scene = tmp_path / "bare.toml"
+    lines = (CASES / "par4.toml").read_text().splitlines()
+    scene.write_text("\n".join(x for x in lines if not x.startswith("start")))
+    guesses = {"theta2": "170 deg", "theta3": "10 deg", "theta4": "170 deg"}  # coupler along -x at 10 deg
+    one_by_one = [f"--set=loop.start.{name}={value}" for name, value in guesses.items()]
+    table = ", ".join(f'{name} = "{value}"' for name, value in guesses.items())
+    for options in (one_by_one, [f"--set=loop.start={{ {table} }}"]):
+        done = CliRunner().invoke(app, ["run", str(scene), "--at", "45", "--json", *options])
+        assert done.exit_code == 0, done.output
+        values = json.loads(done.stdout)["outputs"]
+        assert {n: values[n]["final"] for n in guesses} == pytest.approx(
+            {"theta2": 0.75 * math.pi, "theta3": 0.25 * math.pi, "theta4": 0.75 * math.pi}
+        )

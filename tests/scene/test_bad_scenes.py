@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from shared.commands import call
+
+import symgen
+from symgen.errors import SceneError
 
 GOOD = """
 symgen = 1
@@ -208,3 +213,31 @@ def test_empty_and_missing_files(tmp_path, monkeypatch, entry):
         assert code == 3
         assert words in said
         assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        "[[loop]]\nrows = []\n[[loop]]\nrows = []",
+        "[loop]\n[loop]",
+        "[loops.a]\nrows = []",
+        "[loop.a]\nrows = []",
+    ],
+)
+def test_several_loops_are_expressed_by_points_links_and_bodies(written, tmp_path):
+    scene = tmp_path / "two.toml"
+    scene.write_text(f"symgen = 1\n{written}\n")
+    with pytest.raises(SceneError, match=r"single loop.*\[points\] and \[links\], with bodies"):
+        symgen.build(scene)
+
+
+def test_a_table_named_self_is_an_unknown_key(tmp_path):
+    """Names of tables and parameters are data: none of them may meet an argument of a function of Python."""
+    scene = tmp_path / "self.toml"
+    text = (Path(__file__).parents[1] / "cases" / "friction.toml").read_text()
+    scene.write_text(f"{text}\n[self]\nmass = 1\n")
+    with pytest.raises(SceneError, match=r"self"):
+        symgen.load_scene(scene)
+    scene.write_text(text.replace('"3 N"', '{ value = "3 N", tunable = true }').replace("F", "self"))
+    model = symgen.build(scene, backend="numpy").with_parameters(self=0.5)
+    assert model.parameters["self"] == 0.5

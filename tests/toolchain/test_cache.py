@@ -18,13 +18,6 @@ from symgen.toolchain.cache import Cache, key
 RUN = "import symgen; m = symgen.build('four_bar'); print(m.backend, m.accelerations()['A'].tolist())"
 
 
-@pytest.fixture
-def cache(tmp_path, monkeypatch):
-    folder = tmp_path / "cache"
-    monkeypatch.setenv("SYMGEN_CACHE", str(folder))
-    return folder
-
-
 def entries(folder: Path) -> list[str]:
     return sorted(p.name for p in folder.iterdir())
 

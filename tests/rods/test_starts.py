@@ -1,0 +1,112 @@
+"""Starts of rods: lengths as drawn, floating parts, points drawn at one place."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import symgen
+from symgen.errors import InitialStateError, SceneError
+from symgen.lowering import straight_line
+
+CASES = Path(__file__).parents[1] / "cases"
+
+
+@pytest.mark.parametrize("name", ["start_length_planar", "start_length_space", "start_length_space_tunable"])
+def test_a_length_that_the_drawing_has_through_sines_is_kept(name):
+    """The rod starts where it is drawn; a uniform rod about its end has the angular acceleration 3 r x g/(2 l^2)."""
+    length, azimuth, elevation = 1.2, 0.7, 0.0 if name.endswith("planar") else -0.5
+    level = length * math.cos(elevation)
+    drawn = np.array([level * math.cos(azimuth), level * math.sin(azimuth), length * math.sin(elevation)])
+    gravity = np.array([0.0, -9.81, 0.0] if name.endswith("planar") else [0.0, 0.0, -9.81])
+    expected = np.cross(1.5 * np.cross(drawn, gravity) / length**2, drawn)
+    model = symgen.build(CASES / f"{name}.toml", backend="numpy")
+    axes = len(model.description.shown_axes)
+    np.testing.assert_allclose(model.initial_state().positions["A"], drawn[:axes], atol=1e-15)
+    np.testing.assert_allclose(model.accelerations()["A"], expected[:axes], atol=1e-13)
+
+
+@pytest.mark.parametrize("start", [{}, {"angles": {"OA": "0.3 rad"}}])
+def test_linkages_are_assembled_from_the_origin(start):
+    links = {"OA": {"points": ["O", "A"], "mass": "1 kg"} | ({} if start else {"length": "0.9 m"})}
+    points = {"O": {"at": ["1 m", "0 m"], "ground": True}, "A": {"at": ["0 m", "0 m"]}}
+    scene = symgen.Scene(points=points, links=links, start=start).called("from_the_origin")
+    place = symgen.build(scene, backend="numpy").initial_state().positions["A"]
+    expected = [1 + math.cos(0.3), math.sin(0.3)] if start else [0.1, 0.0]
+    assert place == pytest.approx(expected, abs=1e-15)
+
+
+def test_a_start_is_checked_by_the_equations_as_derived(monkeypatch):
+    """With constants folded to noise of one bit, the start is an error that names the link."""
+
+    def to_noise(expression):
+        if expression.is_Symbol or expression.is_Rational:
+            return expression
+        if not expression.free_symbols:
+            return expression.evalf(40)
+        return expression.func(*map(to_noise, expression.args))
+
+    monkeypatch.setattr(straight_line, "fold", to_noise)
+    with pytest.raises(SceneError, match=r"\[links\] rod: the start violates the length of link rod by 0\.1"):
+        symgen.build(CASES / "start_length_planar.toml", backend="numpy", set={"parameters.l": "1.2000 m"})
+
+
+def test_ends_of_a_link_at_one_place_are_named():
+    """Drawn so in the scene, or by a parameter."""
+    with pytest.raises(SceneError, match=r"\[links.r\] points: O and A are drawn at the same place"):
+        symgen.build(CASES / "coincident_points.toml", backend="numpy")
+    data = tomllib.loads((CASES / "coincident_points.toml").read_text())
+    data["parameters"] = {"x": {"value": "0.5 m", "tunable": True}}
+    data["points"]["A"]["at"] = ["x", "0 m"]
+    model = symgen.build(symgen.Scene(**data), backend="numpy")
+    assert model.initial_state().positions["A"] == pytest.approx([1, 0])
+    with pytest.raises(InitialStateError, match="O and A are drawn at the same place: the link r"):
+        model.with_parameters(x=0.0).initial_state()
+
+
+@pytest.mark.parametrize("length", [None, "2.5 m"])
+def test_the_base_of_a_floating_part_stays_where_it_is_drawn(length):
+    """The part turns about the first point of its first link; what hangs on that link follows."""
+    data = tomllib.loads((CASES / "floating_start.toml").read_text())
+    data["points"] = {
+        "A": {"at": ["0.3 m", "-0.2 m"]},
+        "B": {"at": ["1.3 m", "-0.2 m"]},
+        "C": {"at": ["1.3 m", "0.5 m"]},
+    }
+    data["links"]["tail"] = {"points": ["B", "C"], "mass": "1 kg"}
+    data["start"]["angles"]["tail"] = "0 deg"
+    if length:
+        data["links"]["rod"]["length"] = length
+    places = symgen.build(symgen.Scene(**data), backend="numpy").initial_state().positions
+    reach = float(length.split()[0]) if length else 1.0
+    for point, place in {"A": (0.3, -0.2), "B": (0.3, reach - 0.2), "C": (1.0, reach - 0.2)}.items():
+        np.testing.assert_allclose(places[point], place, atol=1e-14)
+    alone = symgen.build(CASES / "floating_start.toml", backend="numpy").initial_state().positions["A"]
+    np.testing.assert_allclose(alone, [0, 0], atol=1e-15)
+
+
+def test_a_length_that_a_parameter_makes_zero_is_named(tmp_path):
+    scene = tmp_path / "zero.toml"
+    scene.write_text("""
+symgen = 1
+[parameters]
+l = { value = "0.3 m", tunable = true }
+w = "10 rad/s"
+[points]
+O = { at = ["0 m", "0 m"], ground = true }
+A = { at = ["0.3 m", "0 m"] }
+B = { at = ["0.6 m", "0.1 m"] }
+[links]
+crank = { points = ["O", "A"], mass = "1 kg", length = "l" }
+rod = { points = ["A", "B"], mass = "1 kg", length = "l" }
+[[drivers]]
+link = "crank"
+angle = "w*t"
+""")
+    model = symgen.build(scene, backend="numpy").with_parameters(l=0.0)
+    with pytest.raises(InitialStateError, match="length of link crank needs a length above zero, got 0 m"):
+        model.initial_state()
