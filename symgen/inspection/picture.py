@@ -14,6 +14,7 @@ from symgen.report.page.drawing import Line, Node, Sketch
 from symgen.runtime.loop.frames import product
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.result.result import Result
+from symgen.scene.elastic.offsets import is_lug
 from symgen.scene.loop.loop import Loop
 from symgen.scene.rods.linkage import TIME, Linkage
 
@@ -77,7 +78,8 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
         elif k.carried and k.name not in elastic:
             yield Line("body", k.name, np.array([*ends, *(places[p.name] for p in k.carried)]))
         else:
-            yield Line("elastic" if k.name in elastic else "rod", k.name, np.array(ends))
+            kind, name = ("elastic" if k.name in elastic else "rod"), ("" if is_lug(k) else k.name)
+            yield Line(kind, name, np.array(ends))
     for body in linkage.bodies:
         yield Line(
             "body", body.name, np.array([places[p] for p in (*body.base, *(c.name for c in body.carried))])

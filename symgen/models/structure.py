@@ -8,6 +8,7 @@ from symgen.errors import SceneError
 from symgen.loads import LOADS
 from symgen.models.rods.driven import LEFT_OUT
 from symgen.models.rods.linkage import RodsModel
+from symgen.scene.elastic.offsets import is_lug
 from symgen.scene.rods.linkage import Linkage
 
 #: Components of a linkage by their field: before the loads, and after them.
@@ -42,8 +43,12 @@ def structure(linkage: Linkage) -> Iterator[str]:
     ends = {k.name: k.base for k in model.rods}
     bars = {row.link: row.label for row in model.constraints if row.link and row.link not in ends}
     yield "tree, from the ground outward:"
+    joined = dict(_off_the_line(linkage))
+    yield from (f"  {point} is rigidly joined to link {link}, off its line" for point, link in joined.items())
     for point in model.tree.points:
         rod = model.tree.carrier[point]
+        if point in joined or (joined and linkage.point(point).hidden):
+            continue
         if rod is None:
             yield f"  {point} is free to move: a part that no link ties to the ground starts here"
         elif rod in bars:
@@ -51,8 +56,8 @@ def structure(linkage: Linkage) -> Iterator[str]:
         else:
             near = next(e for e in ends[rod] if e != point)
             yield f"  {point} after link {rod} from {near}"
-    for point, (part, _) in model.carrier.items():
-        yield f"  {point} is carried by link {part.name}: no coordinates of its own"
+    carried = {point: part.name for point, (part, _) in model.carrier.items() if point not in joined}
+    yield from (f"  {p} is carried by link {name}: no coordinates of its own" for p, name in carried.items())
     cuts = list(dict.fromkeys(_cut(model, rod, bars) for rod in model.tree.cuts))
     yield f"loops: {len(cuts)}, closed by these links" if cuts else "loops: none is closed by a link"
     yield from (f"  {cut}" for cut in cuts)
@@ -79,6 +84,14 @@ def structure(linkage: Linkage) -> Iterator[str]:
     if not any(x.offset for x in linkage.links) and linkage.links:
         absent.append("centres of mass off the lines of the links")
     yield f"omitted, since the scene has none: {', '.join(absent)}"
+
+
+def _off_the_line(linkage: Linkage) -> Iterator[tuple[str, str]]:
+    """Yield the points off the line of elastic links, and these links."""
+    for lug in filter(is_lug, linkage.links if linkage.elastic else ()):
+        elastic = (linkage.link(e.link) for e in linkage.elastic)
+        link = next(k.name for k in elastic if lug.start in (*k.base, *(c.name for c in k.carried)))
+        yield from ((point, link) for point in (lug.end, *(c.name for c in lug.carried)))
 
 
 def _cut(model: RodsModel, rod: str, bars: dict[str, str]) -> str:

@@ -163,6 +163,7 @@ def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
 def of_linkage(linkage: Linkage, program: Program, equations: str) -> Description:
     """Return the description of a linkage, still without its start."""
     from symgen.runtime.kernels.description import Description, EventInfo, PlaneInfo
+    from symgen.scene.elastic.offsets import is_lug
     from symgen.scene.rods.events import revolves
     from symgen.scene.rods.windings import turning
 
@@ -200,6 +201,11 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         windings=len(linkage.windings),
         turns=turning(linkage),
         steady=_steady(linkage),
+        lugs={
+            k.name: k.start if linkage.point(k.start).hidden else ""
+            for k in (linkage.links if linkage.elastic else ())
+            if is_lug(k)
+        },
     )
 
 

@@ -114,6 +114,16 @@ CASES = {
     "nan number": ('["A", "B"], mass', '["A", "B"], centre = nan, mass', ["[links.AB] centre", "finite"]),
     "infinity": ('["A", "B"], mass', '["A", "B"], centre = inf, mass', ["[links.AB] centre", "finite"]),
     "misspelled point": ('points = ["B", "C"]', 'points = ["B", "c"]', ["[links.BC] points", "'c'", "'C'"]),
+    "misspelled link of a joint": (
+        "[analysis]",
+        '[[joints]]\npoint = "O"\nlinks = ["OAA"]\nkind = "revolute"\naxis = [0, 0, 1]\n[analysis]',
+        ["[joints.0] links", "no link called 'OAA'", "'OA'"],
+    ),
+    "joint in the plane": (
+        "[analysis]",
+        '[[joints]]\npoint = "O"\nlinks = ["OA"]\nkind = "revolute"\naxis = [0, 0, 1]\n[analysis]',
+        ["[joints] 0", "both in space; got a revolute joint of OA at O", "remove it"],
+    ),
     "no mass": ('points = ["A", "B"], mass = "1 kg"', 'points = ["A", "B"]', ["[links] AB", "no mass"]),
     "massless end": (
         'BC = { points = ["B", "C"], mass = "1 kg" }',

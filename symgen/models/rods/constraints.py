@@ -82,6 +82,8 @@ def _shared_joints(model: Points) -> Iterator[Constraint]:
             if not free & model.calculus.gradient(coordinate - other).keys():
                 continue  # ground on ground: the row constrains no moving point
             label = f"the joint {point.name} of link {link.name}"
+            if model.linkage.point(point.name).hidden:
+                label = f"a rigid joint of link {link.name}"
             yield Constraint(name, label, coordinate - other, ONE, "m", carrier=link.name)
 
 
@@ -216,13 +218,12 @@ def angle_rows(model: Points) -> Iterator[AngleRow]:
         bx, by = model.along[angle.other] if angle.other else (ONE, ZERO)
         c, s = angle.cosine, angle.sine
         expression = c * (bx * ay - by * ax) - s * (ax * bx + ay * by)
-        label = f"the weld of {angle.link} to {angle.other or 'the ground'} at {angle.point}"
         slopes = {angle.link: (-c * by - s * bx, c * bx - s * by)}
         if angle.other:
             slopes[angle.other] = (c * ay - s * ax, -c * ax - s * ay)
-            row = Constraint(angle.name, label, expression, length, "m^2")
+            row = Constraint(angle.name, angle.label, expression, length, "m^2")
         else:
-            row = Constraint(angle.name, label, expression, ONE, "m")
+            row = Constraint(angle.name, angle.label, expression, ONE, "m")
         yield AngleRow(row, slopes)
 
 

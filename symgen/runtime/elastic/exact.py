@@ -194,7 +194,7 @@ def _result(
         ),
         axes=d.axes,
         coordinate=coordinate_of(motion, times),
-        variables=selected(variables, motion.info.outputs),
+        variables=selected(variables, d),
         drift=result.drift,
         final=result.final,
         statistics={

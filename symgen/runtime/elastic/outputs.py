@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import RLock
@@ -19,6 +19,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Coordinate, Variable, over_time
 
@@ -81,16 +82,22 @@ def coordinate_of(motion: ElasticMotion, times: Array) -> Coordinate:
     return Coordinate("angle", "rad", "crank angle", motion.angle_at(times))
 
 
-def selected(variables: Iterable[Variable], names: Sequence[str] | None) -> tuple[Variable, ...]:
-    """Return the outputs that the scene selects by ``names``, in its order; all where it selects none.
+def selected(variables: Iterable[Variable], d: Description) -> tuple[Variable, ...]:
+    """Return the outputs that the scene selects, in its order; all where it selects none.
+
+    Forces at the foot of a point off the line of an elastic link have the name of this point. Other outputs
+    of feet are for drawings, which select them.
 
     Raises
     ------
     SceneError
         When a run of elastic links has no such output.
     """
+    names = d.elastic.outputs if d.elastic else None
+    feet = {foot: d.links[lug][1] for lug, foot in d.lugs.items() if foot}
+    variables = (_at_point(v, feet) for v in variables)
     if names is None:
-        return tuple(variables)
+        return tuple(v for v in variables if v.name.partition(".")[0] not in feet)
     known: dict[str, Variable] = {}
     for v in variables:
         known[v.name] = v
@@ -99,10 +106,21 @@ def selected(variables: Iterable[Variable], names: Sequence[str] | None) -> tupl
     for name in names:
         if name not in known:
             raise SceneError(
-                f"runs of elastic links have no output {name!r}. {nearest(name, known)}",
+                f"runs of elastic links have no output {name!r}. "
+                + nearest(name, [k for k in known if k.partition(".")[0] not in feet]),
                 where="analysis.outputs",
             )
     return tuple(known[name] for name in names)
+
+
+def _at_point(variable: Variable, feet: Mapping[str, str]) -> Variable:
+    """Return a force on a link at a foot as one at the point that the foot carries; others as they are."""
+    link, _, rest = variable.name.partition(".")
+    foot, _, word = rest.partition(".")
+    if foot not in feet:
+        return variable
+    about = variable.about.replace(foot, f"the section of {feet[foot]}")
+    return replace(variable, name=f"{link}.{feet[foot]}.{word}", about=about)
 
 
 def strains(name: str, beam: Beam, at: float, bending: Array, axial: Array) -> list[Variable]:

@@ -292,7 +292,7 @@ class _Recorded:
 
     def variables(self) -> tuple[Variable, ...]:
         """Return the outputs that the scene selects."""
-        return selected(self.outputs(), self.motion.info.outputs)
+        return selected(self.outputs(), self.motion.rigid.description)
 
     def statistics(self) -> Mapping[str, Any]:
         """Return counts, errors, shares of second order, powers, and multipliers."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
 
 from symgen.runtime.kernels.elastic_description import ElasticInfo
@@ -157,9 +157,10 @@ class Description(Described):
     in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
     ``steady`` are ground points and constraints of drives whose velocity does not depend on the time.
     ``inputs`` are the parameters that are external signals, the last of the tunable ones. ``kinematic``: the
-    model has no dynamics. ``remarks`` are notes on the scene for results. ``start`` holds
-    the coordinates and then the velocities at the scene's own parameters, ``first_pivot`` is the index in
-    ``work`` of the first pivot of the kernel 'factor'.
+    model has no dynamics. ``remarks`` are notes on the scene for results. ``lugs`` are the rigid joints of
+    points off the line of elastic links, with their points on the line ("" if the scene names them).
+    ``start`` holds the coordinates and then the velocities at the scene's own parameters, ``first_pivot`` is
+    the index in ``work`` of the first pivot of the kernel 'factor'.
     """
 
     axes: tuple[str, ...]
@@ -187,6 +188,7 @@ class Description(Described):
     steady: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
+    lugs: dict[str, str] = field(default_factory=dict)
 
     @property
     def method(self) -> str:

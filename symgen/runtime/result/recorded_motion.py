@@ -52,12 +52,15 @@ _OF_CORNER = ("angle", "transmission_angle")
 def chosen_names(constraints: Constraints, of: Sequence[str] | None) -> dict[str, tuple[str, ...]]:
     """Return the quantities to record of points, links and corners A.B.C; by default of all that move."""
     d = constraints.description
+    internal = {*d.lugs, *d.lugs.values()}
     moving = [
         p
         for p in d.points
+        if p not in internal
         if p not in d.ground or any(n.startswith(f"{p}.") for n in constraints.drives(0.0))
     ]
-    turning = [k for k, points in d.links.items() if not set(points[:2]) <= set(d.ground)]
+    links = {k: points for k, points in d.links.items() if k not in internal}
+    turning = [k for k, points in links.items() if not set(points[:2]) <= set(d.ground)]
     if of is None and d.kinematic and d.kernel("outputs"):
         return {}  # the outputs that the scene selects
     plane = turning if len(d.axes) == 2 else []
@@ -78,7 +81,8 @@ def chosen_names(constraints: Constraints, of: Sequence[str] | None) -> dict[str
             by_owner[whole] = tuple(x for x in recorded_of(whole) if x in (*by_owner.get(whole, ()), output))
         else:
             raise ModelError(
-                f"there is no point or moving link {name!r} to record. {nearest(name, known)}\n"
+                f"there is no point or moving link {name!r} to record. "
+                f"{nearest(name, [x for x in known if x not in internal])}\n"
                 "  A.B.C records the angles at B between A and C; coupler.angle one output of a link. "
                 "inverse-dynamics has forces and torques."
             )

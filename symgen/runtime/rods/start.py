@@ -142,6 +142,12 @@ def _check_directions(evaluator: Evaluator, q: Array) -> None:
     least = ROUNDING * extent(evaluator, q)
     for link, (first, second, *_) in d.links.items():
         if not max(abs(x - y) for x, y in zip(places[second], places[first], strict=True)) > least:
+            if link in d.lugs:
+                raise InitialStateError(
+                    f"expected {second} off the line of its elastic link, got an offset of zero\n"
+                    "  Give the offset another value, or write offset = 0 in the scene.",
+                    where=f"points.{second}.offset",
+                )
             raise InitialStateError(
                 f"{first} and {second} are drawn at the same place: the link {link} has no direction there\n"
                 "  Change the parameters, or draw them apart.",

@@ -10,6 +10,7 @@ import sympy as sp
 from symgen.errors import SceneError, check_joints
 from symgen.loads.measure import Measure, Term
 from symgen.scene.elastic.links import ElasticLink
+from symgen.scene.elastic.offsets import is_lug
 from symgen.scene.elastic.schema import Weld
 from symgen.scene.reading import Reader
 from symgen.scene.rods.constraints import is_hinge
@@ -81,9 +82,10 @@ def with_welds(read: Reader, linkage: Linkage) -> Linkage:
         if read.dimension == 3 and is_hinge(read.scene, joint):
             continue
         raise SceneError(
-            "revolute and universal joints are those of elastic links in space, and of rods with the ground",
+            "expected a joint of an elastic link, or a revolute joint of one rod with the ground, both in "
+            f"space; got a {joint.kind} joint of {' and '.join(joint.links)} at {joint.point}",
             where=f"joints.{i}",
-            hint="Links that share a point have a joint there: leave the table out.",
+            hint="Links that share a point are joined there without this table: remove it.",
         )
     angles: list[KeptAngle] = []
     for i, weld in enumerate(read.scene.welds):
@@ -144,7 +146,10 @@ def _kept_angle(linkage: Linkage, point: str, link: str, other: str) -> KeptAngl
     (ax, ay), (bx, by) = (_drawn(linkage, name) if name else (sp.S.One, sp.S.Zero) for name in (link, other))
     size = sp.sqrt((ax**2 + ay**2) * (bx**2 + by**2))
     cosine, sine = (ax * bx + ay * by) / size, (bx * ay - by * ax) / size
-    return KeptAngle(f"{point}_weld_{link}", point, link, other, cosine, sine)
+    label = f"the weld of {link} to {other or 'the ground'} at {point}"
+    lugs = (k for k in linkage.links if k.name in (link, other) and is_lug(k))
+    label = next((f"the rigid joint of {k.end}" for k in lugs), label)
+    return KeptAngle(f"{point}_weld_{link}", label, point, link, other, cosine, sine)
 
 
 def _drawn(linkage: Linkage, name: str) -> tuple[sp.Expr, sp.Expr]:

@@ -10,7 +10,7 @@ from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.elastic.schema import Weld
 from symgen.scene.reading import Reader
-from symgen.scene.rods.linkage import PlacedPoint
+from symgen.scene.rods.linkage import PlacedPoint, RigidLink
 from symgen.scene.schema import Link, Point
 from symgen.scene.units import is_quantity
 from symgen.symbolic.constants import vanishes
@@ -78,6 +78,11 @@ def with_lugs(read: Reader) -> None:
     read.take(scene.model_copy(update={"points": points, "links": links, "welds": welds}))
 
 
+def is_lug(link: RigidLink) -> bool:
+    """Return whether a link is the rigid joint of a point off the line of an elastic link."""
+    return link.name == LUG.format(link.end)
+
+
 def _place(read: Reader, name: str, link: str) -> tuple[sp.Expr, sp.Expr, str | None]:
     """Return fraction of the length of a link and distance from its line of a point, and its offset."""
     point, where = read.scene.points[name], f"points.{name}"
@@ -121,7 +126,7 @@ def _between(read: Reader, table: Link, name: str, along: sp.Expr) -> PlacedPoin
     """Return a foot, on the drawn line of its link."""
     first, second = (read.points[p].at for p in table.points[:2])
     at = tuple(a + along * (b - a) for a, b in zip(first, second, strict=True))
-    return PlacedPoint(name, at, False, at)
+    return PlacedPoint(name, at, False, at, hidden=True)
 
 
 def _distance(offset: str) -> str:

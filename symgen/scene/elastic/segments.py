@@ -21,7 +21,7 @@ from symgen.loads.load import Load
 from symgen.loads.torque import AppliedTorque
 from symgen.loads.torsion_spring import AngularSpring
 from symgen.scene.elastic.links import ElasticLink, Polynomial
-from symgen.scene.elastic.offsets import LUG
+from symgen.scene.elastic.offsets import is_lug
 from symgen.scene.rods.linkage import (
     CarriedPoint,
     Linkage,
@@ -85,7 +85,7 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
         raise ModelError(f"expected from {_FEWEST} to {_MOST} segments of an elastic link, got {count}")
     for beam in linkage.elastic:
         if beam.welds:
-            lug = next((k for k in linkage.links if k.start in beam.welds and _is_lug(k)), None)
+            lug = next((k for k in linkage.links if k.start in beam.welds and is_lug(k)), None)
             what = (
                 f"{lug.end}, off the line of {beam.link}, is welded to it"
                 if lug
@@ -145,11 +145,6 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     # Springs between rods of one link never turn by half a revolution.
     inner = (s for part in parts for s in _springs(part))
     return replace(with_windings(linkage_of_segments), loads=(*linkage_of_segments.loads, *inner))
-
-
-def _is_lug(link: RigidLink) -> bool:
-    """Return whether a link is the rigid joint of a point off the line of an elastic link."""
-    return link.name == LUG.format(link.end)
 
 
 def remade(linkage: Linkage, segments: int | None, places: Places) -> Linkage:

@@ -56,9 +56,12 @@ def is_hinge(scene: Scene, joint: Joint | Weld) -> bool:
 def hinges(read: Reader) -> Iterator[Hinge]:
     """Yield the revolute joints between rods in space and the ground: one at most for each link."""
     seen: set[str] = set()
-    for i, joint in enumerate(read.scene.joints if read.dimension == 3 else ()):
+    for i, joint in enumerate(read.scene.joints):
         where, name = f"joints.{i}", joint.links[0]
-        if not is_hinge(read.scene, joint):
+        read.known_point(joint.point, f"{where}.point")
+        for other in joint.links:
+            read.known_link(other, f"{where}.links")
+        if read.dimension == 2 or not is_hinge(read.scene, joint):
             continue
         read.moving_link(name, f"{where}.links")
         link = read.scene.links[name]

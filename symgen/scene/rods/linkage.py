@@ -23,7 +23,6 @@ from symgen.symbolic.quantity import AXES, Quantity, quantity
 
 TIME = quantity("t", "s", "time")
 _DIGITS = 30
-_ZERO = sp.Integer(0)
 
 Vector = tuple[sp.Expr, ...]
 _T = TypeVar("_T")
@@ -43,7 +42,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class PlacedPoint:
-    """A point as drawn [m], of the ground at ``motion``; symgen adds ``hidden`` ones to bodies in space."""
+    """A point as drawn [m], of the ground at ``motion``; ``hidden``: added by symgen."""
 
     name: str
     at: Vector
@@ -102,7 +101,7 @@ class RigidLink:
 
     def along(self, point: str) -> sp.Expr:
         """Return the place of one of its points along its line, as a fraction of the length."""
-        ends = {self.start: _ZERO, self.end: sp.Integer(1)}
+        ends = {self.start: sp.S.Zero, self.end: sp.Integer(1)}
         return ends[point] if point in ends else next(c.along for c in self.carried if c.name == point)
 
 
@@ -160,7 +159,7 @@ class PlacedMass:
 
     point: str
     mass: sp.Expr
-    inertia: sp.Expr = _ZERO
+    inertia: sp.Expr = sp.S.Zero
     link: str = ""
 
 
@@ -187,8 +186,8 @@ class KeptAngle:
 
     Attributes
     ----------
-    name, point
-        Name of its constraint, and the point.
+    name, label, point
+        Name and label of its constraint, and the point.
     link, other
         The links; ``other`` is empty for the direction of a link that is clamped to the ground.
     cosine, sine
@@ -196,6 +195,7 @@ class KeptAngle:
     """
 
     name: str
+    label: str
     point: str
     link: str
     other: str

@@ -262,7 +262,7 @@ def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) 
         **of_model(d, rigid.parameters, **attributes, **made_with(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,
         coordinate=coordinate,
-        variables=selected(one.variables, d.elastic.outputs if d.elastic else None),
+        variables=selected(one.variables, d),
         drift=one.drift,
         final={},
         statistics={

@@ -156,7 +156,7 @@ class SpatialModel(Model):
         still = {f"{p}.position" for p in d.ground if p in d.steady}
         still -= {*((d.elastic and d.elastic.outputs) or ())}
         variables = [v for v in outputs(linkage, moments) if v.name not in still]
-        selected(variables, d.elastic.outputs if d.elastic else None)  # refused before the steps are refined
+        selected(variables, d)  # refused before the steps are refined
         for variable in (v for v in variables if v.name.endswith(".axial_strain")):
             beyond = np.flatnonzero(~(np.abs(variable.values) <= _STRAIN))
             if len(beyond):
