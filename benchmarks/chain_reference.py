@@ -14,6 +14,7 @@ successive tolerances.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from collections.abc import Callable
@@ -130,6 +131,7 @@ def _midpoint(
 
 def main() -> int:
     """Compute and store."""
+    argparse.ArgumentParser(description=__doc__.partition("\n")[0]).parse_args()
     stored: dict[str, Any] = {}
     for n in SIZES:
         with mpmath.workdps(DIGITS):

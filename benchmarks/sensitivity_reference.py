@@ -13,6 +13,7 @@ As a program, it writes ``tests/reference/run_slopes.json``; names of scenes sel
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from collections.abc import Callable
@@ -26,7 +27,7 @@ import sympy as sp
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from shared import directors_exact
 from shared import floating_crank as pump
-from shared.exact_slopes import IN_SPACE, RUNS, SCENES, Setting, setting
+from shared.exact_slopes import IN_SPACE, RUNS, Setting, setting
 from sympy.printing.pycode import PythonCodePrinter
 
 import symgen
@@ -44,9 +45,12 @@ Vector = list[Decimal]
 
 def main() -> None:
     """Compute and write; each scene as soon as it is finished."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="default: all that are stored")
+    named = parser.parse_args().scenes
     getcontext().prec = mpmath.mp.dps = DIGITS
     stored = json.loads(RUNS.read_text()) if RUNS.exists() else {}
-    for name in sys.argv[1:] or SCENES:
+    for name in named or sorted(stored):
         if name in IN_SPACE:
             stored[name] = in_space(name)
         else:

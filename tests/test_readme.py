@@ -44,6 +44,25 @@ def test_the_scenes_run(tmp_path):
     assert model.unknowns == symgen.build("thesis_four_bar").unknowns + 4
 
 
+@pytest.mark.parametrize(
+    ("task", "page", "unit", "rows"),
+    [
+        ("Peaucellier", "performance", 1e-6, ("generated C", "NumPy, one state per call")),
+        ("chain of 100", "chains", 1e-6, ("plane, symgen | 100", "plane, Pinocchio | 100")),
+        ("crank angle", "performance", 1, ("slider_crank | symgen", "slider_crank | lambdify, math")),
+        ("elastic four-bar", "performance", 1, ("symgen, gauss | steps 450 | 450",
+                                                "lambdify (math), SciPy DOP853 | rtol 1e-05 | 1473")),
+    ],
+)  # fmt: skip
+def test_times_are_those_that_benchmarks_write(task, page, unit, rows):
+    """Those of two digits, in tables in seconds or in the unit of the README."""
+    text = README.read_text(encoding="utf-8")
+    (shown,) = re.findall(rf"^\|[^|]*{task}[^|]*\| ([0-9.]+) .s \| ([0-9.]+) .s, ", text, re.MULTILINE)
+    table = (README.parent / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    measured = [re.search(rf"^\| {re.escape(row)} \| ([^ ]+) \|", table, re.MULTILINE)[1] for row in rows]
+    assert [float(x) * unit for x in shown] == pytest.approx([float(x) for x in measured], rel=0.05)
+
+
 @pytest.mark.parametrize("page", [README, TOUR], ids=lambda p: p.stem)
 def test_the_python_runs(page, tmp_path, monkeypatch):
     (text,) = blocks(page, "python")
