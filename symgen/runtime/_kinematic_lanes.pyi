@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.rods.following.groups import Groups
@@ -19,7 +19,7 @@ class KinematicLanes:
     ) -> None: ...
     def follow(
         self, t: float, parameters: Array, q: Array, lengths: Array, times: Array
-    ) -> tuple[Array, Array, NDArray[np.intp]]: ...
+    ) -> tuple[Array, Array, Indices]: ...
     def extremes(
         self,
         t: float,
@@ -28,8 +28,8 @@ class KinematicLanes:
         lengths: Array,
         times: Array,
         recorded: NDArray[np.uint8],
-        starts: NDArray[np.intp],
+        starts: Indices,
         wanted: NDArray[np.uint8],
-        links: NDArray[np.intp],
+        links: Indices,
         turn: float,
     ) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]: ...

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime._core import Equations
 from symgen.runtime._start import Starter
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.integrate.integrators.method import Method
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
@@ -22,7 +22,7 @@ class Starts:
         evaluator: Evaluator,
         equations: Equations,
         starter: Starter,
-        ends: NDArray[np.intp],
+        ends: Indices,
         rounding: float,
         consistent: float,
         near: float,
@@ -37,7 +37,7 @@ class Runs(Starts):
         evaluator: Evaluator,
         equations: Equations,
         starter: Starter,
-        ends: NDArray[np.intp],
+        ends: Indices,
         rounding: float,
         consistent: float,
         near: float,

@@ -14,10 +14,9 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._beams import APPLIED, QUASI_STATIC, BeamEquations
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.data import BeamInfo, Properties
 from symgen.runtime.beams.elements import SHAPES, at, gauss, kernels, meshed, names, segments
 from symgen.runtime.beams.forces import Motion, crank_rotation, of_coordinates
@@ -291,12 +290,12 @@ def _added(motion: ElasticMotion, k: int, states: Motion, second: Array, inertia
     return added / peak
 
 
-def _chosen(recorded: Motion, unknowns: int) -> NDArray[np.intp]:
+def _chosen(recorded: Motion, unknowns: int) -> Indices:
     count = max(3, min(_TIMES, _WORTH // unknowns, len(recorded.times)))
     return np.unique(np.linspace(0, len(recorded.times) - 1, count).round().astype(np.intp))
 
 
-def _at(recorded: Motion, places: NDArray[np.intp]) -> Motion:
+def _at(recorded: Motion, places: Indices) -> Motion:
     rates = None if recorded.rates is None else recorded.rates[places]
     parts = recorded.times, recorded.q, recorded.links, recorded.loads, recorded.displacements
     times, q, links, loads, displacements = (x[places] for x in parts)

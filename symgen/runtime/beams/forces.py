@@ -11,7 +11,7 @@ from symgen.runtime import _beams
 from symgen.runtime._beams import APPLIED, BeamEquations
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import STIFFNESS_OF_FORCES, Piece
-from symgen.runtime.beams.frames import Frames, frames
+from symgen.runtime.beams.frames import STIFFENING, TURNING, Frames, frames
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
 from symgen.runtime.structure import forces_on_links
@@ -183,9 +183,8 @@ def _piece(
     for f, shape_x, shape_y in zip(by_name, piece.force_x, piece.force_y, strict=True):
         load += np.outer(f["load_force_x"], shape_x) + np.outer(f["load_force_y"], shape_y)
     force: Array = s @ piece.stiffness.T - load
-    force += axes.stiffness_geometric0[:, None] * (s @ piece.axial0.T)
-    force += axes.stiffness_geometric1[:, None] * (s @ piece.axial1.T)
-    force += axes.stiffness_geometric2[:, None] * (s @ piece.axial2.T)
+    for weight, constant in STIFFENING.items():
+        force += getattr(axes, weight)[:, None] * (s @ getattr(piece, constant).T)
     for weight, of_force in STIFFNESS_OF_FORCES.items():
         for f, stiffness in zip(by_name, getattr(piece, of_force), strict=True):
             force += f[weight][:, None] * (s @ stiffness.T)
@@ -193,8 +192,8 @@ def _piece(
         return force
     force += a @ piece.mass.T + v @ piece.damping.T
     force += axes.damping_gyroscopic[:, None] * (v @ piece.gyroscopic.T)
-    force += axes.stiffness_centrifugal[:, None] * (s @ piece.centrifugal.T)
-    force += axes.stiffness_gyroscopic[:, None] * (s @ piece.gyroscopic.T)
+    for weight, constant in TURNING.items():
+        force += getattr(axes, weight)[:, None] * (s @ getattr(piece, constant).T)
     return force
 
 

@@ -11,6 +11,14 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import integral
 from symgen.runtime.beams.links import Beam
 
+#: Constant matrices of a link in its stiffness, by their weights: of axial forces, and of the rotation.
+STIFFENING = {
+    "stiffness_geometric0": "axial0",
+    "stiffness_geometric1": "axial1",
+    "stiffness_geometric2": "axial2",
+}
+TURNING = {"stiffness_centrifugal": "centrifugal", "stiffness_gyroscopic": "gyroscopic"}
+
 
 @dataclass(frozen=True, slots=True)
 class Frames:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._beams import BLOCKS, MATRICES, SPREAD, VECTORS
 from symgen.runtime.arrays import Array, Indices
@@ -55,7 +54,7 @@ class Layout:
     constants_at: Indices
     constants: Array
     link_of: Indices
-    joints: NDArray[np.intp]
+    joints: Indices
     places: Indices
     places_at: Indices
     slots: Indices
@@ -251,7 +250,7 @@ def _pairs(
     joints: Mapping[str, BlockInfo],
     place: Mapping[str, int],
     shaft: int,
-) -> NDArray[np.intp]:
+) -> Indices:
     """Return all pairs of unknowns that an entry of a matrix may couple."""
     pairs = {(i, i) for places in of_links for i in places if i >= 0}
     for beam, places in zip(beams, of_links, strict=True):
@@ -271,7 +270,7 @@ def entries_of(joints: Mapping[str, BlockInfo], name: str, place: Mapping[str, i
     return [tuple(place[label] for label in row.split()) for row in rows]
 
 
-def _by_least_band(n: int, pairs: NDArray[np.intp]) -> Indices:
+def _by_least_band(n: int, pairs: Indices) -> Indices:
     """Return the unknowns in an order that keeps the matrices' entries near the diagonal.
 
     Pairs with a negative index are omitted.
@@ -293,7 +292,7 @@ def _constants(piece: Piece) -> list[Array]:
     return [*matrices, *(a for force in forces for a in force)]
 
 
-def _joints(pieces: Sequence[tuple[Beam, Sequence[int]]]) -> NDArray[np.intp]:
+def _joints(pieces: Sequence[tuple[Beam, Sequence[int]]]) -> Indices:
     """Return where displacements (u, w) of joints are in each piece, (pieces, 2 most); rows end with -1."""
     numbers = [[at.index(dof) for pair in beam.joints for dof in pair if dof in at] for beam, at in pieces]
     most = max(map(len, numbers), default=0)

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.errors import ModelError
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.chain.elimination import ChainMotion, Elimination
 from symgen.runtime.chain.inputs import refuse, tree, vector
 from symgen.runtime.chain.run import ChainRun, run
@@ -60,7 +60,7 @@ class Chain(Elimination):
         *,
         centres: ArrayLike | None = None,
         inertias: ArrayLike | None = None,
-        parents: Sequence[int] | NDArray[np.intp] | None = None,
+        parents: Sequence[int] | Indices | None = None,
         point_masses: ArrayLike | None = None,
         pinned: bool = True,
         gravity: ArrayLike = (0.0, -9.81),

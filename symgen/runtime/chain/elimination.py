@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.chain.inputs import aligned, on_length, repeated, shaped
 
 #: Digits that cancellation may cost before a solution is refined, and beyond which it is refused.
@@ -51,8 +51,8 @@ class Elimination:
     point_masses: Array
     gravity: Array
     pinned: bool
-    parents: NDArray[np.intp]
-    _parents: NDArray[np.intp] | None
+    parents: Indices
+    _parents: Indices | None
     _kernels: Any
 
     def _gather(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 
 #: Relative error that the length of a rod may have.
 _ON_LENGTH = 1e-6
@@ -55,7 +55,7 @@ def shaped(name: str, values: Any, shape: tuple[int, int]) -> Array:
     return array
 
 
-def tree(parents: Any, n: int) -> NDArray[np.intp] | None:
+def tree(parents: Any, n: int) -> Indices | None:
     """Return the inner point of every rod, or None for a chain without branches."""
     if parents is None:
         return None

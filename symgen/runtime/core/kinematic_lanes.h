@@ -1,8 +1,8 @@
 /* Driven linkages followed in the lanes of vectors: one linkage with other parameters and starts in each lane.
  *
  * Kernels take one vector where those of a single linkage take a number. Every lane has its own time and step and
- * sees the operations of kinematics.c in their order, so its bits are the same. A lane ends at a pose near a singular
- * dPhi/dq, or if its prediction fails; the caller computes the rest of its times. */
+ * takes the steps of kinematic_steps.h, as a single linkage does, so its bits are the same. A lane ends at a pose near
+ * a singular dPhi/dq, or if its prediction fails; the caller computes the rest of its times. */
 #ifndef SYMGEN_KINEMATIC_LANES_H
 #define SYMGEN_KINEMATIC_LANES_H
 

@@ -9,14 +9,15 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.errors import ModelError, check_known, nearest
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BEAM_METHODS
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.options import sample_count
-from symgen.runtime.integrate.pace import limited, uncounted
+from symgen.runtime.integrate.pace import Progress, limited, uncounted
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import Description
@@ -51,8 +52,32 @@ INITIAL = ("undeformed", "quasi-static")
 Remade = Callable[[int | None], "RodModel"]
 
 
+class ModelOfRigid(Model):
+    """A linkage with elastic links, about ``rigid``, the linkage that it is with all links rigid."""
+
+    def __init__(self, rigid: RodModel) -> None:
+        parts = rigid.description, rigid._library, rigid._derive, rigid.parameters
+        super().__init__(*parts, typed=rigid._typed)
+        self.rigid = rigid
+
+    @property
+    def source(self) -> Any:
+        """Scene and options of the build."""
+        return replace(self.rigid.source, rigid=False)
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Constraints of the rigid motion that others imply."""
+        return self.rigid.redundant
+
+    @property
+    def mobility(self) -> tuple[str, ...]:
+        """Freedoms of the rigid motion, as one line of text each."""
+        return self.rigid.mobility
+
+
 @checked
-class ElasticModel(Model):
+class ElasticModel(ModelOfRigid):
     """A planar linkage some of whose links bend, moving about the motion it would have if all were rigid.
 
     Made by :func:`symgen.build`. ``rigid`` is that linkage, its crank driven: a :class:`RodModel`.
@@ -64,15 +89,9 @@ class ElasticModel(Model):
     }
 
     def __init__(self, rigid: RodModel, remade: Remade | None = None) -> None:
-        parts = rigid.description, rigid._library, rigid._derive, rigid.parameters
-        super().__init__(*parts, typed=rigid._typed)
-        self.rigid, self._remade = rigid, remade
+        super().__init__(rigid)
+        self._remade = remade
         self._motion = cache(self._made)
-
-    @property
-    def source(self) -> Any:
-        """Scene and options of the build."""
-        return replace(self.rigid.source, rigid=False)
 
     def _made(self, geometric_stiffness: bool) -> ElasticMotion:
         from symgen.runtime.elastic.mesh import MeshedMotion  # it loads SciPy
@@ -97,11 +116,6 @@ class ElasticModel(Model):
 
     #: An elastic motion is found in time.
     is_driven = False
-
-    @property
-    def redundant(self) -> tuple[str, ...]:
-        """Constraints of the rigid motion that others imply."""
-        return self.rigid.redundant
 
     @property
     def beams(self) -> tuple[Beam, ...]:
@@ -172,9 +186,7 @@ class ElasticModel(Model):
         angle = motion.angle if at is None else real(at, "the direction of the crank")
         return modes_with_errors(motion, motion.time_at(angle), moving)
 
-    def in_mode(
-        self, modes: ElasticModes, number: int, phases: NDArray[np.float64], largest: float
-    ) -> list[Variable]:
+    def in_mode(self, modes: ElasticModes, number: int, phases: Array, largest: float) -> list[Variable]:
         """Return the outputs of a mode, counted from 0, over its phase [rad], at most ``largest`` [m] off."""
         from symgen.runtime.elastic.outputs import in_mode
 
@@ -306,7 +318,7 @@ class ElasticModel(Model):
         rtol: float = 1e-4,
         samples: int = 361,
         max_wall: float | None = None,
-        progress: Callable[[float], None] | None = None,
+        progress: Progress | None = None,
     ) -> SpeedResponse:
         from symgen.runtime.elastic.periodic import speed_response
 

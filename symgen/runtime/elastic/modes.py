@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime._beams import MOTION
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.modes import ElasticModes, relative
@@ -214,7 +214,7 @@ def _along(r: Array, rate: Array, second: Array) -> Array:
     return np.array([d, w * left, turn * left - w**2 * d])
 
 
-def _one_of_each(values: NDArray[np.complex128], n: int) -> NDArray[np.intp]:
+def _one_of_each(values: NDArray[np.complex128], n: int) -> Indices:
     """Return the places of n eigenvalues by rising frequency: one of each pair z, z*, the larger of reals."""
     still = np.flatnonzero(values.imag == 0.0)
     still = still[np.argsort(-values[still].real, kind="stable")][: len(still) // 2]

@@ -10,12 +10,11 @@ from threading import RLock
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import SceneError, SimulationError, nearest
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
@@ -23,7 +22,7 @@ from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Coordinate, Variable, over_time
 
-Counts = NDArray[np.intp]
+Counts = Indices
 
 #: Part of the largest stress below which one is round-off.
 _NOISE = 1e-9
@@ -249,7 +248,7 @@ class Found:
     spent: float = 0.0
     counts: Counts | None = None
 
-    def at(self, places: NDArray[np.intp]) -> Found:
+    def at(self, places: Indices) -> Found:
         """Return the results at some of the times."""
         rates = None if self.rates is None else self.rates[places]
         return replace(self, displacements=self.displacements[places], rates=rates)
@@ -265,7 +264,7 @@ def finer_counts(counts: Counts) -> Counts:
     return np.ceil(FINER * counts - 1e-9).astype(np.intp)
 
 
-def compared_run(times: Array, counts: Counts, order: int) -> tuple[NDArray[np.intp], Counts, float]:
+def compared_run(times: Array, counts: Counts, order: int) -> tuple[Indices, Counts, float]:
     """Return the times of a run that tells the error of a run, its steps to each, and its error over that.
 
     The times are places of ``times`` in rising order: all, or every so many of equally spaced ones, back from
@@ -313,7 +312,7 @@ class Errors:
         self.grown, self.least, self._last = 0, math.inf, math.inf
 
     def of(
-        self, run: Array, other: Array, places: NDArray[np.intp] | None = None, safety: float | None = None
+        self, run: Array, other: Array, places: Indices | None = None, safety: float | None = None
     ) -> Array:
         """Return the error (times,) of a run (times, unknowns) by another.
 
@@ -342,7 +341,7 @@ class Errors:
         """Return the rigid motion of the links, which takes as long as many steps: once it is needed."""
         return self.motion.rigid_motion(self.equations, self.times)[1]
 
-    def _differences(self, coarse: Array, fine: Array, places: NDArray[np.intp] | None = None) -> Array:
+    def _differences(self, coarse: Array, fine: Array, places: Indices | None = None) -> Array:
         """Return the largest difference at each time, (times,), or at some places of the times."""
         largest = np.zeros(len(fine))
         if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):

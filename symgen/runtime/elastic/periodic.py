@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
@@ -19,12 +19,10 @@ from symgen.runtime.elastic.jumps import check_repeats
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import FINER, SAFETY, Counts, Errors, Found, known, next_factor
 from symgen.runtime.elastic.steps import Task, first_steps, step_counts, stepped
-from symgen.runtime.integrate.pace import OutOfTime, Pace, is_spent, wall_left
+from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, is_spent, wall_left
 from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond_linear_theory
 from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.speed_response import SpeedResponse
-
-Progress = Callable[[float], None]
 
 #: Steps per revolution that shooting begins with, and the most that it is doubled to.
 _FIRST, _MOST = 64, 1 << 16

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -36,6 +36,7 @@ from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.pace import (
     OutOfTime,
     Pace,
+    Progress,
     check_wall,
     is_spent,
     limited,
@@ -47,8 +48,6 @@ from symgen.runtime.result.elastic import SELECTED, ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
 from symgen.runtime.result.records import Drift, Later, Variable, of_model
 from symgen.runtime.structure import UnstableError
-
-Progress = Callable[[float], None]
 
 #: Error over its change by halved elements, where it falls with the square of their length: linear stretch.
 HALVED = 4 / 3

@@ -91,13 +91,7 @@ def of_modes(
     ModelError
         For more amplitudes than modes, those longer than the links, and as :func:`elastic_modes`.
     """
-    longest = max(beam.properties.length for beam in motion.beams)
-    beyond = next((size for size in amplitudes if abs(size) > longest), None)
-    if beyond is not None:
-        raise ModelError(
-            f"{motion.rigid.name}: expected amplitudes of the initial modes far below the length "
-            f"of the links, {longest:.3g} m, got {beyond:g} m"
-        )
+    check_amplitudes(motion.rigid.name, amplitudes, max(beam.properties.length for beam in motion.beams))
     places = np.linspace(0.0, 1.0, _PLACES)
     tables = [beam.table(places.tolist()) for beam in motion.beams]
     displacements, first = np.zeros((len(times), motion.layout.unknowns)), dict[int, Array]()
@@ -105,11 +99,7 @@ def of_modes(
         modes = elastic_modes(motion, equations, t)
         count = modes.shapes.shape[1] - modes.rigid
         links = motion.rigid_motion(equations, np.array([t]))[1]
-        if len(amplitudes) > count:
-            raise ModelError(
-                f"{motion.rigid.name}: expected amplitudes of at most {count} modes as the initial state, "
-                f"got {len(amplitudes)}"
-            )
+        check_modes(motion.rigid.name, amplitudes, count)
         for number, size in enumerate(amplitudes):
             shape = np.real(modes.shapes[:, modes.rigid + number])
             local = [motion.local_unknowns(j, links, shape[None])[0] for j in range(len(tables))]
@@ -125,6 +115,25 @@ def of_modes(
             first.setdefault(number, sign * moved)
             displacements[k] += scale * shape
     return displacements
+
+
+def check_amplitudes(name: str, amplitudes: Sequence[float], longest: float) -> None:
+    """Raise ModelError for amplitudes of initial modes beyond the length of the longest link [m]."""
+    beyond = next((size for size in amplitudes if abs(size) > longest), None)
+    if beyond is not None:
+        raise ModelError(
+            f"{name}: expected amplitudes of the initial modes far below the length of the links, "
+            f"{longest:.3g} m, got {beyond:g} m"
+        )
+
+
+def check_modes(name: str, amplitudes: Sequence[float], count: int) -> None:
+    """Raise ModelError for amplitudes of more modes than there are."""
+    if len(amplitudes) > count:
+        raise ModelError(
+            f"{name}: expected amplitudes of at most {count} modes as the initial state, "
+            f"got {len(amplitudes)}"
+        )
 
 
 def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) -> Start:

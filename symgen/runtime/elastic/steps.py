@@ -30,11 +30,10 @@ from symgen.runtime.elastic.outputs import (
 )  # fmt: skip
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
 from symgen.runtime.integrate.options import TIGHTEST, end_of_scene, recorded_at
-from symgen.runtime.integrate.pace import OutOfTime, Pace, wall_left
+from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, wall_left
 from symgen.runtime.kernels.arguments import is_real, out_of_range
 from symgen.runtime.kernels.typed import library_of_runs
 
-Progress = Callable[[float], None]
 #: S and S' at time zero, (unknowns, 1) each; None at rest and undeformed.
 Start = tuple[Array, Array] | None
 

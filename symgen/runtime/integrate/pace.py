@@ -11,12 +11,12 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from symgen.errors import SimulationError, SlowRunWarning
+from symgen.runtime.arrays import Indices
 from symgen.runtime.kernels.arguments import is_real, out_of_range
 
+#: Function that is called with the completed part of a run, 0 to 1.
+Progress = Callable[[float], None]
 #: Answer of a run that was ended by ``max_wall``; the core's own answers are not negative.
 OUT_OF_TIME = -1
 #: Wall time [s] over which the pace is measured at least, and its part of the wall time spent.
@@ -179,7 +179,7 @@ class OutOfTime(Exception):
     ``states`` holds the results at the recorded times of the indices ``reached``.
     """
 
-    def __init__(self, t: float, states: Any, reached: NDArray[np.intp]) -> None:
+    def __init__(self, t: float, states: Any, reached: Indices) -> None:
         self.t, self.states, self.reached = t, states, reached
         super().__init__(t)
 

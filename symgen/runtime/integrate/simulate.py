@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import lru_cache, partial
 from typing import Any
 
@@ -15,15 +15,13 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
-from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace
+from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace, Progress
 from symgen.runtime.kernels.description import EventInfo
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed, library_of_runs
 from symgen.runtime.result.recording import Recording
 from symgen.runtime.result.result import Result
 from symgen.runtime.rods.redundancy import slack
-
-Progress = Callable[[float], None]
 
 #: Recorded times up to this number are cached for the next run.
 _KEPT = 10_000

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime._beams import IN_MOTION, MOTION
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.elastic import Pose
@@ -150,7 +150,7 @@ class Reduced:
     basis: list[Array] | None
 
 
-def bases(bound: Sequence[Array], independent: NDArray[np.intp]) -> list[Array]:
+def bases(bound: Sequence[Array], independent: Indices) -> list[Array]:
     """Return R, R' and R'' of S = R p by J, J' and J''; numbers may have tangents."""
     n = bound[0].shape[-1]
     others = np.setdiff1d(np.arange(n), independent)
@@ -165,7 +165,7 @@ def bases(bound: Sequence[Array], independent: NDArray[np.intp]) -> list[Array]:
     return basis
 
 
-def reduced(parts: list[Array], independent: NDArray[np.intp]) -> Reduced:
+def reduced(parts: list[Array], independent: Indices) -> Reduced:
     """Return the equations of independent unknowns from M, C, K, Q and any J, J' and J''."""
     mass, damping, stiffness, load, *bound = parts
     if not bound:

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime import _core, _loop
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.following import follow_about, follow_over
@@ -100,7 +99,7 @@ def refine(
         )
 
 
-def _nearest(samples: Samples, begin: Closed, good: NDArray[np.intp], i: int) -> tuple[float, Array]:
+def _nearest(samples: Samples, begin: Closed, good: Indices, i: int) -> tuple[float, Array]:
     """Return time and pose of the nearest sample that is well conditioned, else of the start."""
     if not len(good):
         return begin.t, begin.q

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from symgen.runtime.closure.start import Closed
 from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import of_sliding, unfinished
 from symgen.runtime.integrate.options import Options
-from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
+from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
 from symgen.runtime.integrate.simulate import check_end, drive, sample_times, stepper_of
 from symgen.runtime.kernels.typed import library_of_runs, made_with
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
@@ -45,7 +45,7 @@ def run(
     begin: Closed,
     rates: Array,
     chosen: Options,
-    progress: Callable[[float], None] | None,
+    progress: Progress | None,
     keeping: Keeping | None = None,
     t_eval: ArrayLike | None = None,
 ) -> Result:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.closure.redundancy import Mask, undetermined
 from symgen.runtime.loop.frames import product
 from symgen.runtime.loop.kernels import LoopKernels
@@ -23,7 +22,7 @@ _SHOWN = 6
 class Part:
     """Samples in the same angles: their numbers, the kernels and equations in these, states and solutions."""
 
-    rows: NDArray[np.intp]
+    rows: Indices
     turned: bool
     kernels: LoopKernels
     times: Array
@@ -126,7 +125,7 @@ class Samples:
         self._hold(np.zeros(self.turns.shape[1]))
         return changed
 
-    def _signs(self) -> NDArray[np.intp]:
+    def _signs(self) -> Indices:
         """Return the sign of cos(eta) of every ball at every sample, zero where nothing tells.
 
         Of the two ways to write a rotation, samples in other angles take that of the sample before, and

@@ -8,10 +8,9 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.many.reductions import HISTORY, mean_weights, reduced, reductions
 from symgen.runtime.result.records import Coordinate, Variable
 
@@ -51,7 +50,7 @@ class Kept:
     single: tuple[Variable, ...] = ()
     axes: tuple[str, ...] = ()
     error: str = ""
-    runs: NDArray[np.intp] | None = None
+    runs: Indices | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +75,7 @@ class Keep:
         times: Array | None,
         drift: Mapping[str, Array],
         axes: tuple[str, ...],
-        runs: NDArray[np.intp] | None = None,
+        runs: Indices | None = None,
         reduction: Callable[[Variable, str, Array], Variable] = reduced,
     ) -> Kept:
         """Return the selected outputs of one or more runs, or their reductions, and their drift (runs,).

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from symgen.runtime._kinematic_lanes import KinematicLanes
 from symgen.runtime._many import Starts, over_variants
 from symgen.runtime._start import StartLanes
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed
@@ -77,7 +77,7 @@ class Driven:
     groups: Groups
     t: float
     nodes: Array
-    asked: NDArray[np.intp]
+    asked: Indices
 
     @property
     def grain(self) -> int:
@@ -157,11 +157,11 @@ class Driven:
         parameter_rows: Array,
         q: Array,
         lengths: Array,
-        runs: NDArray[np.intp],
+        runs: Indices,
         keep: Keep,
         results: list[Kept | None],
         first: int,
-    ) -> NDArray[np.intp]:
+    ) -> Indices:
         """Enter the reductions of some runs; return those whose links may turn far between nodes."""
         d, flags = self.model.description, np.zeros(len(self.nodes), dtype=np.uint8)
         flags[self.asked] = True
@@ -276,7 +276,7 @@ def _assembling(model: Any, count: int, states: Sequence[State] | None, lanes: i
     return library if lanes_of(library, model.description.name)[0] == lanes else None
 
 
-def _placed(runs: NDArray[np.intp], parts: Sequence[Kept | None], results: list[Kept | None]) -> None:
+def _placed(runs: Indices, parts: Sequence[Kept | None], results: list[Kept | None]) -> None:
     for run, one in zip(runs.tolist(), parts, strict=True):
         results[run] = one
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime._start import Starter
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.integrate.causes import NEAR
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.redundancy import ASSEMBLED
@@ -41,7 +41,7 @@ def is_stored(evaluator: Evaluator, rows: Array, states: object) -> NDArray[np.b
 
 def start_of(
     evaluator: Evaluator, rate: float = 0.0
-) -> tuple[Evaluator, _core.Equations, Starter, NDArray[np.intp], float, float, float]:
+) -> tuple[Evaluator, _core.Equations, Starter, Indices, float, float, float]:
     """Return the arguments of :class:`~symgen.runtime._many.Starts`, for equations with a stabilisation rate.
 
     Each thread of work needs its own.

@@ -7,13 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError
 from symgen.precision import Precision
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.checkpoint import Keeping, keeping
 from symgen.runtime.integrate.options import Options, end_of_scene, options, sample_count
+from symgen.runtime.integrate.pace import Progress
 from symgen.runtime.kernels.arguments import reals
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 Path = str | os.PathLike[str]
-Progress = Callable[[float], None]
 
 
 def takes(record: type) -> Callable[[F], F]:
@@ -168,7 +168,7 @@ class Derivatives:
         names = ("method", "rtol", "atol", "step", "max_steps", "max_step")
         return [name for name in names if getattr(self, name) is not None]
 
-    def run(self) -> tuple[NDArray[np.float64], Options]:
+    def run(self) -> tuple[Array, Options]:
         """Return the times [s] of derivatives along a run, and its checked options."""
         from symgen.runtime.linearisation.runs import MOST_STEPS
 

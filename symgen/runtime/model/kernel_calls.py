@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.model.verbs import verb
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class KernelCalls:
         u: ArrayLike = (),
         p: ArrayLike = (),
         work: ArrayLike = (),
-    ) -> dict[str, NDArray[np.float64]]:
+    ) -> dict[str, Array]:
         """Return the matrices of a kernel of a user-defined system by name; a single column is a 1-D array.
 
         Parameters

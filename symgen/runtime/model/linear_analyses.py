@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from symgen.runtime.arrays import Array
 from symgen.runtime.model.verbs import verb
 
 if TYPE_CHECKING:
@@ -21,9 +21,7 @@ class LinearAnalyses:
     """Mass matrix, constraint Jacobian, linearisation and sensitivities, declared for every model."""
 
     @verb
-    def mass_matrix(
-        self, state: State | None = None, *, coordinates: Sequence[str] | None = None
-    ) -> NDArray[np.float64]:
+    def mass_matrix(self, state: State | None = None, *, coordinates: Sequence[str] | None = None) -> Array:
         """Return the mass matrix (coordinates, coordinates) at a state, by default the start.
 
         Parameters
@@ -43,7 +41,7 @@ class LinearAnalyses:
         raise NotImplementedError
 
     @verb
-    def jacobian(self, state: State | None = None) -> NDArray[np.float64]:
+    def jacobian(self, state: State | None = None) -> Array:
         """Return the constraint Jacobian dPhi/dq (constraints, coordinates) at a state, by default the start.
 
         Rows are in the order of ``model.description.constraints``, columns in that of ``State.q``. The

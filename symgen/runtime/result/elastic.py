@@ -7,12 +7,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.display import seconds
 from symgen.errors import ModelError
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.result import Result
 
@@ -56,7 +55,7 @@ class ElasticResult(Result):
         return is_stable(abs(self.floquet[0]), self.statistics["floquet_error"]) if self.floquet else None
 
     @property
-    def counts(self) -> NDArray[np.intp] | None:
+    def counts(self) -> Indices | None:
         """Numbers of steps between successive recorded times; None for stored runs and other motions."""
         source = self.__dict__.get("_source")
         return None if source is None else source.states.counts

@@ -7,10 +7,9 @@ from dataclasses import asdict, dataclass, replace
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
@@ -32,7 +31,7 @@ class Along:
 
     description: Description
     places: Array
-    near: NDArray[np.intp]
+    near: Indices
 
     def counted(self, link: str, angles: Array) -> Array:
         """Return the angles of a link at the samples over its revolutions along the curve [rad]."""

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime import _core
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.description import Description, KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
@@ -228,7 +227,7 @@ def outputs(
 def outputs_by_group(
     evaluator: Evaluator,
     equations: _core.Equations,
-    groups: Iterable[tuple[Array, NDArray[np.intp]]],
+    groups: Iterable[tuple[Array, Indices]],
     times: Array,
     states: Array,
     redundant: int,
@@ -257,7 +256,7 @@ def continued(variables: tuple[Variable, ...], links: Sequence[str], turns: Arra
     )
 
 
-def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, Indices]]:
     """Yield parameters with the references of angles in loads, and the rows that have these references."""
     d, parameters = evaluator.description, evaluator.given
     if not references.any():
@@ -266,7 +265,7 @@ def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, NDAr
     yield from grouped(parameters, d.of_held.start, references)
 
 
-def grouped(parameters: Array, first: int, values: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+def grouped(parameters: Array, first: int, values: Array) -> Iterator[tuple[Array, Indices]]:
     """Yield parameters with each distinct row of values, from index ``first`` on, and its occurrences."""
     kinds, which = np.unique(values, axis=0, return_inverse=True)
     for kind, row in enumerate(kinds):

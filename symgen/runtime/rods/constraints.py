@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime import _core
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.redundancy import extent
@@ -33,7 +32,7 @@ class Constraints:
         self._kept: dict[str, tuple[int, _core.Sizes, Array, Array]] = {}
 
     @property
-    def slopes(self) -> NDArray[np.intp]:
+    def slopes(self) -> Indices:
         """Constraint, coordinate and place in what ``closure`` writes, of each slope dPhi/dq: (slopes, 3)."""
         d = self.description
         block = next(b for b in self.kinematics.info("closure").blocks if b.name == "constraint_slopes")

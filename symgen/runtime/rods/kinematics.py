@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
@@ -66,7 +65,7 @@ class Followed:
     """
 
     samples: Poses
-    near: NDArray[np.intp]
+    near: Indices
     path: Poses
     poses: list[SingularPose]
     unassemblable: list[Range]
@@ -121,7 +120,7 @@ def analyse(
     )
 
 
-def _order_of(followed: Followed, times: Array, shown: Mapping[str, tuple[str, float]]) -> NDArray[np.intp]:
+def _order_of(followed: Followed, times: Array, shown: Mapping[str, tuple[str, float]]) -> Indices:
     """Return the samples at given times, in their order; raise SimulationError if one is missing."""
     places = {t: i for i, t in enumerate(followed.samples.times.tolist())}
     for t in times.tolist():

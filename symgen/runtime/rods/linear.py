@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Constraints
 
@@ -62,7 +61,7 @@ class Statics:
     def __init__(self, constraints: Constraints, statics: Evaluator, t: float) -> None:
         self.constraints, self.t, self._statics = constraints, t, statics
         self._rest = np.zeros(constraints.n)
-        self._entries: dict[str, tuple[NDArray[np.intp], ...]] = {}
+        self._entries: dict[str, tuple[Indices, ...]] = {}
 
     def force(self, q: Array) -> Array:
         """Return the applied forces on the coordinates at rest [N]."""

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +17,7 @@ class Poses:
     def __len__(self) -> int:
         return len(self.times)
 
-    def __getitem__(self, which: NDArray[np.intp]) -> Poses:
+    def __getitem__(self, which: Indices) -> Poses:
         """Return some of them, by their numbers."""
         return Poses(self.times[which], self.states[which])
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import CapabilityError, ModelError, SimulationError, SymgenError, shown
+from symgen.runtime.arrays import Array
 from symgen.runtime.sweeps.designs import Design, Listed
 from symgen.version import __version__
 
@@ -207,7 +208,7 @@ def _unpacked(work: bytes) -> tuple[Any, Layout]:
     return unpacked
 
 
-def _chunk(work: bytes, rows: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
+def _chunk(work: bytes, rows: Array) -> dict[str, NDArray[Any]]:
     """Return the results of the runs of one chunk by their parameters: the task of an executor."""
     sweep, layout = _unpacked(work)
     return sweep.arrays(layout, rows)

@@ -26,7 +26,7 @@ from symgen.errors import SimulationError
 from symgen.runtime._constrained import Constrained, Part, Steps
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.methods import BeamMethod
-from symgen.runtime.integrate.pace import OutOfTime, Pace
+from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress
 
 #: Error that corrections leave in the places, over their sizes.
 CLOSE = 1e-10
@@ -254,7 +254,7 @@ def moved(
     times: Array,
     steps: int,
     pace: Pace,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     at_step: Callable[[Moment, Array, Array, Moment], bool | None] | None = None,
     close: float = CLOSE,
     at_sample: Callable[[Pause, Steps], None] | None = None,

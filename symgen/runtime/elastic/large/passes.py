@@ -20,7 +20,7 @@ from symgen.runtime.elastic.large.events import Events
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
-from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
+from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.typed import made_with
@@ -136,7 +136,7 @@ def _refine(
     least: float,
     rtol: float,
     pace: Pace,
-    progress: Callable[[float], None] | None,
+    progress: Progress | None,
     kept: Samples | None = None,
 ) -> None:
     """Append runs with twice the steps each to ``passes``, from ``least`` on, until the error is ``rtol``.

@@ -14,6 +14,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import Moment
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.modes import at_rest, equilibrium, modes_of
+from symgen.runtime.elastic.static import check_amplitudes, check_modes
 
 #: Poses from the start on by whose differences equilibria and shapes have rates.
 _POSES = 9
@@ -103,13 +104,7 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
     Amplitudes [m] are the largest displacements of elastic links in the first modes that strain the linkage,
     about its equilibrium with the input held; see :func:`_oriented` for their signs.
     """
-    longest = max(float(link.length.real) for link in linkage.links)
-    beyond = next((size for size in amplitudes if abs(size) > longest), None)
-    if beyond is not None:
-        raise ModelError(
-            f"{linkage.name}: expected amplitudes of the initial modes far below the length of the links, "
-            f"{longest:.3g} m, got {beyond:g} m"
-        )
+    check_amplitudes(linkage.name, amplitudes, max(float(link.length.real) for link in linkage.links))
     modes, found = modes_of(linkage, 0.0), linkage.start()
     apart = float(np.max(np.abs(equilibrium(linkage, 0.0).q - found.q) / linkage.scale))
     if apart > _FAR:
@@ -119,11 +114,7 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
             "  Draw the linkage near its equilibrium with the input held, or start it undeformed."
         )
     shapes = modes.shapes[:, modes.rigid :].T
-    if len(amplitudes) > len(shapes):
-        raise ModelError(
-            f"{linkage.name}: expected amplitudes of at most {len(shapes)} modes as the initial state, "
-            f"got {len(amplitudes)}"
-        )
+    check_modes(linkage.name, amplitudes, len(shapes))
     q = found.q
     oriented = _oriented(linkage, modes.frequencies[modes.rigid :], shapes)
     for size, (shape, largest) in zip(amplitudes, oriented, strict=False):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.elastic.large.collocation import Moment
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
-from symgen.runtime.elastic.model import initial_state
+from symgen.runtime.elastic.model import ModelOfRigid, initial_state
 from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.elastic.space.initial import initial
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
@@ -22,8 +21,6 @@ from symgen.runtime.integrate.options import end_of_scene
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import RunInSpace, takes
-from symgen.runtime.model.model import Model
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Variable, over_time
@@ -41,7 +38,7 @@ _STRAIN = 0.1
 
 
 @checked
-class SpatialModel(Model):
+class SpatialModel(ModelOfRigid):
     """A linkage in space with elastic links between ball joints.
 
     Made by :func:`symgen.build`.
@@ -52,29 +49,9 @@ class SpatialModel(Model):
         "its elastic links are in space, whose motion, modes and derivatives alone are computed",
     )
 
-    def __init__(self, rigid: RodModel) -> None:
-        parts = rigid.description, rigid._library, rigid._derive, rigid.parameters
-        super().__init__(*parts, typed=rigid._typed)
-        self.rigid = rigid
-
-    @property
-    def source(self) -> Any:
-        """Scene and options of the build."""
-        return replace(self.rigid.source, rigid=False)
-
     def with_parameters(self, /, **values: float) -> Self:
         """Return the same model with other values of its tunable parameters, in SI units."""
         return type(self)(self.rigid.with_parameters(**values))
-
-    @property
-    def redundant(self) -> tuple[str, ...]:
-        """Constraints of the rigid motion that others imply."""
-        return self.rigid.redundant
-
-    @property
-    def mobility(self) -> tuple[str, ...]:
-        """That of the rigid motion, a line of text each."""
-        return self.rigid.mobility
 
     def initial_state(self) -> State:
         """Return the start of the linkage with all links rigid."""

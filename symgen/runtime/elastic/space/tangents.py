@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.elastic.large.collocation import PART, Moment, Slopes, stacked
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
@@ -262,7 +261,7 @@ class Tangents:
 class Compressed:
     """The structure of a sparse matrix whose entries have these rows and columns, of so many of each."""
 
-    def __init__(self, row: NDArray[np.intp], column: NDArray[np.intp], count: int) -> None:
+    def __init__(self, row: Indices, column: Indices, count: int) -> None:
         self._order = np.lexsort((row, column))
         self._rows = row[self._order]
         self._starts = np.searchsorted(column[self._order], np.arange(count + 1))

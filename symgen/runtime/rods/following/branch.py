@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._kinematics import Kinematics
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Constraints
@@ -26,7 +25,7 @@ class Branch:
     """Poses along a branch, close enough to count revolutions; ``asked`` indexes the requested ones."""
 
     poses: Poses
-    asked: NDArray[np.intp]
+    asked: Indices
 
 
 def along_branch(

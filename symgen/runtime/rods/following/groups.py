@@ -13,9 +13,10 @@ from functools import lru_cache
 from graphlib import TopologicalSorter
 
 import numpy as np
-from numpy.typing import NDArray
 
-Numbers = NDArray[np.intp]
+from symgen.runtime.arrays import Indices
+
+Numbers = Indices
 
 
 @dataclass(frozen=True, slots=True)
