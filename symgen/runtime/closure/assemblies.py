@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
@@ -46,32 +48,74 @@ def search(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ())
         these do not. All dependent variables when absent.
     """
     close, near = Closing(kernels, t), _Near(kernels, guess, by)
-    result, poses, last = Search(), np.zeros((0, len(standing(kernels, t, guess)))), 0
+    result, found, met, limit = Search(), _Found(close, near), list[tuple[int, Array]](), _TRIES
     for k, start in enumerate(_starts(kernels, t, near)):
-        if result.closures and (k >= max(_TRIES, 2 * last) or len(result.closures) >= _MOST):
-            break
+        if k == limit:
+            found.add(met)
+            met.clear()
+            limit = max(_TRIES, 2 * found.last) if found.closures else k + _TRIES
+            if found.closures and (k >= limit or len(found.closures) >= _MOST):
+                break
         check_wall("searching for the closures of the loop")
         q = close(start)
         if close.defect < result.defect:
             result.closest, result.defect = close.reached, close.defect
-        if q is None:
-            continue
-        pose = standing(kernels, t, q)
-        if np.any(np.max(np.abs(poses - pose), axis=1, initial=0.0) < _SAME):
-            continue
-        q = _nearest(kernels, close, q, near)
         if q is not None:
-            last = k
-            poses = np.vstack([poses, pose])
-            result.closures.append(q)
-    if result.closures and np.any(kernels.pitches[close.solved]):
-        result.closures.append(_unscrewed(kernels, close, min(result.closures, key=near.order), near))
-    unique: list[Array] = []
-    for q in sorted(result.closures, key=near.order):
-        if not any(same_assembly(kernels, t, q, other) for other in unique):
-            unique.append(q)
-    result.closures = unique
+            met.append((k, q))
+    found.add(met)
+    if found.closures and np.any(kernels.pitches[close.solved]):
+        orders = near.orders(np.array(found.closures))
+        found.closures.append(_unscrewed(kernels, close, found.closures[_first(orders)], near))
+    result.closures = _distinct(kernels, t, found.closures, near)
     return result
+
+
+def _distinct(kernels: LoopKernels, t: float, closures: Sequence[Array], near: _Near) -> list[Array]:
+    """Return closures in the order of their distance from the guess, each assembly once."""
+    if not closures:
+        return []
+    poses = np.array(closures)
+    poses = poses[np.lexsort(near.orders(poses).T[::-1])]
+    links = standing(kernels, np.full(len(poses), t), poses)
+    unique: list[int] = []
+    for i, q in enumerate(poses):
+        if not any(_coincide(links[i], links[j]) or _advanced(kernels, q, poses[j]) for j in unique):
+            unique.append(i)
+    return [*poses[unique]]
+
+
+class _Found:
+    """Closures that differ in the places of links, with the angles nearest to the guess.
+
+    ``last`` is the number of the start that led to the last of them.
+    """
+
+    def __init__(self, close: Closing, near: _Near) -> None:
+        self.closures: list[Array] = []
+        self.last = 0
+        self._close, self._near, self._links = close, near, list[Array]()
+
+    def add(self, met: Sequence[tuple[int, Array]]) -> None:
+        """Add the new ones among closures, each given with the number of its start."""
+        if not met:
+            return
+        poses = np.array([q for _, q in met])
+        links = standing(self._near.kernels, np.full(len(met), self._close.t), poses)
+        left = np.arange(len(met))
+        for known in self._links:
+            left = left[~_coincide(links[left], known)]
+        while len(left) and len(self.closures) < _MOST:
+            new, others = list[int](), left
+            while len(others) and len(self.closures) + len(new) < _MOST:
+                new.append(int(others[0]))
+                others = others[1:][~_coincide(links[others[1:]], links[others[0]])]
+            left = np.setdiff1d(left, new)
+            for k, q in zip(new, _nearest(self._close, poses[new], self._near), strict=True):
+                if q is not None:
+                    self.last = met[k][0]
+                    self.closures.append(q)
+                    self._links.append(links[k])
+                    left = left[~_coincide(links[left], links[k])]
 
 
 class _Near:
@@ -83,6 +127,7 @@ class _Near:
         self._places = np.array(self.solved, dtype=np.intp)
         self.by = list(by) or self.solved
         self.guided = np.isin(self.solved, self.by)
+        self.whole = kernels.periodic & np.isin(np.arange(len(guess)), self.solved)
         lengths = kernels.lengths[self._places]
         self._unit = np.where(lengths, d.size, np.pi)
         table = kernels("rows", 0.0, guess, np.zeros_like(guess))["rows"]
@@ -97,20 +142,29 @@ class _Near:
         self._turned = np.where(screws, guess[self._places], 0.0)
         self._random = np.random.default_rng(_SEED)
 
+    def orders(self, poses: Array) -> Array:
+        """Return distances from the guess, (poses, 2): by the relevant variables, by all dependent ones."""
+        gaps = distances(self.kernels, poses, self.guess)
+        of = [np.linalg.norm(gaps[:, of], axis=1) for of in (self.by, self.solved)]
+        return np.round(np.column_stack(of), 6)
+
     def order(self, q: Array) -> tuple[float, float]:
-        """Return the distances from the guess by the relevant variables, and by all dependent variables."""
-        near = [distance(self.kernels, q, self.guess, of) for of in (self.by, self.solved)]
-        return round(near[0], 6), round(near[1], 6)
+        """Return the same for one pose."""
+        by, all_solved = self.orders(q[None])[0].tolist()
+        return by, all_solved
 
     def anywhere(self, far: bool) -> Array:
         """Return a random pose; ``far`` goes for lengths and screws."""
-        reach = self._reach[far]
-        drawn = self._random.uniform(-reach, reach) + self._turned
+        drawn = self._within(self._reach[far]) + self._turned
         if far:
-            drawn += self._random.uniform(-self._advance, self._advance)
+            drawn += self._within(self._advance)
         q = self.guess.copy()
         q[self._places] = drawn
         return q
+
+    def _within(self, reach: Array) -> Array:
+        """Return random numbers between ``-reach`` and ``reach``."""
+        return 2.0 * reach * self._random.random(len(reach)) - reach
 
     def around(self, centre: Array, width: float, rest: Array) -> Array:
         """Return a random pose around another one, in half turns and sizes of the loop.
@@ -131,21 +185,19 @@ def _unscrewed(kernels: LoopKernels, close: Closing, q: Array, near: _Near) -> A
     screws = [j for j in close.solved if kernels.pitches[j] > 0.0]
     tries = 0
     while tries < _NEARER:
-        width, starts = near.order(q)[0], []
+        order, starts = near.order(q), []
         for j, revolutions in product(screws, _REVOLUTIONS):
             starts.append(q.copy())
             starts[-1][j] += _WHOLE * revolutions
         for k in range(_ROUND):
             centre = near.guess if k % 2 else (q + near.guess) / 2
-            starts.append(near.around(centre, width, q if k % 4 == 0 else near.anywhere(k % 4 > 1)))
-        nearer = q
-        for start in starts:
-            other = close(start)
-            other = None if other is None else _nearest(kernels, close, other, near)
-            if other is not None and near.order(other) < near.order(nearer):
-                nearer = other
-        tries = tries + _ROUND if nearer is q else 0
-        q = nearer
+            starts.append(near.around(centre, order[0], q if k % 4 == 0 else near.anywhere(k % 4 > 1)))
+        closed = [other for other in map(close, starts) if other is not None]
+        others = _nearest(close, np.array(closed), near) if closed else []
+        known = np.array([q, *(other for other in others if other is not None)])
+        nearest = known[_first(near.orders(known))]
+        tries = 0 if near.order(nearest) < order else tries + _ROUND
+        q = q if tries else nearest
     return q
 
 
@@ -169,37 +221,46 @@ class Closing:
 
         ``reached`` and ``defect`` are the pose of least defect on the way, and that defect.
         """
-        q = np.empty(len(start) + 1)
-        q[:-1], q[-1] = start, 0.0
+        q = start.copy()
         status, rank = self._full.assemble(self.t, q)
-        self.reached, self.defect = q[:-1].copy(), self._full.closure
+        self.reached, self.defect = q, self._full.closure
         near = status == _core.DONE or self.defect <= self.kernels.tolerance
-        return self.polished(q[:-1], rank) if near else None
+        return self._polished(q.copy(), rank) if near else None
 
-    def polished(self, q: Array, rank: int) -> Array | None:
+    def _polished(self, q: Array, rank: int) -> Array | None:
         """Return a pose closed to rounding at a rank of the screws, or as near as is tolerated."""
         if rank not in self._equations:
             self._equations[rank] = self.kernels.equations(self.solved, rank)
-        whole = np.append(q, 0.0)
-        return whole[:-1] if self._equations[rank].close(self.t, whole) == _core.DONE else None
+        return q if self._equations[rank].close(self.t, q) == _core.DONE else None
 
 
-def distance(kernels: LoopKernels, q: Array, other: Array, of: Sequence[int] | None = None) -> float:
-    """Return the difference of two poses in all variables, or some of them.
+def distances(kernels: LoopKernels, poses: Array, other: Array) -> Array:
+    """Return the differences of poses, shape (poses, variables), from another one.
 
     Lengths are measured by the size of the loop, angles in half turns, less whole revolutions; those of
     screws, which advance with every revolution, are measured whole.
     """
-    gap = q - other
-    gap = np.where(kernels.periodic, (gap + np.pi) % _WHOLE - np.pi, gap)
-    gap = gap / np.where(kernels.lengths, kernels.description.size, np.pi)
-    return float(np.linalg.norm(gap if of is None else gap[list(of)]))
+    gaps = poses - other
+    gaps = np.where(kernels.periodic, (gaps + np.pi) % _WHOLE - np.pi, gaps)
+    differences: Array = gaps / np.where(kernels.lengths, kernels.description.size, np.pi)
+    return differences
+
+
+def _first(orders: Array) -> Any:
+    """Return the number of the first of the nearest poses from their orders, shape (poses, ..., 2)."""
+    return np.lexsort((orders[..., 1], orders[..., 0]), axis=0)[0]
 
 
 def same_assembly(kernels: LoopKernels, t: float, q: Array, other: Array) -> bool:
     """Return True if all links coincide in two poses, up to whole revolutions of screws."""
-    apart = np.max(np.abs(standing(kernels, t, q) - standing(kernels, t, other)), initial=0.0)
-    return bool(apart < _SAME) or _advanced(kernels, q, other)
+    one, two = standing(kernels, np.full(2, t), np.array([q, other]))
+    return bool(_coincide(one, two)) or _advanced(kernels, q, other)
+
+
+def _coincide(links: Array, other: Array) -> NDArray[np.bool_]:
+    """Return whether links are in the same places in poses, each given by :func:`standing`."""
+    apart: Array = np.max(np.abs(links - other), axis=-1, initial=0.0)
+    return apart < _SAME
 
 
 def _advanced(kernels: LoopKernels, q: Array, other: Array) -> bool:
@@ -224,13 +285,11 @@ def _starts(kernels: LoopKernels, t: float, near: _Near) -> Iterator[Array]:
         yield near.around(near.guess, _AROUND[k // often % len(_AROUND)], q) if k % often == 0 else q
 
 
-def _nearest(kernels: LoopKernels, close: Closing, q: Array, near: _Near) -> Array | None:
-    """Return the same pose with the angles nearest to the guess, closed with these."""
-    solved = np.isin(np.arange(len(q)), near.solved)
-    whole = solved & kernels.periodic
-    written = [
-        a - np.where(whole, _WHOLE * np.round((a - near.guess) / _WHOLE), 0.0)
-        for a in ball_angles(kernels, q)
-    ]
-    nearest = min(written, key=near.order)
-    return q if np.array_equal(nearest, q) else close(nearest)
+def _nearest(close: Closing, poses: Array, near: _Near) -> list[Array | None]:
+    """Return the same poses with the angles nearest to the guess, closed with these; None for open ones."""
+    written = np.array(ball_angles(near.kernels, poses))
+    written -= np.where(near.whole, _WHOLE * np.round((written - near.guess) / _WHOLE), 0.0)
+    first = _first(np.array([near.orders(choice) for choice in written]))
+    nearest = written[first, np.arange(len(poses))]
+    same = np.all(nearest == poses, axis=1).tolist()
+    return [q if x else close(a) for q, a, x in zip(poses, nearest, same, strict=True)]

@@ -63,6 +63,7 @@ def ball_pole(kernels: LoopKernels, t: float, q: Array) -> list[str]:
     is_dependent = all(v.role == "dependent" for v in d.variables if v.row in rows)
     if not is_dependent or any(d.joints[k] != "S" for k in rows):
         return []
-    ahead, behind = (standing(kernels, t, q + x * scale * weakest) for x in (_STEP, -_STEP))
+    beside = np.array([q + x * scale * weakest for x in (_STEP, -_STEP)])
+    ahead, behind = standing(kernels, np.full(2, t), beside)
     moved = float(np.max(np.abs(ahead - behind))) / (2.0 * _STEP)
     return [d.variables[j].name for j in part] if moved < _MOVES + _MARGIN * least else []

@@ -95,8 +95,8 @@ def _beyond(
         if equations.close(*far) != _core.DONE:
             continue
         rows = far[1][:-1]
-        links = [standing(kernels, float(x), pose) for x, pose in zip(times, poses, strict=True)]
-        if np.max(np.abs(_ONWARD @ np.array(links) - standing(kernels, far[0], rows))) < _LINKS:
+        links = standing(kernels, times, poses)
+        if np.max(np.abs(_ONWARD @ links - standing(kernels, np.array(far[:1]), rows[None]))) < _LINKS:
             return far[0], rows
     return None
 

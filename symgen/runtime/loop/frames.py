@@ -3,50 +3,70 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
 
+from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.library import shipped_module
 from symgen.runtime.loop.kernels import LoopKernels
 
+#: Numbers of a row of the table, and of t, q, u, p, work and out of the kernel of its transform.
+_ROW = 5
+_SIZES = (0, _ROW, 0, 0, 0, 12)
+_NONE = np.zeros(1)
+
 
 @cache
-def _transform() -> Callable[..., Array]:
-    """Return the compiled transform of a row, whose module is checked once."""
-    return shipped_module("loop_row").transform
+def _transform() -> int:
+    """Return the address of the compiled transform of a row, whose module is checked once."""
+    address: int = shipped_module("loop_row").ADDRESSES["transform"]
+    return address
+
+
+def transforms(rows: Array) -> Array:
+    """Return the transforms of rows of tables, shape (..., 5), as 4x4 matrices by the kernel ``loop_row``."""
+    count = rows.size // _ROW
+    entries, out = np.zeros((count, _ROW + 1)), np.empty((count, 12))
+    entries[:, :_ROW] = rows.reshape(-1, _ROW)
+    nothing = np.zeros((count, 1))
+    _core.call_many(_transform(), _SIZES, nothing[:, 0], entries, _ROW, _NONE, nothing, out)
+    placed = np.zeros((count, 4, 4))
+    placed[:, :3], placed[:, 3, 3] = out.reshape(-1, 3, 4), 1.0
+    return placed.reshape(*rows.shape[:-1], 4, 4)
 
 
 def product(rows: Iterable[Array]) -> Array:
-    """Return the transform of rows in a chain as a 4x4 matrix, each by the kernel ``loop_row``."""
-    transform, whole = _transform(), np.eye(4)
-    for row in rows:
-        placed = np.eye(4)
-        placed[:3] = transform(q=np.array(row, dtype=float)).reshape(3, 4)
+    """Return the transform of rows in a chain as a 4x4 matrix."""
+    whole = np.eye(4)
+    for placed in transforms(np.array([*rows], dtype=float).reshape(-1, _ROW)):
         whole = whole @ placed
     return whole
 
 
-def standing(kernels: LoopKernels, t: float, q: Array) -> Array:
-    """Return positions [over the size of the loop] and axes of all links, to compare poses by.
+def standing(kernels: LoopKernels, times: Array, poses: Array) -> Array:
+    """Return positions [over the size of the loop] and axes of all links, shape (poses, numbers).
 
-    They do not depend on the choice of angles. A link between two balls may spin about their line: only that
-    axis of it is included.
+    Poses, shape (poses, variables), are compared by them: they do not depend on the choice of angles. A link
+    between two balls may spin about their line: only that axis of it is included.
     """
-    d = kernels.description
-    table = kernels("rows", t, q, np.zeros_like(q))["rows"]
+    d, n = kernels.description, kernels.description.coordinates
+    states, work = np.zeros((len(poses), 2 * n + 1)), np.zeros((len(poses), kernels.work_size + 1))
+    states[:, :n] = poses
+    tables = kernels.many("rows", times, states, work)["rows"].reshape(len(poses), -1, _ROW)
+    placed = transforms(tables[:, :-1])
     whole, features = np.eye(4), []
-    for k, row in enumerate(table[:-1]):
-        whole = whole @ product([row])
+    for k in range(placed.shape[1]):
+        whole = whole @ placed[:, k]
         spins = d.joints[k] == d.joints[k + 1] == "S"
-        features += [whole[:3, 0], whole[:3, 3] / d.size, *([] if spins else [whole[:3, 1]])]
-    return np.concatenate(features)
+        features += [whole[:, :3, 0], whole[:, :3, 3] / d.size, *([] if spins else [whole[:, :3, 1]])]
+    return np.concatenate(features, axis=1)
 
 
 def ball_angles(kernels: LoopKernels, q: Array) -> list[Array]:
-    """Return a pose with every choice of the angles of its balls that leaves all links in place.
+    """Return poses, (..., variables), with every choice of the angles of balls that keeps links in place.
 
     Z(theta) Y(eta) X(alpha) has two; the frame of a link between two balls may also be rotated by 180 deg
     about i.
@@ -75,15 +95,15 @@ def ball_angles(kernels: LoopKernels, q: Array) -> list[Array]:
 def _flipped(q: Array, theta: int, eta: int, alpha: int) -> Array:
     """Return q with the other angles of Z(theta) Y(eta) X(alpha); without alpha, 180 deg less about i."""
     other = q.copy()
-    other[theta], other[eta] = q[theta] + math.pi, math.pi - q[eta]
+    other[..., theta], other[..., eta] = q[..., theta] + math.pi, math.pi - q[..., eta]
     if alpha >= 0:
-        other[alpha] += math.pi
+        other[..., alpha] += math.pi
     return other
 
 
 def _spun(q: Array, theta: int, eta: int, alpha: int) -> Array:
     """Return q with a rotation of 180 deg about i before Z(theta) Y(eta), and another about i by alpha."""
     other = q.copy()
-    other[theta], other[eta] = -q[theta], -q[eta]
-    other[alpha] += math.pi
+    other[..., theta], other[..., eta] = -q[..., theta], -q[..., eta]
+    other[..., alpha] += math.pi
     return other

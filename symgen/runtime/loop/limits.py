@@ -124,9 +124,9 @@ def _continued(
     around = _around(kernels, equations, start, t)
     if around is None or info is None:
         return None
-    links = [standing(kernels, float(x), q) for x, q in zip(around.times, around.states[:, :n], strict=True)]
-    here = standing(kernels, t, samples.states[i, :n])
-    if not np.max(np.abs(_FINE @ np.array(links) - here)) < _LINKS:
+    links = standing(kernels, around.times, around.states[:, :n])
+    here = standing(kernels, samples.times[i : i + 1], samples.states[i : i + 1, :n])
+    if not np.max(np.abs(_FINE @ links - here)) < _LINKS:
         return None
     limit, coarse = _FINE @ around.out, _COARSE @ around.out
     size = np.max(np.abs(around.out), axis=0)

@@ -6,15 +6,21 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symgen.runtime.arrays import Array
 
 if TYPE_CHECKING:
+    import xarray
+
     from symgen.runtime.kernels.description import Described
 
+#: Index of a coordinate, and its variable, each by its name.
+Indexed = tuple[dict[str, Any], dict[str, Any]]
 #: Range of an energy over the energy exchanged below which plots show it as constant.
 _FLAT = 1e-6
 _SI = {"length": ("m", 1.0), "force": ("N", 1.0), "angle": ("rad", 1.0), "stress": ("Pa", 1.0)}
@@ -231,3 +237,38 @@ def converted(variables: Iterable[Variable], units: Mapping[str, tuple[str, floa
         replace(v, unit=units[v.unit][0], values=v.values / units[v.unit][1]) if v.unit in units else v
         for v in variables
     )
+
+
+def labelled(
+    variables: Iterable[Variable], along: Coordinate, times: Array | None, axes: tuple[str, ...], title: str
+) -> xarray.Dataset:
+    """Return outputs over a coordinate as a dataset; times [s] are a second coordinate if there are any."""
+    import xarray
+
+    data = {}
+    for v in variables:
+        dims = (along.name,) if v.values.ndim == 1 else (along.name, "axis")
+        data[v.name] = (dims, v.values, {"units": v.unit, "long_name": v.about})
+    indexes, coordinates = _indexed(along.name, along.values, {"units": along.unit, "long_name": along.about})
+    if times is not None:
+        coordinates["time"] = xarray.Variable(along.name, times, {"units": "s", "long_name": "time"})
+    if any(values.ndim == 2 for _, values, _ in data.values()):
+        index, axis = _index_of_axes(axes)
+        indexes, coordinates = {**indexes, **index}, {**coordinates, **axis}
+    coords = xarray.Coordinates(coordinates, indexes)
+    return xarray.Dataset(data, coords=coords, attrs={"title": title})
+
+
+def _indexed(name: str, values: NDArray[Any], labels: Mapping[str, str]) -> Indexed:
+    """Return the index of a coordinate and its variable; xarray takes longer to infer them."""
+    from xarray import Variable as Labelled
+    from xarray.indexes import PandasIndex
+
+    index = PandasIndex(values, name, coord_dtype=values.dtype)
+    return {name: index}, index.create_variables({name: Labelled(name, values, labels)})
+
+
+@lru_cache(maxsize=16)
+def _index_of_axes(axes: tuple[str, ...]) -> Indexed:
+    """Return the same for the names of axes; datasets copy it."""
+    return _indexed("axis", np.array(axes), {})

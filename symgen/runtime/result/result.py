@@ -19,7 +19,16 @@ from symgen.display import seconds
 from symgen.errors import ResultError, nearest
 from symgen.runtime.arrays import Array
 from symgen.runtime.result.findings import Findings, Pictures
-from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, columns, converted, plain
+from symgen.runtime.result.records import (
+    Coordinate,
+    Drift,
+    Event,
+    Variable,
+    columns,
+    converted,
+    labelled,
+    plain,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -162,19 +171,7 @@ class Result(Findings, Pictures):
         return cast("xarray.Dataset", self._cache["dataset"])
 
     def _labelled(self, variables: Iterable[Variable]) -> xarray.Dataset:
-        import xarray
-
-        along, data = self.coordinate, {}
-        for v in variables:
-            dims = (along.name,) if v.values.ndim == 1 else (along.name, "axis")
-            data[v.name] = (dims, v.values, {"units": v.unit, "long_name": v.about})
-        labels = {"units": along.unit, "long_name": along.about}
-        coordinates: dict[str, Any] = {along.name: (along.name, along.values, labels)}
-        if self.times is not None:
-            coordinates["time"] = (along.name, self.times, {"units": "s", "long_name": "time"})
-        if any(values.ndim == 2 for _, values, _ in data.values()):
-            coordinates["axis"] = list(self.axes)
-        return xarray.Dataset(data, coords=coordinates, attrs={"title": self.title})
+        return labelled(variables, self.coordinate, self.times, tuple(self.axes), self.title)
 
     @property
     def over(self) -> tuple[Array, str]:
