@@ -86,15 +86,14 @@ def inverse_dynamics(ctx: typer.Context) -> None:
 
 @analysis(
     'symgen equilibrium four_bar --set links.crank.mass="2 kg"',
-    "t stable segments set_ as_json backend",
-    t=o.maybe(str, "--at", "TIME", 'Time at which loads and drives are held, "0.3 s"; default: 0.'),
+    "at stable segments set_ as_json backend",
+    at=o.maybe(str, "--at", "TIME", 'Time at which loads and drives are held, "0.3 s"; default: 0.'),
 )
 def equilibrium(ctx: typer.Context) -> None:
     """Find a static equilibrium, its reactions and stability."""
     request = Request(ctx)
-    if "t" in request.options:
-        request.options["t"] = _time(request.options["t"], "a time")
-    request.carry_out("equilibrium")
+    at = request.options.pop("at", None)
+    request.carry_out("equilibrium", **({} if at is None else {"at": _time(at, "a time")}))
 
 
 @analysis(

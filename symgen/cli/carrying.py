@@ -182,14 +182,14 @@ class Request:
             arguments["state"] = self._assembly(arguments["state"])
         return arguments
 
-    def _assembly(self, branch: int) -> Any:
+    def _assembly(self, number: int) -> Any:
         """Return the state of an assembly mode of a linkage, counted from 1."""
         states = self.model.assemblies()
-        if not 1 <= branch <= len(states):
+        if not 1 <= number <= len(states):
             raise ModelError(
-                f"there is no branch {branch}: {len(states)} assembly modes were found at the start"
+                f"expected --state from 1 to {len(states)}, the assembly modes at the start, got {number}"
             )
-        return states[branch - 1]
+        return states[number - 1]
 
     def show(self, verb: str, result: Any) -> None:
         """Print a result as one JSON object, or as tables."""

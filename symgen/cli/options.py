@@ -185,7 +185,7 @@ OF_ANALYSES: dict[str, Any] = {
         'unit of length), "0:90:4" (from, to, count), "0.5 rad", or of the time, "0.3 s".',
     ),
     "samples": Samples,
-    "state": maybe(int, "--branch", "N", "Assembly mode of a linkage at the start; 1 is the drawn one."),
+    "state": maybe(int, "--state", "N", "Assembly mode of a linkage at the start; 1 is the drawn one."),
     "through": Annotated[bool, option("--through", help="Continue past turning points of the input.")],
     "segments": maybe(int, "--segments", "N", "Number of rods per elastic link (12).", _ELASTIC),
     "form": maybe(

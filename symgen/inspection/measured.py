@@ -50,7 +50,7 @@ def measure(model: Any, text: SceneText, *, speed: bool, progress: Callable[[str
         headline=tuple(f for f in facts if f.name in _TELLING),
         facts=facts,
         figure=run_figure(result) if result.variables else None,
-        notes=(*failure, *result.notes),
+        notes=(*failure, *result.completed()["notes"]),
         final=_final(result),
         speed=table,
         speed_figure=figure,

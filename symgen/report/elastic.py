@@ -92,7 +92,7 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
     console.print(table("The run", ("", ""), list(_of_run(result))))
     if result.events:
         console.print(events_table(result))
-    print_notes(result.notes, console)
+    print_notes(result.completed()["notes"], console)
 
 
 def _of_run(result: ElasticResult) -> Iterator[tuple[str, str]]:

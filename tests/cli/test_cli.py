@@ -364,7 +364,7 @@ def test_options_are_shown_in_groups():
         (["inverse-dynamics", "slider_crank", "--sections", "0.5"], "--sections does not apply"),
         (["inverse-dynamics", "crank_rocker", "--through"], "--through does not apply"),
         (["inverse-dynamics", "thesis_four_bar", "--through"], "--through does not apply"),
-        (["kinematics", "slider_crank", "--branch", "2"], "--branch does not apply to kinematics of slider_crank"),
+        (["kinematics", "slider_crank", "--state", "2"], "--state does not apply to kinematics of slider_crank"),
         (["kinematics", "crank_rocker", "--at", "30", "--samples", "3"], "give --at or --samples, not both"),
         (["kinematics", "crank_rocker", "--at", "30,0.2 s"], "give times or values of the input, not both"),
         (["assemblies", "crank_rocker", "--at", "30,60"], "expected one value after --at"),

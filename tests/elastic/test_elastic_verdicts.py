@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import io
 import math
+import pickle
 
 import numpy as np
 import pytest
 from rich.console import Console
+from shared.in_numpy import build
 
 import symgen
 from symgen.errors import ModelError, SimulationError
 from symgen.report.elastic import print_elastic_result
+from symgen.runtime.elastic.large import passes
 from symgen.runtime.result.elastic import is_stable
 from symgen.scene.loading import read_scene
 
@@ -61,6 +64,50 @@ def test_mesh_error_of_a_part_of_the_revolution():
     model = symgen.build("elastic_slider_crank")
     part, whole = model.periodic(at=[0.05], steps=256), model.periodic(at=[0.05, 6.2], steps=256)
     assert part.mesh_error < 0.005 and whole.mesh_error < 0.005
+
+
+def end_moment(**spring):
+    """A strip of 2 elements under an abrupt end moment, optionally with a torsion spring at its tip."""
+    points = {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["0.5 m", "0 m"]}}
+    section = {"width": "20 mm", "thickness": "2 mm"}
+    strip = {"points": ["O", "A"], "density": "7850 kg/m^3", "section": section}
+    return symgen.Scene(
+        points=points,
+        links={"strip": strip | {"elastic": {"E": "210 GPa", "elements": 2}}},
+        torques=[{"link": "strip", "point": "A", "torque": "1 N*m"}],
+        torsion_springs=[{"link": "strip", "point": "A", **spring}] if spring else [],
+        crank={"link": "strip", "speed": "0 rpm"},
+        analysis={"t_end": "2 ms"},
+    )
+
+
+def test_notes_on_the_error_by_elements(monkeypatch, tmp_path):
+    """A large error has the remedy; an unknown one the reason; saved results keep both."""
+    model = build(end_moment())
+    run = model.large_rotation(elements=1, samples=5, rtol=0.1)
+    assert run.mesh_error > 0.05
+    note = next(n for n in run.summary()["notes"] if "error by elements" in n)
+    assert f"{run.mesh_error:.0%} of the peak stress" in note and "--elements" in note
+    run.save(tmp_path / "run.npz")
+    assert symgen.load_result(tmp_path / "run.npz").summary()["notes"] == run.summary()["notes"]
+
+    def refused(*_, **__):
+        raise ModelError("the finer elements are refused\n  Remedy.")
+
+    unknown = model.large_rotation(elements=1, samples=5, rtol=0.1)
+    monkeypatch.setattr(passes, "moved", refused)
+    assert unknown.mesh_error is None
+    assert (
+        unknown.summary()["notes"][-1] == "the error by elements is not known: the finer elements are refused"
+    )
+    stated = pickle.loads(pickle.dumps(unknown))
+    assert stated.summary()["notes"] == unknown.summary()["notes"]
+
+
+def test_loads_by_angles_have_no_balance_of_powers_and_a_note():
+    run = build(end_moment(stiffness="8 N*m")).simulate(samples=5, steps=16)
+    assert run.statistics["power_balance"] is None
+    assert any("no balance of powers" in note and "counts revolutions" in note for note in run.notes)
 
 
 def test_error_of_steps_that_are_given(four_bar):

@@ -134,7 +134,7 @@ def test_commands_print_one_object(tmp_path):
     of_point = {f"B.{what}.{axis}" for what in ("position", "velocity", "acceleration") for axis in "xy"}
     assert set(found["outputs"]) == {"crank.angle", *of_point}
     other = json.loads(
-        call("kinematics", "crank_rocker", "--to", 0.5, "--samples", 11, "--of", "B", "--branch", 2, "--json")
+        call("kinematics", "crank_rocker", "--to", 0.5, "--samples", 11, "--of", "B", "--state", 2, "--json")
     )
     assert other["final"]["B"]["position"][1] < 0 < found["final"]["B"]["position"][1]
     found = json.loads(call("equilibrium", "four_bar", "--json"))
@@ -168,8 +168,8 @@ def test_commands_print_tables_and_save(tmp_path):
     "arguments, words",
     [
         (["kinematics", "four_bar"], "needs 1 more drive"),
-        (["kinematics", "four_bar", "--branch", "2"], "needs 1 more drive"),
-        (["kinematics", "crank_rocker", "--branch", 3], "there is no branch 3: 2 assembly modes"),
+        (["kinematics", "four_bar", "--state", "2"], "needs 1 more drive"),
+        (["kinematics", "crank_rocker", "--state", 3], "expected --state from 1 to 2"),
         (["kinematics", "crank_rocker", "--from", 2], "start before stop"),
         (["equilibrium", "crank_rocker"], "no equilibrium while a drive is in motion"),
         (["equilibrium", "crank_rocker"], '--set drivers.0.angle="30 deg"'),

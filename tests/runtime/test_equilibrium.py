@@ -210,8 +210,8 @@ def test_drives_rest_at_any_time_that_their_law_has(law, t, angle):
     )
     model = build(scene)
     with pytest.raises(ModelError, match="the drive of link crank moves at t = 0.1 s"):
-        model.equilibrium(t=0.1)
-    found = model.equilibrium(t=t)
+        model.equilibrium(at=0.1)
+    found = model.equilibrium(at=t)
     assert found.stability == "stable"
     end = [0.1 * np.cos(angle), 0.1 * np.sin(angle) - np.hypot(0.2, 0.1)]
     assert found.state.positions["B"] == pytest.approx(end, abs=1e-12)

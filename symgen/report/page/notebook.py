@@ -31,7 +31,7 @@ def model_html(model: Compiled) -> str:
 def result_html(result: Result) -> str:
     """Return facts, notes, curves and animation of a run."""
     parts = [html_table(result.title, ("", ""), result.facts)]
-    parts += [f"<p>{escape(note)}.</p>" for note in result.notes]
+    parts += [f"<p>{escape(note)}.</p>" for note in result.completed()["notes"]]
     if result.origin is not None and result.count > 1 and result.statistics.get("wall_s", math.inf) < _QUICK:
         parts.append(display("moving_html", result))
     if result.variables and result.count > 1:

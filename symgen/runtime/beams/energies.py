@@ -134,6 +134,16 @@ class Energies:
                 yield Variable(name, unit, about, (), values)
 
 
+def of_angles(motion: ElasticMotion) -> list[str]:
+    """Return the note that potential energy and balance of powers are omitted if loads count angles."""
+    if not motion.rigid.description.windings:
+        return []
+    return [
+        "no potential energy and no balance of powers: a torsion spring or another load depends on an angle "
+        "that counts revolutions, so a pose does not determine its energy; large-rotation has both"
+    ]
+
+
 def energies(
     motion: ElasticMotion,
     rigid: tuple[Array, Array, Array],

@@ -28,6 +28,7 @@ from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.modes import elastic_modes, lowest
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.steps import turn
+from symgen.runtime.integrate.pace import OutOfTime
 from symgen.runtime.result.records import Variable
 from symgen.runtime.structure import UnstableError, forces_of_modes
 
@@ -255,6 +256,11 @@ def _alone(
         total.stiffness[there], total.mass[there], eigvals_only=True, subset_by_index=(0, count - 1)
     )
     return properties.modulus * (stress[0] + stress[1]), np.sqrt(squares)
+
+
+def unknown(problem: Exception) -> str:
+    """Return in a line why a run with twice the elements gives no error by elements."""
+    return "max_wall is spent" if isinstance(problem, OutOfTime) else str(problem).partition("\n")[0]
 
 
 def mesh_error(coarse: Sequence[Variable], fine: Sequence[Variable]) -> float:

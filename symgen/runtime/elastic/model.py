@@ -329,8 +329,8 @@ class ElasticModel(ModelOfRigid):
     def _in_segments(self, count: int = 12) -> RodModel:
         return self._of_scene(whole(count, "segments"))
 
-    def _equilibrium(self, segments: int = 12, t: float | None = None, stable: bool = True) -> Equilibrium:
-        return self._in_segments(segments)._equilibrium(t=t, stable=stable)
+    def _equilibrium(self, segments: int = 12, at: float | None = None, stable: bool = True) -> Equilibrium:
+        return self._in_segments(segments)._equilibrium(at=at, stable=stable)
 
     @property
     def _elements(self) -> int:

@@ -22,11 +22,11 @@ from symgen.runtime.beams.checks import (
     second_order,
     warnings,
 )
-from symgen.runtime.beams.energies import Energies, energies
+from symgen.runtime.beams.energies import Energies, energies, of_angles
 from symgen.runtime.beams.forces import Forces, Motion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.elastic.jumps import explicit, jump_times, with_error
-from symgen.runtime.elastic.mesh import mesh_error
+from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Found, Once, coordinate_of, outputs, recovered, selected
 from symgen.runtime.elastic.periodic import again, periodic
@@ -121,8 +121,8 @@ def run(
 
 def _mesh_error(
     motion: ElasticMotion, task: Task, times: Array, states: Found, max_wall: float | None
-) -> float | None:
-    """Return the error of stresses by elements, over their peak; None if not known.
+) -> float | str:
+    """Return the error of stresses by elements, over their peak, or why it is not known.
 
     The run is repeated with all elements halved, and its steps: errors in time are the same.
     """
@@ -144,10 +144,10 @@ def _mesh_error(
             coarse = repeated(motion, equations) if states.counts is None else states.displacements
             finer = motion.refined()
             fine = repeated(finer, _equations(finer, task))
-    except (OutOfTime, SimulationError, ModelError):
-        return None
+    except (OutOfTime, SimulationError, ModelError) as problem:
+        return unknown(problem)
     if not np.all(np.isfinite(fine)):
-        return None
+        return "the motion with twice the elements grows without bound"
     links = motion.rigid_motion(equations, times)[1]
     return HALVED * mesh_error(outputs(motion, links, coarse), outputs(finer, links, fine))
 
@@ -328,6 +328,7 @@ class _Recorded:
             *of_switches(d.switches, int(np.sum(motion.jumps[:, 1] > motion.jumps[:, 0]))),
             *warnings(motion, whole, moments(motion, self.times)),
             *of_second_order(self._shares),
+            *of_angles(motion),
         ]
         if task.t_eval is not None:
             notes.append(f"{SELECTED} times of t_eval only")

@@ -262,7 +262,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         self,
         *,
         state: State | None = None,
-        t: float | None = None,
+        at: float | None = None,
         stable: bool = True,
         segments: int | None = None,
     ) -> Equilibrium:
@@ -272,7 +272,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         ----------
         state
             Initial pose; by default that of the scene. Its velocities have no effect.
-        t
+        at
             Time [s] at which forces and drives are held; by default that of ``state``.
         stable
             Find a stable equilibrium, or, if false, a nearby one of any kind. A start that is already an

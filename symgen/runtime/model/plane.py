@@ -75,9 +75,9 @@ class PlaneModel(RodModel):
         return self.in_space._inverse_dynamics(replace(request, state=self._whole(request.state)))
 
     def _equilibrium(
-        self, state: State | None = None, t: float | None = None, stable: bool = True
+        self, state: State | None = None, at: float | None = None, stable: bool = True
     ) -> Equilibrium:
-        return self.in_space._equilibrium(self._whole(state), t, stable)
+        return self.in_space._equilibrium(self._whole(state), at, stable)
 
     def _linearise(  # type: ignore[override]  # the other options pass through
         self,

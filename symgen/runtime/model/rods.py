@@ -323,13 +323,13 @@ class RodModel(LinkageModel):
         return analyse(self._constraints(), self.analysis("forces"), begin, redundant, request)
 
     def _equilibrium(
-        self, state: State | None = None, t: float | None = None, stable: bool = True
+        self, state: State | None = None, at: float | None = None, stable: bool = True
     ) -> Equilibrium:
         from symgen.runtime.rods.equilibrium import at_rest, describe, find
         from symgen.runtime.rods.linear import Statics
 
         begin, q = (0.0, self._found().q) if state is None else (state.t, state.q)
-        when = begin if t is None else float(t)
+        when = begin if at is None else float(at)
         constraints = self._constraints()
         at_rest(constraints, q, when)
         statics = Statics(constraints, self.analysis("statics"), when)

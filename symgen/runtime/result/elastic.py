@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 SELECTED = "peaks, and limits of linear theory, are those at the"
 #: Largest difference between first and last value of a steady state, over its range, that counts as zero.
 _REPEATED = 1e-6
+#: Error by elements, over the peak stress, above which a note advises more elements.
+_COARSE = 0.05
 #: Relative error of the largest Floquet multiplier from which on the stability is unknown.
 FLOQUET_SETTLED = 1e-3
 #: Margin by which a multiplier must exceed one for the steady state to count as unstable.
@@ -60,8 +62,8 @@ class ElasticResult(Result):
         source = self.__dict__.get("_source")
         return None if source is None else source.states.counts
 
-    def _estimate_later(self, estimate: Callable[[], float | None]) -> None:
-        """Set the function that computes :attr:`mesh_error` at the first request."""
+    def _estimate_later(self, estimate: Callable[[], float | str]) -> None:
+        """Set the function that computes :attr:`mesh_error` at the first request, or the reason for None."""
         self._cache["estimate"] = estimate
 
     @property
@@ -73,15 +75,30 @@ class ElasticResult(Result):
         """
         if "mesh_error" not in self._cache:
             estimate = self._cache.pop("estimate", None)
-            self._cache["mesh_error"] = estimate() if estimate else self.statistics.get("mesh_error")
+            error = estimate() if estimate else self.statistics.get("mesh_error")
+            if isinstance(error, str):
+                self._cache["mesh_note"] = f"the error by elements is not known: {error}"
+                error = None
+            self._cache["mesh_error"] = error
         return self._cache["mesh_error"]
 
-    def all_statistics(self) -> dict[str, Any]:
-        """Return the statistics, including those that are computed at the first request."""
-        return {**self.statistics, "mesh_error": self.mesh_error, "stable": self.stable}
+    def _all_notes(self) -> tuple[str, ...]:
+        """Return the notes, with one on :attr:`mesh_error` if it is large or unknown."""
+        error, note = self.mesh_error, self._cache.get("mesh_note")
+        if error is not None and error > _COARSE:
+            note = (
+                f"the error by elements is {error:.0%} of the peak stress: take more elements (elements of a "
+                "link in the scene, or --elements of large-rotation); let abrupt loads grow over a time"
+            )
+        return self.notes if note is None or note in self.notes else (*self.notes, note)
+
+    def completed(self) -> dict[str, Any]:
+        """Return ``statistics`` and ``notes``, including those that are computed at the first request."""
+        statistics = {**self.statistics, "mesh_error": self.mesh_error, "stable": self.stable}
+        return {"statistics": statistics, "notes": self._all_notes()}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), "statistics": self.all_statistics()}
+        return {**super().__getstate__(), **self.completed()}
 
     def fatigue_cycles(self, output: str) -> xr.Dataset:
         """Return the cycles of an output over the run, such as ``rod.stress``, by rainflow counting.

@@ -99,9 +99,9 @@ class Result(Findings, Pictures):
         known = {name: getattr(self, name) for name in _FIELDS}
         return {**known, "statistics": dict(self.statistics), "_cache": {}}
 
-    def all_statistics(self) -> dict[str, Any]:
-        """Return the statistics, including those that are computed at the first request."""
-        return dict(self.statistics)
+    def completed(self) -> dict[str, Any]:
+        """Return ``statistics`` and ``notes``, including those that are computed at the first request."""
+        return {"statistics": dict(self.statistics), "notes": self.notes}
 
     def __repr__(self) -> str:
         return (
@@ -274,8 +274,7 @@ class Result(Findings, Pictures):
                 "outputs": {v.name: {"unit": v.unit, **self._extremes(v.values)} for v in outputs},
                 "final": self.final,
                 "drift": self.drift.measured,
-                "statistics": self.all_statistics(),
-                "notes": self.notes,
+                **self.completed(),
                 "events": [{"name": e.name, "time": e.time, "rising": e.rising} for e in self.events],
                 "provenance": self.provenance,
             }
@@ -332,9 +331,8 @@ class Result(Findings, Pictures):
                 "coordinate": [self.coordinate.name, self.coordinate.unit, self.coordinate.about],
                 "drift": self.drift.measured,
                 "final": {k: dict(v) for k, v in self.final.items()},
-                "statistics": self.all_statistics(),
+                **self.completed(),
                 "provenance": dict(self.provenance),
-                "notes": list(self.notes),
                 "events": [asdict(e) for e in self.events],
                 "variables": [[v.name, v.unit, v.about, list(v.components)] for v in self.variables],
                 "units": {unit: list(shown) for unit, shown in self.units.items()},

@@ -59,10 +59,11 @@ class SpeedResponse(Result):
             s for s, stable in zip(self.speeds.tolist(), self.verdicts, strict=True) if stable is False
         )
 
-    def all_statistics(self) -> dict[str, Any]:
-        """Return the statistics with resonances, unstable speeds, and the stability at each speed."""
+    def completed(self) -> dict[str, Any]:
+        """Return the statistics with resonances, unstable speeds and the stability at each speed; notes."""
         statistics = {"resonances": self.resonances, "unstable": self.unstable, "stable": self.verdicts}
-        return {**self.statistics, **{name: list(values) for name, values in statistics.items()}}
+        more = {name: list(values) for name, values in statistics.items()}
+        return {"statistics": {**self.statistics, **more}, "notes": self.notes}
 
     @property
     def headline(self) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.atomic import writable
-from symgen.errors import CapabilityError, ModelError, ResultError, check_known, nearest
+from symgen.errors import ArgumentError, CapabilityError, ModelError, ResultError, check_known, nearest
 from symgen.runtime.many.dataset import Keep, arrays_of, chosen, dataset_of
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import reductions
@@ -177,6 +177,9 @@ def sweep_of(
     verb = analysis or next((name for name in preferred if name in supported), "simulate")
     if verb not in ANALYSES:
         raise ModelError(f"there are no sweeps of {verb!r}. {nearest(verb, supported or ANALYSES)}")
+    if "of" in arguments and verb != "kinematics":
+        after = f" names points and links that kinematics records, got a sweep of {verb}\n  Sweep kinematics."
+        raise ArgumentError("of", before="", after=after, call="Model.sweep")
     getattr(model, f"{verb}_many")  # raises the reason where the model does not support it
     if not hasattr(model.description, "equations"):
         raise CapabilityError(f"{model.name} does not support sweeps")

@@ -17,7 +17,7 @@ from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.checkpoint import Samples
 from symgen.runtime.elastic.large.collocation import CLOSE, Moment, System, moved, stacked
 from symgen.runtime.elastic.large.events import Events
-from symgen.runtime.elastic.mesh import mesh_error
+from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
 from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, limited, out_of_time, wall_left
@@ -202,12 +202,12 @@ def _first(variables: Sequence[Variable], count: int) -> list[Variable]:
     return [replace(v, values=v.values[:count]) for v in variables]
 
 
-def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | None) -> float | None:
-    """Return the change of stresses in twice as many elements, over their peak; None if not known.
+def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | None) -> float | str:
+    """Return the change of stresses in twice as many elements, over their peak, or why it is not known.
 
     Both runs have the steps of ``coarse``, or as many more as Newton's method needs with the finer elements.
     """
-    end, steps, variables = float(times[-1]), coarse.steps, coarse.variables
+    end, steps, variables, reason = float(times[-1]), coarse.steps, coarse.variables, ""
     with limited(max_wall):
         finer = of.finer()
         while steps * (len(times) - 1) <= _MOST or steps == coarse.steps:
@@ -217,11 +217,11 @@ def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | 
                 if steps > coarse.steps:
                     variables = of.outputs(of.system, run(of.system, initial=of.start(of.system))[0])
                 return mesh_error(variables, of.outputs(finer, moments))
-            except (OutOfTime, ModelError):
-                return None
-            except SimulationError:
-                steps *= 2
-    return None
+            except (OutOfTime, ModelError) as problem:
+                return unknown(problem)
+            except SimulationError as problem:
+                reason, steps = unknown(problem), 2 * steps
+    return reason
 
 
 def drift_of(system: System, moments: Sequence[Moment]) -> tuple[Drift, float | None]:
