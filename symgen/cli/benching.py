@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.common import changes, command, console, print_json, progress_bar
+from symgen.cli.common import changes, command, progress_bar, show
 
 
 @command("symgen bench triple_pendulum --t-end 1 --plot bench.svg")
@@ -30,7 +30,7 @@ def bench(
         float, typer.Option(help="End a series of settings after the first run longer than this \\[s].")
     ] = 0.5,
     set_: o.Set = None,
-    out: Annotated[Path | None, typer.Option(help="Save the numbers: .json.")] = None,
+    out: o.JsonFile = None,
     plot: o.Plot = None,
     as_json: o.Json = False,
     backend: o.Backend = "auto",
@@ -39,14 +39,9 @@ def bench(
 
     Errors are measured against a reference solution with tight tolerances.
     """
-    import json
-
-    from symgen.atomic import writable, write_text
     from symgen.study.speed.report import draw, print_work_precision
     from symgen.study.speed.work_precision import work_precision
 
-    if out:
-        writable(out, (".json",), "numbers")
     with progress_bar(f"bench of {Path(scene).stem}", as_json) as progress:
         measurement = work_precision(
             scene,
@@ -60,11 +55,6 @@ def bench(
             backend=backend,
             progress=progress,
         )
-    if out:
-        write_text(out, json.dumps(measurement.summary(), indent=1, allow_nan=False) + "\n")
     if plot:
         draw(measurement, plot)
-    if as_json:
-        print_json(measurement.summary())
-    else:
-        print_work_precision(measurement, console())
+    show(measurement.summary(), as_json, out, lambda console: print_work_precision(measurement, console))

@@ -103,3 +103,19 @@ def print_json(data: dict[str, Any]) -> None:
     import json
 
     print(json.dumps(data, allow_nan=False))
+
+
+def show(
+    data: dict[str, Any], as_json: bool, file: Path | None, print_tables: Callable[[Console], None]
+) -> None:
+    """Print results as tables or as one JSON object, and write this object to a file, if one is given."""
+    import json
+
+    if file:
+        from symgen.atomic import write_text
+
+        write_text(file, json.dumps(data, indent=1, allow_nan=False) + "\n")
+    if as_json:
+        print_json(data)
+    else:
+        print_tables(console())

@@ -87,6 +87,16 @@ Page = Annotated[
         help="Write an HTML page with the results.",
     ),
 ]
+JsonFile = Annotated[
+    Path | None,
+    option(
+        "--out",
+        metavar="FILE",
+        group=_OUTPUT,
+        callback=_writable("report", (".json",)),
+        help="Save the results: .json.",
+    ),
+]
 Json = Annotated[bool, option("--json", group=_OUTPUT, help="Print one JSON object and nothing else.")]
 Backend = Annotated[
     str, option("--backend", metavar="NAME", group=_COMPILATION, help="auto, c, numpy or mpmath.")

@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 
 from symgen.errors import ModelError
-from symgen.models import BLOCKS
 from symgen.precision import precision as precision_named
-from symgen.scene.loading import shipped_scenes
 from symgen.study.accuracy.cancelling import Cancelling, cancelling
 from symgen.study.accuracy.kernel_errors import Errors, OutputAccuracy
 from symgen.study.accuracy.kernels import Kernels, kernels_of
@@ -112,11 +110,6 @@ def accuracy(
         raise ModelError(f"expected a number of sums from 0 on for top, got {top}")
     title, parts = kernels_of(scene, set=set, count=states, seed=seed, run=run, precision=precision)
     return report(str(scene), title, parts, seed=seed, precision=precision, top=top, progress=progress)
-
-
-def all_names() -> list[str]:
-    """Return the names of all building blocks and shipped scenes."""
-    return [*BLOCKS, *shipped_scenes()]
 
 
 def report(

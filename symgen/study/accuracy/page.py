@@ -1,34 +1,17 @@
-"""Error reports of kernels for the terminal and as a Markdown table."""
+"""Error reports of kernels for the terminal."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 from rich.console import Console
 
-from symgen.atomic import write_text
 from symgen.report.tables import print_notes, table
 from symgen.study.accuracy.accuracy import Accuracy
 from symgen.study.accuracy.cancelling import Cancelling
 from symgen.study.accuracy.kernel_errors import OutputAccuracy, Worst
 
-#: File name extensions of saved reports.
-SAVED_AS = (".json", ".md")
 _KINDS = {"run": "along the run", "closed": "at random on the constraints", "open": "at random off them"}
-#: Columns of the table of several scenes.
-COLUMNS = (
-    "scene",
-    "outputs",
-    "accelerations over largest",
-    "condition of equations",
-    "beyond condition",
-    "in",
-    "beyond largest",
-    "in",
-    "lost by",
-)
 
 
 def print_accuracy(accuracy: Accuracy, console: Console) -> None:
@@ -42,7 +25,7 @@ def print_accuracy(accuracy: Accuracy, console: Console) -> None:
         texts=(0, 6, 7),
     )
     console.print(shown)
-    exact = ", ".join(_name(o) for o, worst in rows if not worst)
+    exact = ", ".join(name_of(o) for o, worst in rows if not worst)
     if exact:
         console.print(f"Without any error: {exact}.")
     console.print(_MEANING)
@@ -72,12 +55,12 @@ def head(accuracy: Accuracy) -> str:
 
 def _row(o: OutputAccuracy, worst: Worst) -> Sequence[str]:
     return (
-        _name(o),
-        _short(worst.ulps),
+        name_of(o),
+        short(worst.ulps),
         f"{worst.relative:.1e}",
         f"{o.of_largest:.1e}",
-        _short(worst.condition),
-        _short(o.beyond),
+        short(worst.condition),
+        short(o.beyond),
         f"{worst.entry}; {worst.state}" if worst.entry else worst.state,
         o.verdict,
     )
@@ -108,55 +91,11 @@ def _digits(x: float) -> str:
     return f"{max(0.0, x):.1f}"
 
 
-def _short(x: float) -> str:
+def short(x: float) -> str:
+    """Return a ratio as text."""
     return f"{x:.1f}" if x < 100 else f"{x:.1e}"
 
 
-def print_summaries(results: Iterable[Accuracy], console: Console) -> None:
-    """Print a table with one row per report."""
-    console.print(table("Errors of kernels", COLUMNS, map(summary_row, results)))
-
-
-def markdown(results: Iterable[Accuracy]) -> str:
-    """Return the Markdown table of several reports."""
-    lines = [f"| {' | '.join(COLUMNS)} |", f"|{'---|' * len(COLUMNS)}"]
-    lines += [f"| {' | '.join(summary_row(a))} |" for a in results]
-    return "\n".join(lines) + "\n"
-
-
-def summary_row(accuracy: Accuracy) -> tuple[str, ...]:
-    """Return the table row of a scene: its solution, and its largest errors relative to their conditions."""
-    by_largest = max(accuracy.outputs, key=lambda o: o.beyond_largest)
-    solved = next((o for o in accuracy.outputs if o.output == "accelerations"), None)
-    verdicts = {o.verdict for o in accuracy.outputs}
-    return (
-        accuracy.scene,
-        str(len(accuracy.outputs)),
-        f"{solved.of_largest:.1e}" if solved else "",
-        _short(accuracy.condition[0]) if accuracy.condition else "",
-        _short(accuracy.worst.beyond),
-        _name(accuracy.worst),
-        _short(by_largest.beyond_largest),
-        _name(by_largest),
-        next((v for v in ("code", "small entry", "problem") if v in verdicts), ""),
-    )
-
-
-def _name(o: OutputAccuracy) -> str:
+def name_of(o: OutputAccuracy) -> str:
+    """Return the name of an output, after its kernel where that differs."""
     return o.output if o.kernel in (o.output, "outputs") else f"{o.kernel}: {o.output}"
-
-
-def save(results: Sequence[Accuracy], file: Path) -> None:
-    """Write reports as JSON or as a Markdown table, depending on the file name extension.
-
-    Raises
-    ------
-    ResultError
-        If the file cannot be written.
-    """
-    if file.suffix.lower() == ".md":
-        text = markdown(results)
-    else:
-        data = [a.summary() for a in results]
-        text = json.dumps(data[0] if len(data) == 1 else {"scenes": data}, indent=1, allow_nan=False) + "\n"
-    write_text(file, text)
