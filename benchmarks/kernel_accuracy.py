@@ -1,4 +1,4 @@
-"""Errors of the kernels of all shipped scenes and building blocks: the table of docs/accuracy.md.
+"""Errors of the kernels of all shipped scenes and building blocks: the table of docs/accuracy.
 
 ``python benchmarks/kernel_accuracy.py`` prints it in Markdown; names select scenes or blocks.
 """
