@@ -247,20 +247,19 @@ def draw(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing], file: str)
     """Plot the best settings of every program: maximum error over wall time, one panel per N."""
     from matplotlib.figure import Figure
 
-    from symgen.study.speed.report import curve, finish, save
+    from symgen.report.page.plots import draw_errors
+    from symgen.study.speed.report import save
 
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     panels: Sequence[Any] = figure.subplots(1, len(SIZES), sharey=True)
     for panel, n in zip(panels, SIZES, strict=True):
-        names = dict.fromkeys(a.program for m, a in errors if m == n)
-        for k, name in enumerate(names):
-            own = [
-                (found[1], timings[m, a].processor)
-                for (m, a), found in errors.items()
-                if m == n and a.program == name
-            ]
-            curve(panel, name, front(own), k)
-        finish(panel, "largest error of the tip", "m")
+        curves: dict[str, list[tuple[float, float]]] = {}
+        for (m, a), found in errors.items():
+            if m == n:
+                curves.setdefault(a.program, []).append((found[1], timings[m, a].processor))
+        best = ((name, front(own)) for name, own in curves.items())
+        draw_errors(panel, best, "largest error of the tip [m]")
+        panel.legend(fontsize="small", frameon=False)
         panel.set_title(f"N = {n}", fontsize="medium")
     save(figure, file)
 

@@ -14,7 +14,7 @@ from symgen.inspection.view import View, view_of
 from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
-from symgen.models.record import Step, of_system, record
+from symgen.models.record import of_system, record
 from symgen.pipeline.build import build, build_scene, system_of
 from symgen.pipeline.user_system import load
 from symgen.report.page.drawing import Drawing, drawing
@@ -22,7 +22,7 @@ from symgen.report.page.page import Fact, KernelRow, Measured, Page, StepView, e
 from symgen.report.page.views import elimination, matrix_view, shared_terms, symbols
 from symgen.scene.loading import SceneText, check_scene
 from symgen.scene.resolve import resolve
-from symgen.symbolic.system import System
+from symgen.symbolic.system import Step, System
 
 #: Maximum number of matrices of one step and of shared terms on a page.
 _MATRICES, _TERMS = 12, 60

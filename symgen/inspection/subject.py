@@ -11,7 +11,7 @@ from typing import Any
 from symgen.errors import DerivationError
 from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
-from symgen.models.record import Step, elastic_record, of_system, record
+from symgen.models.record import elastic_record, of_system, record
 from symgen.pipeline.build import system_of
 from symgen.pipeline.user_system import is_own, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
@@ -19,7 +19,7 @@ from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.derivative import derivative
-from symgen.symbolic.system import NamedMatrix, System
+from symgen.symbolic.system import NamedMatrix, Step, System
 
 #: Name that selects the derivation record instead of a matrix.
 RECORD = "derivation"

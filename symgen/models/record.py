@@ -3,32 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from symgen.errors import DerivationError
 from symgen.methods import method_of
-from symgen.symbolic.system import NamedMatrix, System
+from symgen.symbolic.system import NamedMatrix, Step, System
 
 if TYPE_CHECKING:
     from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One step of a derivation: description, source, and its matrices of ``system``."""
-
-    title: str
-    about: str
-    source: str
-    system: System
-    names: tuple[str, ...] = ()
-
-    @property
-    def matrices(self) -> tuple[NamedMatrix, ...]:
-        """Matrices of the step."""
-        return tuple(self.system[name] for name in self.names)
 
 
 def record(resolved: Linkage | Loop, system: System) -> tuple[Step, ...]:

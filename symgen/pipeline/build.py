@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -23,6 +23,7 @@ from symgen.scene.loading import SceneText, check_scene, override, text_of
 from symgen.toolchain.kernels import GET_A_COMPILER, Tools, no_collection, tools_for
 
 if TYPE_CHECKING:
+    from symgen.lowering.kernel import Program
     from symgen.runtime.elastic.model import ElasticModel
     from symgen.runtime.kernels.description import Described, Description
     from symgen.runtime.kernels.library import Library
@@ -280,17 +281,16 @@ def linkage_model(made: Made) -> RodModel | KinematicModel:
 
 def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Library:
     """Return the kernels of a scene in the requested type, for one state per call or for batches."""
-    from symgen.runtime.kernels.description import kernel_infos
-
     made = replace(tools, compiler=None) if tools.digits else tools.of_lanes if lanes else tools
 
+    def described(program: Program, equations: str) -> Described:
+        from symgen.runtime.kernels.description import kernel_infos
+
+        # With more digits, other constants may be equal.
+        return replace(base, equations=equations, kernels=kernel_infos(program.kernels))
+
     def make(folder: Path) -> tuple[Described, Library]:
-        with no_collection():
-            program, equations, sources = made.lowered(derive(text), lanes)
-        with made.written(program, sources, folder, lanes) as compilation:
-            # With more digits, other constants may be equal.
-            description = replace(base, equations=equations, kernels=kernel_infos(program.kernels))
-            return description, made.opened(folder, description, compilation)
+        return made.built(folder, lambda: derive(text), described, lanes)
 
     name = f"{made.digits}-digits" if made.digits else made.precision.name
     return made.cached(text, f"{name}-lanes" if lanes and made.compiler else name, make, base=base)[1]
@@ -308,7 +308,9 @@ def compile_scene(text: SceneText, tools: Tools, folder: Path) -> tuple[Any, Lib
 def _of_resolved(resolved: Linkage | Loop, tools: Tools, folder: Path) -> tuple[Any, Library]:
     with no_collection():
         system = system_of(resolved)  # Linkage | Loop -> System
-    return _compiled(resolved, system, tools, folder)
+    # System -> Program -> (SourceFile, ...) -> compilers at work, while the runtime is loaded -> Library
+    description, library = tools.built(folder, lambda: system, partial(describe, resolved))
+    return with_start(system, description, library), library
 
 
 def system_of(resolved: Linkage | Loop) -> System:
@@ -329,15 +331,6 @@ def linkage_system_of(linkage: Linkage) -> System:
     from symgen.models.rods.system import linkage_system
 
     return linkage_system(linkage)
-
-
-def _compiled(resolved: Linkage | Loop, system: System, tools: Tools, folder: Path) -> tuple[Any, Library]:
-    with no_collection():
-        program, equations, sources = tools.lowered(system)  # System -> Program, (SourceFile, ...)
-    with tools.written(program, sources, folder) as compilation:  # (SourceFile, ...) -> compilers at work
-        description = describe(resolved, program, equations)  # the runtime is loaded meanwhile
-        library = tools.opened(folder, description, compilation)  # -> Library
-    return with_start(system, description, library), library
 
 
 def _linkage(text: SceneText) -> Linkage:

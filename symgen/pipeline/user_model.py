@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from symgen.pipeline.user_system import load, own_name
 from symgen.scene.loading import SceneText
 from symgen.toolchain.fingerprint import fingerprint
-from symgen.toolchain.kernels import Tools, no_collection
+from symgen.toolchain.kernels import Tools
 
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program, Slot
     from symgen.runtime.beams.data import BeamInfo
     from symgen.runtime.kernels.description import SystemDescription
-    from symgen.runtime.kernels.library import Library
     from symgen.runtime.model.system import SystemModel
     from symgen.symbolic.system import System
     from symgen.toolchain.dependencies import Needs
@@ -97,13 +96,7 @@ def _built(
 ) -> SystemModel:
     from symgen.runtime.model.system import SystemModel
 
-    def make(folder: Path) -> tuple[SystemDescription, Library]:
-        with no_collection():
-            program, equations, sources = tools.lowered(derive())
-        with tools.written(program, sources, folder) as compilation:
-            description = _described(file, program, equations)
-            return description, tools.opened(folder, description, compilation)
-
+    make = partial(tools.built, system=derive, describe=partial(_described, file))
     description, library = tools.cached(text, "own", make, read)
     return SystemModel(description, library, matrices)
 

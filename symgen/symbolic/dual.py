@@ -14,19 +14,11 @@ from functools import lru_cache
 
 import sympy as sp
 
+from symgen.symbolic.vectors import cross, dot
+
 Triple = tuple[sp.Expr, sp.Expr, sp.Expr]
 
 _ZERO, _ONE = sp.Integer(0), sp.Integer(1)
-
-
-def cross(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> Triple:
-    """Return a x b."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-def dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
-    """Return a . b."""
-    return sp.Add(*(x * y for x, y in zip(a, b, strict=True)))
 
 
 def skew(a: Sequence[sp.Expr]) -> sp.ImmutableMatrix:

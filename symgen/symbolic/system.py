@@ -211,3 +211,19 @@ def html_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     caption = f"<caption>{escape(title)}</caption>"
     return f"<table>{caption}<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of a derivation: description, source, and its matrices of ``system``."""
+
+    title: str
+    about: str
+    source: str
+    system: System
+    names: tuple[str, ...] = ()
+
+    @property
+    def matrices(self) -> tuple[NamedMatrix, ...]:
+        """Matrices of the step."""
+        return tuple(self.system[name] for name in self.names)

@@ -131,6 +131,23 @@ class Tools:
         instead = OF_LANES if lanes else OF_OPTIMISED if optimised else DEFAULT
         return self.compiler.start(in_c, folder / _LIBRARY, instead, self.precision.libraries)
 
+    def built(
+        self,
+        folder: Path,
+        system: Callable[[], System],
+        describe: Callable[[Program, str], Any],
+        lanes: bool = False,
+    ) -> tuple[Any, Library]:
+        """Derive a system and compile its kernels into a folder; return their description and library.
+
+        ``describe`` returns the description by program and hash of its equations, while compilers work.
+        """
+        with no_collection():
+            program, equations, sources = self.lowered(system(), lanes)
+        with self.written(program, sources, folder, lanes) as compilation:
+            description = describe(program, equations)
+            return description, self.opened(folder, description, compilation)
+
     def opened(self, folder: Path, description: Described, compilation: Compilation | None = None) -> Library:
         """Open the kernels in a folder: the compiled library, else the Python source."""
         from symgen.runtime.kernels.library import open_library, open_mpmath, open_numpy

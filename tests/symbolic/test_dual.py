@@ -7,7 +7,8 @@ import random
 import pytest
 import sympy as sp
 
-from symgen.symbolic.dual import Dual, DualMatrix, DualVector, X, Y, Z, cross, dot, identity, operator, skew
+from symgen.symbolic.dual import Dual, DualMatrix, DualVector, X, Y, Z, identity, operator, skew
+from symgen.symbolic.vectors import cross, dot
 
 theta, shift, eta, alpha, a, b, c = sp.symbols("theta S eta alpha a b c", real=True)
 eps = sp.Symbol("eps")

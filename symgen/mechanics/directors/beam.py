@@ -30,6 +30,7 @@ from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices
 from symgen.mechanics.elastic.spatial import AXIAL, BENDING_Y, BENDING_Z, JY, JZ, MU, TORSION
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import AXES, Quantity, quantity
+from symgen.symbolic.vectors import cross, dot
 
 _NODES = {1: "first", 2: "second"}
 _VECTORS = (("r", "m", "position"), *((f"d{k}", "1", f"director {k}") for k in (1, 2, 3)))
@@ -106,15 +107,15 @@ def director_beam(names: Names) -> DirectorBeam:
     ]
     # Invariants of degree two, whose second slopes are constant.
     formulas = {
-        "stretch": (_dot(chord, chord) - 1) / 2,
-        **{f"sine{k}{node}": _dot(chord, of[k]) for k in (2, 3) for node, of in ((1, first), (2, second))},
-        "sine_twist": (_dot(second[2], first[3]) - _dot(second[3], first[2])) / 2,
+        "stretch": (dot(chord, chord) - 1) / 2,
+        **{f"sine{k}{node}": dot(chord, of[k]) for k in (2, 3) for node, of in ((1, first), (2, second))},
+        "sine_twist": (dot(second[2], first[3]) - dot(second[3], first[2])) / 2,
     }
     slopes = sp.Matrix([[sp.diff(e, x) for x in strained_by] for e in formulas.values()])
     curved = [sp.hessian(e, strained_by) for e in formulas.values()]
     invariants = [names.scalar(name, e, "1", f"invariant {name}") for name, e in formulas.items()]
     rates = [
-        names.scalar(f"{name}_rate", _dot(slopes.row(k), speeds), "1/s", f"rate of invariant {name}")
+        names.scalar(f"{name}_rate", dot(slopes.row(k), speeds), "1/s", f"rate of invariant {name}")
         for k, name in enumerate(formulas)
     ]
     strained = _strains(invariants)
@@ -145,7 +146,7 @@ def director_beam(names: Names) -> DirectorBeam:
     damped = matrix("damped", "N*m*s", [[sp.diff(f, g) for g in rates] for f in forces])
     stiff = matrix("stiff", "N*m", [[sp.diff(f, g) for g in invariants] for f in forces])
     # The rate of an invariant depends on places too; its slope there is that of the second degree.
-    turned = sp.Matrix([[_dot(row, speeds) for row in h.tolist()] for h in curved])
+    turned = sp.Matrix([[dot(row, speeds) for row in h.tolist()] for h in curved])
     by_speeds = matrix("by_speeds", "N*m*s", (damped * slopes).tolist())
     by_places = matrix("by_places", "N*m", (stiff * slopes + damped * turned).tolist())
     damping = matrix("damping_", "N*m*s", (slopes.T * by_speeds).tolist())
@@ -200,8 +201,8 @@ def _section(names: Names, residual: sp.Matrix, first: Vectors, second: Vectors)
         force, *on = ([sign * x for x in f] for f in _vectors(list(residual[12 * k : 12 * k + 12])))
         couple = [sp.Integer(0)] * 3
         for d, f in zip(of[1:], on, strict=True):
-            couple = [c + x for c, x in zip(couple, _cross(d, f), strict=True)]
-        ends.append([_dot(of[1], force), _dot(of[2], couple), _dot(of[3], couple), _dot(of[1], couple)])
+            couple = [c + x for c, x in zip(couple, cross(d, f), strict=True)]
+        ends.append([dot(of[1], force), dot(of[2], couple), dot(of[3], couple), dot(of[1], couple)])
     x, length = FRACTION.symbol, LENGTH.symbol
     axial, about_y, about_z, torque = (
         names.scalar(name, (1 - x) * a + x * b, unit, f"{name} of the section".replace("_", " "))
@@ -227,20 +228,12 @@ def _section(names: Names, residual: sp.Matrix, first: Vectors, second: Vectors)
         3 * x**2 - 2 * x**3,
         length * (x**3 - x**2),
     )
-    place = [_dot(shapes, at) for at in zip(first[0], first[1], second[0], second[1], strict=True)]
+    place = [dot(shapes, at) for at in zip(first[0], first[1], second[0], second[1], strict=True)]
     return [*strains, torque, about_y, about_z, modulus * (sp.Abs(stretch) + bent), *fibres, *place]
 
 
 def _vectors(components: Sequence[sp.Expr]) -> Vectors:
     return [list(components[3 * k : 3 * k + 3]) for k in range(4)]
-
-
-def _dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
-    return sp.Add(*(x * y for x, y in zip(a, b, strict=True)))
-
-
-def _cross(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> list[sp.Expr]:
-    return list(sp.Matrix(a).cross(sp.Matrix(b)))
 
 
 def _mass() -> sp.Matrix:

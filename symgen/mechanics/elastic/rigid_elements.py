@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import sympy as sp
 
-from symgen.mechanics.rods.particles import Vector, cross
+from symgen.mechanics.rods.particles import Vector
+from symgen.symbolic.vectors import cross_in_plane
 
 #: The forces at a node: two components and a moment.
 NODAL = ("Fx", "Fy", "M")
@@ -19,7 +20,7 @@ NODAL = ("Fx", "Fy", "M")
 
 def on_centre(force: Vector, point: Vector, centre: Vector) -> Vector:
     """Return a force at a point as force and moment [N, N, N m] at the centre of mass."""
-    return (*force, cross(tuple(p - c for p, c in zip(point, centre, strict=True)), force))
+    return (*force, cross_in_plane(tuple(p - c for p, c in zip(point, centre, strict=True)), force))
 
 
 def nodal_matrix(start: Vector, end: Vector, centre: Vector) -> sp.ImmutableMatrix:
@@ -47,7 +48,7 @@ def angular_acceleration(along: Vector, relative: Vector) -> sp.Expr:
 
     For a rigid element the second rate is alpha (d rotated left) - omega^2 d, so d x d'' = alpha d.d.
     """
-    return cross(along, relative) / sp.Add(*(c**2 for c in along))
+    return cross_in_plane(along, relative) / sp.Add(*(c**2 for c in along))
 
 
 def inertia(

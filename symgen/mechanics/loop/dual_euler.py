@@ -16,8 +16,9 @@ import sympy as sp
 
 from symgen.mechanics.loop.dual_paths import WRENCH
 from symgen.mechanics.loop.dual_rows import Motion
-from symgen.symbolic.dual import DualVector, Triple, cross, dot, skew
+from symgen.symbolic.dual import DualVector, Triple, skew
 from symgen.symbolic.names import Names
+from symgen.symbolic.vectors import cross, dot
 
 _ZERO = sp.Integer(0)
 _MOMENTUM = (("p", "kg*m/s", "momentum,"), ("h", "kg*m^2/s", "angular momentum about the origin,"))

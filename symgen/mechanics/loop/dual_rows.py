@@ -11,18 +11,9 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from symgen.symbolic.dual import (
-    Dual,
-    DualMatrix,
-    DualVector,
-    Triple,
-    cross,
-    identity,
-    operator,
-    rotation,
-    skew,
-)
+from symgen.symbolic.dual import Dual, DualMatrix, DualVector, Triple, identity, operator, rotation, skew
 from symgen.symbolic.names import Names
+from symgen.symbolic.vectors import cross
 
 _ZERO, _ONE = sp.Integer(0), sp.Integer(1)
 

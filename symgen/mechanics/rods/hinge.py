@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from symgen.mechanics.rods.particles import Vector, dot
+from symgen.mechanics.rods.particles import Vector
+from symgen.symbolic.vectors import cross, dot
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ class HingeFrame:
 
     def slope(self, vector: Vector) -> Vector:
         """Return the derivative by the angle of a vector fixed in the rod, a x vector."""
-        return _product(self.axis, vector)
+        return cross(self.axis, vector)
 
     def rotated(self, angle: sp.Expr) -> tuple[Vector, Vector, Vector]:
         """Return the frame a, u, w fixed in the rod, at an angle."""
@@ -57,11 +58,7 @@ def hinge_frame(axis: Vector, drawn: Vector) -> HingeFrame:
     radial = _sum((sp.Integer(1), drawn), (-along, a))
     arm = sp.sqrt(dot(radial, radial))
     across = tuple(c / arm for c in radial)
-    return HingeFrame(a, across, _product(a, across), along, arm)
-
-
-def _product(a: Vector, b: Vector) -> Vector:
-    return tuple(a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3))
+    return HingeFrame(a, across, cross(a, across), along, arm)
 
 
 def _sum(*terms: tuple[sp.Expr, Vector]) -> Vector:

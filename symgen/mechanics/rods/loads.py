@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from symgen.mechanics.rods.particles import Vector, dot
+from symgen.mechanics.rods.particles import Vector
 from symgen.symbolic.calculus import Calculus
+from symgen.symbolic.vectors import dot
 
 
 def weight_potential(mass: sp.Expr, gravity: Vector, position: Vector) -> sp.Expr:

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from symgen.mechanics.rods.particles import Vector, cross, dot, particle_masses
+from symgen.mechanics.rods.particles import Vector, particle_masses
+from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 ZERO, ONE, HALF = sp.Integer(0), sp.Integer(1), sp.Rational(1, 2)
 
@@ -124,10 +125,7 @@ def open_tree(ground: Iterable[str], points: Sequence[str], bodies: Mapping[str,
 
 def moment(lever: Vector, force: Vector) -> Vector:
     """Return lever x force: one component in the plane, three in space."""
-    if len(lever) == 2:
-        return (cross(lever, force),)
-    (a, b, c), (x, y, z) = lever, force
-    return (b * z - c * y, c * x - a * z, a * y - b * x)
+    return (cross_in_plane(lever, force),) if len(lever) == 2 else cross(lever, force)
 
 
 def effective_lever(lever: Vector, along: sp.Expr, across: sp.Expr) -> Vector:

@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import sympy as sp
 
+from symgen.symbolic.vectors import cross_in_plane
+
 Vector = tuple[sp.Expr, ...]
 
 ZERO = sp.Integer(0)
@@ -94,19 +96,9 @@ def kinetic_energy(ends: EndMass, start: Vector, end: Vector) -> sp.Expr:
             for a, b in zip(start, end, strict=True)
         )
     )
-    return straight - ends.cross * cross(start, end) if ends.cross != 0 else straight
+    return straight - ends.cross * cross_in_plane(start, end) if ends.cross != 0 else straight
 
 
 def length_constraint(along: Vector, length: sp.Expr) -> sp.Expr:
     """Return (d.d - l^2)/2, Eq. (3a) halved, of a rod with d from start to end [m] and length l [m]."""
     return (sp.Add(*(c**2 for c in along)) - length**2) / 2
-
-
-def cross(a: Vector, b: Vector) -> sp.Expr:
-    """Return the product a_x b_y - a_y b_x of two vectors in the plane."""
-    return a[0] * b[1] - a[1] * b[0]
-
-
-def dot(a: Vector, b: Vector) -> sp.Expr:
-    """Return the scalar product."""
-    return sp.Add(*(x * y for x, y in zip(a, b, strict=True)))

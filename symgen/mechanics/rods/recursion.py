@@ -30,11 +30,12 @@ from dataclasses import dataclass
 import sympy as sp
 
 from symgen.errors import DerivationError
-from symgen.mechanics.rods.particles import dot, end_mass, kinetic_energy, length_constraint
+from symgen.mechanics.rods.particles import end_mass, kinetic_energy, length_constraint
 from symgen.symbolic.calculus import Calculus
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import AXES, Quantity, quantity
 from symgen.symbolic.system import Definition, Group, NamedMatrix, System
+from symgen.symbolic.vectors import dot
 
 REFERENCE = (
     "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 and 2.2, "

@@ -12,10 +12,11 @@ from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia, joint_wrenches
 from symgen.mechanics.loop.dual_paths import NOTHING, WRENCH, Paths
 from symgen.mechanics.loop.dual_rows import Frame, Motion, motions
 from symgen.scene.loop.loop import Loop, LoopLoad, Row
-from symgen.symbolic.dual import DualVector, Triple, cross, dot
+from symgen.symbolic.dual import DualVector, Triple
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import NamedMatrix
+from symgen.symbolic.vectors import cross, dot
 
 REFERENCE = (
     "S. Rahman, Dynamic Analysis of the Generalized Slider Crank (1991), Eqs. (1)-(68), in the corrected form"

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
-from symgen.symbolic.dual import cross
 from symgen.symbolic.quantity import AXES, Quantity
 from symgen.symbolic.system import NamedMatrix
+from symgen.symbolic.vectors import cross
 
 if TYPE_CHECKING:
     from symgen.models.loop.derivation import LoopModel

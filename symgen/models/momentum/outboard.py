@@ -15,11 +15,11 @@ from symgen.loads.measure import PointForce
 from symgen.mechanics.rods.momentum import OpenTree, Particle, open_tree, particles, transverse
 from symgen.mechanics.rods.particles import Vector
 from symgen.models.rods.linkage import RodsModel
-from symgen.models.rods.loads import product
 from symgen.scene.rods.linkage import CarriedPoint, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Definition
+from symgen.symbolic.vectors import cross
 
 #: How a place of a body moves with a point: so much with it, and so much with it turned left.
 Shares = dict[str, tuple[sp.Expr, sp.Expr]]
@@ -170,4 +170,4 @@ class Outboard:
                 if len(across) == 2:
                     yield (-self.link[link].length,), unknown
                 else:
-                    yield product(across, self.model.along[link]), unknown
+                    yield cross(across, self.model.along[link]), unknown

@@ -15,7 +15,7 @@ import sympy as sp
 
 from symgen.errors import DerivationError, SceneError
 from symgen.mechanics.rods.momentum import effective_lever, moment, perpendicular, smallest_axis
-from symgen.mechanics.rods.particles import Vector, dot
+from symgen.mechanics.rods.particles import Vector
 from symgen.models.momentum.completeness import check_complete
 from symgen.models.momentum.outboard import Outboard
 from symgen.models.rods.linkage import REFERENCE, RodsModel
@@ -24,6 +24,7 @@ from symgen.scene.rods.linkage import TIME, Linkage
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import Group, NamedMatrix, System
+from symgen.symbolic.vectors import dot
 
 Coefficients = dict[sp.Symbol, sp.Expr]
 

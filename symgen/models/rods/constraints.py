@@ -9,13 +9,14 @@ from functools import cached_property
 import sympy as sp
 
 from symgen.mechanics.rods.loads import vector_between
-from symgen.mechanics.rods.particles import Vector, cross, dot, length_constraint
-from symgen.models.rods.loads import Loads, product
+from symgen.mechanics.rods.particles import Vector, length_constraint
+from symgen.models.rods.loads import Loads
 from symgen.models.rods.points import Points, bar_name
 from symgen.scene.rods.linkage import Linkage, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO, chained
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.switch import Sign
+from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +109,7 @@ def guide_rows(model: Points) -> Iterator[GuideRow]:
             there = tuple(b - a for a, b in zip(start, model.position(point), strict=True))
             label = f"the guide of {point} along {link.name}"
             if len(d) == 2:
-                row = Constraint(f"{guide.name}_{point}", label, cross(d, there), link.length, "m^2")
+                row = Constraint(f"{guide.name}_{point}", label, cross_in_plane(d, there), link.length, "m^2")
                 yield GuideRow(row, link.name, point, (there[1], -there[0]), (-d[1], d[0]))
                 continue
             if not _keeps_direction(model, link.start, link.end):
@@ -156,8 +157,8 @@ def _across_a_turning_rod(
     # For a side of zero c is not along d either: its components x and z differ then.
     c = ((1 - side) / 2, ZERO, 1 + side)
     z = calculus.define(f"{name}_place", dot(d, r) / squared, "1", f"place of {point} along {link.name}")
-    first = named("across", product(d, c), "m", f"a vector across {link.name}")
-    upright = tuple(x / link.length for x in product(first, d))
+    first = named("across", cross(d, c), "m", f"a vector across {link.name}")
+    upright = tuple(x / link.length for x in cross(first, d))
     second = named("upright", upright, "m", f"a vector across {link.name} and the other one")
     rates_of_d, rates_of_r = (tuple(calculus.rate(x) for x in v) for v in (d, r))
     sliding = tuple(a - z * b for a, b in zip(rates_of_r, rates_of_d, strict=True))

@@ -12,11 +12,12 @@ from collections.abc import Iterator
 import sympy as sp
 
 from symgen.errors import SceneError
-from symgen.mechanics.rods.particles import Vector, dot, end_mass
+from symgen.mechanics.rods.particles import Vector, end_mass
 from symgen.models.rods.constraints import ConstrainedPoints
 from symgen.models.rods.points import Part, Place, bar_name
 from symgen.scene.rods.linkage import RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.vectors import dot
 
 #: Forces on some points of a link, to be added up.
 Forces = Iterator[tuple[str, Vector]]

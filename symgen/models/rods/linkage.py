@@ -12,13 +12,13 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.loads.measure import Gradient
-from symgen.mechanics.rods.particles import Vector, cross, dot, end_mass
+from symgen.mechanics.rods.particles import Vector, end_mass
 from symgen.models.rods.constraints import ConstrainedPoints
 from symgen.models.rods.joint_forces import JointForces
-from symgen.models.rods.loads import product
 from symgen.scene.rods.linkage import TIME, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO, chained
 from symgen.symbolic.constants import vanishes
+from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
 
@@ -97,7 +97,7 @@ class RodsModel(ConstrainedPoints):
         """Kinetic energy [J]."""
         terms = []
         for (a, b, kind), mass in self.inertias.items():
-            product = (dot if kind == "dot" else cross)(self.velocity(a), self.velocity(b))
+            product = (dot if kind == "dot" else cross_in_plane)(self.velocity(a), self.velocity(b))
             terms.append(mass * product / (2 if a == b else 1))
         return sp.Add(*terms)
 
@@ -120,9 +120,9 @@ class RodsModel(ConstrainedPoints):
         rate = self.calculus.rate
         if body is None:
             d, squared = self.along[link], self.linkage.link(link).length ** 2
-            return tuple(c / squared for c in product(d, tuple(rate(c) for c in d)))
+            return tuple(c / squared for c in cross(d, tuple(rate(c) for c in d)))
         pairs = zip(self.loads.reciprocal(body), self.loads.edges(body), strict=True)
-        turns = [product(partner, tuple(rate(c) for c in edge)) for partner, edge in pairs]
+        turns = [cross(partner, tuple(rate(c) for c in edge)) for partner, edge in pairs]
         return tuple(sp.Add(*c) / 2 for c in zip(*turns, strict=True))
 
     @cached_property

@@ -11,10 +11,11 @@ from symgen.loads.load import Load
 from symgen.loads.measure import Action, Couple, Gradient, PointForce, Term, Work
 from symgen.loads.of_points import Length
 from symgen.mechanics.rods import loads
-from symgen.mechanics.rods.particles import Vector, cross, dot
+from symgen.mechanics.rods.particles import Vector
 from symgen.models.rods.points import Points
 from symgen.scene.rods.linkage import SpatialBody, state_of
 from symgen.symbolic.calculus import ONE, ZERO
+from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 
 class Loads:
@@ -101,7 +102,7 @@ class Loads:
         near = next((r for *angle, r in windings if angle == [link, against, free]), ZERO)
         d = self.model.along[link]
         other = self.model.along[against] if against else (ONE, ZERO)
-        sine, cosine = cross(other, d), dot(other, d)
+        sine, cosine = cross_in_plane(other, d), dot(other, d)
         c, s = sp.cos(free + near), sp.sin(free + near)
         return near + sp.atan2(sine * c - cosine * s, cosine * c + sine * s)
 
@@ -170,9 +171,9 @@ class Loads:
         body = self.linkage.body(link)
         if body is None:
             d, squared = self.model.along[link], self.linkage.link(link).length ** 2
-            return [(d, tuple(c / squared for c in product(torque, d)))]
+            return [(d, tuple(c / squared for c in cross(torque, d)))]
         return [
-            (edge, tuple(c / 2 for c in product(torque, partner)))
+            (edge, tuple(c / 2 for c in cross(torque, partner)))
             for edge, partner in zip(self.edges(body), self.reciprocal(body), strict=True)
         ]
 
@@ -203,8 +204,3 @@ class Loads:
         if measure:
             return measure.state(self, word)
         return self.angle(owner, "") if word == "angle" else self.turning(owner, "")[1]
-
-
-def product(a: Vector, b: Vector) -> Vector:
-    """Return the cross product of two vectors in space."""
-    return tuple(a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3))

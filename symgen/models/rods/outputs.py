@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
-from symgen.mechanics.rods.particles import cross, dot
-from symgen.models.rods.loads import product
 from symgen.models.rods.matrix import named
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import NamedMatrix
+from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 if TYPE_CHECKING:
     from symgen.models.rods.linkage import RodsModel
@@ -51,8 +50,8 @@ def _angular_momentum(model: RodsModel) -> Entries:
     about = "angular momentum about the origin"
     pairs = [(model.shown_position(point), model.shown(p)) for point, p in model.momenta]
     if len(model.shown_axes) == 2:
-        return [sp.Add(*(cross(r, p) for r, p in pairs))], "kg*m^2/s", about
-    moments = [product(r, p) for r, p in pairs]
+        return [sp.Add(*(cross_in_plane(r, p) for r, p in pairs))], "kg*m^2/s", about
+    moments = [cross(r, p) for r, p in pairs]
     return [sp.Add(*c) for c in zip(*moments, strict=True)], "kg*m^2/s", about
 
 
@@ -100,7 +99,7 @@ def _across_and_along(model: RodsModel, first: str, vertex: str, second: str) ->
         tuple(x - y for x, y in zip(model.shown_position(p), model.shown_position(vertex), strict=True))
         for p in (first, second)
     )
-    area = abs(cross(a, b)) if len(a) == 2 else sp.sqrt(sp.Add(*(x**2 for x in product(a, b))))
+    area = abs(cross_in_plane(a, b)) if len(a) == 2 else sp.sqrt(sp.Add(*(x**2 for x in cross(a, b))))
     return area, dot(a, b)
 
 

@@ -10,11 +10,12 @@ import sympy as sp
 from symgen.loads.measure import Gradient
 from symgen.mechanics.rods import loads
 from symgen.mechanics.rods.hinge import HingeFrame, hinge_frame
-from symgen.mechanics.rods.particles import Vector, cross, end_mass, joint_mass
+from symgen.mechanics.rods.particles import Vector, end_mass, joint_mass
 from symgen.mechanics.rods.topology import Tree, spanning_tree
 from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO, Calculus
 from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.vectors import cross_in_plane
 
 Part = RigidLink | SpatialBody
 Place = CarriedPoint | WeightedPoint
@@ -180,7 +181,7 @@ class Points:
         gx, gy = (self.calculus.gradient(c) for c in d)
         gradient = {q: (d[0] * gy.get(q, ZERO) - d[1] * gx.get(q, ZERO)) / squared for q in {**gx, **gy}}
         rates = tuple(self.calculus.rate(c) for c in d)
-        return gradient, cross(d, rates) / squared
+        return gradient, cross_in_plane(d, rates) / squared
 
     def turning_acceleration(self, link: str) -> sp.Expr:
         """Return the second time derivative of the direction angle of a link in the plane [rad/s^2]."""

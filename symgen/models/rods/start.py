@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from symgen.models.rods.loads import product
 from symgen.models.rods.matrix import named, sparse
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import Export, NamedMatrix
+from symgen.symbolic.vectors import cross
 
 if TYPE_CHECKING:
     from symgen.models.rods.linkage import RodsModel
@@ -152,7 +152,7 @@ def _velocity(model: RodsModel) -> list[NamedMatrix]:
         body = model.linkage.body(name)
         for edge in model.loads.edges(body) if body else [model.along[name]]:
             rows.extend(f"{name} rate {axis}" for axis in model.axes)
-            targets.extend(product(rate, edge))
+            targets.extend(cross(rate, edge))
             gradients.extend(model.calculus.gradient(c) for c in edge)
     for name, velocity in model.linkage.start.velocities:
         rows.extend(f"{name} velocity {axis}" for axis in model.axes)

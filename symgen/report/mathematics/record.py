@@ -3,38 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol
 
 from symgen.report.mathematics.equations import displayed, terms_in_latex, used_terms
 from symgen.symbolic.notation import pretty, readable
-from symgen.symbolic.system import NamedMatrix, System
+from symgen.symbolic.system import NamedMatrix, Step
 
 #: Number of characters above which a matrix is replaced by its sparsity pattern.
 _LETTERS = 2500
-
-
-class Step(Protocol):
-    """Interface of a derivation step: see :class:`symgen.models.record.Step`."""
-
-    @property
-    def title(self) -> str:
-        """Short title of the step."""
-
-    @property
-    def about(self) -> str:
-        """Description in one or two sentences."""
-
-    @property
-    def source(self) -> str:
-        """Reference in the literature."""
-
-    @property
-    def system(self) -> System:
-        """The system of the matrices."""
-
-    @property
-    def matrices(self) -> tuple[NamedMatrix, ...]:
-        """Matrices derived in the step."""
 
 
 def record_in_text(steps: Sequence[Step]) -> str:

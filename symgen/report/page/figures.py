@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from symgen.report.page.drawing import not_drawn
+from symgen.report.page.plots import draw_errors
 from symgen.runtime.result.records import Variable, columns
 from symgen.runtime.result.result import Result
 
@@ -86,13 +85,7 @@ def error_figure(curves: Sequence[tuple[str, Sequence[tuple[float, float]]]], me
     with _styled() as styled:
         figure = styled(figsize=(_WIDTH, 3.1), layout="constrained")
         axes: Axes = figure.subplots()
-        for marker, (name, points) in zip("osD^vP*X", curves, strict=False):
-            ordered = sorted((e, t) for e, t in points if e > 0 and np.isfinite(e))
-            axes.plot(
-                [e for e, _ in ordered], [1e3 * t for _, t in ordered], marker=marker, ms=3.5, label=name
-            )
-        axes.set(xscale="log", yscale="log", xlabel=measured, ylabel="time of the whole run [ms]")
-        axes.invert_xaxis()
+        draw_errors(axes, curves, measured)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
         uri = _uri(figure)
     return FigureView(uri, "Wall time of a run against its error, one curve per method", "")

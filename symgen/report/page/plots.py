@@ -17,10 +17,13 @@ from symgen.runtime.result.result import Result
 DRAWN_AS = (".png", ".svg", ".pdf")
 #: Without selected outputs: most curves of a panel, and the least range of a curve over the largest value.
 _CURVES, _VARIES = 8, 1e-9
+#: Errors from here on are those of another motion.
+_LARGEST = 10.0
 #: SI units of the first panels of an inverse dynamics: those of efforts.
 _EFFORTS = ("N*m", "N")
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -231,3 +234,16 @@ def _size(variable: Variable) -> float:
 def _range(variable: Variable) -> float:
     values = variable.values[np.isfinite(variable.values)]
     return float(np.ptp(values)) if values.size else 0.0
+
+
+def draw_errors(
+    axes: Axes, curves: Iterable[tuple[str, Iterable[tuple[float, float]]]], measured: str
+) -> None:
+    """Plot wall time over error, one curve of (error, time [s]) per program; errors decrease to the right."""
+    for marker, (name, points) in zip(cycle("osD^vP*Xd<>p"), curves, strict=False):
+        shown = sorted((error, 1e3 * time) for error, time in points if 0.0 < error < _LARGEST)
+        if shown:
+            axes.loglog(*zip(*shown, strict=True), marker=marker, markersize=3.5, label=name)
+    axes.set(xlabel=measured, ylabel="time of the whole call [ms]")
+    axes.invert_xaxis()
+    axes.grid(alpha=0.3, which="both")

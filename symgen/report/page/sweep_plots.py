@@ -116,8 +116,8 @@ def _ended_early(runs: xarray.Dataset) -> NDArray[np.bool_]:
     return (sizes > 0) & (sizes < sizes.max())
 
 
-def plot_front(front: xarray.Dataset, file: str | os.PathLike[str] | None = None) -> Figure:
-    """Plot the second objective over the first; the extension of the file selects the format."""
+def plot_front(front: xarray.Dataset) -> Figure:
+    """Plot the second objective over the first."""
     from matplotlib.figure import Figure
 
     first, second = (str(name) for name in [*front.data_vars][:2])
@@ -126,8 +126,6 @@ def plot_front(front: xarray.Dataset, file: str | os.PathLike[str] | None = None
     panel.plot(values_of(front, first), values_of(front, second), marker="o")
     panel.set(xlabel=label_of(front, first), ylabel=label_of(front, second))
     panel.grid(alpha=0.3)
-    if file is not None:
-        save(figure, file)
     return figure
 
 

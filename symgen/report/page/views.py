@@ -24,16 +24,12 @@ DIGITS = 6
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """Nonzero entries (row, column) of a matrix; ``fill`` are those added by elimination.
-
-    ``split`` is the first row and column of the second block, or 0.
-    """
+    """Nonzero entries (row, column) of a matrix; ``fill`` are those added by elimination."""
 
     rows: int
     columns: int
     cells: tuple[tuple[int, int], ...]
     fill: tuple[tuple[int, int], ...] = ()
-    split: int = 0
 
 
 @dataclass(frozen=True, slots=True)

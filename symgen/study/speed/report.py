@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -14,11 +12,6 @@ from symgen.report.page import plots
 from symgen.report.tables import print_notes, table
 from symgen.study.speed.orders import Order
 from symgen.study.speed.work_precision import Point, WorkPrecision
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-_MARKERS = "osD^vP*Xd<>p"
 
 
 def print_work_precision(measurement: WorkPrecision, console: Console) -> None:
@@ -68,34 +61,16 @@ def draw(measurement: WorkPrecision, file: str | os.PathLike[str]) -> None:
 
     figure = Figure(figsize=(7.5, 5.2), layout="constrained")
     axes = figure.subplots()
-    curves: dict[str, list[Point]] = {}
+    curves: dict[str, list[tuple[float, float]]] = {}
     for p in measurement.points:
-        curves.setdefault(_name(p), []).append(p)
-    for k, (name, points) in enumerate(curves.items()):
-        curve(axes, name, [(p.along, p.best) for p in points], k)
+        curves.setdefault(_name(p), []).append((p.along, p.best))
+    plots.draw_errors(axes, curves.items(), f"{measurement.measured} [{measurement.unit}]")
     if measurement.uncertainty > 0:
-        axes.axvspan(
-            axes.get_xlim()[0], measurement.uncertainty, color="0.9", label="reference not told from it"
-        )
-    finish(axes, measurement.measured, measurement.unit)
+        end = axes.get_xlim()[1]
+        axes.axvspan(end, measurement.uncertainty, color="0.9", label="reference not told from it")
+    axes.legend(fontsize="small", frameon=False)
     figure.suptitle(f"{measurement.title}, to t = {measurement.t_end:g} s", fontsize="medium")
     save(figure, file)
-
-
-def curve(axes: Axes, name: str, points: Sequence[tuple[float, float]], k: int) -> None:
-    """Plot the errors and times [s] of one program."""
-    shown = [(error, 1e3 * time) for error, time in points if 0.0 < error < 10.0]
-    if shown:
-        axes.loglog(*zip(*shown, strict=True), marker=_MARKERS[k % len(_MARKERS)], markersize=4, label=name)
-
-
-def finish(axes: Axes, measured: str, unit: str) -> None:
-    """Label the axes; errors decrease to the right."""
-    axes.set_xlabel(f"{measured} [{unit}]")
-    axes.set_ylabel("time of the whole call [ms]")
-    axes.invert_xaxis()
-    axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize="small", frameon=False)
 
 
 def save(figure: object, file: str | os.PathLike[str]) -> None:
