@@ -11,7 +11,7 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
-from symgen.runtime.kernels.description import BlockInfo, Description, KernelInfo
+from symgen.runtime.kernels.description import BlockInfo, Described, Description, KernelInfo
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.tangent import places
 from symgen.runtime.kernels.typed import Typed
@@ -22,23 +22,20 @@ _Call = tuple[int, "_core.Sizes", tuple[tuple[str, slice, tuple[int, ...]], ...]
 UNIT = 1e-80
 
 
-class Evaluator:
-    """Calls the kernels of one model at one set of parameters."""
+class Kernels:
+    """Kernels of one model at one set of parameters."""
 
-    def __init__(self, description: Description, library: Library, parameters: Array) -> None:
+    def __init__(self, description: Described, library: Library, given: Sequence[float] | Array) -> None:
         self.description, self.library = description, library
-        self.given = np.array(parameters, dtype=float)
+        self.given = np.array(given, dtype=float)
         self.work_size = description.work_size
         self._infos = {k.name: k for k in description.kernels}
         self._calls: dict[str, _Call] = {}
-        outputs = self._infos.get("outputs")
-        #: Whether the places of the points are all that the scene's outputs depend on.
-        self.outputs_by_places = outputs is not None and not (outputs.reads_rates or outputs.work_size)
 
     @cached_property
     def parameters(self) -> Array:
         """The parameters as the kernels take them: see :func:`as_taken`."""
-        return as_taken(self.library, self.given, self.description.rank_tolerance)
+        return as_taken(self.library, self.given, getattr(self.description, "rank_tolerance", 0.0))
 
     def has(self, kernel: str) -> bool:
         """Return True if the model has this kernel."""
@@ -55,10 +52,6 @@ class Evaluator:
             raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
         return info
 
-    def call(self, kernel: str) -> tuple[int, _core.Sizes]:
-        """Return address and sizes of a kernel; raise ModelError if the model has no such kernel."""
-        return self._call(kernel)[:2]
-
     def _call(self, kernel: str) -> _Call:
         found = self._calls.get(kernel)
         if found is None:
@@ -69,6 +62,33 @@ class Evaluator:
             blocks = tuple((b.name, slice(b.offset, b.offset + prod(of)), of) for b, of in shapes)
             found = self._calls[kernel] = self.library.addresses[kernel], sizes, blocks
         return found
+
+    def rows(self, kernel: str, times: Array, rows: Array, work: Array) -> Array:
+        """Return the ``out`` arrays of a kernel at many states, a row each, with one number more.
+
+        ``rows`` hold (q, u, ...), and ``work`` rows of work memory, which the kernel may change.
+        """
+        address, sizes, _ = self._call(kernel)
+        out = np.zeros((len(times), sizes[-1] + 1))
+        n = self.description.coordinates
+        _core.call_many(address, sizes, times, rows, n, self.parameters, work, out)
+        return out
+
+
+class Evaluator(Kernels):
+    """Calls the kernels of a linkage."""
+
+    description: Description
+
+    @cached_property
+    def outputs_by_places(self) -> bool:
+        """Whether the places of the points are all that the scene's outputs depend on."""
+        outputs = self.find("outputs")
+        return outputs is not None and not (outputs.reads_rates or outputs.work_size)
+
+    def call(self, kernel: str) -> tuple[int, _core.Sizes]:
+        """Return address and sizes of a kernel; raise ModelError if the model has no such kernel."""
+        return self._call(kernel)[:2]
 
     def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
         """Return the ``out`` array of a kernel."""
@@ -95,11 +115,7 @@ class Evaluator:
 
     def along(self, kernel: str, times: Array, rows: Array, work: Array) -> Array:
         """Return the same for rows (q, u, ...) and of work memory, which the kernel may change."""
-        address, sizes, _ = self._call(kernel)
-        out = np.zeros((len(times), sizes[-1] + 1))
-        n = self.description.coordinates
-        _core.call_many(address, sizes, times, rows, n, self.parameters, work, out)
-        return out[:, :-1]
+        return self.rows(kernel, times, rows, work)[:, :-1]
 
     def many_blocks(
         self, kernel: str, times: Array, q: Array, u: Array, work: Array | None = None

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, RangeError
+from symgen.errors import RangeError
 from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array
-from symgen.runtime.kernels.description import BlockInfo, KernelInfo, LoopDescription, VariableInfo
-from symgen.runtime.kernels.evaluate import as_taken, part
+from symgen.runtime.kernels.description import BlockInfo, LoopDescription, VariableInfo
+from symgen.runtime.kernels.evaluate import Kernels
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.loop.times import first_times
@@ -26,8 +26,10 @@ CLOSE = 4 * float(np.finfo(float).eps)
 _LENGTHS = [False, True, False, False, True]
 
 
-class LoopKernels:
+class LoopKernels(Kernels):
     """Calls the kernels of one loop; ``typed`` are those in another type, for runs."""
+
+    description: LoopDescription
 
     def __init__(
         self,
@@ -36,67 +38,42 @@ class LoopKernels:
         parameters: Sequence[float],
         typed: Typed | None = None,
     ) -> None:
-        self.description, self.library = description, library
+        super().__init__(description, library, parameters)
         self.typed = None if typed is None or typed.is_plain else typed
-        self.given = np.array(parameters, dtype=float)
-        self.parameters = as_taken(library, self.given)
         self.work_size = max(description.work_size, description.coordinates + 6)
         self.inputs = description.having("input")
         names = [description.variables[i].name for i in self.inputs]
         self.number_of_lead = names.index(description.lead) if description.lead else 0
-        self._infos, self._sizes = {k.name: k for k in description.kernels}, description.sizes
 
     def at(self, parameters: Array) -> LoopKernels:
         """Return the same kernels with other parameters."""
         other = copy(self)
-        for name in ("_slopes", "balls", "pitches", "periodic"):
+        for name in ("parameters", "_slopes", "balls", "pitches", "periodic"):
             other.__dict__.pop(name, None)
-        other.given, other.parameters = parameters, as_taken(self.library, parameters)
+        other.given = parameters
         return other
-
-    def _info(self, kernel: str) -> KernelInfo:
-        info = self._infos.get(kernel)
-        if info is None:
-            raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
-        return info
 
     def __call__(
         self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None
     ) -> dict[str, Array]:
         """Return the results of a kernel by name, shaped."""
-        info = self._info(kernel)
-        out, memory = np.zeros(info.out_size + 1), np.zeros(self.work_size + 1)
+        address, sizes, blocks = self._call(kernel)
+        memory = np.zeros(self.work_size + 1)
         if work is not None:
             memory[: len(work)] = work
-        address = self.library.addresses[kernel]
-        arguments = np.array([float(t)]), np.append(q, 0.0), np.append(u, 0.0), self.parameters
-        _core.call(address, (*self._sizes, info.work_size, info.out_size), *arguments, memory, out)
-        return {b.name: part(out, b) for b in info.blocks}
+        q, u = np.ascontiguousarray(q, dtype=float), np.ascontiguousarray(u, dtype=float)
+        out = _core.evaluate(address, sizes, float(t), q, u, self.parameters, memory)
+        return {name: out[where].reshape(shape) for name, where, shape in blocks}
 
     def many(self, kernel: str, times: Array, rows: Array, work: Array) -> dict[str, Array]:
         """Return the results of a kernel at many states by name, shape (states, entries); as :meth:`rows`."""
         out = self.rows(kernel, times, rows, work)
-        blocks = self._info(kernel).blocks
+        blocks = self.info(kernel).blocks
         return {b.name: out[:, b.offset : b.offset + b.shape[0] * b.shape[1]] for b in blocks}
-
-    def rows(self, kernel: str, times: Array, rows: Array, work: Array) -> Array:
-        """Return the output of a kernel at many states, shape (states, numbers).
-
-        ``rows`` hold variables and rates, and one number more; ``work`` has ``work_size`` + 1 columns.
-        """
-        info = self._info(kernel)
-        out, address = np.zeros((len(times), info.out_size + 1)), self.library.addresses[kernel]
-        n, sizes = self.description.coordinates, (*self._sizes, info.work_size, info.out_size)
-        _core.call_many(address, sizes, times, rows, n, self.parameters, work, out)
-        return out
-
-    def has(self, kernel: str) -> bool:
-        """Return True if the loop has this kernel."""
-        return kernel in self.library.addresses
 
     def blocks(self, kernel: str) -> tuple[BlockInfo, ...]:
         """Return the results of a kernel: names, units, rows; empty if there is no such kernel."""
-        info = self._infos.get(kernel)
+        info = self.find(kernel)
         return info.blocks if info else ()
 
     def equations(self, solved: Sequence[int], rank: int, work_of_loads: bool = True) -> _loop.LoopEquations:
@@ -143,7 +120,7 @@ class LoopKernels:
 
     def empty(self, count: int) -> tuple[Array, Array, Array]:
         """Return arrays for states, outputs and diagnosis of a number of samples of a followed loop."""
-        n, info = self.description.coordinates, self._infos.get("outputs")
+        n, info = self.description.coordinates, self.find("outputs")
         size = info.out_size if info else 0
         return np.zeros((count, 3 * n + 7)), np.zeros((count, size + 1)), np.zeros((count, 5))
 
