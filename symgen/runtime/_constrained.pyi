@@ -61,38 +61,10 @@ class Constrained:
     def __init__(
         self, unknowns: int, multipliers: int, known: int, pattern: Pattern, parts: Sequence[Part]
     ) -> None: ...
-    def forces(
-        self,
-        t: Array,
-        q: Array,
-        v: Array,
-        a: Array,
-        multipliers: Array,
-        known: Array,
-        known_rates: Array,
-    ) -> Array: ...
+    def forces(self, *state: Array) -> Array: ...
     def rows(self, t: Array, q: Array, v: Array, known: Array, known_rates: Array) -> tuple[Array, Array]: ...
-    def slopes(
-        self,
-        t: Array,
-        q: Array,
-        v: Array,
-        a: Array,
-        multipliers: Array,
-        known: Array,
-        known_rates: Array,
-    ) -> tuple[Array, Array, Array, Array]: ...
-    def accelerated(
-        self,
-        t: Array,
-        q: Array,
-        v: Array,
-        a: Array,
-        multipliers: Array,
-        known: Array,
-        known_rates: Array,
-        right: Array,
-    ) -> Array: ...
+    def slopes(self, *state: Array) -> tuple[Array, Array, Array, Array]: ...
+    def accelerated(self, right: Array, *state: Array) -> Array: ...
 
 class Steps:
     steps: int

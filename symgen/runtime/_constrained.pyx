@@ -491,7 +491,7 @@ cdef class Constrained:
         self.values = np.zeros((4, self.size))
         self.to.size, self.to.of = self.size, &self.values[0, 0]
 
-    cdef list _take(self, t, q, v, a, multipliers, known, known_rates):
+    def _take(self, t, q, v, a, multipliers, known, known_rates):
         """Point to states at ``count`` times; return arrays that must stay alive."""
         cdef Py_ssize_t count = len(t), n = self.at.unknowns, m = self.at.multipliers, k = self.at.known
         rows = [np.ascontiguousarray(t, dtype=float)]
@@ -518,10 +518,10 @@ cdef class Constrained:
         raise_failure()
         return 0
 
-    def forces(self, t, q, v, a, multipliers, known, known_rates):
-        """Return M a + ... + J^T lambda, (times, unknowns), of states at these times."""
-        kept = self._take(t, q, v, a, multipliers, known, known_rates)
-        cdef double[:, ::1] found = np.zeros((len(t), self.at.unknowns))
+    def forces(self, *state):
+        """Return M a + ... + J^T lambda, (times, unknowns), of states: t, q, v, a, multipliers, known, known_rates."""
+        kept = self._take(*state)
+        cdef double[:, ::1] found = np.zeros((self.at.count, self.at.unknowns))
         self.evaluate(&found[0, 0], NULL, NULL)
         return found.base
 
@@ -532,16 +532,16 @@ cdef class Constrained:
         self.evaluate(NULL, &found[0, 0, 0], &found[1, 0, 0])
         return found.base[:, :, :self.at.multipliers]
 
-    def slopes(self, t, q, v, a, multipliers, known, known_rates):
+    def slopes(self, *state):
         """Return slopes by second rates, rates and places, and slopes of constraints, (4, slots), at one state."""
-        kept = self._take(t, q, v, a, multipliers, known, known_rates)
+        kept = self._take(*state)
         self.refresh()
         return self.values.base.copy()
 
-    def accelerated(self, t, q, v, a, multipliers, known, known_rates, right):
+    def accelerated(self, right, *state):
         """Return second rates and multipliers for a right-hand side of M a + J^T lambda, J a, at one state."""
         cdef double[::1] x = np.zeros(len(right)), factors = np.empty(self.size)
-        kept = self._take(t, q, v, a, multipliers, known, known_rates)
+        kept = self._take(*state)
         self.refresh()
         if not self.factor(0.0, factors, None):
             return np.full(len(right), np.nan)

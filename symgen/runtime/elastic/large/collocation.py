@@ -244,7 +244,7 @@ def settled(system: System, at: Moment, span: float, first: bool = False) -> Mom
     offsets = PART * span * (np.arange(5.0) - (0 if first else 2))
     near = system.rates(at.t + offsets, q + np.outer(offsets, v), np.broadcast_to(v, (5, n)))
     changes = weights @ near / (12 * PART * span)
-    solution = system.core.accelerated(*state, -np.append(system.core.forces(*state)[0], changes))
+    solution = system.core.accelerated(-np.append(system.core.forces(*state)[0], changes), *state)
     return Moment(at.t, q, v, solution[:n], solution[n:], at.work)
 
 
