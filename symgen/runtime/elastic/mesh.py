@@ -130,18 +130,15 @@ class MeshedMotion(ElasticMotion):
             return None
         return self._with(tuple(replace(beam.info, reduction="", modes=0) for beam in self.beams))
 
-    def refined(self) -> MeshedMotion:
-        """Return the same structure with halved elements, computed once for all poses."""
-        return self._refined
-
     @cached_property
-    def _refined(self) -> MeshedMotion:
+    def refined(self) -> MeshedMotion:
+        """The same structure with halved elements, computed once for all poses."""
         return self._with(tuple(halved(beam.info) for beam in self.beams))
 
     def __copy__(self) -> MeshedMotion:
         """Return a copy, which may be changed: without the motion of halved elements."""
         copied = object.__new__(type(self))
-        vars(copied).update((name, value) for name, value in vars(self).items() if name != "_refined")
+        vars(copied).update((name, value) for name, value in vars(self).items() if name != "refined")
         return copied
 
     def _with(self, beams: tuple[BeamInfo, ...]) -> MeshedMotion:

@@ -41,7 +41,7 @@ def modes_with_errors(motion: ElasticMotion, t: float, moving: bool) -> ElasticM
     count = len(modes.frequencies)
 
     def of_elements() -> Array:
-        finer = (whole or motion).refined()
+        finer = (whole or motion).refined
         try:
             fine = solve(finer, finer.equations(), t).frequencies
         except (SimulationError, ModelError):  # unstable with finer elements alone

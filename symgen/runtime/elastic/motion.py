@@ -169,9 +169,10 @@ class ElasticMotion(ABC):
     def unreduced(self) -> ElasticMotion | None:
         """Return the same motion without reduction; None if no link is reduced."""
 
+    @property
     @abstractmethod
     def refined(self) -> ElasticMotion:
-        """Return the same with every element of every link divided in two."""
+        """The same with every element of every link divided in two."""
 
     def lumps(self, link: str) -> tuple[Lump, ...]:
         """Return the masses along a link."""

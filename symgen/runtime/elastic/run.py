@@ -142,7 +142,7 @@ def _mesh_error(
     try:
         with limited(max_wall):
             coarse = repeated(motion, equations) if states.counts is None else states.displacements
-            finer = motion.refined()
+            finer = motion.refined
             fine = repeated(finer, _equations(finer, task))
     except (OutOfTime, SimulationError, ModelError) as problem:
         return unknown(problem)

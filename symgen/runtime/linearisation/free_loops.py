@@ -229,13 +229,12 @@ def check_closed(loop: LoopKernels, state: State) -> None:
         )
     blocks = loop("position", state.t, state.q, state.u)
     lengths = np.array([1.0, 1.0, 1.0, d.size, d.size, d.size])
-    columns = np.array([d.size if v.is_length else 1.0 for v in d.variables])
     prescribed = loop.prescribed(state.t)
-    off = (state.q[loop.inputs] - prescribed[:, 0]) / columns[loop.inputs]
+    off = (state.q[loop.inputs] - prescribed[:, 0]) / loop.scale[loop.inputs]
     defect = max(float(np.max(np.abs(blocks["closure_defect"] / lengths[[0, 0, 0, 3]]))), *np.abs(off), 0.0)
     opening = blocks["closure_jacobian"] @ state.u / lengths
-    off = (state.u[loop.inputs] - prescribed[:, 1]) / columns[loop.inputs]
-    speed = max(float(np.max(np.abs(state.u / columns))), 1e-300)
+    off = (state.u[loop.inputs] - prescribed[:, 1]) / loop.scale[loop.inputs]
+    speed = max(float(np.max(np.abs(state.u / loop.scale))), 1e-300)
     rate = max(float(np.max(np.abs(opening))), *np.abs(off), 0.0)
     closed = defect <= max(_CLOSED, 2.0 * loop.tolerance)
     if closed and rate > _CLOSED * speed:

@@ -86,9 +86,8 @@ class LoopPose:
         self.effort = d.size
         lengths = np.array([1.0, 1.0, 1.0, d.size, d.size, d.size])
         screws = loop("motion", t, self.q, self.u)["screws"] / lengths[:, None]
-        columns = np.array([d.size if v.is_length else 1.0 for v in d.variables])
-        self.lengths, self.columns = lengths, columns
-        self.screws = (screws * columns)[:, self.dependent]
+        self.lengths, self.columns = lengths, loop.scale
+        self.screws = (screws * self.columns)[:, self.dependent]
         values = np.linalg.svd(self.screws, compute_uv=False)
         if np.count_nonzero(values > RANK * values.max(initial=0.0)) < len(self.dependent):
             check_poles(loop, t, q)

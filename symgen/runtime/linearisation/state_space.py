@@ -251,7 +251,7 @@ def state_space(
             f"the constraints of {d.name} are redundant, so that they contradict each other where Cartesian "
             "coordinates deviate one by one\n  Give independent coordinates."
         )
-    dq, du = tangents.independent(coordinates) if independent else _cartesian(n)
+    dq, du = tangents.independent(coordinates) if independent else (np.eye(n, 2 * n), np.eye(n, 2 * n, n))
     moved = slopes.residual[:, tangents.by_q] @ dq + slopes.residual[:, tangents.by_u] @ du
     chosen = tangents.columns([*inputs])
     dw, driven = tangents.solved(moved), tangents.solved(slopes.residual[:, chosen])
@@ -309,10 +309,6 @@ def derivatives(d: Description, coordinates: Sequence[str]) -> list[str]:
                 f"{', '.join(d.points)}{links}."
             )
     return [f"{name}{mark}" for name in coordinates for mark in ("", "'", "''")]
-
-
-def _cartesian(n: int) -> tuple[Array, Array]:
-    return np.hstack([np.eye(n), np.zeros((n, n))]), np.hstack([np.zeros((n, n)), np.eye(n)])
 
 
 def check_unique(tangents: Tangents, outputs: Sequence[str]) -> None:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,21 +91,9 @@ class LoopKernels(Kernels):
     def _made_of(
         self, library: Library, core: _core.Core, solved: Sequence[int], rank: int, work_of_loads: bool = True
     ) -> _loop.LoopEquations:
-        arguments = self._arguments(solved, rank)
+        d, outputs = self.description, self.find("outputs")
         return _loop.LoopEquations(
             library,
-            *arguments,
-            core=core,
-            tolerance=self.tolerance,
-            balls=self.balls,
-            switches=len(self.description.switches),
-            work_of_loads=work_of_loads,
-        )
-
-    def _arguments(self, solved: Sequence[int], rank: int) -> tuple[Any, ...]:
-        d = self.description
-        outputs = d.kernel("outputs")
-        return (
             self.given,
             self.work_size,
             outputs.out_size if outputs else 0,
@@ -116,6 +103,11 @@ class LoopKernels(Kernels):
             [i for i, v in enumerate(d.variables) if v.unknown],
             d.size,
             rank,
+            core=core,
+            tolerance=self.tolerance,
+            balls=self.balls,
+            switches=len(d.switches),
+            work_of_loads=work_of_loads,
         )
 
     def empty(self, count: int) -> tuple[Array, Array, Array]:

@@ -91,8 +91,10 @@ class Keep:
             return Kept(single=(*made, *single), axes=axes, runs=runs)
         names, weights = reductions(self.reduce), mean_weights(along.values, times)
         made = tuple(reduction(v, name, weights) for name in names if name != HISTORY for v in samples)
+        # It is smaller for runs that end at a dead centre or an event.
         count = np.full(1 if runs is None else len(runs), float(along.values.shape[-1]))
-        single = (*made, *single, _recorded(count))
+        recorded = Variable(RECORDED, "1", "number of samples that the run recorded", (), count)
+        single = (*made, *single, recorded)
         if HISTORY in names:
             return Kept(along, times, samples, single, axes, runs=runs)
         return Kept(single=single, axes=axes, runs=runs)
@@ -109,11 +111,6 @@ def _drifts(drift: Mapping[str, Array]) -> tuple[Variable, ...]:
         for name, unit in (("constraint", "m"), ("energy", "J"))
         if name in drift
     )
-
-
-def _recorded(size: Array) -> Variable:
-    """Return the number of samples, which is smaller for runs that end at a dead centre or an event."""
-    return Variable(RECORDED, "1", "number of samples that the run recorded", (), size)
 
 
 def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tuple[Variable, ...]:

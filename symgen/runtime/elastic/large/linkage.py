@@ -304,18 +304,16 @@ class LargeLinkage(System):
 
 
 def _check(motion: ElasticMotion) -> None:
-    """Refuse components that elements in large rotation do not support."""
+    """Refuse forces that rotate with sections."""
     name, info = motion.rigid.name, motion.info
     following = [p for beam in info.beams for p in motion.profiles(beam.link) if p.follows]
-    refused = {
-        "forces that rotate with sections": bool(following),
-    }
-    of_sections = info.welds or info.body_welds or info.rotations or any(p.is_point for p in following)
-    hint = (
-        "Run it by linear theory: model.simulate(), symgen simulate."
-        if of_sections
-        else "Run it in rods with springs between them: segments in place of elements."
-    )
-    for feature, is_present in refused.items():
-        if is_present:
-            raise ModelError(f"{name}: elements in large rotation do not support {feature}\n  {hint}")
+    if following:
+        of_sections = info.welds or info.body_welds or info.rotations or any(p.is_point for p in following)
+        hint = (
+            "Run it by linear theory: model.simulate(), symgen simulate."
+            if of_sections
+            else "Run it in rods with springs between them: segments in place of elements."
+        )
+        raise ModelError(
+            f"{name}: elements in large rotation do not support forces that rotate with sections\n  {hint}"
+        )
