@@ -1,4 +1,4 @@
-"""One revolution of the elastic four-bar by symgen and by lambdified matrices with SciPy; cost by elements.
+"""One revolution of the elastic four-bar by symgen and by lambdified matrices with SciPy.
 
 The linkage is the shipped scene: prescribed crank motion, 10 unknowns, exact form, geometric stiffness, from
 rest. The error is the largest of any link's bending strain at mid-length over 91 times, relative to that
@@ -9,8 +9,6 @@ for the error estimate. symgen's time is that of a whole call of ``model.run``.
 The other route lambdifies the assembled matrices together with the closed-form rigid motion to one function
 of time, with functions of ``numpy`` and of ``math``; SciPy's DOP853 and ``numpy.linalg.solve`` do the rest.
 The faster variant is compared. Derivation and compilation are not timed.
-
-The cost of a step by the number of elements per link is that of the default method, Gauss collocation, alone.
 
 Exudyn, if installed, solves the same linkage, and the shipped slider-crank without damping, with its own
 cables in large rotation, two per link. This is a different motion, so that errors of both are measured
@@ -55,7 +53,6 @@ ERROR, FASTER, THAN_EXUDYN = 1e-4, 50.0, 10.0
 FEW = 5760
 #: Scenes of the linkages that Exudyn solves.
 SCENES = {"four-bar": "thesis_four_bar", "slider-crank": "elastic_slider_crank"}
-ELEMENTS, STEPS, EXPONENT = (10, 20, 50, 100, 200), 20, 1.3
 #: Unknowns of the lambdified route by their names in the reference.
 NAMES = (
     *("A.x", "A.y", "B.x", "B.y", "crank.k0", "crank.th1"),
@@ -88,19 +85,6 @@ def measured(slack: float) -> Measurement:
         timings |= measure(kind, QUICK_ROUNDS if quick else ROUNDS, 0)
     ours = min((r for r in routes if isinstance(r, Ours)), key=lambda r: timings[r.name].best)
     rows = [_row(r, timings[r.name], timings[ours.name].best) for r in routes]
-    costs = {n: cost_of_a_step(n) for n in ELEMENTS}
-    rows += [
-        {
-            "route": f"symgen, {n} elements per link",
-            "setting": "a step",
-            "steps": None,
-            "best [ms]": costs[n] * 1e3,
-            "median [ms]": None,
-            "over symgen": None,
-            "error": None,
-        }
-        for n in ELEMENTS
-    ]
     slow = min(timings[r.name].best for r in routes if isinstance(r, Theirs))
     required = [
         Required(
@@ -111,7 +95,6 @@ def measured(slack: float) -> Measurement:
             timed=True,
         ),
         Required("error over the peak", ours.error, ERROR, False),
-        Required("exponent of the cost by elements", exponent(costs), EXPONENT, False, timed=True),
     ]
     notes = [
         f"Times per revolution: best and median of {QUICK_ROUNDS} rounds of symgen, {ROUNDS} of the others."
@@ -272,38 +255,6 @@ class Theirs(Settled):
     def run(self) -> None:
         """Run once."""
         self.route.turn(self.given, self.truth.samples, self.truth.scale)
-
-
-def linkage(elements: int) -> Any:
-    """Return the model with ``elements`` elements per link."""
-    data = copy.deepcopy(dict(read_scene("thesis_four_bar").data))
-    for link in data["links"].values():
-        link["elastic"]["elements"] = elements
-    return symgen.build(symgen.Scene(**data))
-
-
-def cost_of_a_step(elements: int, steps: int = STEPS, rounds: int = 5) -> float:
-    """Return the best time per step [s]."""
-    from symgen.runtime._beams import BeamSteps
-    from symgen.runtime.beams.methods import BEAM_METHODS
-
-    motion = linkage(elements)._motion(True)
-    equations = motion.equations()
-    rest = np.zeros((motion.layout.unknowns, 1))
-    stepper = BeamSteps(equations, BEAM_METHODS["gauss"], 1)
-    motion.check(equations, stepper.start(0.0, rest, rest), 0.0)
-    h = motion.period / 100_000
-
-    def run() -> None:
-        motion.check(equations, stepper.advance(0.0, steps * h, steps), 0.0)
-
-    return measure({"": Case(run, steps)}, rounds, 1)[""].best
-
-
-def exponent(costs: dict[int, float]) -> float:
-    """Return the exponent of the cost in the number of elements, by a least-squares fit of logarithms."""
-    n, seconds = np.log(list(costs)), np.log(list(costs.values()))
-    return float(np.polyfit(n, seconds, 1)[0])
 
 
 if __name__ == "__main__":

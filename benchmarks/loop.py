@@ -44,7 +44,7 @@ INCH = 0.0254
 #: Offsets of the slider-crank: a4 and S1 in inches, alpha4 in degrees.
 OFFSETS = {"a4": 20.0, "alpha4": 232.0, "S1": 3.5}
 SCENES = ("slider_crank", "rccc", "planar_4r")
-ANGLES, SLOW_ANGLES, CALLS, ROUNDS = 36_000, 90, 200, 30
+ANGLES, SLOW_ANGLES, CALLS, ROUNDS = 36_000, 90, 200, 15
 CLOSED, TRIES = 1e-13, 20
 MICROSECONDS, FASTER, LARGEST_ERROR = 3.0, 30.0, 1e-10
 

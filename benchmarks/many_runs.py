@@ -33,7 +33,7 @@ VARIANTS, POSES, SINGLE = 10_000, 361, 200
 #: two threads cannot be 1.8 times as fast.
 SWINGS, STEPS, STEP = 512, 2000, 1e-3
 #: Calls by one and by two threads in turn, of which the fastest count.
-CALLS = 20
+CALLS = 10
 #: Step of the swings in MuJoCo and symgen [s], and how much faster symgen must be.
 ROLLED_OUT, THAN_ROLLOUT = 4e-3, 5.0
 OFFSETS, ANGLES = 1000, 361
@@ -120,7 +120,7 @@ def _variants(rows: list[dict[str, Any]], slack: float) -> list[Required]:
                 {"b": COUPLERS}, outputs=["crank.torque"], samples=POSES, threads=threads
             ),
             rows,
-            calls=3,
+            calls=2,
         )
         walls.append(rows[-1]["wall [s]"])
     apart = np.max(np.abs(torques["crank.torque"].values - found["crank.torque"].values))

@@ -36,7 +36,7 @@ from symgen.runtime import _core
 
 Array = NDArray[np.float64]
 
-SIZES, SHORT_SIZES = (5, 10, 40, 160, 1000), (10, 20, 40)
+SIZES, SHORT_SIZES = (5, 10, 40, 160, 1000), (10, 40)
 #: Least ratio of two N between which growth is measured: over less, an error of 3 % in a time counts as 0.04.
 APART = 4
 #: Bounds: growth with N between any two such sizes, time to the first step by N [s], error.

@@ -70,7 +70,7 @@ def _cost(model: symgen.Model, end: float, outputs: list[str], more: dict[str, A
             "run": Case(lambda: model.simulate(samples=2, **options), 1),
             "derivatives": Case(lambda: model.sensitivity(outputs, **asked), 1),
         },
-        rounds=7,
+        rounds=4,
         warm_up=1,
     )
     return timings["derivatives"].processor / timings["run"].processor

@@ -1,4 +1,4 @@
-"""What benchmarks/elastic.py and benchmarks/elastic_methods.py measure and compare with."""
+"""What the benchmarks of elastic links measure and compare with."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ def test_exudyn_is_given_the_same_slider_crank(speed):
     assert exudyn_cables.difference(cables.strain(3600), ours.strain()) < 0.02
 
 
-def test_exponent(speed):
-    assert speed.exponent({n: 3e-6 * n**1.5 for n in (10, 50, 200)}) == pytest.approx(1.5)
+def test_exponent(load):
+    assert load("elastic_scaling").exponent({n: 3e-6 * n**1.5 for n in (10, 50, 200)}) == pytest.approx(1.5)
 
 
 def test_methods(methods):
