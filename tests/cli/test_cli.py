@@ -15,16 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared.commands import call
-from shared.shipped import derived
-from typer.testing import CliRunner
+from shared.commands import call, runner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import ResultError, SymgenError
-from symgen.runtime.result.result import Result
-
-runner = CliRunner()
+from symgen.errors import SymgenError
 
 
 def test_json_is_one_object_and_nothing_else():
@@ -123,34 +118,6 @@ def test_set_takes_lists_as_they_stand_in_the_file(tmp_path, entry):
     assert code == 3 and "expected a list in square brackets, got '[0, 1 m/s^2'" in said
 
 
-@pytest.mark.parametrize("ending", [".nc", ".npz"])
-def test_out_saves_what_load_result_reads(tmp_path, ending):
-    file = tmp_path / f"run{ending}"
-    call("run", "four_bar", "--t-end", "0.5", "--samples", "11", "--out", file)
-    run = symgen.load_result(file)
-    assert run.time.tolist() == np.linspace(0, 0.5, 11).tolist()
-    assert run["A.position"].shape == (11, 2)
-
-
-def test_plot_writes_a_picture(tmp_path):
-    call("run", "four_bar", "--plot", tmp_path / "run.svg")
-    assert (tmp_path / "run.svg").read_text().count("<path") > 10
-
-
-def test_a_plot_of_some_outputs_or_of_a_path(tmp_path, entry, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(Result, "plot", lambda _, *names, file, xy, **more: drawn.append((names, xy, file)))
-    file = tmp_path / "run.svg"
-    for words in (["--of", "energy"], ["--of", "A", "--of", "energy"], ["--xy", "B"], []):
-        call("run", "four_bar", "--t-end", "0.1", "--plot", file, *words)
-    assert drawn == [(("energy",), "", file), (("A", "energy"), "", file), ((), "B", file), ((), "", file)]
-    for words in (("--of", "energy"), ("--xy", "B")):
-        code, _, said = entry("run", "four_bar", *words)
-        assert code == 2 and said == f"symgen: {words[0]} selects the content of a plot: give --plot FILE\n"
-    code, _, said = entry("run", "four_bar", "--xy", "B", "--over", "energy", "--plot", file)
-    assert code == 2 and "give --xy, or --of and --over, not both" in said
-
-
 def test_animate_a_mode(tmp_path, entry):
     file = tmp_path / "mode.html"
     done = call("animate", "elastic_four_bar", "--mode", "1", "--at", "60", "--samples", "5", "--out", file)
@@ -188,22 +155,6 @@ def test_an_analysis_is_animated(tmp_path, entry):
     assert code == 2 and "for the animation" in said
 
 
-def test_a_plot_compares_with_a_saved_result(tmp_path):
-    saved, file = tmp_path / "slow.nc", tmp_path / "both.svg"
-    given = "kinematics", "crank_rocker", "--samples", "5", "--of", "B,A.B.C"
-    call(*given, "--set", "speed=30 rpm", "--out", saved)
-    over = "--over", "A.B.C.transmission_angle", "--compare", saved, "--plot", file
-    assert call(*given, *over).splitlines()[-1] == f"wrote {file}"
-    assert "<!-- A.B.C.transmission" in file.read_text() and "B.position.y, slow -->" in file.read_text()
-
-
-def test_files_that_were_written_are_named_behind_the_tables_and_not_in_json(tmp_path):
-    files = tmp_path / "run.csv", tmp_path / "run.svg"
-    given = "run", "four_bar", "--t-end", "0.1", "--out", files[0], "--plot", files[1]
-    assert call(*given).splitlines()[-2:] == [f"wrote {file}" for file in files]
-    assert json.loads(call(*given, "--json"))["scene"] == "four_bar"
-
-
 def test_ten_modes_are_listed_and_the_others_counted():
     given = "modes", "rotating_cantilever", "--set", "links.strip.elastic.elements=5"
     found = json.loads(call(*given, "--json"))["frequencies_hz"]
@@ -231,74 +182,6 @@ def test_titles_are_not_broken_at_the_width_of_their_tables():
     title = "Four-bar linkage swinging freely: stable equilibrium, 1 degree of freedom"
     assert title in call("equilibrium", "four_bar").splitlines()
     assert "Cantilever on a rotating shaft: the structure at rest" in call("modes", "rotating_cantilever")
-
-
-def test_a_failed_run_saves_what_it_had(tmp_path):
-    file = tmp_path / "run.npz"
-    with pytest.raises(SymgenError, match="at t ="):
-        call("simulate", "triple_pendulum", "--step", "0.4", "--t-end", "20", "--out", file)
-    partial = symgen.load_result(file)
-    assert 0 < partial.statistics["t"] < 20
-    assert np.all(np.isfinite(partial["A.position"].values))
-
-
-@pytest.mark.parametrize("model", ["four_bar", "rod"])
-def test_show(model):
-    listed = call("show", model)
-    assert "mass_matrix" in listed and "constraint_jacobian" in listed
-    assert "⎡" in call("show", model, "mass_matrix")
-    assert r"\begin{matrix}" in call("show", model, "constraint_jacobian", "--format", "latex")
-    assert "out[0] = " in call("show", model, "constraint_jacobian", "--format", "c")
-
-
-@pytest.mark.parametrize("model", ["peaucellier", "slider_crank"])
-def test_every_listed_matrix_is_shown(model):
-    """Names with dots too, as outputs have."""
-    names = [m.name for m in derived(model).matrices]
-    assert any("." in name for name in names)
-    for name in (names[0], *[name for name in names if "." in name][:3]):
-        assert call("show", model, name, "--format", "c")
-
-
-def test_show_lists_the_steps_of_a_derivation():
-    listed = call("show", "element_beam8")
-    assert listed.index("weak_form") < listed.index("geometric0") < listed.index("global_stiffness")
-    assert "(6.12); rotary inertia added" in " ".join(listed.replace("│", " ").split())
-    assert "uₜ + vₓ" in call("show", "element_cubic", "velocity")
-    assert "mass matrix" in call("show", "element_timoshenko", "mass")
-
-
-def test_show_says_what_rows_and_symbols_are():
-    shown = call("show", "element_beam8", "load_x")
-    assert "rows: u1, w1, theta1, kappa1, u2, w2, theta2, kappa2" in shown
-    assert "L   length of the element [m]" in shown and "m2  mass per length" in shown
-    assert "j0" not in shown  # only what stands there
-
-
-def test_show_lists_what_elastic_links_take():
-    listed = call("show", "thesis_four_bar")
-    assert (
-        listed.index("mass_matrix")
-        < listed.index("elastic_motion.links")
-        < listed.index("elastic_joints.load")
-    )
-    text = call("show", "thesis_four_bar", "elastic_motion.links", "--format", "numeric")
-    crank = next(line for line in text.splitlines() if line.startswith("  crank"))
-    cosine, sine, gyroscopic = (float(x) for x in crank.split()[1:4])
-    assert cosine == 1.0 and abs(sine) < 1e-15
-    assert gyroscopic == pytest.approx(-2 * 373 * math.pi / 30, rel=1e-9)
-    assert "out[0] = " in call("show", "thesis_four_bar", "elastic_joints.mass_matrix", "--format", "c")
-    assert "elastic_motion" not in call("show", "four_bar")
-
-
-def test_show_numbers_at_the_start():
-    text = call("show", "four_bar", "positions", "--format", "numeric")
-    rows = {line.split()[0]: [float(x) for x in line.split()[1:]] for line in text.splitlines()[2:]}
-    assert rows["A"] == pytest.approx([np.cos(1.1), np.sin(1.1)], abs=1e-10)
-    with pytest.raises(SymgenError, match="no state"):
-        call("show", "rod", "mass_matrix", "--format", "numeric")
-    with pytest.raises(SymgenError, match="no format 'tex'"):
-        call("show", "rod", "mass_matrix", "--format", "tex")
 
 
 def test_lists_and_schema(monkeypatch, tmp_path, made):
@@ -516,21 +399,6 @@ def test_an_unknown_command_is_refused(entry):
     assert code == 2 and out == "" and "nonsense" in err
 
 
-@pytest.mark.parametrize("ending", [".nc", ".npz"])
-def test_saved_arrays_are_those_of_the_run(tmp_path, ending):
-    file = tmp_path / f"run{ending}"
-    call("simulate", "four_bar", "--t-end", "0.4", "--samples", "7", "--step", "0.01", "--out", file)
-    saved = symgen.load_result(file)
-    fresh = symgen.build("four_bar").simulate(0.4, samples=7, step=0.01)
-    assert {v.name for v in saved.variables} == {v.name for v in fresh.variables}
-    for variable in fresh.variables:
-        assert np.array_equal(saved[variable.name].values, variable.values)
-        assert saved[variable.name].attrs["units"] == variable.unit
-    assert saved.provenance == fresh.provenance
-    assert saved.drift == fresh.drift
-    assert [p.name for p in tmp_path.iterdir()] == [file.name]
-
-
 def test_a_dotted_key_means_what_the_file_would(tmp_path):
     by_key = json.loads(call("run", "four_bar", "--json", "--set", "links.crank.mass=3 kg"))
     text = (symgen.scene.loading.SHIPPED / "four_bar.toml").read_text()
@@ -542,16 +410,6 @@ def test_a_dotted_key_means_what_the_file_would(tmp_path):
 @pytest.mark.parametrize("command", [["cache", "info"], ["cache", "clear"], []])
 def test_help_of_the_rest(command):
     assert "Usage" in call(*command, "--help")
-
-
-@pytest.mark.parametrize("option", ["--out", "--plot"])
-@pytest.mark.parametrize("file", ["result.xyz", "missing/result.nc", "missing/plot.png"])
-def test_a_file_that_cannot_be_written_is_refused_before_the_run(option, file, tmp_path):
-    """An endless run into a file that cannot be written fails at once."""
-    done = runner.invoke(app, ["run", "peaucellier", "--t-end", "1e9", option, str(tmp_path / file)])
-    assert isinstance(done.exception, ResultError)
-    assert re.search("file ending in|no folder", str(done.exception))
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_set_whole_numbers_and_choices():

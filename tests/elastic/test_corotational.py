@@ -364,12 +364,12 @@ def test_abrupt_start_against_rods():
 
 def test_motor_on_an_elastic_crank_against_rods():
     model = symgen.build("elastic_four_bar_motor")
-    options = {"revolutions": 0.25, "samples": 31}
+    options = {"revolutions": 0.1, "samples": 13}
     found, rods = model.large_rotation(elements=2, **options), model.large_rotation(10, **options)
     for point in "AB":
         own, other = (r[f"{point}.displacement"].values for r in (found, rods))
-        # Ten rods vibrate about one per cent too slowly.
-        assert np.max(np.abs(own - other)) < 2e-2 * np.ptp(other)
+        # Ten rods vibrate about one per cent too slowly, which is 0.003 of the displacement over this time.
+        assert np.max(np.abs(own - other)) < 6e-3 * np.ptp(other)
 
 
 @pytest.mark.parametrize(

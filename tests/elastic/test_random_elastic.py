@@ -313,7 +313,7 @@ def test_frequencies_and_static_deflections(seed, k):
 
 
 @pytest.mark.parametrize(
-    "seed", full_unless(lambda seed: seed < QUICK, [seed for seed in SEEDS if not Drawn(seed).frame])
+    "seed", full_unless(lambda seed: seed == 0, [seed for seed in SEEDS if not Drawn(seed).frame])
 )
 def test_transients_at_small_speed_are_those_in_large_rotation(seed):
     """Vibrations from an abrupt start under a small force, over the period of the lowest mode."""
