@@ -7,11 +7,14 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import eigh, null_space
+from shared.in_numpy import build
 
 import symgen
 from symgen.errors import ModelError, SceneError, SimulationError
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.elastic.space.modes import equilibrium
+from symgen.runtime.elastic.space.outputs import outputs
 
 RNG = np.random.default_rng(19)
 #: Length, mu, J_y, J_z, EA, EI_y, EI_z, GJ, damping, gravity, fibres and place.
@@ -129,6 +132,30 @@ def test_weight_is_that_of_hermites_cubic():
     line = np.einsum("ki,kj->ij", shapes, q.reshape(8, 3)[[0, 1, 4, 5]])
     expected = -mu * length * weights / 2 @ line @ gravity
     assert call("energies", q, STILL, p)[2] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("at", [0.3, 0.5])
+def test_moments_within_an_element_are_those_of_a_uniform_load(at):
+    """A cantilever of one element under its weight q has the moment q (L - x)^2/2, here in both planes."""
+    section = {"width": "8 mm", "thickness": "4 mm", "width_along": [0, 0, 1]}
+    elastic = {"E": "210 GPa", "elements": 1, "shear": {"poisson": 0.3}}
+    beam = {"points": ["O", "A"], "density": "7850 kg/m^3", "section": section, "elastic": elastic}
+    scene = symgen.Scene(
+        points={
+            "O": {"at": ["0 m", "0 m", "0 m"], "ground": True},
+            "A": {"at": ["0.3 m", "0 m", "0 m"]},
+        },
+        links={"beam": beam},
+        welds=[{"point": "O", "links": ["beam"]}],
+        gravity={"acceleration": ["0 m/s^2", "0.3 m/s^2", "-0.5 m/s^2"]},
+        stations=[{"link": "beam", "at": at, "name": "here"}],
+    )
+    linkage = LinkageInSpace(build(scene).rigid)
+    found = {v.name: v.values[0] for v in outputs(linkage, [equilibrium(linkage, 0.0)])}
+    moment = 7850 * 8e-3 * 4e-3 * (0.3 * (1 - at)) ** 2 / 2
+    # The width, y of the section, is along z; its thickness, z of the section, along -y.
+    assert found["here.moment_z"] == pytest.approx(-0.5 * moment, rel=1e-5)
+    assert found["here.moment_y"] == pytest.approx(0.3 * moment, rel=1e-5)
 
 
 def test_forces_are_those_of_the_energies_and_slopes_are_differences():

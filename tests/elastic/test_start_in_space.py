@@ -196,7 +196,7 @@ def test_derivatives_are_those_of_undeformed_starts():
         run.gradient(["rod.stress"])
 
 
-def test_modes_of_a_distant_equilibrium_are_refused():
+def test_starts_about_a_distant_equilibrium_are_refused():
     """A horizontal pendulum: the modes of its hanging pose would stretch it."""
     hanging = symgen.Scene(
         points={"O": at(0, 0, 0, ground=True), "P": at(LENGTH, 0, 0)},
@@ -205,5 +205,7 @@ def test_modes_of_a_distant_equilibrium_are_refused():
         gravity={"acceleration": ["0 m/s^2", "0 m/s^2", f"-{G} m/s^2"]},
         analysis={"t_end": "0.02 s"},
     )
-    with pytest.raises(ModelError, match="expected an equilibrium near the drawing for initial modes"):
-        build(hanging).simulate(0.002, samples=2, initial=[1e-3])
+    model = build(hanging)
+    for initial, words in (([1e-3], "initial modes"), ("quasi-static", "a quasi-static start")):
+        with pytest.raises(ModelError, match=f"expected an equilibrium near the drawing for {words}"):
+            model.simulate(0.002, samples=2, initial=initial)

@@ -191,10 +191,12 @@ def _strains(invariants: Sequence[sp.Expr]) -> list[tuple[sp.Expr, sp.Expr]]:
 
 
 def _section(names: Names, residual: sp.Matrix, first: Vectors, second: Vectors) -> list[sp.Expr]:
-    """Return ``RESULTANTS`` at a fraction of the element, linear between those of its ends.
+    """Return ``RESULTANTS`` at a fraction x of the element.
 
     The nodal forces contain inertia, so that the resultants at a node are exact there to the order of the
-    element. The couple of a section is the sum of its directors times the forces on them.
+    element. The couple of a section is the sum of its directors times the forces on them. Axial force and
+    torque are linear between the nodes. Moments also have the part of weight and inertia per length q, linear
+    from q1 to q2: with M_z'' = q_y and M_y'' = -q_z it is L^2 x (1 - x) ((2 - x) q1 + (1 + x) q2)/6.
     """
     ends = []
     for k, (sign, of) in enumerate(((-1, first), (1, second))):
@@ -204,9 +206,21 @@ def _section(names: Names, residual: sp.Matrix, first: Vectors, second: Vectors)
             couple = [c + x for c, x in zip(couple, cross(d, f), strict=True)]
         ends.append([dot(of[1], force), dot(of[2], couple), dot(of[3], couple), dot(of[1], couple)])
     x, length = FRACTION.symbol, LENGTH.symbol
+    loads = [
+        [MU.symbol * (g.symbol - a) for g, a in zip(GRAVITY, _A[k : k + 3], strict=True)] for k in (0, 12)
+    ]
+    along_y, along_z = (
+        length**2
+        * x
+        * (1 - x)
+        / 6
+        * ((2 - x) * _dot(loads[0], first[k]) + (1 + x) * _dot(loads[1], second[k]))
+        for k in (2, 3)
+    )
+    within = (sp.Integer(0), along_z, -along_y, sp.Integer(0))
     axial, about_y, about_z, torque = (
-        names.scalar(name, (1 - x) * a + x * b, unit, f"{name} of the section".replace("_", " "))
-        for (name, unit), a, b in zip(_FORCES.items(), *ends, strict=True)
+        names.scalar(name, (1 - x) * a + x * b + c, unit, f"{name} of the section".replace("_", " "))
+        for (name, unit), a, b, c in zip(_FORCES.items(), *ends, within, strict=True)
     )
     fibre_y, fibre_z, modulus, is_round = (q.symbol for q in FIBRES)
     strains = [

@@ -27,8 +27,8 @@ _ROUNDED = 1e-9
 _PLACES = np.linspace(0.0, 1.0, 17)
 #: Part of frequencies and displacements by which those that count as alike differ.
 _ALIKE = 1e-6
-#: Change of unknowns from the drawing to the equilibrium, over their size, beyond which modes of one are not
-#: those of the other.
+#: Change of unknowns from the drawing to the equilibrium, over their size, beyond which a start about one is
+#: not one at the other.
 _FAR = 0.1
 #: Corrections at most that put a deflected shape on the constraints, and their size over that of unknowns.
 _MOST, _CLOSE = 20, 1e-13
@@ -55,6 +55,8 @@ def quasi_static(linkage: LinkageInSpace) -> Moment:
     damping bend the shapes at these times further, to the first order; the rates are those of these shapes.
     """
     start = equilibrium(linkage, 0.0)
+    if linkage.rigid.description.freedom:  # else links bend, by any angle
+        _check_near(linkage, start, "a quasi-static start, which is")
     before: Moment | None = None
     for k in range(_SHORTER):
         apart = _APART * linkage.rigid.description.t_end / 3**k
@@ -106,13 +108,7 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
     """
     check_amplitudes(linkage.name, amplitudes, max(float(link.length.real) for link in linkage.links))
     modes, found = modes_of(linkage, 0.0), linkage.start()
-    apart = float(np.max(np.abs(equilibrium(linkage, 0.0).q - found.q) / linkage.scale))
-    if apart > _FAR:
-        raise ModelError(
-            f"{linkage.name}: expected an equilibrium near the drawing for initial modes, which are about "
-            f"it, got one in which unknowns differ by {apart:.2g} of their size\n"
-            "  Draw the linkage near its equilibrium with the input held, or start it undeformed."
-        )
+    _check_near(linkage, equilibrium(linkage, 0.0), "initial modes, which are")
     shapes = modes.shapes[:, modes.rigid :].T
     check_modes(linkage.name, amplitudes, len(shapes))
     q = found.q
@@ -131,6 +127,17 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
         f"{linkage.name}: the constraints do not hold with initial modes of these amplitudes\n"
         "  Give smaller amplitudes."
     )
+
+
+def _check_near(linkage: LinkageInSpace, rest: Moment, noun: str) -> None:
+    """Refuse an equilibrium far from the drawing: the linkage hangs elsewhere."""
+    apart = float(np.max(np.abs(rest.q - linkage.start().q) / linkage.scale))
+    if apart > _FAR:
+        raise ModelError(
+            f"{linkage.name}: expected an equilibrium near the drawing for {noun} about "
+            f"it, got one in which unknowns differ by {apart:.2g} of their size\n"
+            "  Draw the linkage near its equilibrium with the input held, or start it undeformed."
+        )
 
 
 def _oriented(linkage: LinkageInSpace, frequencies: Array, shapes: Array) -> Iterator[tuple[Array, float]]:
