@@ -206,6 +206,6 @@ def test_starts_about_a_distant_equilibrium_are_refused():
         analysis={"t_end": "0.02 s"},
     )
     model = build(hanging)
-    for initial, words in (([1e-3], "initial modes"), ("quasi-static", "a quasi-static start")):
+    for state, words in (([1e-3], "initial modes"), ("quasi-static", "a quasi-static start")):
         with pytest.raises(ModelError, match=f"expected an equilibrium near the drawing for {words}"):
-            model.simulate(0.002, samples=2, initial=initial)
+            model.simulate(0.002, samples=2, initial=state)

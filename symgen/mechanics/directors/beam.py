@@ -210,11 +210,7 @@ def _section(names: Names, residual: sp.Matrix, first: Vectors, second: Vectors)
         [MU.symbol * (g.symbol - a) for g, a in zip(GRAVITY, _A[k : k + 3], strict=True)] for k in (0, 12)
     ]
     along_y, along_z = (
-        length**2
-        * x
-        * (1 - x)
-        / 6
-        * ((2 - x) * _dot(loads[0], first[k]) + (1 + x) * _dot(loads[1], second[k]))
+        length**2 * x * (1 - x) / 6 * ((2 - x) * dot(loads[0], first[k]) + (1 + x) * dot(loads[1], second[k]))
         for k in (2, 3)
     )
     within = (sp.Integer(0), along_z, -along_y, sp.Integer(0))
