@@ -6,12 +6,15 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from symgen.cli import options as o
 from symgen.cli.common import changes, command
+
+if TYPE_CHECKING:
+    from symgen.scene.loading import SceneText
 
 
 @command("symgen report peaucellier --out page.html")
@@ -81,10 +84,8 @@ def animate(
     from symgen.inspection.film import FRAMES, film_of, film_of_mode
     from symgen.inspection.values import of_crank
     from symgen.report.page.movie import film_file, save
-    from symgen.scene.loading import override, read_scene
 
-    text = override(read_scene(scene), changes(set_))
-    file = out or Path(f"{text.name}_moving.html")
+    text, file = _scene(scene, set_, out, "_moving.html")
     film_file(file)
     frames = FRAMES if samples is None else samples
     if mode is None and at is not None:
@@ -126,11 +127,9 @@ def live(
     from symgen.inspection.film import FRAMES
     from symgen.inspection.live import live_of
     from symgen.report.page.live import live as page_of
-    from symgen.scene.loading import override, read_scene
     from symgen.study.sweeps import of_options
 
-    text = override(read_scene(scene), changes(set_))
-    file = out or Path(f"{text.name}_live.html")
+    text, file = _scene(scene, set_, out, "_live.html")
     writable(file, (".html",), "page")
     with _status(f"live page of {text.name}") as status:
         page = live_of(text, of_options(vary or ()), FRAMES if samples is None else samples)
@@ -181,12 +180,10 @@ def draw(
     from symgen.errors import ModelError
     from symgen.inspection.film import FRAMES, poses_of, sheet_of
     from symgen.report.page.sheet import DRAWN_AS
-    from symgen.scene.loading import override, read_scene
 
     if of and no_paths:
         raise ModelError("give --of or --no-paths, not both")
-    text = override(read_scene(scene), changes(set_))
-    file = out or Path(f"{text.name}.svg")
+    text, file = _scene(scene, set_, out, ".svg")
     writable(file, DRAWN_AS, "drawing")
     with _status(f"drawing of {text.name}"):
         options: dict[str, Any] = {} if t_end is None else {"t_end": t_end}
@@ -194,6 +191,14 @@ def draw(
         options["samples"] = FRAMES if samples is None else samples
         sheet_of(text, poses, of=() if no_paths else of or None, unit=unit, **options).save(file)
     print(file)
+
+
+def _scene(scene: str, set_: list[str] | None, out: Path | None, ending: str) -> tuple[SceneText, Path]:
+    """Return a scene with its changes, and the file to write, by default one of its name."""
+    from symgen.scene.loading import override, read_scene
+
+    text = override(read_scene(scene), changes(set_))
+    return text, out or Path(f"{text.name}{ending}")
 
 
 @contextmanager

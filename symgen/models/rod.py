@@ -7,7 +7,7 @@ import sympy as sp
 from symgen.mechanics.rods.loads import vector_between
 from symgen.mechanics.rods.particles import end_mass, kinetic_energy, length_constraint, particle_masses
 from symgen.symbolic.calculus import Calculus
-from symgen.symbolic.quantity import AXES, Quantity, quantity
+from symgen.symbolic.quantity import AXES, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 and 2.2"
@@ -31,7 +31,7 @@ def rod_system(dimension: int) -> System:
     along = vector_between(calculus, "rod", inner, outer, axes)
     phi = length_constraint(along, length.symbol)
     block = sp.kronecker_product(sp.Matrix([[ends.a11, ends.a12], [ends.a12, ends.a22]]), sp.eye(dimension))
-    names = _names(q)
+    names = tuple(x.name for x in q)
     matrices = (
         _matrix(
             "particle_masses",
@@ -80,10 +80,6 @@ def rod_system(dimension: int) -> System:
         definitions=calculus.definitions,
         references=(REFERENCE,),
     )
-
-
-def _names(quantities: list[Quantity]) -> tuple[str, ...]:
-    return tuple(x.name for x in quantities)
 
 
 def _matrix(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import sympy as sp
@@ -16,9 +17,12 @@ from symgen.scene.schema import Scene, Units
 from symgen.scene.units import Dimension, Shown, is_quantity, parse_quantity
 from symgen.symbolic.quantity import AXES, quantity
 from symgen.symbolic.switch import Sign
+from symgen.symbolic.vectors import cross
 
 #: Names in an expression, as far as they matter here.
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+#: Sine of the angle between directions that counts as zero.
+_ALONG = 1e-6
 _ANGLES = ("rad", "deg", "rev")
 _DIMENSIONS = {
     "length": units.LENGTH,
@@ -164,6 +168,13 @@ class Values:
             self.at_least_zero[where] = expression
         return expression
 
+    def direction(self, texts: list[str | int | float], where: str) -> tuple[sp.Expr, ...]:
+        """Return a vector of plain numbers that is not zero."""
+        vector = self.vector(texts, units.NUMBER, where)
+        if all(self.number(c) == 0 for c in vector):
+            raise SceneError("expected a direction, got zero", where=where)
+        return vector
+
     def known(self, name: str, known: Collection[str], noun: str, where: str) -> None:
         """Check that a name is one of those that can stand here."""
         if name not in known:
@@ -243,6 +254,16 @@ class Reader(Values):
         """Check that there is a link of this name."""
         self.known(name, self.scene.links, "link", where)
 
+    def drawn(self, link: str) -> list[float]:
+        """Return the vector along a link as drawn [m]."""
+        first, second = (self.points[p].at for p in self.scene.links[link].points[:2])
+        return [self.number(b - a) for a, b in zip(first, second, strict=True)]
+
+    def is_along(self, link: str, vector: Sequence[sp.Expr]) -> bool:
+        """Return whether a vector in space is along a link as drawn, or zero."""
+        d, v = self.drawn(link), [self.number(c) for c in vector]
+        return math.hypot(*cross(d, v)) <= _ALONG * math.hypot(*d) * math.hypot(*v)
+
     def is_spatial_body(self, link: str) -> bool:
         """Return whether a link is a body in space, which two points cannot carry."""
         table = self.scene.links[link]
@@ -266,6 +287,13 @@ class Reader(Values):
         link = self.scene.links[name]
         if not self.is_spatial_body(name) and all(self.known_point(p, where).ground for p in link.points[:2]):
             raise SceneError(f"{name} lies between two ground points and cannot turn", where=where)
+
+
+def check_count(value: int, least: int, most: int, where: str) -> int:
+    """Return a number of things, checked to be in a range."""
+    if not least <= value <= most:
+        raise SceneError(f"expected a whole number from {least} to {most}, got {value}", where=where)
+    return value
 
 
 def _got(text: str | int | float, value: float, dim: Dimension) -> str:

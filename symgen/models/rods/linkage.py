@@ -222,11 +222,6 @@ class RodsModel(ConstrainedPoints):
             result.append(sp.Add(*terms) - self.force.get(coordinate, ZERO))
         return tuple(result)
 
-    @cached_property
-    def acceleration_of(self) -> dict[sp.Symbol, sp.Symbol]:
-        """The acceleration of every coordinate, ground included."""
-        return {q.symbol: a.symbol for p in self.q for q, a in zip(self.q[p], self.a[p], strict=True)}
-
     def second_rate(self, expression: sp.Expr) -> sp.Expr:
         """Return the second time derivative, accelerations included."""
         rate, slopes = self.calculus.rate, self.calculus.gradient(expression)

@@ -186,18 +186,19 @@ class Points:
     def turning_acceleration(self, link: str) -> sp.Expr:
         """Return the second time derivative of the direction angle of a link in the plane [rad/s^2]."""
         gradient, rate = self.turning(link)
-        slopes = (slope * self._accelerations[q] for q, slope in gradient.items())
+        slopes = (slope * self.acceleration_of[q] for q, slope in gradient.items())
         return sp.Add(self.calculus.rate(rate), *slopes)
 
     def acceleration(self, point: str) -> Vector:
         """Return the acceleration of any point [m/s^2], by the accelerations of the coordinates."""
         return tuple(
-            sp.Add(*(slope * self._accelerations[s] for s, slope in self.calculus.gradient(c).items()))
+            sp.Add(*(slope * self.acceleration_of[s] for s, slope in self.calculus.gradient(c).items()))
             for c in self.position(point)
         )
 
     @cached_property
-    def _accelerations(self) -> dict[sp.Symbol, sp.Symbol]:
+    def acceleration_of(self) -> dict[sp.Symbol, sp.Symbol]:
+        """The acceleration of every coordinate, ground included."""
         return {
             q.symbol: a.symbol for p, group in self.q.items() for q, a in zip(group, self.a[p], strict=True)
         }

@@ -36,7 +36,9 @@ def linkage_system(linkage: Linkage) -> System:
         model, *(m.matrix for m in equations if m.name in ("mass_matrix", "constraint_jacobian"))
     )
     residual, refining = refinement(model)
-    points, events, end = _points(model), _events(model), run_end(model)
+    points, end = _points(model), run_end(model)
+    # Zero-crossing functions of events and load switches, and angles: one column each.
+    events = [*_events_of_scene(model), *_switches(model), *_windings(model), *_turns(model)]
     derived = {m.name for m in (*equations, *points)}
     return System(
         name=linkage.name,
@@ -156,47 +158,16 @@ def constraints(model: RodsModel) -> list[NamedMatrix]:
     """Return the constraints with their derivatives."""
     rows = [c.name for c in model.constraints]
     unit, rate_unit, rhs_unit = (_unit_of_constraints(model, i) for i in range(3))
+    slopes = slope_unit(model)
+    expressions, scales = [c.expression for c in model.constraints], [c.scale for c in model.constraints]
+    about_scale = "divisor by which a constraint becomes an error in metres"
+    about_rhs = "right-hand side gamma of J a = gamma"
     return [
-        named(
-            model,
-            "constraints",
-            [c.expression for c in model.constraints],
-            unit,
-            "constraints Phi",
-            rows=rows,
-        ),
-        named(
-            model,
-            "constraint_scale",
-            [c.scale for c in model.constraints],
-            "m, 1",
-            "divisor by which a constraint becomes an error in metres",
-            rows=rows,
-        ),
-        sparse(
-            model,
-            "constraint_jacobian",
-            model.jacobian,
-            slope_unit(model),
-            "constraint Jacobian, J",
-            rows=rows,
-        ),
-        named(
-            model,
-            "velocity_constraints",
-            model.constraint_rates,
-            rate_unit,
-            "rate of Phi",
-            rows=rows,
-        ),
-        named(
-            model,
-            "acceleration_rhs",
-            model.acceleration_rhs,
-            rhs_unit,
-            "right-hand side gamma of J a = gamma",
-            rows=rows,
-        ),
+        named(model, "constraints", expressions, unit, "constraints Phi", rows=rows),
+        named(model, "constraint_scale", scales, "m, 1", about_scale, rows=rows),
+        sparse(model, "constraint_jacobian", model.jacobian, slopes, "constraint Jacobian, J", rows=rows),
+        named(model, "velocity_constraints", model.constraint_rates, rate_unit, "rate of Phi", rows=rows),
+        named(model, "acceleration_rhs", model.acceleration_rhs, rhs_unit, about_rhs, rows=rows),
     ]
 
 
@@ -255,11 +226,6 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
             )
         )
     return positions
-
-
-def _events(model: RodsModel) -> list[NamedMatrix]:
-    """Return zero-crossing functions of events and load switches, and angles: one column each."""
-    return [*_events_of_scene(model), *_switches(model), *_windings(model), *_turns(model)]
 
 
 def _windings(model: RodsModel) -> list[NamedMatrix]:

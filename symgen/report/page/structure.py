@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from symgen.report.page.views import Pattern, elimination
-from symgen.symbolic.system import NamedMatrix, System
+from symgen.symbolic.system import System
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic.model import ElasticModel
@@ -22,11 +22,8 @@ def matrix_lines(system: System) -> Iterator[str]:
     yield "matrices, with the number of nonzero entries:"
     width = max(len(m.name) for m in system.matrices)
     for m in system.matrices:
-        yield f"  {m.name:{width}}  {m.matrix.rows} x {m.matrix.cols}: {_filled(m)} of {len(m.matrix)}"
-
-
-def _filled(named: NamedMatrix) -> int:
-    return sum(1 for x in named.matrix if x != 0)
+        filled = sum(x != 0 for x in m.matrix)
+        yield f"  {m.name:{width}}  {m.matrix.rows} x {m.matrix.cols}: {filled} of {len(m.matrix)}"
 
 
 def solver_lines(system: System) -> Iterator[str]:

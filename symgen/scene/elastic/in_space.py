@@ -11,7 +11,7 @@ from symgen.scene import units
 from symgen.scene.elastic.links import ElasticLink, JointInSpace, Section, SectionInSpace
 from symgen.scene.elastic.schema import Elastic, Joint, Weld
 from symgen.scene.elastic.spatial_section import section_in_space
-from symgen.scene.reading import Reader
+from symgen.scene.reading import Reader, check_count
 from symgen.scene.rods.constraints import is_hinge
 from symgen.scene.rods.linkage import RigidLink
 
@@ -58,12 +58,9 @@ def spatial_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -
                 hint='Write damping = { stiffness = "1e-5 s" }.',
             )
     elements = _ELEMENTS if elastic.elements is None else elastic.elements
-    if not 1 <= elements <= _MOST_ELEMENTS:
-        raise SceneError(
-            f"expected a whole number from 1 to {_MOST_ELEMENTS}, got {elements}", where=f"{where}.elements"
-        )
+    check_count(elements, 1, _MOST_ELEMENTS, f"{where}.elements")
     link = scene.links[rigid.name]
-    width, values = section_in_space(read, link, elastic, rigid.length, place)
+    width, values = section_in_space(read, rigid.name, elastic, rigid.length, place)
     mu, j_y, _, axial, bending_y, bending_z, _ = values
     modulus = read.positive(elastic.E, units.PRESSURE, f"{where}.E")
     area = axial / modulus
@@ -136,9 +133,7 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
                 for k in range(1, max(2, len(names))):
                     yield JointInSpace("weld", joint.point, (names[0], *names[k : k + 1]), (_ZERO,) * 3)
                 continue
-            axis = read.vector(joint.axis, units.NUMBER, f"{where}.axis")
-            if all(read.number(c) == 0 for c in axis):
-                raise SceneError("expected the direction of the axis, got zero", where=f"{where}.axis")
+            axis = read.direction(joint.axis, f"{where}.axis")
             yield JointInSpace(joint.kind, joint.point, tuple(names), axis)
 
 

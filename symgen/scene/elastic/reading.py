@@ -17,7 +17,7 @@ from symgen.scene.elastic.links import AREA_POWER, ElasticLink, ModalDamping, Po
 from symgen.scene.elastic.offsets import check_fraction
 from symgen.scene.elastic.schema import Elastic
 from symgen.scene.elastic.spatial_section import shear_modulus
-from symgen.scene.reading import Reader
+from symgen.scene.reading import Reader, check_count
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
 from symgen.scene.units import Dimension
 
@@ -67,7 +67,7 @@ def _elastic_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) 
     if TIME.symbol in rigid.length.free_symbols:
         raise SceneError("the length of an elastic link does not depend on the time", where=f"{place}.length")
     if elastic.elements is not None:
-        _count(elastic.elements, 1, _MOST_ELEMENTS, f"{where}.elements")
+        check_count(elastic.elements, 1, _MOST_ELEMENTS, f"{where}.elements")
     along = sections.line(read, read.scene.links[rigid.name], rigid.length, place)
     shape = along.shape
     modulus = read.positive(elastic.E, units.PRESSURE, f"{where}.E")
@@ -139,11 +139,6 @@ def _ratio(read: Reader, ratio: sp.Expr, where: str) -> sp.Expr:
     return ratio
 
 
-def _count(value: int, least: int, most: int, where: str) -> None:
-    if not least <= value <= most:
-        raise SceneError(f"expected a whole number from {least} to {most}, got {value}", where=where)
-
-
 def _reduction(elastic: Elastic, where: str) -> tuple[str, int]:
     """Return kind of the reduction and number of modes; empty and zero without one."""
     reduction = elastic.reduction
@@ -169,7 +164,7 @@ def _reduction(elastic: Elastic, where: str) -> tuple[str, int]:
             where=f"{where}.modes",
             hint='Write reduction = { kind = "craig-bampton", modes = 3 }.',
         )
-    _count(reduction.modes, 0, _MOST_ELEMENTS, f"{where}.modes")
+    check_count(reduction.modes, 0, _MOST_ELEMENTS, f"{where}.modes")
     return "craig-bampton", reduction.modes
 
 

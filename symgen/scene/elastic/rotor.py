@@ -12,7 +12,7 @@ from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.elastic.schema import Rotor
 from symgen.scene.elastic.spatial_section import section_in_space
-from symgen.scene.reading import Reader, shown_units
+from symgen.scene.reading import Reader, check_count, shown_units
 from symgen.scene.rods.bodies import points
 from symgen.scene.rods.linkage import Parameter
 from symgen.scene.schema import Link, Scene
@@ -105,9 +105,7 @@ def resolved_rotor(scene: Scene) -> RotorScene:
                 "the ground of a rotor rotates and has no other motion", where=f"points.{name}.motion"
             )
     table: Rotor = getattr(scene, "rotor")  # noqa: B009  (a table that the method adds)
-    axis = read.vector(table.axis, units.NUMBER, "rotor.axis")
-    if all(read.number(c) == 0 for c in axis):
-        raise SceneError("expected a direction, got zero", where="rotor.axis")
+    axis = read.direction(table.axis, "rotor.axis")
     through = (sp.Integer(0),) * 3
     if table.through is not None:
         through = read.known_point(table.through, "rotor.through").at
@@ -218,11 +216,7 @@ def _link(read: Reader, name: str, link: Link, welds: dict[str, tuple[str, ...]]
     if read.number(length) == 0:
         raise SceneError("this link has no length: its two points are at one place", where=f"{where}.points")
     elements = _ELEMENTS if elastic.elements is None else elastic.elements
-    if not 1 <= elements <= _MOST_ELEMENTS:
-        raise SceneError(
-            f"expected a whole number from 1 to {_MOST_ELEMENTS}, got {elements}",
-            where=f"{where}.elastic.elements",
-        )
-    width, of_section = section_in_space(read, link, elastic, length, where)
+    check_count(elements, 1, _MOST_ELEMENTS, f"{where}.elastic.elements")
+    width, of_section = section_in_space(read, name, elastic, length, where)
     welded = tuple(p for p in link.points[:2] if name in welds.get(p, ()))
     return RotorLink(name, link.points[0], link.points[1], elements, welded, width, of_section)

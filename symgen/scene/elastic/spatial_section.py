@@ -9,7 +9,6 @@ from symgen.scene import units
 from symgen.scene.elastic.schema import Elastic, Shear
 from symgen.scene.elastic.sections import line
 from symgen.scene.reading import Reader
-from symgen.scene.schema import Link
 from symgen.symbolic.switch import greatest, least
 
 #: Terms of the series of the torsion of a rectangle.
@@ -32,9 +31,10 @@ def shear_modulus(read: Reader, shear: Shear, modulus: sp.Expr, where: str) -> s
 
 
 def section_in_space(
-    read: Reader, link: Link, elastic: Elastic, length: sp.Expr, where: str
+    read: Reader, name: str, elastic: Elastic, length: sp.Expr, where: str
 ) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
     """Return the direction of the width, and mu, J_y, J_z, EA, EI_y, EI_z, GJ."""
+    link = read.scene.links[name]
     along = line(read, link, length, where, in_space=True)
     shape, section, here = along.shape, link.section, f"{where}.section"
     for key, size in section or ():
@@ -61,13 +61,16 @@ def section_in_space(
                 where=here,
                 hint="Write { width, thickness, width_along = [0, 1, 0] }, or { diameter }.",
             )
-        about_z, torsion, width = about_y, 2 * about_y, _any_across(read, link)
+        about_z, torsion, width = about_y, 2 * about_y, _any_across(read.drawn(name))
     else:
         width = read.vector(section.width_along, units.NUMBER, f"{here}.width_along")
         wide = read.positive(section.width, units.LENGTH, f"{here}.width")  # type: ignore[arg-type]
         about_z = area * wide**2 / 12
         torsion = torsion_constant(wide, area / wide)
-        _check_across(read, link, width, f"{here}.width_along")
+        if read.is_along(name, width):
+            raise SceneError(
+                "expected a direction across the link, got one along it, or zero", where=f"{here}.width_along"
+            )
     density = mu / area
     return width, (
         mu,
@@ -93,20 +96,8 @@ def torsion_constant(width: sp.Expr, thickness: sp.Expr) -> sp.Expr:
     return a * b**3 * (sp.Rational(1, 3) - 64 / sp.pi**5 * b / a * (zeta - less))
 
 
-def _ends(read: Reader, link: Link) -> list[float]:
-    first, second = (read.points[p].at for p in link.points[:2])
-    return [read.number(b - a) for a, b in zip(first, second, strict=True)]
-
-
-def _check_across(read: Reader, link: Link, width: tuple[sp.Expr, ...], where: str) -> None:
-    d, w = _ends(read, link), [read.number(c) for c in width]
-    cross = [d[1] * w[2] - d[2] * w[1], d[2] * w[0] - d[0] * w[2], d[0] * w[1] - d[1] * w[0]]
-    if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * sum(c * c for c in w):
-        raise SceneError("expected a direction across the link, got one along it, or zero", where=where)
-
-
-def _any_across(read: Reader, link: Link) -> tuple[sp.Expr, ...]:
+def _any_across(drawn: list[float]) -> tuple[sp.Expr, ...]:
     """Return the axis of coordinates most across the link: a round section has no direction of its own."""
-    sizes = [abs(c) for c in _ends(read, link)]
+    sizes = [abs(c) for c in drawn]
     least = sizes.index(min(sizes))
     return tuple(sp.Integer(int(k == least)) for k in range(3))

@@ -60,7 +60,7 @@ def loop_of(scene: Scene, table: SpatialLoop) -> Loop:
         size=size,
         assembly_tolerance=_assembly_tolerance(read, size),
         units=shown_units(scene.units),
-        outputs=_outputs(scene),
+        outputs=None if scene.analysis.outputs is None else tuple(scene.analysis.outputs),
     )
     return with_ball_turns(resolved)
 
@@ -187,7 +187,3 @@ def _assembly_tolerance(read: LoopReader, size: float) -> sp.Expr:
             hint="Larger errors are not of manufacture: check the lengths and twists of the table.",
         )
     return tolerance
-
-
-def _outputs(scene: Scene) -> tuple[str, ...] | None:
-    return None if scene.analysis.outputs is None else tuple(scene.analysis.outputs)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from symgen.errors import SceneError
@@ -12,9 +11,6 @@ from symgen.scene.reading import Reader
 from symgen.scene.rods.hinges import Hinge
 from symgen.scene.rods.linkage import Driver, Guide, StartConditions, Vector
 from symgen.scene.schema import Scene
-
-#: Sine of the angle between an axis and a rod that counts as zero.
-_ALONG = 1e-6
 
 
 def guides(read: Reader) -> Iterator[Guide]:
@@ -81,11 +77,7 @@ def hinges(read: Reader) -> Iterator[Hinge]:
             raise SceneError(f"{name} has two revolute joints with the ground", where=where)
         seen.add(name)
         axis = read.vector(joint.axis, units.NUMBER, f"{where}.axis")
-        a = [read.number(c) for c in axis]
-        first, second = (read.points[p].at for p in link.points)
-        d = [read.number(y - x) for x, y in zip(first, second, strict=True)]
-        across = [a[k - 2] * d[k - 1] - a[k - 1] * d[k - 2] for k in range(3)]
-        if math.hypot(*across) <= _ALONG * math.hypot(*a) * math.hypot(*d):
+        if read.is_along(name, axis):
             raise SceneError(
                 f"expected an axis across {name}, got one along it, or zero", where=f"{where}.axis"
             )
