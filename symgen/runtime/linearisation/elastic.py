@@ -14,14 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
 from symgen.runtime._beams import APPLIED, AT_REST, MOTION, QUASI_STATIC, BeamEquations
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Dual
 from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.elastic.mesh import properties_of
 from symgen.runtime.elastic.modes import elastic_modes
@@ -34,9 +32,6 @@ from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, wit
 from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.state_space import Tangents
 from symgen.runtime.result.records import Variable
-
-#: Numbers with tangents.
-Dual = NDArray[Any]
 
 #: The part of their size by which frequencies must differ, and by which places along a link may move over it.
 _APART, _MOVED = 1e-6, 1e-12

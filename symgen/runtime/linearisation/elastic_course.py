@@ -12,17 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime._beams import IN_MOTION, MOTION
-from symgen.runtime.arrays import Array, Indices
+from symgen.runtime.arrays import Array, Dual, Indices
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.elastic import Pose
-
-#: Numbers with tangents.
-Dual = NDArray[Any]
 
 #: Intervals between Chebyshev points to begin with, and the most.
 _FIRST, _MOST = 16, 4096

@@ -9,20 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.runtime._beams import APPLIED, AT_REST, IN_MOTION
+from symgen.runtime.arrays import Dual
 from symgen.runtime.beams.data import STIFFNESS_OF_FORCES, Piece
 from symgen.runtime.beams.frames import Frames, frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.motion import ElasticMotion
-
-#: Numbers with tangents.
-Dual = NDArray[Any]
 
 #: Number of rigid motions of a link in the plane.
 _RIGID = 3

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Dual
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Counts
@@ -24,9 +24,6 @@ from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.elastic import check_smooth, derived
 from symgen.runtime.linearisation.elastic_course import Course, Reduced, bases, reduced
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
-
-#: Numbers with tangents.
-Dual = NDArray[Any]
 
 #: Steps that are taken together.
 _CHUNK = 64
