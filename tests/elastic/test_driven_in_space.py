@@ -44,7 +44,7 @@ def test_torque_of_a_rod_on_a_cone(points):
         links={"crank": {"points": points, "mass": f"{mass} kg"}},
         masses=[{"point": "A", "mass": f"{tip} kg"}],
         gravity={"acceleration": ["0 m/s^2", "0 m/s^2", f"{-G} m/s^2"]},
-        analysis={"t_end": "0.5 s", "outputs": ["A.position", "crank.torque", "energy"]},
+        analysis={"t_end": "0.5 s", "outputs": ["A.position", "crank.torque", "crank.angle", "energy"]},
         **crank([1, 2, 2], "1.5 + 3*sin(4*w*t)"),
     )
     run = build(scene).simulate(samples=7, rtol=1e-10)
@@ -54,6 +54,7 @@ def test_torque_of_a_rod_on_a_cone(points):
     across = place - along
     there = along + np.outer(np.cos(angle), across) + np.outer(np.sin(angle), np.cross(a, across))
     np.testing.assert_allclose(run["A.position"].values, there, atol=1e-12)
+    np.testing.assert_allclose(run["crank.angle"].values, angle, rtol=1e-14)  # beyond pi too
     inertia = (mass / 3 + tip) * across @ across
     weight = (mass / 2 + tip) * np.array([0.0, 0.0, -G])
     expected = inertia * second - np.cross(there, weight) @ a
@@ -131,6 +132,28 @@ def test_the_drive_of_a_rotating_beam_gives_its_power():
     work = np.sum((t[2] - t[0]) / 6 * (power[2:-2:2] + 4 * power[3:-1:2] + power[4::2]))
     assert energy[-1] - energy[2] == pytest.approx(work, rel=1e-5)
     assert run.drift.energy < 1e-6 * run.drift.energy_exchanged
+
+
+@pytest.mark.parametrize(
+    ("output", "words"),
+    [
+        ("rod.angle", "only a link with a drive has an angle, got rod.angle"),
+        ("crank.speed_ratio", "got a linkage in space"),
+        ("rod.angular_acceleration", "only in the plane, got rod.angular_acceleration"),
+    ],
+)
+def test_outputs_by_angles_that_space_does_not_have(output, words):
+    scene = symgen.Scene(
+        points={"K": at(0, 0, 0, ground=True), "A": at(0, 0.1, 0), "B": at(0.2, 0.2, 0.1)},
+        links={
+            "crank": {"points": ["K", "A"], "mass": "1 kg"},
+            "rod": {"points": ["A", "B"], "mass": "1 kg"},
+        },
+        analysis={"outputs": [output]},
+        **crank([1, 0, 0], "w*t"),
+    )
+    with pytest.raises(SceneError, match=words):
+        build(scene)
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,13 @@ def _angular_momentum(model: RodsModel) -> Entries:
 
 def _angle(model: RodsModel, name: str) -> Entries:
     if len(model.shown_axes) == 3:
-        raise SceneError("a link has one angle only in the plane")
+        driven = [d.angle for d in model.linkage.drivers if d.link == name]
+        if not driven:
+            raise SceneError(
+                f"in space only a link with a drive has an angle, got {name}.angle",
+                hint=f"Record {name}.angular_velocity, or the angle A.B.C between the lines of three points.",
+            )
+        return driven, "rad", f"rotation of {name} about its joint, from the drawing"
     d = model.along[name]
     return [sp.atan2(d[1], d[0])], "rad", f"direction of {name}"
 
@@ -72,7 +78,10 @@ def _angular_velocity(model: RodsModel, name: str) -> Entries:
 
 def _angular_acceleration(model: RodsModel, name: str) -> Entries:
     if len(model.axes) == 3:
-        raise SceneError("a link has an angular acceleration only in the plane")
+        raise SceneError(
+            f"a link has an angular acceleration only in the plane, got {name}.angular_acceleration",
+            hint=f"Record {name}.angular_velocity.",
+        )
     rate = model.turning_acceleration(name)
     turning = model.shown((ZERO, ZERO), rate) if model.linkage.plane else [rate]
     return turning, "rad/s^2", f"angular acceleration of {name}"
@@ -82,7 +91,11 @@ def _speed_ratio(model: RodsModel, name: str) -> Entries:
     """Return the rate of a link over that of the drive, which must be constant and so cannot vanish."""
     drivers = model.linkage.drivers
     if len(drivers) != 1 or len(model.axes) != 2:
-        raise SceneError(f"a speed ratio needs a planar linkage with one driven link, not {len(drivers)}")
+        raise SceneError(
+            "a speed ratio needs a planar linkage with one driven link, got "
+            + ("a linkage in space" if len(model.axes) != 2 else f"{len(drivers)} driven links"),
+            hint="Record angular_velocity.",
+        )
     driven = sp.diff(drivers[0].angle, TIME.symbol)
     if driven == 0 or TIME.symbol in driven.free_symbols:
         raise SceneError(
