@@ -37,7 +37,7 @@ def write_text(path: Path, text: str) -> None:
         raise ResultError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def write_folder(folder: Path, files: Mapping[str, bytes], what: str, removed: Iterable[str] = ()) -> None:
+def write_folder(folder: Path, files: Mapping[str, bytes], content: str, removed: Iterable[str] = ()) -> None:
     """Write files by their names in a folder; after a failure the folder is unchanged.
 
     A new folder appears complete. In an existing folder, files named in ``removed`` are deleted, each new
@@ -52,7 +52,7 @@ def write_folder(folder: Path, files: Mapping[str, bytes], what: str, removed: I
     try:
         _write_folder(folder, files, removed)
     except OSError as error:
-        raise ResultError(f"cannot write the {what} to {folder}: {error.strerror or error}") from None
+        raise ResultError(f"cannot write the {content} to {folder}: {error.strerror or error}") from None
 
 
 def _write_folder(folder: Path, files: Mapping[str, bytes], removed: Iterable[str]) -> None:
@@ -101,12 +101,12 @@ def writable(file: str | os.PathLike[str], endings: Sequence[str], noun: str) ->
     return path
 
 
-def writable_folder(folder: Path, what: str) -> None:
+def writable_folder(folder: Path, content: str) -> None:
     """Raise ResultError when files cannot be written into a folder, which is there or can be created."""
     if folder.exists() and not folder.is_dir():
-        raise ResultError(f"expected a folder for the {what}, got the file {folder}")
+        raise ResultError(f"expected a folder for the {content}, got the file {folder}")
     parent = folder if folder.is_dir() else folder.absolute().parent
     if not parent.is_dir():
-        raise ResultError(f"cannot write the {what} to {folder}: there is no folder {parent}")
+        raise ResultError(f"cannot write the {content} to {folder}: there is no folder {parent}")
     if not os.access(parent, os.W_OK):
-        raise ResultError(f"cannot write the {what} to {folder}: no permission to write in {parent}")
+        raise ResultError(f"cannot write the {content} to {folder}: no permission to write in {parent}")

@@ -19,9 +19,9 @@ _DRAWN_BY = {
 }
 
 
-def display(what: str, *arguments: Any, **options: Any) -> Any:
+def display(name: str, *arguments: Any, **options: Any) -> Any:
     """Draw a result or a model; ``what`` is a key of the registry."""
-    return getattr(import_module(_DRAWN_BY[what]), what)(*arguments, **options)
+    return getattr(import_module(_DRAWN_BY[name]), name)(*arguments, **options)
 
 
 def seconds(value: float) -> str:

@@ -28,12 +28,12 @@ class CallView:
 def calls_of(kernel: Kernel, precision: Precision) -> tuple[CallView, ...]:
     """Return the functions that a kernel calls, by name."""
     values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
-    found = calls(values if kernel.counts.call else ())
+    functions = calls(values if kernel.counts.call else ())
     one = Printer(C_FUNCTIONS, precision)
-    changing = _of_states(kernel, values) if 1 in found.values() else ()
+    changing = _of_states(kernel, values) if 1 in functions.values() else ()
     return tuple(
         CallView(name, one.name(name), arguments, arguments == 1 and name not in changing)
-        for name, arguments in sorted(found.items())
+        for name, arguments in sorted(functions.items())
     )
 
 
@@ -49,17 +49,17 @@ def _of_states(kernel: Kernel, values: Sequence[Node]) -> set[str]:
     for a in kernel.assignments:
         if changes([a.value]):
             states.add(a.target)
-    found, waiting = set(), list(values)
+    functions, waiting = set(), list(values)
     while waiting:
         node = waiting.pop()
         waiting.extend(children(node))
         if isinstance(node, Call) and changes(node.arguments):
-            found.add(node.function)
-    return found
+            functions.add(node.function)
+    return functions
 
 
-def merged(found: Iterable[CallView]) -> tuple[CallView, ...]:
+def merged(views: Iterable[CallView]) -> tuple[CallView, ...]:
     """Return the distinct functions of several kernels, by name."""
-    every = groupby(sorted(found, key=lambda c: c.function), key=lambda c: c.function)
-    same = (list(own) for _, own in every)
-    return tuple(replace(own[0], shared=all(c.shared for c in own)) for own in same)
+    every = groupby(sorted(views, key=lambda c: c.function), key=lambda c: c.function)
+    same = (list(group) for _, group in every)
+    return tuple(replace(group[0], shared=all(c.shared for c in group)) for group in same)

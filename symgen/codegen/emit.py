@@ -283,7 +283,7 @@ def plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
 
 def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> KernelView:
     prints = printer(target)
-    own = dict(kernel.inputs)
+    arguments = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
     sizes = kernel.reads
     kernel = kernel if rolls else kernel.with_zeros
@@ -297,7 +297,7 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
         description=kernel.description,
         counts=str(kernel.counts),
         prototype=_prototype(program.name, kernel.name, _type(target)),
-        unused=() if kernel.first else tuple(a for a in ARRAYS if a not in own and a not in written),
+        unused=() if kernel.first else tuple(a for a in ARRAYS if a not in arguments and a not in written),
         first=tuple(k.name for k in kernel.first),
         then=tuple(k.name for k in kernel.then),
         assignments=tuple(TextAssignment(a.target, prints(a.value)) for a in assigned),
@@ -307,8 +307,8 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
         calls=calls_of(kernel, target.precision),
         blocks=tuple(map(_block, kernel.blocks)),
         reads=tuple(ArrayView(a, sizes[a]) for a in ARRAYS if a in sizes),
-        reads_work="work" in own,
-        reads_out="out" in own,
+        reads_work="work" in arguments,
+        reads_out="out" in arguments,
         sizes=(sizes.get("t", 0), sizes.get("q", 0), sizes.get("u", 0), sizes.get("p", 0)),
         work_size=kernel.work_size,
         out_size=kernel.out_size,
@@ -321,8 +321,8 @@ def _is_after_setup(program: Program, kernel: Kernel) -> bool:
     """Return whether a kernel reads the entries that 'setup' appends to the parameters."""
     if program.setup is None:
         return False
-    given = dict(program.setup.inputs)["p"]
-    places = {f"p[{given + i}]" for i in range(program.setup.out_size)}
+    offset = dict(program.setup.inputs)["p"]
+    places = {f"p[{offset + i}]" for i in range(program.setup.out_size)}
     values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
     called = (*kernel.first, *kernel.then)
     return bool(places & set(references(values))) or any(_is_after_setup(program, k) for k in called)

@@ -50,12 +50,12 @@ def listed(folder: Path) -> set[str]:
 
 def differences(folder: Path, files: Sequence[SourceFile]) -> list[str]:
     """Return a unified diff for every outdated file; empty if all are current."""
-    found = []
+    texts = []
     for file in sorted(files, key=lambda f: f.name):
         path = folder / file.name
         there = path.read_bytes().decode("utf-8", "replace") if path.is_file() else ""
         if there != file.text:
-            found.append(
+            texts.append(
                 "".join(
                     difflib.unified_diff(
                         there.splitlines(keepends=True),
@@ -67,8 +67,8 @@ def differences(folder: Path, files: Sequence[SourceFile]) -> list[str]:
                 )
             )
     wanted = {f.name for f in files}
-    found += [f"generated/{name} is no longer generated\n" for name in sorted(listed(folder) - wanted)]
-    return found
+    texts += [f"generated/{name} is no longer generated\n" for name in sorted(listed(folder) - wanted)]
+    return texts
 
 
 def write(folder: Path, files: Sequence[SourceFile]) -> list[str]:

@@ -80,8 +80,8 @@ class Printer:
         return self.functions.get(function, function + self.precision.function_suffix)
 
     def _print(self, node: Node, tightness: int) -> str:
-        text, own = self._text(node)
-        return f"({text})" if own < tightness else text
+        text, binding = self._text(node)
+        return f"({text})" if binding < tightness else text
 
     def _added(self, term: Node) -> str:
         if isinstance(term, Negative):

@@ -93,14 +93,14 @@ def rolled(
     """
     cases = Cases(printer)
     statements: list[Statement] = []
-    made: dict[str, int] = {}
+    defined: dict[str, int] = {}
     read: dict[Place, list[int]] = {}
 
     def state(target: Place, value: Node) -> None:
         case, operands = cases.number(target, value)
-        waits = {made[name] for name, index in operands if index is None}
+        waits = {defined[name] for name, index in operands if index is None}
         if target[1] is None:
-            made[target[0]] = len(statements)
+            defined[target[0]] = len(statements)
         else:
             waits.update(read.get(target, ()))
         for place in operands:
@@ -119,9 +119,9 @@ def rolled(
             value = Sum((total, others[-1]))
         state(target, value)
 
-    for assignment, own in zip(kernel.assignments, early, strict=True):
+    for assignment, stores in zip(kernel.assignments, early, strict=True):
         write((assignment.target, None), assignment.value)
-        for store in own:
+        for store in stores:
             write((store.array, store.index), store.value)
     waited = len(statements)
     for store in late:
@@ -186,13 +186,13 @@ def _blocks(cases: Sequence[int]) -> list[Block]:
         covered = np.where((repeats >= REPEATS) & (repeats * distance >= REPEATED), repeats * distance, 0)
         better = np.flatnonzero(covered > best[: n - distance])
         best[better], length[better] = covered[better], distance
-    found, at = [], 0
+    blocks, at = [], 0
     starts = np.flatnonzero(best)
     while (i := int(np.searchsorted(starts, at))) < len(starts):
         first = int(starts[i])
-        found.append(Block(first, int(length[first]), int(best[first] // length[first])))
+        blocks.append(Block(first, int(length[first]), int(best[first] // length[first])))
         at = first + int(best[first])
-    return found
+    return blocks
 
 
 def _lines(numbers: Sequence[int | str]) -> str:

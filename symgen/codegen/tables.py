@@ -156,14 +156,14 @@ def _columns(rows: Sequence[Sequence[Statement]]) -> list[_Column]:
     ]
 
 
-def _maker(operand: Sequence[Place], made: Mapping[str, tuple[int, int]]) -> _Maker | None:
+def _maker(operand: Sequence[Place], cell: Mapping[str, tuple[int, int]]) -> _Maker | None:
     """Return the statement that makes an operand in every repeat, or in the one before; else None.
 
     In the first repeat, an operand of the one before is a value from before the block.
     """
     if operand[0][1] is not None:
         return None
-    first, *others = [made.get(name) for name, _ in operand]
+    first, *others = [cell.get(name) for name, _ in operand]
     last = others[-1] if others else None
     if last is None:
         return None
@@ -269,9 +269,9 @@ class Tables:
         end = block.first + block.length * block.repeats
         starts = range(block.first, end, block.length)
         columns = _columns([self._statements[i : i + block.length] for i in starts])
-        made = {s.target[0]: (r, j) for j, (of_one, _) in enumerate(columns) for r, s in enumerate(of_one)}
-        readers = [[_maker(operand, made) for operand in operands] for _, operands in columns]
-        stored = self._stored(columns, readers, made, end)
+        cell = {s.target[0]: (r, j) for j, (of_one, _) in enumerate(columns) for r, s in enumerate(of_one)}
+        readers = [[_maker(operand, cell) for operand in operands] for _, operands in columns]
+        stored = self._stored(columns, readers, cell, end)
         for j in sorted(stored):
             for s in columns[j][0]:
                 self._places[s.target[0]] = self.values
@@ -280,9 +280,9 @@ class Tables:
         table: list[list[int]] = []
         texts = []
         for j, (of_one, operands) in enumerate(columns):
-            kept = of_one[0].target[1] is None and j not in stored
+            is_local = of_one[0].target[1] is None and j not in stored
             places = [
-                f"const {self._of.type} w{j}" if kept else self._text([s.target for s in of_one], table)
+                f"const {self._of.type} w{j}" if is_local else self._text([s.target for s in of_one], table)
             ]
             for operand, maker in zip(operands, readers[j], strict=True):
                 if maker is None:
@@ -316,7 +316,7 @@ class Tables:
         self,
         columns: Sequence[_Column],
         readers: Sequence[Sequence[_Maker | None]],
-        made: Mapping[str, tuple[int, int]],
+        cell: Mapping[str, tuple[int, int]],
         end: int,
     ) -> set[int]:
         """Return the statements of a block whose values of all repeats have places.
@@ -332,7 +332,7 @@ class Tables:
         for (_, operands), makers in zip(columns, readers, strict=True):
             for operand, maker in zip(operands, makers, strict=True):
                 if maker is None:
-                    stored.update(made[name][1] for name, index in operand if index is None and name in made)
+                    stored.update(cell[name][1] for name, index in operand if index is None and name in cell)
         return stored
 
     def _text(self, places: Sequence[Place], columns: list[list[int]]) -> str:

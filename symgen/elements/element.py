@@ -125,9 +125,9 @@ def shape_functions(element: Element) -> Shape:
     degrees = {"u": element.axial, "w": element.transverse, "phi": element.rotation}
     for field, degree in degrees.items():
         if degree is not None:
-            own = sp.symbols(f"{field}_0:{degree + 1}")
-            coefficients += own
-            fields[field] = sp.Add(*(c * xi**k for k, c in enumerate(own)))
+            unknowns = sp.symbols(f"{field}_0:{degree + 1}")
+            coefficients += unknowns
+            fields[field] = sp.Add(*(c * xi**k for k, c in enumerate(unknowns)))
     fields.setdefault("phi", derivative(fields["w"]))
     fields["gamma"] = derivative(fields["w"]) - fields["phi"]
     places = element.places()
@@ -148,9 +148,9 @@ def _solve(
 ) -> sp.Matrix:
     """Return the coefficients, one column for the unit value of each unknown."""
     matrix, _ = sp.linear_eq_to_matrix(list(rows), list(coefficients))
-    given = sp.eye(len(rows))[:, :unknowns]
+    unit_values = sp.eye(len(rows))[:, :unknowns]
     try:
-        left, right = DomainMatrix.from_Matrix(matrix).to_field().unify(DomainMatrix.from_Matrix(given))
+        left, right = DomainMatrix.from_Matrix(matrix).to_field().unify(DomainMatrix.from_Matrix(unit_values))
         return left.lu_solve(right).to_Matrix()
     except (ValueError, ZeroDivisionError, sp.polys.matrices.exceptions.DMNonInvertibleMatrixError) as e:
         raise DerivationError(

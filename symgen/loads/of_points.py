@@ -61,8 +61,8 @@ class Position(Measure):
 
     def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
         total = self.fixed(geometry, self.put(geometry, term.total))
-        own = self.link if self.link and self.point in geometry.link_ends(self.link) else ""
-        yield PointForce(self.point, (*total, *[ZERO] * (len(self.value(geometry)) - len(total))), own)
+        link = self.link if self.link and self.point in geometry.link_ends(self.link) else ""
+        yield PointForce(self.point, (*total, *[ZERO] * (len(self.value(geometry)) - len(total))), link)
 
     def fixed(self, geometry: Geometry, force: Vector) -> Vector:
         return on_fixed_axes(geometry, self.link, force) if self.link else force

@@ -45,19 +45,19 @@ def with_setup(kernels: Sequence[Kernel], parameters: Group) -> tuple[Kernel, ..
     if not (parameters.per_run and parameters.quantities):
         return tuple(kernels)
     setup = _SetUp(parameters)
-    own = {k.name: _Split(setup, k) for k in kernels}
-    if SETUP in own:
+    splits = {k.name: _Split(setup, k) for k in kernels}
+    if SETUP in splits:
         raise DerivationError(f"a kernel is called {SETUP!r}, which is reserved for the setup kernel")
     if not setup.places:
         return tuple(kernels)
     size = len(parameters.quantities) + len(setup.places)
-    made: dict[str, Kernel] = {}
+    lowered: dict[str, Kernel] = {}
 
     def rest(kernel: Kernel) -> Kernel:
-        if kernel.name not in made:
+        if kernel.name not in lowered:
             first, then = (tuple(map(rest, called)) for called in (kernel.first, kernel.then))
-            made[kernel.name] = own[kernel.name].kernel(parameters.name, size, first, then)
-        return made[kernel.name]
+            lowered[kernel.name] = splits[kernel.name].kernel(parameters.name, size, first, then)
+        return lowered[kernel.name]
 
     return (setup.kernel(), *map(rest, kernels))
 
@@ -66,7 +66,7 @@ class _SetUp:
     """Collects the terms that depend on parameters only; equal terms of different kernels are stored once."""
 
     def __init__(self, parameters: Group) -> None:
-        self.array, self.given = parameters.name, len(parameters.quantities)
+        self.array, self.offset = parameters.name, len(parameters.quantities)
         self.places: dict[Node, int] = {}
         self._line = StraightLine()
         self._count = 0
@@ -82,15 +82,15 @@ class _SetUp:
         if isinstance(bare, Constant) or (isinstance(bare, Reference) and "[" in bare.name):
             return node
         place = self.places.setdefault(node, len(self.places))
-        return Reference(f"{self.array}[{self.given + place}]")
+        return Reference(f"{self.array}[{self.offset + place}]")
 
     def kernel(self) -> Kernel:
         """Return the kernel that computes all stored terms."""
-        array, given = self.array, self.given
+        array, offset = self.array, self.offset
         return Kernel(
             SETUP,
-            f"what depends on the parameters alone, once before all else: out is {array} + {given}",
-            ((array, given),),
+            f"what depends on the parameters alone, once before all else: out is {array} + {offset}",
+            ((array, offset),),
             self._line.assignments(self.places),
             tuple(Store("out", place, node) for node, place in self.places.items()),
             (Block("derived", 0, (len(self.places), 1), "SI", "for all other kernels to read"),),
@@ -110,7 +110,7 @@ class _Split:
                 self._known[a.target] = value
             else:
                 self._assignments.append(Assignment(a.target, value))
-        self._stores = tuple(Store(s.array, s.index, self._kept(s.value)) for s in kernel.stores)
+        self._stores = tuple(Store(s.array, s.index, self._varying(s.value)) for s in kernel.stores)
 
     def kernel(self, array: str, size: int, first: tuple[Kernel, ...], then: tuple[Kernel, ...]) -> Kernel:
         """Return the remaining kernel, with ``size`` entries in the parameter array."""
@@ -121,10 +121,10 @@ class _Split:
             for name, count in self._of.inputs
             if name != array or reads
         )
-        kept = tuple(self._assignments)
-        return replace(self._of, inputs=inputs, assignments=kept, stores=self._stores, first=first, then=then)
+        rest = tuple(self._assignments)
+        return replace(self._of, inputs=inputs, assignments=rest, stores=self._stores, first=first, then=then)
 
-    def _kept(self, node: Node) -> Node:
+    def _varying(self, node: Node) -> Node:
         """Return a node as it appears in the remaining kernel."""
         value, fixed = self._part(node)
         return self._setup.place(value) if fixed else value
@@ -160,7 +160,7 @@ class _Split:
     def _sum(self, terms: tuple[tuple[int, _Part], ...]) -> _Part:
         """Partition a sum: its constant terms are combined at the position of the first one."""
         fixed = [(sign, node) for sign, (node, is_fixed) in terms if is_fixed]
-        above, below = ([node for own, node in fixed if own == sign] for sign in (1, -1))
+        above, below = ([node for node_sign, node in fixed if node_sign == sign] for sign in (1, -1))
         if len(fixed) > 1:
             one = self._setup.name(Sum((*above, *map(Negative, below)) if above else tuple(below))), True
             if len(fixed) == len(terms):

@@ -76,8 +76,8 @@ class Kernel:
     counts: OperationCount = field(init=False)
 
     def __post_init__(self) -> None:
-        own = count([a.value for a in self.assignments] + [s.value for s in self.stores])
-        object.__setattr__(self, "counts", sum((k.counts for k in self.first + self.then), own))
+        operations = count([a.value for a in self.assignments] + [s.value for s in self.stores])
+        object.__setattr__(self, "counts", sum((k.counts for k in self.first + self.then), operations))
 
     @property
     def reads(self) -> dict[str, int]:

@@ -359,7 +359,7 @@ def _mapped(node: Node, read: Callable[[str], Node]) -> Node:
 
 def count(nodes: Iterable[Node]) -> OperationCount:
     """Count the operations of expressions."""
-    own: Counter[type] = Counter()
+    terms: Counter[type] = Counter()
     operands: Counter[type] = Counter()
     waiting = list(nodes)
     while waiting:
@@ -368,32 +368,32 @@ def count(nodes: Iterable[Node]) -> OperationCount:
             continue
         parts = children(node)
         waiting.extend(parts)
-        own[type(node)] += 1
+        terms[type(node)] += 1
         operands[type(node)] += len(parts)
-    add, mul = (operands[kind] - own[kind] for kind in (Sum, Product))
-    return OperationCount(add, mul, own[Quotient], own[Negative], own[Call])
+    add, mul = (operands[kind] - terms[kind] for kind in (Sum, Product))
+    return OperationCount(add, mul, terms[Quotient], terms[Negative], terms[Call])
 
 
 def calls(nodes: Iterable[Node]) -> dict[str, int]:
     """Return the functions called in expressions, with their numbers of arguments."""
-    found: dict[str, int] = {}
+    functions: dict[str, int] = {}
     waiting = list(nodes)
     while waiting:
         node = waiting.pop()
         waiting.extend(children(node))
         if isinstance(node, Call):
-            found[node.function] = len(node.arguments)
-    return found
+            functions[node.function] = len(node.arguments)
+    return functions
 
 
 def references(nodes: Iterable[Node]) -> list[str]:
     """Return the names read by expressions, without repetition, in order of first use."""
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     waiting = list(nodes)[::-1]
     while waiting:
         node = waiting.pop()
         if isinstance(node, Reference):
-            found[node.name] = None
+            names[node.name] = None
         elif not isinstance(node, Constant):
             waiting.extend(children(node)[::-1])
-    return list(found)
+    return list(names)

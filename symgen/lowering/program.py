@@ -51,15 +51,15 @@ def _with_tolerance(kernels: Sequence[Kernel], place: int) -> tuple[Kernel, ...]
 
     Calls alone read it: those of the guarded reciprocals, each an assignment of its own.
     """
-    made: dict[str, Kernel] = {}
+    placed: dict[str, Kernel] = {}
 
     def read(kernel: Kernel) -> Kernel:
         if not kernel.counts.call:
             return kernel
-        if kernel.name not in made:
+        if kernel.name not in placed:
             first, then = (tuple(map(read, called)) for called in (kernel.first, kernel.then))
-            made[kernel.name] = replace(_placed(kernel, place), first=first, then=then)
-        return made[kernel.name]
+            placed[kernel.name] = replace(_placed(kernel, place), first=first, then=then)
+        return placed[kernel.name]
 
     return tuple(map(read, kernels))
 
@@ -108,7 +108,7 @@ class _Lowering:
 
         line = StraightLine()
         places = {x.name: f"work[{i}]" for i, x in enumerate(stored)}
-        kept = replace(
+        regular = replace(
             factors,
             inverse={k: rename(x, places) for k, x in factors.inverse.items()},
             lower={ij: rename(x, places) for ij, x in factors.lower.items()},
@@ -117,7 +117,7 @@ class _Lowering:
             "solve",
             "solution for the right-hand side in out, with the factors in work, in place",
             line,
-            dict(enumerate(solve(line, kept, [Reference(f"out[{i}]") for i in range(n + m)]))),
+            dict(enumerate(solve(line, regular, [Reference(f"out[{i}]") for i in range(n + m)]))),
             (Block("solution", 0, (n + m, 1), "1", "right-hand side before, solution after", labels),),
             sizes={"work": len(stored), "out": n + m},
         )

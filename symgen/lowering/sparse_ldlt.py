@@ -65,13 +65,13 @@ def factor(
         If a pivot is structurally zero: the unknown is undetermined.
     """
     place = {k: i for i, k in enumerate(order)}
-    kept: dict[tuple[int, int], list[Node]] = {}
+    pending: dict[tuple[int, int], list[Node]] = {}
     taken: _Taken = {}
     below: dict[int, set[int]] = {k: set() for k in order}
     for (i, j), value in entries.items():
         if value != ZERO:
             late, early = (i, j) if place[i] >= place[j] else (j, i)
-            kept[late, early] = [value]
+            pending[late, early] = [value]
             if late != early:
                 below[early].add(late)
     inverse: dict[int, Node] = {}
@@ -86,7 +86,7 @@ def factor(
 
     for k in order:
         # Terms from unknowns of the other kind have the sign of this pivot; those of the same kind cancel.
-        of_sign = total(kept.get((k, k), ()), _of_kind(taken, k, primal, same=False))
+        of_sign = total(pending.get((k, k), ()), _of_kind(taken, k, primal, same=False))
         if of_sign == ZERO:
             raise DerivationError(f"nothing determines {labels[k]}: its pivot is zero whatever the state")
         cancelling = _of_kind(taken, k, primal, same=True)
@@ -101,7 +101,7 @@ def factor(
         inverse[k] = line.name(one_over, f"r{k}")
         rows = sorted(below[k], key=place.__getitem__)
         column = {
-            i: line.name(total(kept.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}")
+            i: line.name(total(pending.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}")
             for i in rows
         }
         rows = [i for i in rows if column[i] != ZERO]

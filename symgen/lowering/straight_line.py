@@ -39,8 +39,8 @@ def fold(expression: sp.Expr) -> sp.Expr:
         if len(numbers) > 1:
             old = (expression.func(*numbers), *(a for a in old if not a.is_number))
     new = [fold(a) for a in old]
-    kept = len(new) == len(expression.args) and all(a is b for a, b in zip(expression.args, new, strict=True))
-    return expression if kept else expression.func(*new)
+    same = len(new) == len(expression.args) and all(a is b for a, b in zip(expression.args, new, strict=True))
+    return expression if same else expression.func(*new)
 
 
 def _collected(terms: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
@@ -60,7 +60,7 @@ def _collected(terms: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
 
 def _definitions(system: System) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symbol, sp.Expr]]:
     """Return the definitions that depend on arguments, and those that are numbers."""
-    found: dict[sp.Symbol, sp.Expr] = {}
+    expressions: dict[sp.Symbol, sp.Expr] = {}
     numbers: dict[sp.Symbol, sp.Expr] = {}
     for definition in system.definitions:
         exact = definition.expression.xreplace(numbers)
@@ -69,8 +69,8 @@ def _definitions(system: System) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symb
         if value.is_number:
             numbers[definition.quantity.symbol] = value if value.is_Rational else exact
         else:
-            found[definition.quantity.symbol] = value
-    return found, numbers
+            expressions[definition.quantity.symbol] = value
+    return expressions, numbers
 
 
 class Shared:
@@ -92,24 +92,24 @@ class Shared:
             expressions[name] = {place: e for place, e in folded if e != 0}
         # Whole subtrees only: searching for common parts of sums and products takes longer than the rest
         # of the lowering, and finds almost nothing if the derivation already names shared terms.
-        found, shared = tree_cse(
+        replacements, shared = tree_cse(
             [*definitions.values()] + [e for entries in expressions.values() for e in entries.values()],
             sp.numbered_symbols("c", real=True),
             order="none",
         )
         # A shared subexpression that equals a definition keeps the definition's name.
-        own: dict[sp.Symbol, str] = {}
-        temporaries = {s for s, _ in found}
+        symbols: dict[sp.Symbol, str] = {}
+        temporaries = {s for s, _ in replacements}
         for symbol, value in zip(definitions, shared, strict=False):
-            if value in temporaries and value not in own:
-                own[value] = symbol.name
-        titles = {s.name: name for s, name in own.items()}
+            if value in temporaries and value not in symbols:
+                symbols[value] = symbol.name
+        titles = {s.name: name for s, name in symbols.items()}
         # Arguments are named by their array index, which cannot coincide with any other name.
         for group in system.groups:
             titles.update((x.name, f"{group.name}[{i}]") for i, x in enumerate(group.quantities))
         nodes = (rename(lower(e), titles) for e in shared)
         self.values: dict[str, Node] = {}
-        for s, e in found:
+        for s, e in replacements:
             self.values[titles.get(s.name, s.name)] = rename(lower(e), titles)
         for symbol in definitions:
             value = next(nodes)

@@ -61,9 +61,9 @@ class Tape:
         self._arrays: dict[str, int] = {}
         if setup:
             self._append(setup)
-            ((array, given),) = setup.inputs
+            ((array, offset),) = setup.inputs
             self._arrays |= {
-                f"{array}[{given + i}]": self._arrays.pop(f"out[{i}]") for i in range(setup.out_size)
+                f"{array}[{offset + i}]": self._arrays.pop(f"out[{i}]") for i in range(setup.out_size)
             }
         self._append(kernel)
         self.out = {int(name[4:-1]): place for name, place in self._arrays.items() if name.startswith("out[")}
@@ -104,13 +104,13 @@ class Tape:
             place: number(arguments[array][index]) for (array, index), place in self.inputs.items()
         }
         with mpmath.workdps(DIGITS):
-            found: list[Number] = []
+            numbers: list[Number] = []
             for place, operation in enumerate(self.operations):
                 if place in known:
-                    found.append(known[place])
+                    numbers.append(known[place])
                 else:
-                    found.append(_value(operation.node, [found[i] for i in operation.operands]))
-        return found
+                    numbers.append(_value(operation.node, [numbers[i] for i in operation.operands]))
+        return numbers
 
     def conditions(self, values: list[Number]) -> dict[int, float]:
         """Return sum |x_j df/dx_j| of every entry f of ``out``, over all inputs x_j.
@@ -135,14 +135,14 @@ class Tape:
 
     def influence(self, values: list[Number], entry: int) -> list[float]:
         """Return the derivative of one entry of ``out`` by the result of every operation."""
-        found = [0.0] * len(self.operations)
-        found[self.out[entry]] = 1.0
+        adjoints = [0.0] * len(self.operations)
+        adjoints[self.out[entry]] = 1.0
         for place in range(len(self.operations) - 1, -1, -1):
-            if found[place]:
+            if adjoints[place]:
                 operands = self.operations[place].operands
                 for i, slope in zip(operands, self._slopes(place, values), strict=True):
-                    found[i] += found[place] * slope
-        return found
+                    adjoints[i] += adjoints[place] * slope
+        return adjoints
 
     def _slopes(self, place: int, values: list[Number]) -> tuple[float, ...]:
         """Return the derivative of an operation by each of its operands."""

@@ -103,11 +103,11 @@ class Calculus:
 
 def chained(parts: Iterable[tuple[sp.Expr, Mapping[sp.Symbol, sp.Expr]]]) -> dict[sp.Symbol, sp.Expr]:
     """Return the sum of slope times gradient over (slope, gradient) pairs, without zeros (chain rule)."""
-    found: dict[sp.Symbol, list[sp.Expr]] = {}
+    terms: dict[sp.Symbol, list[sp.Expr]] = {}
     for slope, gradient in parts:
         for q, inner in gradient.items():
-            found.setdefault(q, []).append(slope * inner)
-    summed = {q: sp.Add(*terms) for q, terms in found.items()}
+            terms.setdefault(q, []).append(slope * inner)
+    summed = {q: sp.Add(*terms) for q, terms in terms.items()}
     return {q: value for q, value in summed.items() if value != 0}
 
 

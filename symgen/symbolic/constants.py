@@ -44,12 +44,12 @@ def with_pi(expression: Expression) -> Expression:
 
     The cosine of a right angle is zero then, and its factors are omitted.
     """
-    found = {}
+    multiples = {}
     for number in expression.atoms(sp.Rational):
         share = Fraction(int(number.p), int(number.q)) / PI
         if share and share.denominator < _FINEST:
-            found[number] = sp.Rational(share.numerator, share.denominator) * sp.pi
-    return expression.xreplace(found)
+            multiples[number] = sp.Rational(share.numerator, share.denominator) * sp.pi
+    return expression.xreplace(multiples)
 
 
 def rounded(expression: sp.Expr, digits: int) -> sp.Expr:
@@ -61,12 +61,12 @@ def rounded(expression: sp.Expr, digits: int) -> sp.Expr:
     if expression.is_Rational:
         return expression
     try:
-        found = _narrow(expression, int(_BITS_PER_DIGIT * digits) + _GUARD)
+        value = _narrow(expression, int(_BITS_PER_DIGIT * digits) + _GUARD)
     except (ArithmeticError, mpmath.libmp.ComplexResult):
         return sp.nan
     except _NoEnclosureError:
         return expression.evalf(digits)
-    return sp.Integer(0) if found is None else sp.Float(found, digits)
+    return sp.Integer(0) if value is None else sp.Float(value, digits)
 
 
 def vanishes(expression: sp.Expr) -> bool:
@@ -78,8 +78,8 @@ def _narrow(expression: sp.Expr, bits: int) -> mpmath.mpf | None:
     """Return the midpoint of an enclosure of this relative width; None if the number vanishes."""
     more = bits
     while True:
-        found = _enclosure(expression, more)
-        low, high = (mpmath.make_mpf(end) for end in found._mpi_)
+        interval = _enclosure(expression, more)
+        low, high = (mpmath.make_mpf(end) for end in interval._mpi_)
         if low > 0 or high < 0:
             with mpmath.workprec(more + _GUARD):
                 if high - low <= mpmath.ldexp(min(abs(low), abs(high)), -bits):
@@ -156,12 +156,12 @@ def _decided(expression: sp.Expr, bits: int) -> tuple[Any, int]:
     """Return an enclosure that contains zero only if the number vanishes, and the sign of the number."""
     more = bits
     while True:
-        found = _enclosure(expression, more)
-        if found.a > 0:
-            return found, 1
-        if found.b < 0:
-            return found, -1
-        if more >= bits + _DECIDED or found.a == found.b == 0:
+        interval = _enclosure(expression, more)
+        if interval.a > 0:
+            return interval, 1
+        if interval.b < 0:
+            return interval, -1
+        if more >= bits + _DECIDED or interval.a == interval.b == 0:
             return _intervals.mpf(0), 0
         more += _DECIDED // 2
 

@@ -38,18 +38,18 @@ def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> Sy
         )
     by = known[name]
     slopes: dict[sp.Symbol, sp.Expr] = {by.symbol: sp.Integer(1)}
-    made: list[Definition] = []
+    derivatives: list[Definition] = []
     for definition in system.definitions:
-        own = definition.quantity
+        symbol = definition.quantity
         slope = _through(definition.expression, slopes)
         if not (slope.is_Atom or (-slope).is_Atom):
-            unit, about = _per(own.unit, by.unit), f"derivative by {name}: {own.description}"
-            named = quantity(f"{own.name}_by_{name}", unit, about)
-            made.append(Definition(named, slope))
+            unit, about = _per(symbol.unit, by.unit), f"derivative by {name}: {symbol.description}"
+            named = quantity(f"{symbol.name}_by_{name}", unit, about)
+            derivatives.append(Definition(named, slope))
             slope = named.symbol
         if slope != 0:
-            slopes[own.symbol] = slope
-    found = tuple(
+            slopes[symbol.symbol] = slope
+    by_name = tuple(
         replace(
             m,
             name=f"{m.name}_by_{name}",
@@ -59,8 +59,8 @@ def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> Sy
         )
         for m in matrices
     )
-    definitions = (*system.definitions, *made)
-    return replace(system, matrices=found, exports=(), definitions=definitions, saddle_point=None)
+    definitions = (*system.definitions, *derivatives)
+    return replace(system, matrices=by_name, exports=(), definitions=definitions, saddle_point=None)
 
 
 def _through(expression: sp.Expr, slopes: dict[sp.Symbol, sp.Expr]) -> sp.Expr:

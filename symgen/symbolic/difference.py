@@ -95,16 +95,16 @@ _NOTHING = RecordedMatrix("", 0, 0, {}, {})
 def _matrix(name: str, before: Record, after: Record) -> MatrixDifference | None:
     old, new = before.matrices.get(name, _NOTHING), after.matrices.get(name, _NOTHING)
     changes = [_entry(place, old, new) for place in _names(old.entries, new.entries)]
-    found = [c for c in changes if c]
+    differences = [c for c in changes if c]
     if old is not _NOTHING and new is not _NOTHING and old.unit != new.unit:
-        found.insert(0, Change("changed", "unit", old.unit, new.unit))
+        differences.insert(0, Change("changed", "unit", old.unit, new.unit))
     shapes = (old.rows, old.columns), (new.rows, new.columns)
-    if not found and shapes[0] == shapes[1]:
+    if not differences and shapes[0] == shapes[1]:
         return None
     kind = "added" if old is _NOTHING else "removed" if new is _NOTHING else "changed"
-    if kind == "changed" and shapes[0] == shapes[1] and all(c.kind == "rewritten" for c in found):
+    if kind == "changed" and shapes[0] == shapes[1] and all(c.kind == "rewritten" for c in differences):
         kind = "rewritten"
-    return MatrixDifference(kind, name, shapes, tuple(found))
+    return MatrixDifference(kind, name, shapes, tuple(differences))
 
 
 def _entry(place: str, old: RecordedMatrix, new: RecordedMatrix) -> Change | None:
@@ -132,10 +132,10 @@ def _equal(before: str | None, after: str | None) -> bool:
 
 def texts(before: Mapping[str, str], after: Mapping[str, str]) -> tuple[Change, ...]:
     """Return the added, removed and changed named texts, in the order of the later ones."""
-    found = []
+    changes = []
     for name in _names(before, after):
         old, new = before.get(name, ""), after.get(name, "")
         if old != new:
             kind = "changed" if old and new else "added" if new else "removed"
-            found.append(Change(kind, name, old, new))
-    return tuple(found)
+            changes.append(Change(kind, name, old, new))
+    return tuple(changes)

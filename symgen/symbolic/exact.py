@@ -44,21 +44,21 @@ class Exact:
             }
             for symbol, expression in self._used(matrices):
                 known[symbol] = _value(expression, known)
-            found = [mpmath.zeros(*m.shape) for m in matrices]
-            for made, m in zip(found, matrices, strict=True):
+            results = [mpmath.zeros(*m.shape) for m in matrices]
+            for result, m in zip(results, matrices, strict=True):
                 for place, entry in m.todok().items():
-                    made[place] = _value(entry, known)
-            return found
+                    result[place] = _value(entry, known)
+            return results
 
     def _used(self, matrices: Iterable[sp.MatrixBase]) -> list[tuple[sp.Symbol, sp.Expr]]:
         """Return the definitions that matrices need, in their derived form."""
         needed = set[sp.Basic]().union(*(m.free_symbols for m in matrices))
-        found = []
+        used = []
         for definition in reversed(self.system.definitions):
             if definition.quantity.symbol in needed:
                 needed |= definition.expression.free_symbols
-                found.append((definition.quantity.symbol, definition.expression))
-        return found[::-1]
+                used.append((definition.quantity.symbol, definition.expression))
+        return used[::-1]
 
     def whole(self, values: Mapping[str, Any]) -> tuple[mpmath.matrix, mpmath.matrix]:
         """Return [M J^T; J 0] and the right-hand side [f; gamma] of the equations of motion."""
@@ -81,10 +81,10 @@ class Exact:
         self, values: Mapping[str, Any], rhs: mpmath.matrix | None = None, *, redundant: Sequence[int] = ()
     ) -> mpmath.matrix:
         """Solve [M J^T; J 0] x = rhs, by default the system's own; ``redundant`` multipliers are zero."""
-        whole, own = self.whole(values)
+        whole, right = self.whole(values)
         coordinates = whole.rows - self.system[self.system.saddle_point.jacobian].matrix.rows  # type: ignore[union-attr]
         left_out = {coordinates + i for i in redundant}
-        return solve(whole, own if rhs is None else rhs, left_out)
+        return solve(whole, right if rhs is None else rhs, left_out)
 
 
 #: Functions whose names in mpmath differ.
@@ -131,22 +131,22 @@ def solve(matrix: mpmath.matrix, rhs: mpmath.matrix, left_out: Iterable[int] = (
     the whole solution is computed at 40 digits, which is slow for many unknowns.
     """
     with mpmath.workdps(DIGITS + _GUARD):
-        kept = [i for i in range(matrix.rows) if i not in set(left_out)]
-        found = _refined(matrix, rhs, kept)
-        if found is None:
-            part = mpmath.matrix([[matrix[i, j] for j in kept] for i in kept])
-            found = list(mpmath.lu_solve(part, mpmath.matrix([rhs[i] for i in kept])))
+        rows = [i for i in range(matrix.rows) if i not in set(left_out)]
+        part_solution = _refined(matrix, rhs, rows)
+        if part_solution is None:
+            part = mpmath.matrix([[matrix[i, j] for j in rows] for i in rows])
+            part_solution = list(mpmath.lu_solve(part, mpmath.matrix([rhs[i] for i in rows])))
         solution = mpmath.zeros(matrix.rows, 1)
-        for i, x in zip(kept, found, strict=True):
+        for i, x in zip(rows, part_solution, strict=True):
             solution[i] = x
         return solution
 
 
-def _refined(matrix: mpmath.matrix, rhs: mpmath.matrix, kept: list[int]) -> list[mpmath.mpf] | None:
-    rows = [[(k, matrix[i, j]) for k, j in enumerate(kept) if matrix[i, j]] for i in kept]
-    rounded = np.array([[float(matrix[i, j]) for j in kept] for i in kept])
+def _refined(matrix: mpmath.matrix, rhs: mpmath.matrix, used: list[int]) -> list[mpmath.mpf] | None:
+    rows = [[(k, matrix[i, j]) for k, j in enumerate(used) if matrix[i, j]] for i in used]
+    rounded = np.array([[float(matrix[i, j]) for j in used] for i in used])
     # Rows and columns of very different units are equilibrated by powers of two.
-    scale = np.ones(len(kept))
+    scale = np.ones(len(used))
     for _ in range(4):
         size = np.max(np.abs(rounded * np.outer(scale, scale)), axis=1)
         if not np.all(np.isfinite(size)) or np.any(size == 0):
@@ -156,10 +156,10 @@ def _refined(matrix: mpmath.matrix, rhs: mpmath.matrix, kept: list[int]) -> list
         inverse = np.linalg.inv(rounded * np.outer(scale, scale)) * np.outer(scale, scale)
     except np.linalg.LinAlgError:
         return None
-    x = [mpmath.mpf(0)] * len(kept)
+    x = [mpmath.mpf(0)] * len(used)
     small, last = mpmath.mpf(10) ** -DIGITS, mpmath.inf
     for _ in range(_STEPS):
-        left = [rhs[i] - mpmath.fdot((a, x[k]) for k, a in row) for i, row in zip(kept, rows, strict=True)]
+        left = [rhs[i] - mpmath.fdot((a, x[k]) for k, a in row) for i, row in zip(used, rows, strict=True)]
         size = max((abs(e) for e in left), default=mpmath.mpf(0))
         if not size:
             return x

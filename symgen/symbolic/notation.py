@@ -53,9 +53,9 @@ def notation(name: str) -> Notation:
     head, *rest = [part for part in name.split("_") if part] or [name]
     if rest and rest[-1] == "lambda":
         return Notation("lambda", dots, (head, *rest[:-1]))
-    found = _NUMBERED.fullmatch(head)
-    if found and (len(found["word"]) == 1 or found["word"] in _GREEK):
-        return Notation(found["word"], dots, (found["number"], *rest))
+    match = _NUMBERED.fullmatch(head)
+    if match and (len(match["word"]) == 1 or match["word"] in _GREEK):
+        return Notation(match["word"], dots, (match["number"], *rest))
     return Notation(head, dots, tuple(rest))
 
 
@@ -125,9 +125,9 @@ def _upright(word: str) -> str:
 
 
 def _below(word: str) -> str:
-    found = _NUMBERED.fullmatch(word)
-    if found and found["word"] in _GREEK:
-        return rf"\{found['word']}{found['number']}{_plain(found['rest'])}"
+    match = _NUMBERED.fullmatch(word)
+    if match and match["word"] in _GREEK:
+        return rf"\{match['word']}{match['number']}{_plain(match['rest'])}"
     return rf"\{word}" if word in _IN_LATEX else _upright(word)
 
 
@@ -143,9 +143,9 @@ def _mi(word: str) -> str:
     """Return a word as one identifier, Greek if it names a letter; a number as a number."""
     if word.isdecimal():
         return f"<mn>{word}</mn>"
-    found = _NUMBERED.fullmatch(word)
-    if found and found["word"] in _GREEK:
-        word = _GREEK[found["word"]] + found["number"] + found["rest"]
+    match = _NUMBERED.fullmatch(word)
+    if match and match["word"] in _GREEK:
+        word = _GREEK[match["word"]] + match["number"] + match["rest"]
     return f"<mi>{escape(_GREEK.get(word, word))}</mi>"
 
 
@@ -175,9 +175,9 @@ class _MathML(MathMLPresentationPrinter):
         table.setAttribute("columnalign", "left")
         for value, condition in expr.args:
             row = self.dom.createElement("mtr")
-            for what in (value, condition):
+            for part in (value, condition):
                 cell = self.dom.createElement("mtd")
-                cell.appendChild(_parsed("<mtext>otherwise</mtext>") if what == True else self._print(what))  # noqa: E712
+                cell.appendChild(_parsed("<mtext>otherwise</mtext>") if part == True else self._print(part))  # noqa: E712
                 row.appendChild(cell)
             table.appendChild(row)
         whole = self.dom.createElement("mrow")

@@ -28,9 +28,9 @@ class Quantity:
     shape: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        for what in ("unit", "description"):
-            if not getattr(self, what).strip():
-                raise DerivationError(f"symbol {self.symbol} has no {what}: every symbol needs one")
+        for name in ("unit", "description"):
+            if not getattr(self, name).strip():
+                raise DerivationError(f"symbol {self.symbol} has no {name}: every symbol needs one")
 
     @property
     def name(self) -> str:

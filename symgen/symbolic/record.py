@@ -81,10 +81,10 @@ def record(name: str, title: str, systems: Mapping[str, System], operations: Map
     return Record(name, title, definitions, matrices, operations)
 
 
-def _recorded(m: NamedMatrix, found: list[str]) -> RecordedMatrix:
+def _recorded(m: NamedMatrix, texts: list[str]) -> RecordedMatrix:
     from sympy import sstr
 
-    there = [(p, e, v) for p, e, v in zip(places(m), m.matrix, found, strict=True) if e != 0]
+    there = [(p, e, v) for p, e, v in zip(places(m), m.matrix, texts, strict=True) if e != 0]
     entries, values = {p: sstr(e) for p, e, _ in there}, {p: v for p, _, v in there if v}
     return RecordedMatrix(m.unit, m.matrix.rows, m.matrix.cols, entries, values)
 

@@ -28,9 +28,9 @@ class NamedMatrix:
     symmetric: bool = False
 
     def __post_init__(self) -> None:
-        for what in ("unit", "description"):
-            if not getattr(self, what).strip():
-                raise DerivationError(f"matrix {self.name} has no {what}: every matrix needs one")
+        for name in ("unit", "description"):
+            if not getattr(self, name).strip():
+                raise DerivationError(f"matrix {self.name} has no {name}: every matrix needs one")
         if self.rows and len(self.rows) != self.matrix.rows:
             raise DerivationError(f"matrix {self.name}: {len(self.rows)} names for {self.matrix.rows} rows")
 
@@ -45,22 +45,22 @@ class NamedMatrix:
         m = self.matrix
         i = self._numbers("row", rows, self.rows, m.rows)
         j = self._numbers("column", columns, self.columns, m.cols)
-        kept_rows = tuple(self.rows[k] for k in i) if self.rows else tuple(map(str, i))
-        kept_columns = tuple(self.columns[k] for k in j) if self.columns else tuple(map(str, j))
+        row_names = tuple(self.rows[k] for k in i) if self.rows else tuple(map(str, i))
+        column_names = tuple(self.columns[k] for k in j) if self.columns else tuple(map(str, j))
         whole = i == j and self.symmetric
-        return replace(self, matrix=m.extract(i, j), rows=kept_rows, columns=kept_columns, symmetric=whole)
+        return replace(self, matrix=m.extract(i, j), rows=row_names, columns=column_names, symmetric=whole)
 
-    def _numbers(self, what: str, asked: Sequence[str], names: Sequence[str], count: int) -> list[int]:
-        found = []
-        for name in asked:
+    def _numbers(self, kind: str, selected: Sequence[str], names: Sequence[str], count: int) -> list[int]:
+        numbers = []
+        for name in selected:
             if name in names:
-                found.append(names.index(name))
+                numbers.append(names.index(name))
             elif name.isdecimal() and int(name) < count:
-                found.append(int(name))
+                numbers.append(int(name))
             else:
                 known = nearest(name, names) if names else f"They are numbered from 0 to {count - 1}."
-                raise ModelError(f"matrix {self.name} has no {what} {name!r}. {known}")
-        return found or list(range(count))
+                raise ModelError(f"matrix {self.name} has no {kind} {name!r}. {known}")
+        return numbers or list(range(count))
 
     def _repr_latex_(self) -> str:
         from symgen.symbolic.notation import latex

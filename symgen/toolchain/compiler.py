@@ -68,8 +68,8 @@ class Compiler:
         check_known(vector, VECTORS, "there is no vector")
         flags = self.flags
         if contraction != "off":
-            kept = (f for f in flags if not f.startswith("-ffp-contract"))
-            flags = (*kept, CONTRACTIONS[contraction])
+            others = (f for f in flags if not f.startswith("-ffp-contract"))
+            flags = (*others, CONTRACTIONS[contraction])
         return replace(self, flags=(*flags, *VECTORS[vector]))
 
     @property
@@ -115,9 +115,9 @@ class Compiler:
         with ExitStack() as opened:
             running = []
             for source in sources:
-                made = source.with_suffix(".o")
-                command = [*self.command, *flags, "-fPIC", "-c", str(source), "-o", str(made)]
-                running.append((opened.enter_context(Process(command)), made))
+                object_file = source.with_suffix(".o")
+                command = [*self.command, *flags, "-fPIC", "-c", str(source), "-o", str(object_file)]
+                running.append((opened.enter_context(Process(command)), object_file))
             linked = tuple(f"-l{name}" for name in libraries)
             return Compilation(self, tuple(running), library, linked, opened.pop_all())
 
@@ -155,7 +155,7 @@ class Compilation:
             again = [self.opened.enter_context(_unoptimised(process)) for process in slow]
             for process in (*again, *(p for p, _ in self.running if p not in slow)):
                 process.check(_LIMIT)
-            objects = [made for _, made in self.running]
+            objects = [object_file for _, object_file in self.running]
             command = [*self.compiler.command, *self.compiler.flags, "-shared", "-o", str(self.library)]
             link = self.opened.enter_context(Process([*command, *map(str, objects), *self.linked]))
             link.check(_LIMIT)
@@ -164,8 +164,8 @@ class Compilation:
                 f"the C compiler reported success but wrote no library: {shlex.join(link.command)}\n"
                 f"{_ORIGIN}; they must let it compile and link (no -E, -S, -fsyntax-only)."
             )
-        for made in objects:
-            made.unlink(missing_ok=True)
+        for object_file in objects:
+            object_file.unlink(missing_ok=True)
         return self.library
 
 
@@ -246,9 +246,9 @@ class Process:
             raise BuildError(self.over_limit(limit))
         code = self._process.returncode
         if code:
-            how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
+            end = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
             said = f"{self.output}\n" if self.output else ""
-            raise BuildError(f"the C compiler failed ({how}): {shlex.join(self.command)}\n{said}{_ORIGIN}.")
+            raise BuildError(f"the C compiler failed ({end}): {shlex.join(self.command)}\n{said}{_ORIGIN}.")
 
     def over_limit(self, limit: float) -> str:
         """Kill the compiler, and return the message for one that exceeded the limit [s]."""

@@ -113,13 +113,13 @@ def _decides(module: str) -> bool:
 
 def _describing() -> set[str]:
     """Return the loaded runtime modules that the description of a scene imports, directly or indirectly."""
-    found: set[str] = set()
+    modules: set[str] = set()
     reached = {_DESCRIBING} & sys.modules.keys()
     while reached:
         module = reached.pop()
-        found.add(module)
-        reached |= (_imports(module) & sys.modules.keys()) - found
-    return found - {_DESCRIBING}
+        modules.add(module)
+        reached |= (_imports(module) & sys.modules.keys()) - modules
+    return modules - {_DESCRIBING}
 
 
 @cache
@@ -183,9 +183,9 @@ def _version(package: str) -> str:
 
         return __version__
     beside = _installed(_folder(package).parent)
-    found = [name for name in beside if name.lower().startswith(f"{package}-")]
-    if len(found) == 1:
-        return found[0].removesuffix(".dist-info").partition("-")[2]
+    folders = [name for name in beside if name.lower().startswith(f"{package}-")]
+    if len(folders) == 1:
+        return folders[0].removesuffix(".dist-info").partition("-")[2]
     from importlib.metadata import version
 
     return version(package)
@@ -228,8 +228,8 @@ def versions(store: Cache, name: str) -> Iterator[tuple[Path, Needs]]:
 def _latest_first(root: Path, start: str) -> list[Path]:
     try:
         with os.scandir(root) as entries:  # a cache may have thousands
-            found = [root / entry.name for entry in entries if entry.name.startswith(start)]
-        return sorted(found, key=lambda p: (-p.stat().st_mtime_ns, p.name))
+            folders = [root / entry.name for entry in entries if entry.name.startswith(start)]
+        return sorted(folders, key=lambda p: (-p.stat().st_mtime_ns, p.name))
     except OSError:  # no cache yet, or another process removed the entry
         return []
 

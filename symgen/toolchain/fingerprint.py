@@ -57,7 +57,7 @@ class _Reading:
     def __init__(self) -> None:
         self.digest = hashlib.sha256()
         self._seen: dict[int, int] = {}
-        self._kept: list[Any] = []  # so that no id is used twice
+        self._referenced: list[Any] = []  # so that no id is used twice
 
     def read(self, thing: Any) -> None:
         if isinstance(thing, _PLAIN):
@@ -65,7 +65,7 @@ class _Reading:
         if id(thing) in self._seen:
             return self._write("again", str(self._seen[id(thing)]))
         self._seen[id(thing)] = len(self._seen)
-        self._kept.append(thing)
+        self._referenced.append(thing)
         if isinstance(thing, list | tuple):
             return self._all(type(thing).__name__, thing)
         if isinstance(thing, Mapping):
@@ -98,10 +98,10 @@ class _Reading:
         self._write("class", name)
         if _package(thing) in _BY_NAME:
             return
-        own = {n: v for n, v in vars(thing).items() if n not in _OF_PYTHON}
-        own = {n: v for n, v in own.items() if n == _FIELDS or not n.startswith("__pydantic_")}
+        attributes = {n: v for n, v in vars(thing).items() if n not in _OF_PYTHON}
+        attributes = {n: v for n, v in attributes.items() if n == _FIELDS or not n.startswith("__pydantic_")}
         self._all("bases", thing.__bases__)
-        self.read({n: own[n] for n in sorted(own)})
+        self.read({n: attributes[n] for n in sorted(attributes)})
 
     def _other(self, thing: Any) -> None:
         if isinstance(thing, types.FunctionType):
@@ -133,16 +133,16 @@ class _Reading:
         names = _names(thing.__code__)
         self._globals({n: thing.__globals__[n] for n in sorted(names) if n in thing.__globals__}, names)
 
-    def _globals(self, found: dict[str, Any], names: set[str]) -> None:
+    def _globals(self, values: dict[str, Any], names: set[str]) -> None:
         """Read the global objects that code uses; of modules of a program, what ``names`` uses of them."""
-        for name, value in found.items():
+        for name, value in values.items():
             self._write("global", name)
             if isinstance(value, types.ModuleType) and _package(value) not in _BY_NAME:
-                own = {n: vars(value)[n] for n in sorted(names) if n in vars(value)}
+                attributes = {n: vars(value)[n] for n in sorted(names) if n in vars(value)}
                 if id(value) not in self._seen:
                     self._seen[id(value)] = len(self._seen)
-                    self._kept.append(value)
-                    self._globals(own, names)
+                    self._referenced.append(value)
+                    self._globals(attributes, names)
             else:
                 self.read(value)
 

@@ -79,8 +79,8 @@ class Tools:
     @property
     def identity(self) -> str:
         """All settings that may change the kernels."""
-        how = self.compiler.identity if self.compiler else self.language
-        return "\n".join((how, self.precision.name, str(self.digits)))
+        target = self.compiler.identity if self.compiler else self.language
+        return "\n".join((target, self.precision.name, str(self.digits)))
 
     @property
     def in_float64(self) -> Tools:
@@ -95,10 +95,11 @@ class Tools:
     @property
     def provenance(self) -> dict[str, str]:
         """Return the settings that affect the last bits of a result, for reports."""
-        how = {"precision": f"{self.digits} digits" if self.digits else self.precision.name}
+        data = {"precision": f"{self.digits} digits" if self.digits else self.precision.name}
         if self.compiler:
-            how |= {"compiler": self.compiler.version, "contraction": self.contraction, "vector": self.vector}
-        return how
+            data["compiler"] = self.compiler.version
+            data |= {"contraction": self.contraction, "vector": self.vector}
+        return data
 
     def lowered(self, system: System, lanes: bool = False) -> tuple[Program, str, tuple[SourceFile, ...]]:
         """Return the program of a system, the hash of its equations, and its sources."""
@@ -157,10 +158,10 @@ class Tools:
             return replace(open_library(library, description), provenance=self.provenance)
         source = (folder / f"{description.name}_{self.language}.py").read_text(encoding="utf-8")
         if self.digits:
-            made = open_mpmath(source, description, self.digits)
+            kernels = open_mpmath(source, description, self.digits)
         else:
-            made = open_numpy(source, description, self.precision)
-        return replace(made, provenance=self.provenance)
+            kernels = open_numpy(source, description, self.precision)
+        return replace(kernels, provenance=self.provenance)
 
     def _finished(self, compilation: Compilation) -> Path:
         try:
@@ -224,16 +225,16 @@ class Tools:
         store = Cache()
         parts = (text.file, text.canonical, self.identity, repr(base) if base else "")
         name = "-".join(part for part in (text.name, kind, key(*parts)) if part)
-        found = self._from_cache(store, name)
-        if found:
-            return found
+        entry = self._from_cache(store, name)
+        if entry:
+            return entry
         with store.locked(name):
-            found = self._from_cache(store, name)
-            if found:
-                return found
+            entry = self._from_cache(store, name)
+            if entry:
+                return entry
             with store.building(name, lambda f: graph.keep(f, name, graph.needs(read()))) as folder:
-                what = kind.partition("-")[0].replace("_", " ") or "equations of motion"
-                _log.info("%s: deriving and compiling %s; later calls use the cache", text.name, what)
+                subject = kind.partition("-")[0].replace("_", " ") or "equations of motion"
+                _log.info("%s: deriving and compiling %s; later calls use the cache", text.name, subject)
                 description, library = make(folder)
                 try:
                     (folder / _DESCRIPTION).write_text(description.to_json(), encoding="utf-8")
@@ -260,11 +261,11 @@ def _description(text: str) -> Described:
     data = json.loads(text)
     if not isinstance(data, dict):
         raise ValueError(f"expected an object, got {text[:100]}")
-    made: Described = record(METHODS[data.pop("method", "")].load("description"), data)
-    entries = len(getattr(made, "start", ()))
-    if entries not in (0, made.coordinates, 2 * made.coordinates):
-        raise ValueError(f"expected a start of {made.coordinates} coordinates, got {entries} numbers")
-    return made
+    description: Described = record(METHODS[data.pop("method", "")].load("description"), data)
+    entries = len(getattr(description, "start", ()))
+    if entries not in (0, description.coordinates, 2 * description.coordinates):
+        raise ValueError(f"expected a start of {description.coordinates} coordinates, got {entries} numbers")
+    return description
 
 
 @contextmanager

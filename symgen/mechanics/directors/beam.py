@@ -38,9 +38,9 @@ _VECTORS = (("r", "m", "position"), *((f"d{k}", "1", f"director {k}") for k in (
 
 def _of_nodes(prefix: str, over: str, about: str) -> tuple[Quantity, ...]:
     return tuple(
-        quantity(f"{prefix}{name}_{axis}{k}", f"{unit}{over}", f"{about}{what} {axis} of the {node} node")
+        quantity(f"{prefix}{name}_{axis}{k}", f"{unit}{over}", f"{about}{vector} {axis} of the {node} node")
         for k, node in _NODES.items()
-        for name, unit, what in _VECTORS
+        for name, unit, vector in _VECTORS
         for axis in AXES
     )
 
@@ -249,17 +249,17 @@ def _vectors(components: Sequence[sp.Expr]) -> Vectors:
 def _mass() -> sp.Matrix:
     """Return the mass matrix: Hermite's cubic in r and d1, and fibres on linear d2 and d3."""
     none = (sp.Integer(0),)
-    own = beam_matrices(ELEMENTS["cubic"], Section((MU.symbol,), none, none, none, none)).mass
-    made = sp.zeros(24, 24)
+    cubic = beam_matrices(ELEMENTS["cubic"], Section((MU.symbol,), none, none, none, none)).mass
+    mass = sp.zeros(24, 24)
     # Transverse displacement and slope at both nodes, of the cubic element.
     centre = {0: 1, 1: 2, 4: 4, 5: 5}
     for a, i in centre.items():
         for b, j in centre.items():
-            made[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] = own[i, j] * sp.eye(3)
+            mass[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] = cubic[i, j] * sp.eye(3)
     for vector, inertia in ((2, JZ.symbol), (3, JY.symbol)):
         for a in range(2):
             for b in range(2):
                 at, to = 3 * (4 * a + vector), 3 * (4 * b + vector)
                 part = inertia * LENGTH.symbol / (3 if a == b else 6)
-                made[at : at + 3, to : to + 3] = part * sp.eye(3)
-    return made
+                mass[at : at + 3, to : to + 3] = part * sp.eye(3)
+    return mass

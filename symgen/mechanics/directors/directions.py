@@ -54,8 +54,8 @@ def direction(names: Names) -> Direction:
     of, rates, factors = ([q.symbol for q in group] for group in (VECTORS, RATES, FACTORS))
     split = 3 * _COUNTS["a"]
     sums = [
-        [sp.Add(*(f * x for f, x in zip(own, group[axis::3], strict=True))) for axis in range(3)]
-        for group, own in ((of[:split], factors[:3]), (of[split:], factors[3:]))
+        [sp.Add(*(f * x for f, x in zip(factors_of_link, group[axis::3], strict=True))) for axis in range(3)]
+        for group, factors_of_link in ((of[:split], factors[:3]), (of[split:], factors[3:]))
     ]
     a, b = (
         names.vector(f"direction_{side}", e, "1", f"direction {side}")

@@ -60,20 +60,20 @@ class BeamMatrices:
     @property
     def constants(self) -> dict[str, sp.ImmutableMatrix]:
         """Constants by name."""
-        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "geometric"}
-        return own | {f"geometric{k}": matrix for k, matrix in enumerate(self.geometric)}
+        linear = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "geometric"}
+        return linear | {f"geometric{k}": matrix for k, matrix in enumerate(self.geometric)}
 
 
 def beam_matrices(element: Element, section: Section) -> BeamMatrices:
     """Substitute the shape functions of an element into the collected terms; see :class:`BeamMatrices`."""
     derived, put = derive(), _Integrals(element, section)
-    found = {}
+    matrices = {}
     for name, constant in CONSTANTS.items():
         if not constant.applied:
             integrate = put.load if constant.order is None else put.matrix
-            found[name] = integrate(constant.terms(derived), constant.factor)
-    geometric = tuple(found.pop(f"geometric{k}") for k in range(3))
-    return BeamMatrices(geometric=geometric, **found)
+            matrices[name] = integrate(constant.terms(derived), constant.factor)
+    geometric = tuple(matrices.pop(f"geometric{k}") for k in range(3))
+    return BeamMatrices(geometric=geometric, **matrices)
 
 
 def shape_rows(element: Element) -> dict[str, tuple[sp.Expr, ...]]:
@@ -110,10 +110,10 @@ def _rows(element: Element) -> dict[str, tuple[PolyElement, ...]]:
 
 def _by_power(polynomial: PolyElement, below: int) -> dict[int, sp.Expr]:
     """Return a polynomial over L**below by powers of L."""
-    found: dict[int, list[sp.Expr]] = {}
+    powers: dict[int, list[sp.Expr]] = {}
     for (i, j), coefficient in polynomial.terms():
-        found.setdefault(j - below, []).append(sp.QQ.to_sympy(coefficient) * PLACE.symbol**i)
-    return {power: sp.Add(*terms) for power, terms in sorted(found.items())}
+        powers.setdefault(j - below, []).append(sp.QQ.to_sympy(coefficient) * PLACE.symbol**i)
+    return {power: sp.Add(*terms) for power, terms in sorted(powers.items())}
 
 
 class _Integrals:
@@ -169,16 +169,16 @@ class _Entries:
 
     def __init__(self, below: int) -> None:
         self._below = below
-        self._found: dict[tuple[int, int], dict[sp.Expr, PolyElement]] = {}
+        self._polynomials: dict[tuple[int, int], dict[sp.Expr, PolyElement]] = {}
 
     def add(self, at: tuple[int, int], coefficient: sp.Expr, polynomial: PolyElement) -> None:
-        entry = self._found.setdefault(at, {})
+        entry = self._polynomials.setdefault(at, {})
         entry[coefficient] = entry.get(coefficient, _RING.zero) + polynomial
 
     def __getitem__(self, at: tuple[int, int]) -> sp.Expr:
         """Return an entry as a sum over powers of L, each with its coefficients of the section."""
         by_power: dict[int, list[sp.Expr]] = {}
-        for coefficient, polynomial in self._found.get(at, {}).items():
+        for coefficient, polynomial in self._polynomials.get(at, {}).items():
             for power, rest in _by_power(polynomial, self._below).items():
                 by_power.setdefault(power, []).append(coefficient * rest)
         return _sum({power: sp.Add(*terms) for power, terms in sorted(by_power.items())})
@@ -190,7 +190,7 @@ def _sum(by_power: dict[int, sp.Expr]) -> sp.Expr:
 
 def _over_element(polynomial: PolyElement) -> PolyElement:
     """Integrate by x over the element: by xi from 0 to 1, times L."""
-    found = _RING.zero
+    integral = _RING.zero
     for (i, j), coefficient in polynomial.terms():
-        found += _RING.term_new((0, j + 1), coefficient / (i + 1))
-    return found
+        integral += _RING.term_new((0, j + 1), coefficient / (i + 1))
+    return integral

@@ -30,9 +30,9 @@ _NODES = {1: "first", 2: "second"}
 _COORDINATES = (("x", "m", "x position"), ("y", "m", "y position"), ("theta", "rad", "rotation"))
 
 
-def _of_nodes(prefix: str, over: str, what: str) -> tuple[Quantity, ...]:
+def _of_nodes(prefix: str, over: str, kind: str) -> tuple[Quantity, ...]:
     return tuple(
-        quantity(f"{prefix}{name}{k}", f"{unit}{over}", f"{what}{about} of the {node} node")
+        quantity(f"{prefix}{name}{k}", f"{unit}{over}", f"{kind}{about} of the {node} node")
         for k, node in _NODES.items()
         for name, unit, about in _COORDINATES
     )
@@ -157,16 +157,16 @@ def corotational(names: Names) -> Corotational:
 def _mass(cosine: Sequence[sp.Expr], sine: Sequence[sp.Expr]) -> sp.Matrix:
     """Return the mass matrix of Hermite's cubic, whose shape functions are those of the cubic element."""
     none = (sp.Integer(0),)
-    own = beam_matrices(ELEMENTS["cubic"], Section((DENSITY.symbol,), none, none, none, none)).mass
+    cubic = beam_matrices(ELEMENTS["cubic"], Section((DENSITY.symbol,), none, none, none, none)).mass
     rotary = ROTARY.symbol * LENGTH.symbol
-    made = sp.zeros(6, 6)
+    mass = sp.zeros(6, 6)
     normals = [sp.Matrix([-s, c]) for c, s in zip(cosine, sine, strict=True)]
     for i in range(2):
         for j in range(2):
             row, column = 3 * i, 3 * j
-            made[row : row + 2, column : column + 2] = own[row + 1, column + 1] * sp.eye(2)
-            made[row : row + 2, column + 2] = own[row + 1, column + 2] * normals[j]
-            made[row + 2, column : column + 2] = own[row + 2, column + 1] * normals[i].T
+            mass[row : row + 2, column : column + 2] = cubic[row + 1, column + 1] * sp.eye(2)
+            mass[row : row + 2, column + 2] = cubic[row + 1, column + 2] * normals[j]
+            mass[row + 2, column : column + 2] = cubic[row + 2, column + 1] * normals[i].T
             between = sp.Integer(1) if i == j else cosine[0] * cosine[1] + sine[0] * sine[1]
-            made[row + 2, column + 2] = own[row + 2, column + 2] * between + rotary / (3 if i == j else 6)
-    return made
+            mass[row + 2, column + 2] = cubic[row + 2, column + 2] * between + rotary / (3 if i == j else 6)
+    return mass

@@ -89,7 +89,7 @@ def rate(value: sp.Expr) -> sp.Expr:
 def energy_weights() -> tuple[EnergyWeight, ...]:
     """Return energies and forces of the elastic motion of a link, without those of its rigid motion."""
     densities = {name: c.densities(derive()) for name, c in CONSTANTS.items()}
-    found = []
+    weights = []
     for energy, terms in _sorted().items():
         groups: dict[tuple[tuple[int, ...], sp.Expr], dict[tuple[str, str], sp.Expr]] = {}
         for (fields, orders, motion), density in terms.items():
@@ -98,8 +98,8 @@ def energy_weights() -> tuple[EnergyWeight, ...]:
                 groups.setdefault((orders, motion), {})[test, trial] = density
         for (orders, motion), group in groups.items():
             constant, factor = multiple(ENERGIES.get(energy, "inertia"), None, group, densities)
-            found.append(EnergyWeight(energy, constant, orders, factor * motion))
-    return tuple(found)
+            weights.append(EnergyWeight(energy, constant, orders, factor * motion))
+    return tuple(weights)
 
 
 def rigid_energies(
@@ -120,7 +120,7 @@ def rigid_energies(
         Distances from the first point [m], masses [kg] and moments of inertia [kg m^2] along it.
     """
     x = X.symbol
-    found = {}
+    energies = {}
     for energy, terms in _sorted().items():
         total = sp.Add(*(motion * density for (fields, _, motion), density in terms.items() if not fields))
         if total == 0:
@@ -130,10 +130,10 @@ def rigid_energies(
             by_power = sp.Poly(sp.expand(total).coeff(of.symbol), x).all_coeffs()[::-1]
             for power, factor in enumerate(by_power):
                 whole = [c * length ** (power + j + 1) / (power + j + 1) for j, c in enumerate(coefficients)]
-                whole += [own[k] * at**power for at, *own in lumps]
+                whole += [distribution[k] * at**power for at, *distribution in lumps]
                 parts.append(factor * sp.Add(*whole))
-        found[f"{energy}_rigid"] = sp.Add(*parts)
-    return found
+        energies[f"{energy}_rigid"] = sp.Add(*parts)
+    return energies
 
 
 @lru_cache(maxsize=1)
@@ -144,7 +144,7 @@ def _sorted() -> dict[str, dict[tuple[tuple[str, ...], tuple[int, ...], sp.Expr]
     """
     steps = {step.name: step.expressions for step in derive().steps}
     symbols = [q.symbol for q in FIELDS.values()]
-    found: dict[str, dict[tuple[tuple[str, ...], tuple[int, ...], sp.Expr], sp.Expr]] = {}
+    by_energy: dict[str, dict[tuple[tuple[str, ...], tuple[int, ...], sp.Expr], sp.Expr]] = {}
     potential = -steps["gravity_work"][0] - MU.symbol * LIFT.symbol
     expressions = (
         steps["kinetic_energy"][0],
@@ -153,7 +153,7 @@ def _sorted() -> dict[str, dict[tuple[tuple[str, ...], tuple[int, ...], sp.Expr]
         *_forces(steps["velocity"]),
     )
     for energy, density in zip((*ENERGIES, *WORK), expressions, strict=True):
-        terms = found.setdefault(energy, {})
+        terms = by_energy.setdefault(energy, {})
         for powers, factor in sp.Poly(density, *symbols, *(q.symbol for q in _MOTION)).terms():
             names = [name for name, p in zip(FIELDS, powers, strict=False) for _ in range(p)]
             moved = [(name.rstrip("_t"), name.count("t")) for name in names]
@@ -161,7 +161,7 @@ def _sorted() -> dict[str, dict[tuple[tuple[str, ...], tuple[int, ...], sp.Expr]
             by = zip(_MOTION, powers[len(symbols) :], strict=True)
             motion = sp.Mul(*(q.symbol**p for q, p in by))
             terms[tuple(name for name, _ in moved), tuple(order for _, order in moved), motion] = factor
-    return found
+    return by_energy
 
 
 def _forces(velocity: Sequence[sp.Expr]) -> Iterator[sp.Expr]:

@@ -65,13 +65,13 @@ _PER = "J/m per unit of row and column"
 
 def _fields() -> dict[str, Quantity]:
     """Return the fields with two rates, and their strains, by name."""
-    found = {}
+    quantities = {}
     for order, word in enumerate(("", "rate of the ", "second rate of the ")):
         for name, (unit, meaning) in _KINDS.items():
             key = name + ("_" + "t" * order if order else "")
             per = (unit, f"{unit}/s", f"{unit}/s^2")[order]
-            found[key] = quantity(key, per, word + meaning)
-    return found | {name: quantity(name, unit, text) for name, (unit, text) in _STRAINS.items()}
+            quantities[key] = quantity(key, per, word + meaning)
+    return quantities | {name: quantity(name, unit, text) for name, (unit, text) in _STRAINS.items()}
 
 
 #: u, w, phi, their rates ``_t`` and ``_tt``, and the strains, as the derivation names them.
@@ -216,12 +216,12 @@ def _inertia(link: _Link) -> dict[str, sp.Expr]:
     """Return, by field, d/dt of the momentum (by the rates of all variables) minus the force."""
     rates = {_F[k]: _F[f"{k}_t"] for k in _KINDS} | {_F[f"{k}_t"]: _F[f"{k}_tt"] for k in _KINDS}
     rates |= {OMEGA.symbol: OMEGA_RATE.symbol, **ORIGIN}
-    found = {}
+    forces = {}
     for k in _KINDS:
         momentum = sp.diff(link.kinetic, _F[f"{k}_t"])
         moved = sp.Add(*(sp.diff(momentum, s) * r for s, r in rates.items()))
-        found[k] = sp.expand(moved - sp.diff(link.kinetic + link.gravity + link.applied, _F[k]))
-    return found
+        forces[k] = sp.expand(moved - sp.diff(link.kinetic + link.gravity + link.applied, _F[k]))
+    return forces
 
 
 def _energies(link: _Link) -> tuple[Step, ...]:
@@ -292,9 +292,9 @@ def _collected(terms: Sequence[Term]) -> Iterator[Step]:
         ("gyroscopic_terms", 1, "what stands with rates", "(7.25)"),
         ("stiffness_terms", 0, "what stands with the fields", "(7.23)"),
     ):
-        found = [t for t in terms if t.trial and t.order == order]
-        trials = tuple(dict.fromkeys(t.trial for t in found))
-        entries = tuple(_total(found, test, trial) for test in tests for trial in trials)
+        of_order = [t for t in terms if t.trial and t.order == order]
+        trials = tuple(dict.fromkeys(t.trial for t in of_order))
+        entries = tuple(_total(of_order, test, trial) for test in tests for trial in trials)
         yield Step(name, tests, entries, _PER, about, source, trials)
     loads = tuple(-_total(terms, test, "") for test in tests)
     yield Step("load_terms", tests, loads, _PER, "what stands alone, on the right-hand side", "(7.27)")

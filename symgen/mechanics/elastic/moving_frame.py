@@ -44,17 +44,17 @@ def moving_frame(
     r, r_t, v_n, a_n = _POLAR
     known = {r: length, r_t: stretching, v_n: turning, a_n: across}
     felt_along, felt_across = local(felt, cosine, sine)
-    found = {COSINE.symbol: cosine, SINE.symbol: sine}
+    quantities = {COSINE.symbol: cosine, SINE.symbol: sine}
 
     def name(q: Quantity, value: sp.Expr) -> None:
-        found[q.symbol] = names.scalar(f"{link}_{q.name}", value, q.unit, f"{q.description}, {link}")
+        quantities[q.symbol] = names.scalar(f"{link}_{q.name}", value, q.unit, f"{q.description}, {link}")
 
     name(OMEGA, omega_of.xreplace(known))
-    name(OMEGA_RATE, omega_rate_of.xreplace(known | found))
+    name(OMEGA_RATE, omega_rate_of.xreplace(known | quantities))
     # These are of the linkage, whose parameters may be called like the symbols above.
     for q, value in ((AX, felt_along), (AY, felt_across), (N0, -local(force, cosine, sine)[0])):
         name(q, value)
-    return found
+    return quantities
 
 
 #: Length of a vector, its rate, and the transverse components of its first and second rate.

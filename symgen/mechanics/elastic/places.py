@@ -40,8 +40,8 @@ def at_a_place() -> dict[str, sp.ImmutableMatrix]:
     one, none = sp.Integer(1), sp.Integer(0)
     translating = {MU.symbol: one, PROFILE.symbol: one, ROTARY.symbol: none}
     rotating = {MU.symbol: none, PROFILE.symbol: none, ROTARY.symbol: one}
-    found = {name: _concentrated(name, translating) for name in AT_A_PLACE}
-    return found | {f"rotary_{name}": _concentrated(name, rotating) for name in ROTATING}
+    translational = {name: _concentrated(name, translating) for name in AT_A_PLACE}
+    return translational | {f"rotary_{name}": _concentrated(name, rotating) for name in ROTATING}
 
 
 def _concentrated(name: str, unit: dict[sp.Symbol, sp.Expr]) -> sp.ImmutableMatrix:

@@ -83,15 +83,15 @@ def powers(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol)
     energy = _energy(inertia)
     power = _driving(torque, angle, rate) * (OMEGA.symbol + _PHI_T)
     by_order = {"": _PHI, "t": _PHI_T, "tt": _PHI_TT}
-    found = {}
+    coefficients = {}
     for name, expression, monomials in (
         ("kinetic", energy, KINETIC),
         ("rate", _rate(energy), RATE),
         ("power", power, POWER),
     ):
         terms = sp.Poly(expression, *by_order.values())
-        found[name] = [terms.coeff_monomial(sp.Mul(*(by_order[k] for k in m))) for m in monomials]
-    return found
+        coefficients[name] = [terms.coeff_monomial(sp.Mul(*(by_order[k] for k in m))) for m in monomials]
+    return coefficients
 
 
 def _energy(inertia: sp.Expr) -> sp.Expr:

@@ -111,7 +111,7 @@ def _kinetic(
     place = centroid + fibre + once + rotation.cross(once) / 2
     velocity = place.jacobian(sp.Matrix(fields)) * sp.Matrix(rates) + omega.cross(place)
     scaled = {f: small * f for f in (*fields, *rates)}
-    found = []
+    energies = []
     for component in velocity:
         terms = sp.Poly(sp.expand(component.xreplace(scaled)), small, *fibres).terms()
         # Products of higher degree, and of other powers of fibres, are not formed.
@@ -119,8 +119,8 @@ def _kinetic(
             for (degree_b, *powers_b), b in terms:
                 weight = density.get(tuple(map(operator.add, powers_a, powers_b)))
                 if weight is not None and degree_a + degree_b <= 2:
-                    found.append(weight * a * b / 2)
-    return sp.expand(sp.Add(*found))
+                    energies.append(weight * a * b / 2)
+    return sp.expand(sp.Add(*energies))
 
 
 def axial_force() -> sp.Expr:
@@ -174,19 +174,19 @@ def body() -> tuple[sp.ImmutableMatrix, ...]:
 
 def _rows() -> dict[str, list[_Shape | None]]:
     """Return the fields and their derivatives as rows over ``DOFS``, by name; None where one is zero."""
-    found: dict[str, list[_Shape | None]] = {}
+    rows: dict[str, list[_Shape | None]] = {}
     for field, like in _LIKE.items():
         element = ELEMENTS[like]
-        own = [k for k, name in enumerate(NODE_DOFS) if name.partition("_")[0] == field]
-        places = (*own, *(k + len(NODE_DOFS) for k in own))
+        first_node = [k for k, name in enumerate(NODE_DOFS) if name.partition("_")[0] == field]
+        places = (*first_node, *(k + len(NODE_DOFS) for k in first_node))
         across = [k for k, name in enumerate(element.dofs) if not name.startswith("u")]
         shapes = [shape_functions(element).transverse[k] for k in across]
         for order in range(3):
             row: list[_Shape | None] = [None] * len(DOFS)
             for k, shape in zip(places, shapes, strict=True):
                 row[k] = _shape(derivative(shape, order))
-            found[field + ("_" + "x" * order if order else "")] = row
-    return found
+            rows[field + ("_" + "x" * order if order else "")] = row
+    return rows
 
 
 def _shape(expression: sp.Expr) -> _Shape:
@@ -215,24 +215,24 @@ def _diagonal(rows: _Rows, of: Mapping[str, sp.Expr]) -> sp.ImmutableMatrix:
 def _assembled(rows: _Rows, pairs: Sequence[tuple[str, sp.Expr, str]]) -> sp.ImmutableMatrix:
     """Return the sum of the integrals of test^T factor trial, (20, 20)."""
     n = len(DOFS)
-    found = sp.zeros(n, n)
+    matrix = sp.zeros(n, n)
     for test, factor, trial in pairs:
         of_x = _by_power(factor)
         for i, a in enumerate(rows[test]):
             for j, b in enumerate(rows[trial]):
                 if a is not None and b is not None:
-                    found[i, j] += _integral(of_x, a, b)
-    return sp.ImmutableMatrix(found)
+                    matrix[i, j] += _integral(of_x, a, b)
+    return sp.ImmutableMatrix(matrix)
 
 
 def _loaded(rows: _Rows, forces: Mapping[str, sp.Expr]) -> sp.ImmutableMatrix:
     """Return the sum of the integrals of test^T force, (20, 1)."""
-    found = sp.zeros(len(DOFS), 1)
+    load = sp.zeros(len(DOFS), 1)
     for test, force in forces.items():
         for i, a in enumerate(rows[test]):
             if a is not None and force != 0:
-                found[i] += _integral(_by_power(force), a, _Shape(0, (sp.Integer(1),)))
-    return sp.ImmutableMatrix(found)
+                load[i] += _integral(_by_power(force), a, _Shape(0, (sp.Integer(1),)))
+    return sp.ImmutableMatrix(load)
 
 
 def _by_power(factor: sp.Expr) -> list[tuple[int, sp.Expr]]:

@@ -32,12 +32,12 @@ class Equation:
     load: sp.ImmutableMatrix
 
 
-def local_equation(found: BeamMatrices) -> Equation:
+def local_equation(matrices: BeamMatrices) -> Equation:
     """Return the equation in link axes: the constant matrices times their weights."""
     parts = {"mass": [], "damping": [], "stiffness": [], "load": []}  # type: dict[str, list[sp.MatrixBase]]
     for w in weights():
-        if w.constant in found.constants:
-            parts[w.into].append(w.value * found.constants[w.constant])
+        if w.constant in matrices.constants:
+            parts[w.into].append(w.value * matrices.constants[w.constant])
     return Equation(*(sp.ImmutableMatrix(sp.Add(*terms).doit()) for terms in parts.values()))
 
 

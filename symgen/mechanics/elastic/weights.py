@@ -124,8 +124,8 @@ class Weight:
     @property
     def name(self) -> str:
         """Name among all weights."""
-        own = self.constant if self.constant.startswith(self.into) else f"{self.into}_{self.constant}"
-        return f"{own}_{self.crossed}" if self.crossed else own
+        base = self.constant if self.constant.startswith(self.into) else f"{self.into}_{self.constant}"
+        return f"{base}_{self.crossed}" if self.crossed else base
 
 
 @lru_cache(maxsize=1)
@@ -142,13 +142,13 @@ def weights() -> tuple[Weight, ...]:
     groups: dict[tuple[str, int | None, sp.Expr], list[Term]] = {}
     for term in derived.terms:
         groups.setdefault((term.part, term.order if term.trial else None, term.motion), []).append(term)
-    found = []
+    weights = []
     for (part, order, motion), terms in groups.items():
         name, factor = multiple(part, order, _densities(terms), densities)
         sign = -1 if order is None else 1  # loads go to the right-hand side
         inertial = part == "inertia" and order is not None
-        found.append(Weight(INTO[order], name, sign * factor * motion, inertial))
-    return tuple(found)
+        weights.append(Weight(INTO[order], name, sign * factor * motion, inertial))
+    return tuple(weights)
 
 
 def turning_ends() -> tuple[Weight, ...]:

@@ -173,10 +173,10 @@ def joint_wrenches(
     """
     wrench = last
     wrenches, efforts = [], []
-    for row, own in zip(reversed(rows), [None, *reversed(net)], strict=True):
-        if own is not None:
-            wrench = names.screw(f"{label}net{row[0].row}", wrench + own, WRENCH, "summed")
-        wrench, found = inward(row, wrench, names, label)
+    for row, inertia_wrench in zip(reversed(rows), [None, *reversed(net)], strict=True):
+        if inertia_wrench is not None:
+            wrench = names.screw(f"{label}net{row[0].row}", wrench + inertia_wrench, WRENCH, "summed")
+        wrench, effort = inward(row, wrench, names, label)
         wrenches.append(wrench)
-        efforts.append(found)
+        efforts.append(effort)
     return wrenches[::-1], efforts[::-1]

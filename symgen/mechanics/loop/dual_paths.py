@@ -91,13 +91,13 @@ class Paths:
 
     def operator(self, variable: int) -> DualMatrix:
         """Return the operator H of a joint variable, Eqs. (12)-(17): dB/dq = H B."""
-        found = DualMatrix(sp.ImmutableMatrix(sp.zeros(3)), sp.ImmutableMatrix(sp.zeros(3)))
+        total = DualMatrix(sp.ImmutableMatrix(sp.zeros(3)), sp.ImmutableMatrix(sp.zeros(3)))
         for m, frame in zip(self.motions, self.outward, strict=False):
             for j, slope in m.slopes:
                 if j == variable:
                     h = derivative_operator(m, frame.dual)
-                    found = found + DualMatrix(slope * h.real, slope * h.dual)
-        return found
+                    total = total + DualMatrix(slope * h.real, slope * h.dual)
+        return total
 
     @cached_property
     def frames(self) -> list[Frame]:
@@ -114,11 +114,11 @@ class Paths:
 
     def columns(self, screws: Sequence[DualVector], variables: int) -> sp.ImmutableMatrix:
         """Return the 6xN matrix of the screws of the joint variables, from the screws of the motions."""
-        found = sp.zeros(6, variables)
+        matrix = sp.zeros(6, variables)
         for m, screw in zip(self.motions, screws, strict=True):
             for j, slope in m.slopes:
-                found[:, j] += slope * screw.column
-        return sp.ImmutableMatrix(found)
+                matrix[:, j] += slope * screw.column
+        return sp.ImmutableMatrix(matrix)
 
     @cached_property
     def velocities(self) -> list[DualVector]:
@@ -150,15 +150,15 @@ class Paths:
         """
         outward = [ground]
         for m, velocity in zip(self.motions[: self.meet], self.velocities, strict=False):
-            own = m.screw * m.rate(second) + velocity.cross(m.screw * m.rate(self.rates))
-            moved = self._named(outward[-1] + own, ACCELERATION, f"{label}{m.name}_sum", m)
+            of_joint = m.screw * m.rate(second) + velocity.cross(m.screw * m.rate(self.rates))
+            moved = self._named(outward[-1] + of_joint, ACCELERATION, f"{label}{m.name}_sum", m)
             outward.append(self._named(m.matrix.T.times(moved), ACCELERATION, f"{label}{m.name}", m))
         back = [ground] if self.meet < len(self.motions) else []
         for i in range(len(self.motions) - 1, self.meet, -1):
             m = self.motions[i]
-            own = m.screw * m.rate(second) + self.velocities[i].cross(m.screw * m.rate(self.rates))
+            of_joint = m.screw * m.rate(second) + self.velocities[i].cross(m.screw * m.rate(self.rates))
             seen = self._named(m.matrix.times(back[-1]), ACCELERATION, f"{label}{m.name}_turned", m)
-            back.append(self._named(seen - own, ACCELERATION, f"{label}{m.name}", m))
+            back.append(self._named(seen - of_joint, ACCELERATION, f"{label}{m.name}", m))
         return [*outward, *reversed(back)]
 
     def screw_rates(self) -> list[DualVector]:
@@ -167,10 +167,10 @@ class Paths:
         Times the rates of the motions, they sum to the velocity part of the second derivative of the
         closure: sum of $ q'' + sum of [V, $] q' = 0.
         """
-        found: list[DualVector] = []
+        ahead: list[DualVector] = []
         velocity = NOTHING
         for i, m in enumerate(self.motions[: self.meet]):
-            found.append(velocity.cross(self.screws[i]))
+            ahead.append(velocity.cross(self.screws[i]))
             moved = velocity + self._fixed(i) * m.rate(self.rates)
             velocity = self._named(moved, VELOCITY, f"{m.name}_fixed", m)
         velocity, behind = NOTHING, []
@@ -179,7 +179,7 @@ class Paths:
             behind.append(velocity.cross(self._fixed(i)))
             moved = velocity - self._fixed(i) * m.rate(self.rates)
             velocity = self._named(moved, VELOCITY, f"{m.name}_fixed", m)
-        return [*found, *reversed(behind)]
+        return [*ahead, *reversed(behind)]
 
     def _fixed(self, i: int) -> DualVector:
         kinds = (("e", "1", "axis,"), ("l", "m", "moment of the axis about the first origin,"))

@@ -81,32 +81,32 @@ def motions(
     row: int, entries: Sequence[sp.Expr], variables: Sequence[sp.Symbol], ahead: sp.Expr = _ZERO
 ) -> tuple[Motion, ...]:
     """Return the nonzero motions of a row; ``entries`` are theta, S, eta, alpha, a."""
-    found = []
+    of_row = []
     for entry, value in zip(_KINDS, (ahead, *entries), strict=True):
         slopes = ((j, sp.diff(value, v)) for j, v in enumerate(variables))
         if value != 0:
-            found.append(Motion(row, entry, value, tuple((j, k) for j, k in slopes if k != 0)))
-    return tuple(found)
+            of_row.append(Motion(row, entry, value, tuple((j, k) for j, k in slopes if k != 0)))
+    return tuple(of_row)
 
 
 def name_functions(motion: Motion, names: Names) -> None:
     """Name cosine and sine of a rotation, so that equations contain the names."""
     if _KINDS[motion.entry][1]:
         for function in (sp.cos, sp.sin):
-            what = f"{function.__name__} of {motion.entry} of row {motion.row}"
-            names.scalar(f"{function.__name__}_{motion.name}", function(motion.value), "1", what)
+            description = f"{function.__name__} of {motion.entry} of row {motion.row}"
+            names.scalar(f"{function.__name__}_{motion.name}", function(motion.value), "1", description)
 
 
 def row_transform(row: Sequence[Motion]) -> DualMatrix:
     """Return T = Z(theta + eps S) Y(eta) X(alpha + eps a) of a row's motions, Eqs. (1)-(4)."""
-    found = identity()
+    transform = identity()
     for m in row:
         if m.entry == AHEAD:
-            found = m.matrix
+            transform = m.matrix
     for number in (2, 1, 0):
         angle = sum((m.angle for m in row if MOTIONS.get(m.entry, (-1,))[0] == number), Dual(_ZERO))
-        found = found @ rotation(number, angle)
-    return found
+        transform = transform @ rotation(number, angle)
+    return transform
 
 
 def derivative_operator(motion: Motion, before: DualMatrix) -> DualMatrix:

@@ -44,13 +44,13 @@ def particles(
     fourth = mass * offset / length
     about_centre = inertia + mass * offset**2 - fourth * length**2
     start, middle, end = particle_masses(mass, length, centre, about_centre)
-    found = [
+    masses = [
         Particle(start - fourth, ZERO, ZERO),
         Particle(middle, HALF, ZERO),
         Particle(end, ONE, ZERO),
         Particle(fourth, ZERO, ONE),
     ]
-    return tuple(p for p in found if p.mass != 0)
+    return tuple(p for p in masses if p.mass != 0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,19 +90,19 @@ def _braces(
 ) -> dict[str, tuple[str, ...]]:
     """Return, for each point that a body carries, the body's further rods to earlier points."""
     later = set(order)
-    found: dict[str, tuple[str, ...]] = {}
+    braces: dict[str, tuple[str, ...]] = {}
     for point in order:
         later.discard(point)
-        own = carrier[point]
-        if own and own in bodies:
+        main = carrier[point]
+        if main and main in bodies:
             held = []
             for rod, body in bodies.items():
                 a, b = ends[rod]
                 rest = b if a == (point,) else a if b == (point,) else (point,)
-                if rod != own and body == bodies[own] and point not in rest and not later & set(rest):
+                if rod != main and body == bodies[main] and point not in rest and not later & set(rest):
                     held.append(rod)
-            found[point] = tuple(held)
-    return found
+            braces[point] = tuple(held)
+    return braces
 
 
 def elimination_order(
