@@ -138,7 +138,7 @@ def _in_lanes(model: symgen.Model, with_forces: bool) -> tuple[Case, Array]:
         motion, lanes_of(motion[1], motion[0].name)[0], groups, forces if with_forces else None
     )
     given = (
-        np.tile(model.evaluator.given, (RUNS, 1)),
+        np.tile(model.evaluator.parameter_values, (RUNS, 1)),
         np.tile(start, (RUNS, 1)),
         np.full(RUNS, constraints.length(start)),
     )

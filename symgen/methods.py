@@ -51,7 +51,7 @@ class Method:
     start
         System, Description, Library -> Description with its start.
     model
-        Made (``symgen.pipeline.build``) -> Model.
+        ModelParts (``symgen.pipeline.build``) -> Model.
     export
         Model, Program, sources (and names of further programs, if any) -> Exported.
     record
@@ -65,7 +65,7 @@ class Method:
     momentum
         Resolved scene -> System of its momentum rows.
     accuracy
-        Model, Asked (``symgen.study.accuracy.kernels``) -> kernels to compare with exact arithmetic.
+        Model, Request (``symgen.study.accuracy.kernels``) -> kernels to compare with exact arithmetic.
     commands
         The analyses that the command line offers, by name.
     """

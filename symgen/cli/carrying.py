@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from symgen.cli.common import changes, command, console, kept_of_a_failure, print_json, progress_bar
+from symgen.cli.common import changes, command, console, print_json, progress_bar, saved_on_failure
 from symgen.cli.options import DEFAULTS, OF_ANALYSES
 from symgen.errors import ArgumentError, ModelError
 from symgen.methods import load, method_of
@@ -65,11 +65,11 @@ class Request:
     ctx
         The context of the command.
     build
-        Builds the model: ``symgen.pipeline.build.build_asked`` when absent.
+        Builds the model: ``symgen.pipeline.build.build_selected`` when absent.
     """
 
     def __init__(self, ctx: typer.Context, build: Callable[..., Any] | None = None) -> None:
-        from symgen.pipeline.build import build_asked
+        from symgen.pipeline.build import build_selected
 
         source = ctx.get_parameter_source
         values = {name: value for name, value in ctx.params.items() if source(name).name != "DEFAULT"}  # type: ignore[union-attr]
@@ -79,7 +79,7 @@ class Request:
         self.common = ctx.params
         self.as_json = bool(ctx.params.get("as_json"))
         compiled = {name: values[name] for name in ("backend", *_TYPES) if name in values}
-        self.model: Any = (build or build_asked)(
+        self.model: Any = (build or build_selected)(
             ctx.params["scene"], set=changes(ctx.params["set_"]), **compiled
         )
 
@@ -102,7 +102,7 @@ class Request:
         others = {
             str(file) if stems.count(file.stem) > 1 else file.stem: load_result(file) for file in files or ()
         }
-        with kept_of_a_failure(out):
+        with saved_on_failure(out):
             result = self.result(verb, **self.arguments(verb), **more)
         if out:
             result.save(out)

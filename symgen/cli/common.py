@@ -87,7 +87,7 @@ def _is_whole(text: str) -> bool:
 
 
 @contextmanager
-def kept_of_a_failure(out: Path | None) -> Iterator[None]:
+def saved_on_failure(out: Path | None) -> Iterator[None]:
     """Save the samples recorded before a failure to the output file, if one is given."""
     try:
         yield

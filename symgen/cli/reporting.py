@@ -36,14 +36,14 @@ def report(
     from symgen.atomic import writable, write_text
     from symgen.errors import ModelError
     from symgen.inspection.page import scene_page, system_page
-    from symgen.pipeline.user_system import is_own, own_name
+    from symgen.pipeline.user_system import is_user_file, name_of
     from symgen.report.page.page import render
     from symgen.scene.loading import override, read_scene
 
-    text = None if is_own(scene) else override(read_scene(scene), changes(set_))
+    text = None if is_user_file(scene) else override(read_scene(scene), changes(set_))
     if text is None and set_:
         raise ModelError(f"{scene} is no scene: it has no values to set")
-    name = text.name if text else own_name(Path(scene))
+    name = text.name if text else name_of(Path(scene))
     file = out or Path(f"{name}.html")
     writable(file, (".html",), "page")
     with _status(f"report of {name}") as status:
@@ -210,4 +210,4 @@ def _status(title: str) -> Iterator[Callable[[str], None]]:
     from rich.console import Console
 
     with Console(stderr=True).status(title) as status:
-        yield lambda what: status.update(f"{title}: {what}")
+        yield lambda stage: status.update(f"{title}: {stage}")

@@ -80,10 +80,10 @@ def export_c(
     from symgen.errors import ModelError
     from symgen.export.folder import place, write
     from symgen.pipeline.build import text_of
-    from symgen.pipeline.user_system import is_own, load
+    from symgen.pipeline.user_system import is_user_file, load
 
-    kind = "system" if is_own(scene) else "scene"
-    name = load(Path(str(scene))).system.name if is_own(scene) else text_of(scene).name
+    kind = "system" if is_user_file(scene) else "scene"
+    name = load(Path(str(scene))).system.name if is_user_file(scene) else text_of(scene).name
     if name in _TAKEN or name in _of_core():
         raise ModelError(
             f"a {kind} called {name!r} cannot be exported: C, C++ or a file of the export has that name\n"
@@ -128,11 +128,11 @@ def exported(
 ) -> Exported:
     """Return the template data of a scene."""
     from symgen.pipeline.build import build, build_scene, derive, text_of
-    from symgen.pipeline.user_system import is_own, load
+    from symgen.pipeline.user_system import is_user_file, load
     from symgen.scene.loading import check_scene, override
     from symgen.scene.resolve import resolve
 
-    if is_own(scene):
+    if is_user_file(scene):
         built = build(scene, set=set)
         kernels = _emitted(load(Path(str(scene))).system, built.description.equations)
         return cast("Exported", _export_of(built)(built, *kernels))

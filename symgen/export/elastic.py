@@ -84,7 +84,7 @@ def elastic(
             doubles("CONSTANTS", x.constants),
             *shape.tables,
             Table("double", "RIGID_START", braces([*rigid.q, *rigid.u, *np.zeros(extra)], 1)),
-            Table("double", "RIGID_PARAMETERS", braces(model.rigid.given)),
+            Table("double", "RIGID_PARAMETERS", braces(model.rigid.parameter_values)),
             *(doubles(f"GAUSS_{name.upper()}", values) for name, values in GAUSS.arrays.items()),
             *method_tables(),
         ),
@@ -109,7 +109,7 @@ def elastic(
         expected=(*_expected(motion), *shape.expected),
         notes=(*_notes(motion), *shape.notes),
         parameters=group(program, "p") if shape.parameters else (),
-        defaults=braces(model.rigid.given),
+        defaults=braces(model.rigid.parameter_values),
         outputs=shape.outputs,
         specific={
             "steps": _STEPS,

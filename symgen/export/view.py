@@ -141,10 +141,10 @@ class Exported:
     @property
     def sources(self) -> tuple[str, ...]:
         """All files to compile, except those with a ``main``."""
-        own = [f.name for f in self.kernels if f.name.endswith(".c")]
+        kernels = [f.name for f in self.kernels if f.name.endswith(".c")]
         if not self.core:
-            return tuple(own)
-        return (f"{self.name}.c", *own, *(f"core/{name}" for name in self.core if name.endswith(".c")))
+            return tuple(kernels)
+        return (f"{self.name}.c", *kernels, *(f"core/{name}" for name in self.core if name.endswith(".c")))
 
     @property
     def ended(self) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from symgen.inspection.view import view_of
-from symgen.pipeline.build import build_asked, system_of
+from symgen.pipeline.build import build_selected, system_of
 from symgen.report.page.structure import matrix_lines, memory_lines, solver_lines
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve
@@ -26,7 +26,7 @@ def explanation(scene: str, changes: Mapping[str, Any]) -> Iterator[str]:
     yield from view.structure(resolved, system)
     yield from matrix_lines(system)
     yield from solver_lines(system)
-    model = build_asked(scene, set=changes)
+    model = build_selected(scene, set=changes)
     yield from model.mobility
     yield from view.solution(model)
     yield from memory_lines(model.description)

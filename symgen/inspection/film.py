@@ -16,7 +16,7 @@ from symgen.errors import ModelError, ResultError, SymgenError, check_known
 from symgen.inspection.values import of_times
 from symgen.inspection.view import Drawn, bare, drawn_scene, stops
 from symgen.methods import load, method_of
-from symgen.pipeline.build import build_asked
+from symgen.pipeline.build import build_selected
 from symgen.report.page.animation import Film, traces_of
 from symgen.report.page.drawing import Sketch
 from symgen.report.page.movie import film_file, save
@@ -143,7 +143,7 @@ def _scene_of(model: Any) -> SceneText:
 
 def _built(of: Drawn, parameters: Mapping[str, float] | None = None, backend: str = "auto") -> Any:
     """Return the model of a scene with the outputs of its pictures."""
-    model: Any = build_asked(of.text, backend=backend)
+    model: Any = build_selected(of.text, backend=backend)
     return model.with_parameters(**parameters) if parameters else model
 
 

@@ -15,7 +15,7 @@ from symgen.errors import ModelError, SceneError
 from symgen.export import exported
 from symgen.export.live import wasm_of
 from symgen.inspection.view import drawn_scene
-from symgen.pipeline.build import build_asked
+from symgen.pipeline.build import build_selected
 from symgen.report.page.live import Live, Slider
 from symgen.runtime.kernels.description import ParameterInfo
 from symgen.runtime.result.records import converters
@@ -64,7 +64,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
             "  Write --vary KEY=LOW:HIGH, with units."
         )
     text, resolved, view, places, plotted, arrows = drawn_scene(text)
-    model = build_asked(text, backend="c")
+    model = build_selected(text, backend="c")
     code = exported(text)
     entries = [slot.name.partition(" ")[0] for slot in code.outputs]
     d = model.description
@@ -96,8 +96,8 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
 def _with_constants(text: SceneText, sliders: Collection[str]) -> SceneText:
     """Return a scene; if it has elastic links, whose sections C fixes, only sliders stay tunable."""
     elastic = any("elastic" in link for link in text.data.get("links", {}).values() if isinstance(link, dict))
-    given = text.data.get("parameters", {})
-    others = [name for name, x in given.items() if isinstance(x, dict) and name not in sliders and elastic]
+    table = text.data.get("parameters", {})
+    others = [name for name, x in table.items() if isinstance(x, dict) and name not in sliders and elastic]
     return override(text, {f"parameters.{name}.tunable": False for name in others})
 
 

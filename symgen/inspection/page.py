@@ -29,10 +29,10 @@ _MATRICES, _TERMS = 12, 60
 _KINDS = {"add": "+ −", "mul": "×", "div": "÷", "neg": "sign", "call": "calls"}
 
 #: Callback that receives the current activity as text.
-Told = Callable[[str], None]
+Status = Callable[[str], None]
 
 
-def scene_page(text: SceneText, *, speed: bool, progress: Told) -> Page:
+def scene_page(text: SceneText, *, speed: bool, progress: Status) -> Page:
     """Derive, build, run and measure a scene, and return the contents of its page.
 
     Parameters
@@ -63,7 +63,7 @@ def scene_page(text: SceneText, *, speed: bool, progress: Told) -> Page:
     return _page(view, model, system.name, system, record(resolved, system), *shown)
 
 
-def system_page(file: Path, *, progress: Told) -> Page:
+def system_page(file: Path, *, progress: Status) -> Page:
     """Derive and build a user-defined system, and return the contents of its page.
 
     Raises

@@ -93,7 +93,7 @@ def of_linkage(model: RodModel, at: str | None) -> Values:
         "t": [state.t],
         "q": state.q.tolist(),
         "u": state.u.tolist(),
-        "p": model.given,
+        "p": model.parameter_values,
         "work": work + list(accelerations.multipliers.values()),
     }
     return Values(f"at t = {t:g} s" if t > 0 else "at the start", arrays)
@@ -117,7 +117,7 @@ def of_loop(model: LoopModel, at: str | None) -> Values:
     """Return the arguments of a loop at its start, or of a driven one at a value of its input."""
     d = model.description
     begin = model.closed_start()
-    parameters = model.given
+    parameters = model.parameter_values
     if not model.is_driven:
         if at is not None:
             raise ModelError(f"{d.name} moves freely: its matrices are shown at its start, without --at")

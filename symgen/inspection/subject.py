@@ -13,7 +13,7 @@ from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.record import elastic_record, of_system, record
 from symgen.pipeline.build import system_of
-from symgen.pipeline.user_system import is_own, load
+from symgen.pipeline.user_system import is_user_file, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
@@ -58,7 +58,7 @@ class Subject:
     def __init__(self, name: str, changes: Mapping[str, Any]) -> None:
         self.name = name
         self.is_block = name in BLOCKS
-        self.is_scene = not self.is_block and not is_own(name)
+        self.is_scene = not self.is_block and not is_user_file(name)
         self._changes = changes
 
     @cached_property

@@ -33,7 +33,7 @@ def kernels_of_analysis(
     ``outputs`` are those of the analysis. ``resolved`` returns the linkage or loop of the scene, or one
     derived from it, which ``of`` names. In ``lanes`` kernels take vectors.
     """
-    made = tools.of_lanes if lanes else tools
+    target = tools.of_lanes if lanes else tools
 
     def system() -> System:
         from symgen.models.analyses import analysis_system
@@ -48,4 +48,4 @@ def kernels_of_analysis(
 
     parts = of, kind, key(*outputs)[:12] if outputs else "", "lanes" if lanes else ""
     name = "-".join(part for part in parts if part)
-    return made.cached(text, name, lambda folder: made.built(folder, system, described, lanes), base=base)
+    return target.cached(text, name, lambda folder: target.built(folder, system, described, lanes), base=base)

@@ -17,7 +17,7 @@ from symgen.pipeline import parameters as tuning
 from symgen.pipeline.analysis import kernels_of_analysis
 from symgen.pipeline.describe import describe, with_start
 from symgen.pipeline.source import Source
-from symgen.pipeline.user_system import is_own, load
+from symgen.pipeline.user_system import is_user_file, load
 from symgen.precision import FLOAT64
 from symgen.scene.loading import SceneText, check_scene, override, text_of
 from symgen.toolchain.kernels import GET_A_COMPILER, Tools, no_collection, tools_for
@@ -102,25 +102,25 @@ def build_scene(scene: Scene | SceneText | str | os.PathLike[str], **options: An
     ModelError
         When the scene is restricted to kinematics.
     """
-    return with_forces(build_asked(scene, **options))
+    return with_forces(build_selected(scene, **options))
 
 
-def with_forces(made: Model) -> _WithForces:
+def with_forces(model: Model) -> _WithForces:
     """Return a model with forces; raise ModelError if its scene is restricted to kinematics."""
-    if is_kinematic(made):
+    if is_kinematic(model):
         raise ModelError(
-            f"{made.name} selects kinematics, which computes no forces\n"
+            f"{model.name} selects kinematics, which computes no forces\n"
             '  Write kind = "dynamics" under [analysis], or give --set analysis.kind=dynamics.'
         )
-    return cast("_WithForces", made)
+    return cast("_WithForces", model)
 
 
-def is_kinematic(made: Model) -> bool:
+def is_kinematic(model: Model) -> bool:
     """Return whether a model has no forces, without loading the modules of such models."""
-    return bool(getattr(made.description, "kinematic", False))
+    return bool(getattr(model.description, "kinematic", False))
 
 
-def build_asked(
+def build_selected(
     scene: Scene | SceneText | str | os.PathLike[str], *, set: Mapping[str, Any] | None = None, **options: Any
 ) -> _Mechanism:
     """Build a scene, like :func:`build`, with the analysis that the scene selects."""
@@ -139,12 +139,12 @@ def build_kinematics(
     """
     text = text_of(scene)
     if "loop" in text.data:
-        return build_asked(text, set=set, backend=backend)
+        return build_selected(text, set=set, backend=backend)
     changes, analysis = dict(set or {}), text.data.get("analysis", {})
     if isinstance(analysis, dict) and changes.pop("analysis.kind", analysis.get("kind")) != "kinematics":
         alone = {"kind": "kinematics", "outputs": []}
         text = replace(text, data={**text.data, "analysis": {**analysis, **alone}})
-    return build_asked(text, set=changes, backend=backend)
+    return build_selected(text, set=changes, backend=backend)
 
 
 _Options = tuple[Any, ...]
@@ -152,7 +152,7 @@ _USUAL = {"backend": "auto", "precision": "float64", "digits": None, "contractio
 
 
 def _built(scene: Any, options: _Options, set_: Mapping[str, Any] | None = None) -> Any:
-    return _own(str(scene), options, set_) if is_own(scene) else _of_scene(scene, options, set_)
+    return _user_model(str(scene), options, set_) if is_user_file(scene) else _of_scene(scene, options, set_)
 
 
 def _of_scene(scene: Any, options: _Options, set_: Mapping[str, Any] | None) -> _Mechanism:
@@ -175,17 +175,17 @@ def _of_scene(scene: Any, options: _Options, set_: Mapping[str, Any] | None) -> 
     return model.with_parameters(**values)
 
 
-def _own(path: str, options: _Options, set_: Mapping[str, Any] | None) -> SystemModel:
-    from symgen.pipeline.user_model import build_own
+def _user_model(path: str, options: _Options, set_: Mapping[str, Any] | None) -> SystemModel:
+    from symgen.pipeline.user_model import build_user
 
     tools = tools_for(*options)
     if set_ or tools.digits or tools.precision != FLOAT64:
         raise ModelError(f"{path} is no scene: it has no values to set, and is computed in {FLOAT64.name}")
-    return build_own(Path(path), tools, Source(str(Path(path).resolve()), options, derive, _built))
+    return build_user(Path(path), tools, Source(str(Path(path).resolve()), options, derive, _built))
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class ModelParts:
     """Parts of a model of a scene."""
 
     text: SceneText
@@ -205,15 +205,15 @@ def _model(source: Source, tools: Tools, description: Any, library: Library) -> 
     typed = Typed(tools.precision, tools.digits, kernels, cache(tools.core))
     if tools.digits or tools.precision != FLOAT64:
         typed.kernels(False)  # compilation errors are raised here
-    made = Made(text, tools, description, library, source, typed)
-    return method_of(description).load("model")(made)
+    parts = ModelParts(text, tools, description, library, source, typed)
+    return method_of(description).load("model")(parts)
 
 
-def loop_model(made: Made) -> LoopModel:
+def loop_model(parts: ModelParts) -> LoopModel:
     """Return the model of a loop."""
     from symgen.runtime.loop.model import LoopModel
 
-    text, base, description = made.text, made.tools.in_float64, made.description
+    text, base, description = parts.text, parts.tools.in_float64, parts.description
 
     analyses = cache(
         lambda kind, outputs, lanes=False: kernels_of_analysis(
@@ -226,36 +226,36 @@ def loop_model(made: Made) -> LoopModel:
 
         return cast("Loop", resolve(check_scene(text)))
 
-    return LoopModel(description, made.library, made.equations, typed=made.typed, analyses=analyses)
+    return LoopModel(description, parts.library, parts.equations, typed=parts.typed, analyses=analyses)
 
 
-def rotor_model(made: Made) -> RotorModel:
+def rotor_model(parts: ModelParts) -> RotorModel:
     """Return the model of a rotor."""
     from symgen.runtime.rotor.model import RotorModel
 
-    return RotorModel(made.description, made.library, made.equations, typed=made.typed)
+    return RotorModel(parts.description, parts.library, parts.equations, typed=parts.typed)
 
 
-def elastic_model(made: Made) -> ElasticModel:
+def elastic_model(parts: ModelParts) -> ElasticModel:
     """Return the model of a linkage with elastic links."""
     from symgen.pipeline.user_model import supply_elements
     from symgen.runtime.elastic.model import ElasticModel
 
-    supply_elements(made.description.elastic.beams, made.tools.in_float64)
-    text, base, d = made.text, made.tools.in_float64, made.description
-    of_rigid = replace(made, equations=replace(made.equations, rigid=True))
+    supply_elements(parts.description.elastic.beams, parts.tools.in_float64)
+    text, base, d = parts.text, parts.tools.in_float64, parts.description
+    of_rigid = replace(parts, equations=replace(parts.equations, rigid=True))
     rigid = cast("RodModel", linkage_model(of_rigid))
     return ElasticModel(rigid, cache(lambda segments: _remade(text, base, d, segments)))
 
 
-def linkage_model(made: Made) -> RodModel | KinematicModel:
+def linkage_model(parts: ModelParts) -> RodModel | KinematicModel:
     """Return the model of a linkage, its elastic links taken as rigid."""
-    text, tools, description, typed = made.text, made.tools, made.description, made.typed
-    parts = (description, made.library, made.equations)
+    text, tools, description, typed = parts.text, parts.tools, parts.description, parts.typed
+    kernels = (description, parts.library, parts.equations)
     if description.kinematic:
         from symgen.runtime.model.kinematic import KinematicModel
 
-        return KinematicModel(*parts, typed=typed)
+        return KinematicModel(*kernels, typed=typed)
     base = tools.in_float64
 
     def analysis(
@@ -272,16 +272,16 @@ def linkage_model(made: Made) -> RodModel | KinematicModel:
     if description.plane is None:
         from symgen.runtime.model.rods import RodModel
 
-        return RodModel(*parts, analyses=analyses, typed=typed)
+        return RodModel(*kernels, analyses=analyses, typed=typed)
     from symgen.runtime.model.plane import PlaneModel
 
-    in_space = cache(lambda: _made_of(text, base, description, "in-space", lambda: _linkage(text).as_written))
-    return PlaneModel(*parts, analyses=analyses, typed=typed, in_space=in_space)
+    in_space = cache(lambda: _derived(text, base, description, "in-space", lambda: _linkage(text).as_written))
+    return PlaneModel(*kernels, analyses=analyses, typed=typed, in_space=in_space)
 
 
 def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Library:
     """Return the kernels of a scene in the requested type, for one state per call or for batches."""
-    made = replace(tools, compiler=None) if tools.digits else tools.of_lanes if lanes else tools
+    target = replace(tools, compiler=None) if tools.digits else tools.of_lanes if lanes else tools
 
     def described(program: Program, equations: str) -> Described:
         from symgen.runtime.kernels.description import kernel_infos
@@ -290,10 +290,10 @@ def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Libra
         return replace(base, equations=equations, kernels=kernel_infos(program.kernels))
 
     def make(folder: Path) -> tuple[Described, Library]:
-        return made.built(folder, lambda: derive(text), described, lanes)
+        return target.built(folder, lambda: derive(text), described, lanes)
 
-    name = f"{made.digits}-digits" if made.digits else made.precision.name
-    return made.cached(text, f"{name}-lanes" if lanes and made.compiler else name, make, base=base)[1]
+    name = f"{target.digits}-digits" if target.digits else target.precision.name
+    return target.cached(text, f"{name}-lanes" if lanes and target.compiler else name, make, base=base)[1]
 
 
 def compile_scene(text: SceneText, tools: Tools, folder: Path) -> tuple[Any, Library]:
@@ -349,10 +349,10 @@ def _remade(text: SceneText, tools: Tools, base: Description, segments: int | No
         return remade(_linkage(text), segments, places)
 
     name = "with-motor" if segments is None else f"segments-{segments}"
-    return _made_of(text, tools, base, name, linkage)
+    return _derived(text, tools, base, name, linkage)
 
 
-def _made_of(
+def _derived(
     text: SceneText, tools: Tools, base: Description, name: str, linkage: Callable[[], Linkage]
 ) -> RodModel:
     """Return the model of a linkage derived from that of a scene; ``name`` states how."""
@@ -372,16 +372,16 @@ def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
     """Return the derived equations of a scene, or of a Python file that returns a System."""
     from symgen.scene.resolve import resolve
 
-    if is_own(scene):
+    if is_user_file(scene):
         return load(Path(str(scene))).system
 
     return system_of(resolve(check_scene(text_of(scene))))
 
 
 def _warn(library: Library) -> None:
-    what = (
+    used = (
         "the kernels that came with symgen are used"
         if library.backend == "shipped"
         else "the NumPy backend is used, some hundred times slower than compiled kernels"
     )
-    warnings.warn(f"no C compiler was found: {what}. {GET_A_COMPILER}", SlowBackendWarning, stacklevel=3)
+    warnings.warn(f"no C compiler was found: {used}. {GET_A_COMPILER}", SlowBackendWarning, stacklevel=3)

@@ -37,13 +37,13 @@ def with_start(
     SceneError
         When the scene cannot be assembled, or is contradictory.
     """
-    found: Description | LoopDescription
+    described: Description | LoopDescription
     try:
-        found = method_of(description).load("start")(system, description, library)
+        described = method_of(description).load("start")(system, description, library)
     except InitialStateError as error:
         problem, _, hint = str(error).partition("\n")
         raise SceneError(problem, where=error.where, file=description.file, hint=hint.strip()) from None
-    return found
+    return described
 
 
 def with_state(system: System, description: Description, library: Library) -> Description:
@@ -60,21 +60,21 @@ def with_state(system: System, description: Description, library: Library) -> De
     if description.kinematic:
         from symgen.runtime.model.kinematic import posed
 
-        found = posed(evaluator)
+        begun = posed(evaluator)
     else:
-        found = start(evaluator)
-        if found.redundant and description.rank_tolerance < OF_REDUNDANCY:
+        begun = start(evaluator)
+        if begun.redundant and description.rank_tolerance < OF_REDUNDANCY:
             # That constraints are redundant shows at the start only: then the factorisation must expect it.
             description = replace(description, rank_tolerance=OF_REDUNDANCY)
             evaluator = Evaluator(description, library, parameters)
-            found = start(evaluator)
+            begun = start(evaluator)
     if description.constraints:
         # Evaluated from the derived matrices, so that errors of the lowering show here.
         work = np.zeros(len(system.group("work").quantities))
-        values = {"t": [0.0], "q": found.q, "u": found.u, "p": evaluator.given, "work": work}
+        values = {"t": [0.0], "q": begun.q, "u": begun.u, "p": evaluator.parameter_values, "work": work}
         parts = Exact(system).matrices(("constraints", "constraint_scale"), values)
-        check_closed(evaluator, found.q, *(np.array([float(x) for x in part]) for part in parts))
-    return replace(description, start=(*found.q.tolist(), *found.u.tolist()), redundant=found.redundant)
+        check_closed(evaluator, begun.q, *(np.array([float(x) for x in part]) for part in parts))
+    return replace(description, start=(*begun.q.tolist(), *begun.u.tolist()), redundant=begun.redundant)
 
 
 def with_pose(system: System, description: LoopDescription, library: Library) -> LoopDescription:
@@ -94,15 +94,15 @@ def with_pose(system: System, description: LoopDescription, library: Library) ->
         raise InitialStateError(str(error), where="loop.inputs") from None
     by = [i for i in description.having("dependent") if description.variables[i].guessed]
     try:
-        found = close_near(kernels, t, guess, by)
+        pose = close_near(kernels, t, guess, by)
     except InitialStateError as error:
-        found = closed_later(kernels, guess, by, error)
+        pose = closed_later(kernels, guess, by, error)
     still = {g.name: np.zeros(len(g.quantities)) for g in system.groups}
-    values = still | {"t": [found.t], "q": found.q, "p": kernels.given}
+    values = still | {"t": [pose.t], "q": pose.q, "p": kernels.parameter_values}
     defect = Exact(system).matrix("closure_defect", values)  # as derived, without the lowering
-    check_closed(kernels, found, np.array([float(x) for x in defect]).reshape(3, 4))
-    begin = kernels.lead_at(found.t)[0] if description.span else 0.0
-    return replace(description, start=tuple(found.q.tolist()), rank=found.rank, begin=begin)
+    check_closed(kernels, pose, np.array([float(x) for x in defect]).reshape(3, 4))
+    begin = kernels.lead_at(pose.t)[0] if description.span else 0.0
+    return replace(description, start=tuple(pose.q.tolist()), rank=pose.rank, begin=begin)
 
 
 def _common(resolved: Linkage | Loop | RotorScene, program: Program, equations: str) -> dict[str, Any]:
@@ -335,8 +335,8 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         prescribed=crank is not None and crank.prescribed,
         couples=tuple(names for *_, names in acting),
         rotations=rotations(linkage),
-        welds=tuple(kept.name for kept in linkage.kept_angles),
-        body_welds=tuple(kept.name for kept in welded_to_bodies(linkage)),
-        welded_bodies=tuple((kept.point, kept.other) for kept in welded_to_bodies(linkage)),
+        welds=tuple(weld.name for weld in linkage.welded_angles),
+        body_welds=tuple(weld.name for weld in welded_to_bodies(linkage)),
+        welded_bodies=tuple((weld.point, weld.other) for weld in welded_to_bodies(linkage)),
         damps_all=linkage.modal_damping is not None and linkage.modal_damping.all,
     )

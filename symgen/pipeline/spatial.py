@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-from symgen.pipeline.build import Made, linkage_model
+from symgen.pipeline.build import ModelParts, linkage_model
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic.space.model import SpatialModel
     from symgen.runtime.model.rods import RodModel
 
 
-def spatial_model(made: Made) -> SpatialModel:
+def spatial_model(parts: ModelParts) -> SpatialModel:
     """Return the model of a linkage with elastic links in space."""
     from symgen.runtime.elastic.space.model import SpatialModel
 
-    of_rigid = replace(made, equations=replace(made.equations, rigid=True))
+    of_rigid = replace(parts, equations=replace(parts.equations, rigid=True))
     return SpatialModel(cast("RodModel", linkage_model(of_rigid)))

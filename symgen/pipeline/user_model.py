@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.pipeline.user_system import load, own_name
+from symgen.pipeline.user_system import load, name_of
 from symgen.scene.loading import SceneText
 from symgen.toolchain.fingerprint import fingerprint
 from symgen.toolchain.kernels import Tools
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from symgen.toolchain.dependencies import Needs
 
 
-def build_own(path: Path, tools: Tools, equations: Callable[[], Any]) -> SystemModel:
+def build_user(path: Path, tools: Tools, equations: Callable[[], Any]) -> SystemModel:
     """Return the kernels of the System that a Python file returns; ``equations`` derives its matrices.
 
     Raises
@@ -34,9 +34,9 @@ def build_own(path: Path, tools: Tools, equations: Callable[[], Any]) -> SystemM
     BuildError, CacheError
         When the compiler fails, or the cache cannot be written.
     """
-    own = cache(lambda: load(path))
-    text = SceneText(own_name(path), str(path.resolve()), {})
-    return _built(text, path.name, tools, lambda: own().system, lambda: own().needs, equations)
+    user = cache(lambda: load(path))
+    text = SceneText(name_of(path), str(path.resolve()), {})
+    return _built(text, path.name, tools, lambda: user().system, lambda: user().needs, equations)
 
 
 def definition_of(element: str) -> str:

@@ -27,24 +27,24 @@ _EXAMPLE = f"'def {_FUNCTION}() -> System:' of symgen.symbolic.system; see docs/
 
 
 @dataclass(frozen=True, slots=True)
-class Own:
+class UserFile:
     """Contents of a file: its System, and the source files at the time of loading."""
 
     system: System
     needs: graph.Needs
 
 
-def is_own(source: object) -> bool:
+def is_user_file(source: object) -> bool:
     """Return whether a source is the name of a Python file."""
     return isinstance(source, str | os.PathLike) and Path(source).suffix == ".py"
 
 
-def own_name(path: Path) -> str:
+def name_of(path: Path) -> str:
     """Return the name of a file in the cache and in messages."""
     return re.sub(r"\W", "_", path.stem, flags=re.ASCII)
 
 
-def load(path: Path) -> Own:
+def load(path: Path) -> UserFile:
     """Run a user's file and return the System of its function ``system``.
 
     Raises
@@ -59,11 +59,11 @@ def load(path: Path) -> Own:
         system = _checked(path, _run(path))
     for neighbour in imported:
         read = {**read, **graph.of_file(neighbour)}
-    return Own(system, read)
+    return UserFile(system, read)
 
 
 def _run(path: Path) -> Any:
-    spec = spec_from_file_location(own_name(path), path)
+    spec = spec_from_file_location(name_of(path), path)
     if spec is None or spec.loader is None:
         raise DerivationError(f"{path} cannot be read as Python")
     module = module_from_spec(spec)
@@ -105,29 +105,29 @@ def _failed(path: Path, error: BaseException) -> DerivationError:
     )
 
 
-def _checked(path: Path, made: Any) -> System:
+def _checked(path: Path, system: Any) -> System:
     from symgen.symbolic.system import System
 
-    if not isinstance(made, System):
+    if not isinstance(system, System):
         raise DerivationError(
-            f"{path}: {_FUNCTION}() returned {type(made).__name__}, not a System\n  Expected {_EXAMPLE}"
+            f"{path}: {_FUNCTION}() returned {type(system).__name__}, not a System\n  Expected {_EXAMPLE}"
         )
-    for what, names in (
-        ("system", [made.name]),
-        ("kernel", [e.kernel for e in made.exports]),
-        ("argument group", [g.name for g in made.groups]),
+    for kind, names in (
+        ("system", [system.name]),
+        ("kernel", [e.kernel for e in system.exports]),
+        ("argument group", [g.name for g in system.groups]),
     ):
         bad = next((n for n in names if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", n)), None)
         if bad is not None:
-            raise DerivationError(f"{path}: a {what} is called {bad!r}: expected letters, digits and _")
-    unknown = [g.name for g in made.groups if g.name not in _ARRAYS]
+            raise DerivationError(f"{path}: a {kind} is called {bad!r}: expected letters, digits and _")
+    unknown = [g.name for g in system.groups if g.name not in _ARRAYS]
     if unknown:
         raise DerivationError(
             f"{path}: there is an argument group {unknown[0]!r}; kernels have {', '.join(_ARRAYS)}"
         )
-    if not any(e.matrices for e in made.exports) and made.saddle_point is None:
+    if not any(e.matrices for e in system.exports) and system.saddle_point is None:
         raise DerivationError(f"{path}: the system exports no kernel: name the matrices of one in 'exports'")
-    return made
+    return system
 
 
 #: Package folders of installers: of an environment, of the system, of the user.
@@ -136,7 +136,7 @@ _INSTALLED = {"site-packages", "dist-packages"}
 _ARRAYS = ("t", "q", "u", "p", "work")
 
 #: Packages whose objects a System holds: loaded once, wherever they are.
-_KEPT = ("symgen", "sympy", "mpmath", "numpy")
+_ALWAYS_LOADED = ("symgen", "sympy", "mpmath", "numpy")
 
 
 @contextmanager
@@ -148,11 +148,11 @@ def _importing_beside(folder: Path) -> Iterator[list[Path]]:
     away = {name: sys.modules[name] for name in sorted(sys.modules) if _is_beside(folder, name)}
     for name in away:  # imported earlier, perhaps in another form
         del sys.modules[name]
-    before, found = set(sys.modules), list[Path]()
+    before, files = set(sys.modules), list[Path]()
     writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     sys.path.insert(0, str(folder))
     try:
-        yield found
+        yield files
     finally:
         sys.dont_write_bytecode = writes
         if str(folder) in sys.path:
@@ -160,7 +160,7 @@ def _importing_beside(folder: Path) -> Iterator[list[Path]]:
         for name in sorted(set(sys.modules) - before):
             file = getattr(sys.modules[name], "__file__", None)
             if file and name.partition(".")[0] != "symgen" and _is_users(Path(file).resolve()):
-                found.append(Path(file))
+                files.append(Path(file))
                 if not file.endswith(tuple(EXTENSION_SUFFIXES)):  # these can be loaded once only
                     del sys.modules[name]  # the next import reads its file again
         sys.modules.update(away)
@@ -169,7 +169,7 @@ def _importing_beside(folder: Path) -> Iterator[list[Path]]:
 def _is_beside(folder: Path, name: str) -> bool:
     """Return whether a loaded module is a Python file in that folder, and not one that symgen uses."""
     file = Path(getattr(sys.modules[name], "__file__", None) or "")
-    if name == "__main__" or name.partition(".")[0] in _KEPT or file.suffix != ".py":
+    if name == "__main__" or name.partition(".")[0] in _ALWAYS_LOADED or file.suffix != ".py":
         return False
     return file.resolve().is_relative_to(folder) and _is_users(file.resolve())
 

@@ -23,7 +23,7 @@ from symgen.codegen.source import SourceFile
 from symgen.errors import GenerationError
 from symgen.regeneration.shipped import (
     TABLES,
-    Made,
+    Derived,
     generated_folder,
     make,
     names,
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], None]
 
-_MADE = "made.json"
+_DERIVED = "made.json"
 #: Suffix of the file with the error output of a derivation.
 _SAID = ".said"
 
@@ -83,30 +83,30 @@ def regenerate(progress: Progress | None = None) -> Regenerated:
         raise GenerationError(
             f"{folder} is not part of a checkout of symgen; only 'symgen generate --check' works"
         )
-    made, derived = up_to_date(Cache(), progress)
-    return _written(folder, {name: model.shipped for name, model in made.items()}, derived)
+    models, derived = up_to_date(Cache(), progress)
+    return _written(folder, {name: model.shipped for name, model in models.items()}, derived)
 
 
 def up_to_date(
     store: Cache, progress: Progress | None = None
-) -> tuple[dict[str, Made], dict[str, tuple[str, ...]]]:
+) -> tuple[dict[str, Derived], dict[str, tuple[str, ...]]]:
     """Return all current models, and for each one that was derived again the dependencies that changed."""
     entries = {name: graph.current(store, _entry(name)) for name in (*names(), *TABLES)}
     missing = [name for name, entry in entries.items() if entry is None]
     derived = {name: _because(store, name) for name in missing}
-    made = derive_all(missing, progress)
-    for name, model in made.items():
+    models = derive_all(missing, progress)
+    for name, model in models.items():
         _keep(store, name, model)
-    return made | {name: _read(entry) for name, entry in entries.items() if entry}, derived
+    return models | {name: _read(entry) for name, entry in entries.items() if entry}, derived
 
 
 def not_current(progress: Progress | None = None) -> list[str]:
     """Derive all models, ignoring the cache; return a difference for every outdated committed file."""
-    made = derive_all([*names(), *TABLES], progress)
-    return differences(generated_folder(), _files({name: m.shipped for name, m in made.items()}))
+    models = derive_all([*names(), *TABLES], progress)
+    return differences(generated_folder(), _files({name: m.shipped for name, m in models.items()}))
 
 
-def derive_all(models: Iterable[str], progress: Progress | None = None) -> dict[str, Made]:
+def derive_all(models: Iterable[str], progress: Progress | None = None) -> dict[str, Derived]:
     """Derive models in parallel, one per processor at a time, each in its own process.
 
     Raises
@@ -114,14 +114,14 @@ def derive_all(models: Iterable[str], progress: Progress | None = None) -> dict[
     GenerationError
         If a derivation fails, with its error output.
     """
-    asked = list(models)
-    made: dict[str, Made] = {}
+    requested = list(models)
+    derived: dict[str, Derived] = {}
     with TemporaryDirectory(ignore_cleanup_errors=True) as place:
-        for name in _as_derived(asked, Path(place)) if asked else ():
-            made[name] = _made(json.loads((Path(place) / name).read_bytes()))
+        for name in _as_derived(requested, Path(place)) if requested else ():
+            derived[name] = _of_json(json.loads((Path(place) / name).read_bytes()))
             if progress:
-                progress(len(made) / len(asked))
-    return {name: made[name] for name in asked}
+                progress(len(derived) / len(requested))
+    return {name: derived[name] for name in requested}
 
 
 _PARENT = "import sys; from symgen.regeneration.generate import answer_all; answer_all(*sys.argv[1:])"
@@ -155,9 +155,9 @@ def _as_derived(names: Iterable[str], folder: Path) -> Iterator[str]:
         raise _failed("the remaining models", folder / _SAID)
 
 
-def _failed(what: str, said: Path) -> GenerationError:
-    words = said.read_text(encoding="utf-8", errors="replace").strip()
-    return GenerationError(f"{what} cannot be derived, and nothing was written:\n{words}")
+def _failed(subject: str, output: Path) -> GenerationError:
+    words = output.read_text(encoding="utf-8", errors="replace").strip()
+    return GenerationError(f"{subject} cannot be derived, and nothing was written:\n{words}")
 
 
 def answer_all(folder: str, *names: str) -> None:
@@ -207,27 +207,27 @@ def answer(name: str) -> bytes:
     return json.dumps(asdict(make(name))).encode()
 
 
-def _made(data: dict[str, Any]) -> Made:
+def _of_json(data: dict[str, Any]) -> Derived:
     shipped = data["shipped"]
     files = tuple(SourceFile(**f) for f in shipped["files"])
-    return Made(Shipped(shipped["equations"], files, shipped["optimisation"]), data["needs"])
+    return Derived(Shipped(shipped["equations"], files, shipped["optimisation"]), data["needs"])
 
 
 def _entry(name: str) -> str:
     return f"generated-{name}"
 
 
-def _read(entry: Entry) -> Made:
-    return _made(json.loads(entry.read_text(_MADE)))
+def _read(entry: Entry) -> Derived:
+    return _of_json(json.loads(entry.read_text(_DERIVED)))
 
 
-def _keep(store: Cache, name: str, model: Made) -> None:
+def _keep(store: Cache, name: str, model: Derived) -> None:
     entry = _entry(name)
     with (
         store.locked(entry),
         store.building(entry, lambda folder: graph.keep(folder, entry, model.needs)) as folder,
     ):
-        (folder / _MADE).write_text(json.dumps(asdict(model)), encoding="utf-8")
+        (folder / _DERIVED).write_text(json.dumps(asdict(model)), encoding="utf-8")
 
 
 def _because(store: Cache, name: str) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ TABLES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class Derived:
     """One derived model with the dependencies of its files."""
 
     shipped: Shipped
@@ -43,7 +43,7 @@ def record_name(model: str) -> str:
     return f"{model}_equations.json"
 
 
-def make(name: str) -> Made:
+def make(name: str) -> Derived:
     """Derive one model, evaluate the units with Pint, or list columns, and write the files."""
     if name == UNITS:
         from symgen.scene.units import answers
@@ -51,15 +51,15 @@ def make(name: str) -> Made:
         units = SourceFile(TABLES[UNITS].name, answers())
         depends = {**graph.needs(), **graph.of_package("version", "pint")}
         del depends["symgen.scene:units.json"]  # the output itself
-        return Made(Shipped("", (units,)), depends)
+        return Derived(Shipped("", (units,)), depends)
     if name == COLUMNS:
         from symgen.models.elastic.columns import header
 
-        return Made(Shipped("", (SourceFile(TABLES[COLUMNS].name, header()),)), graph.needs())
+        return Derived(Shipped("", (SourceFile(TABLES[COLUMNS].name, header()),)), graph.needs())
     if name in RECURSIONS:
-        return Made(_of_recursion(name), graph.needs())
+        return Derived(_of_recursion(name), graph.needs())
     scene = graph.of_package("symgen", f"scenes/{name}.toml") if name in SHIPPED_SCENES else {}
-    return Made(_of_system(name), graph.needs(scene))
+    return Derived(_of_system(name), graph.needs(scene))
 
 
 def _of_system(name: str) -> Shipped:
@@ -93,12 +93,12 @@ def _of_recursion(name: str) -> Shipped:
     steps = {f"{step.name}.": step for step in recursion.steps}
     costs = {step.kernel.name: step.counts.flops for step in loops.steps}
     files = emit_loops(loops, equations)
-    made = record(name, recursion.title, steps, costs)
-    return Shipped(equations, (*files, _recorded(made)), optimisation=3)
+    mathematics = record(name, recursion.title, steps, costs)
+    return Shipped(equations, (*files, _recorded(mathematics)), optimisation=3)
 
 
-def _recorded(made: Record) -> SourceFile:
-    return SourceFile(record_name(made.name), made.to_json())
+def _recorded(mathematics: Record) -> SourceFile:
+    return SourceFile(record_name(mathematics.name), mathematics.to_json())
 
 
 def sources(models: dict[str, Shipped]) -> list[SourceFile]:

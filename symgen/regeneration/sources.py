@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ModelError
-from symgen.pipeline.user_system import is_own, load
+from symgen.pipeline.user_system import is_user_file, load
 from symgen.scene.loading import override, read_scene, scene_path
 from symgen.symbolic.difference import Difference, difference, texts
 from symgen.symbolic.record import Record, read_record
@@ -85,11 +85,11 @@ def systems(source: str | os.PathLike[str], set: Mapping[str, Any] | None = None
     """
     from symgen.models import BLOCKS
 
-    if (is_own(source) or source in BLOCKS) and set:
+    if (is_user_file(source) or source in BLOCKS) and set:
         raise ModelError(f"'set' applies to scenes only; {source} is not a scene: its values are arguments")
-    if is_own(source):
-        own = load(Path(source))
-        return Systems(own.system.name, own.system.title, {"": own.system}, own.needs)
+    if is_user_file(source):
+        user = load(Path(source))
+        return Systems(user.system.name, user.system.title, {"": user.system}, user.needs)
     if source in BLOCKS:
         block = BLOCKS[str(source)]()
         return Systems(block.name, block.title, {"": block}, {})
@@ -156,7 +156,7 @@ def generate(source: str | os.PathLike[str]) -> Generated:
 
     model = build(source)
     store = Cache()
-    place = Path(source) if is_own(source) else scene_path(source)
+    place = Path(source) if is_user_file(source) else scene_path(source)
     name = f"{model.name}-equations-{key(str(place.resolve()))}"
     earlier = graph.latest(store, name)
     because = tuple(graph.changed(earlier[1])) if earlier else ()
@@ -181,8 +181,8 @@ def _recorded(store: Cache, name: str, source: str | os.PathLike[str]) -> Record
             os.utime(entry.folder)
         return read_record(entry.read_text(_RECORD))
     derived = systems(source)
-    found = record_of(derived)
+    mathematics = record_of(derived)
     needs = graph.needs(derived.needs)
     with store.locked(name), store.building(name, lambda f: graph.keep(f, name, needs)) as folder:
-        (folder / _RECORD).write_text(found.to_json(), encoding="utf-8")
-    return found
+        (folder / _RECORD).write_text(mathematics.to_json(), encoding="utf-8")
+    return mathematics

@@ -97,22 +97,22 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
 
 def _of_run(result: ElasticResult) -> Iterator[tuple[str, str]]:
     """Yield method, errors, damping, powers and stability of a run: names and values."""
-    found = result.statistics
+    statistics = result.statistics
     yield "method", str(result.provenance["method"])
-    yield "steps", str(found["steps"])
-    for what, error in (("time steps", found["error"]), ("elements", result.mesh_error)):
+    yield "steps", str(statistics["steps"])
+    for cause, error in (("time steps", statistics["error"]), ("elements", result.mesh_error)):
         if error is not None:
-            yield f"error by {what}", f"{error:.1e} of the peak stress"
-    if ratios := found.get("damping_ratios"):
+            yield f"error by {cause}", f"{error:.1e} of the peak stress"
+    if ratios := statistics.get("damping_ratios"):
         yield "damping ratios", ", ".join(map(_damped, ratios))
-    if shares := found.get("second_order"):
+    if shares := statistics.get("second_order"):
         link = max(shares, key=shares.__getitem__)
         yield "second-order terms", f"{shares[link]:.1e} of the peak strain of {link}, omitted"
-    if powers := found.get("mean_powers_w"):
+    if powers := statistics.get("mean_powers_w"):
         yield "mean powers", "shaft {:.4g} W, damping {:.4g} W".format(*powers)
-    if (balance := found.get("power_balance")) is not None:
+    if (balance := statistics.get("power_balance")) is not None:
         yield "power balance", f"{balance:.1e} of the largest power"
-    if (share := found.get("omitted_power")) is not None:
+    if (share := statistics.get("omitted_power")) is not None:
         yield "omitted power", f"{share:.1e} of the largest power"
     if result.floquet:
         stable = {True: "stable", False: "unstable", None: "stability not resolved"}[result.stable]

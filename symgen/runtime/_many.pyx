@@ -52,9 +52,9 @@ def over_variants(evaluator, str kernel, const double[:, ::1] given, const doubl
     cdef Py_ssize_t runs = given.shape[0], count = times.shape[0], parameters = given.shape[1], i, n
     info, n = evaluator.info(kernel), evaluator.description.coordinates
     cdef Py_ssize_t size = info.out_size, work_size = info.work_size
-    if parameters != len(evaluator.given) or states.shape[0] != runs or states.shape[1] != count or states.shape[2] != 3 \
+    if parameters != len(evaluator.parameter_values) or states.shape[0] != runs or states.shape[1] != count or states.shape[2] != 3 \
             or states.shape[3] != n:
-        raise ValueError(f"expected {runs} rows of {len(evaluator.given)} parameters and states of {n} coordinates")
+        raise ValueError(f"expected {runs} rows of {len(evaluator.parameter_values)} parameters and states of {n} coordinates")
     found = np.zeros((runs, count, size))
     if not runs or not count or not size:
         return found
@@ -102,11 +102,11 @@ cdef class Lanes:
         addresses = library.addresses
         self.library, self.lanes = library, lanes
         self.api = <const lane_table *>equations.of.api.lane_runs
-        self.given.accelerations, self.given.factor = kernel_of(addresses, "accelerations"), kernel_of(addresses, "factor")
-        self.given.solve, self.given.constraints = kernel_of(addresses, "solve"), kernel_of(addresses, "constraints")
-        self.given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
-        self.given.energy, self.given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
-        self.given.setup = kernel_of(addresses, "setup")
+        self.parameter_values.accelerations, self.parameter_values.factor = kernel_of(addresses, "accelerations"), kernel_of(addresses, "factor")
+        self.parameter_values.solve, self.parameter_values.constraints = kernel_of(addresses, "solve"), kernel_of(addresses, "constraints")
+        self.parameter_values.velocity_constraints = kernel_of(addresses, "velocity_constraints")
+        self.parameter_values.energy, self.parameter_values.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
+        self.parameter_values.setup = kernel_of(addresses, "setup")
         self.sizes.lanes, self.sizes.n, self.sizes.m = lanes, equations.n, equations.m
         self.sizes.extra, self.sizes.parameters = equations.extra, equations.core.sizes.parameters
         self.sizes.derived, self.sizes.work = library.derived, equations.core.sizes.work
@@ -118,7 +118,7 @@ cdef class Lanes:
         cdef Py_ssize_t w = self.lanes, dim = 2 * self.sizes.n + self.sizes.extra
         self.memory = memory_of(self.api.lane_struct, self.api.bytes(&self.sizes, method))
         self.core = <lane_runs *>self.memory.structure
-        self.api.bind(self.core, &self.sizes, &self.given, method, asked, self.memory.at)
+        self.api.bind(self.core, &self.sizes, &self.parameter_values, method, asked, self.memory.at)
         self.rows, self.states = np.zeros(w * self.sizes.parameters + 1), np.zeros(w * dim)
         self.samples, self.drifts = np.zeros(w * asked.samples * dim), np.zeros(2 * w)
         self.failed, self.found = np.zeros(w, dtype=np.int8), np.zeros(w, dtype=np.int8)

@@ -33,10 +33,10 @@ cdef class Rhs:
         if equations.of.api.real_bytes != sizeof(double):
             raise ValueError("expected equations in double precision")
         self.equations, self.start, self.size = equations, start, (equations.dim,)
-        self.given, self.passed = equations.parameters.copy(), equations.parameters.copy()
+        self.parameter_values, self.passed = equations.parameters.copy(), equations.parameters.copy()
         self.inputs, self.first = tuple(inputs), first
-        if not 0 <= first <= self.given.shape[0] - len(self.inputs):
-            raise ValueError(f"expected {len(self.inputs)} inputs from {first} on among {self.given.shape[0]} parameters")
+        if not 0 <= first <= self.parameter_values.shape[0] - len(self.inputs):
+            raise ValueError(f"expected {len(self.inputs)} inputs from {first} on among {self.parameter_values.shape[0]} parameters")
 
     cdef object _checked(self, y):
         """Return a state as a contiguous array of 2n numbers."""
@@ -64,7 +64,7 @@ cdef class Rhs:
 
     cdef int put(self, u) except -1:
         """Set the inputs; by default, their values in the model."""
-        cdef double[::1] values = self.given
+        cdef double[::1] values = self.parameter_values
         if u is not None:
             try:
                 row = np.ascontiguousarray(u, dtype=float)

@@ -33,11 +33,11 @@ cdef class Starter:
         d = evaluator.description
         self.library, self.p = evaluator.library, evaluator.parameters
         addresses = self.library.addresses
-        self.given.assembly, self.given.points = kernel_of(addresses, "assembly"), kernel_of(addresses, "points")
-        self.given.constraints = kernel_of(addresses, "constraints")
-        self.given.jacobian = kernel_of(addresses, "constraint_jacobian")
-        self.given.drift = kernel_of(addresses, "velocity_constraints")
-        self.given.rates, self.given.mass = kernel_of(addresses, "start_velocity"), kernel_of(addresses, "mass_matrix")
+        self.parameter_values.assembly, self.parameter_values.points = kernel_of(addresses, "assembly"), kernel_of(addresses, "points")
+        self.parameter_values.constraints = kernel_of(addresses, "constraints")
+        self.parameter_values.jacobian = kernel_of(addresses, "constraint_jacobian")
+        self.parameter_values.drift = kernel_of(addresses, "velocity_constraints")
+        self.parameter_values.rates, self.parameter_values.mass = kernel_of(addresses, "start_velocity"), kernel_of(addresses, "mass_matrix")
         self.sizes.n, self.sizes.m = d.coordinates, len(d.constraints)
         at_least("coordinates", q.shape[0], self.sizes.n)
         self.sizes.tolerance, self.sizes.share = d.assembly_tolerance, share
@@ -58,7 +58,7 @@ cdef class Starter:
         self.api = <const start_table *>core.api.start
         self.memory = memory_of(self.api.start_struct, self.api.bytes(&self.sizes))
         self.core = <start *>self.memory.structure
-        self.api.bind(self.core, &self.sizes, &self.given, &self.p[0], self.memory.at)
+        self.api.bind(self.core, &self.sizes, &self.parameter_values, &self.p[0], self.memory.at)
         memcpy(self.core.q, &q[0], self.sizes.n * sizeof(double))
         self.api.begin(self.core)
 
@@ -92,7 +92,7 @@ cdef class Starter:
         definite."""
         cdef char[::1] dropped = np.zeros(self.sizes.m + 1, dtype=np.int8)
         cdef Py_ssize_t kept
-        if self.given.mass == NULL or (self.sizes.m and (self.given.jacobian == NULL or self.given.drift == NULL)):
+        if self.parameter_values.mass == NULL or (self.sizes.m and (self.parameter_values.jacobian == NULL or self.parameter_values.drift == NULL)):
             raise ValueError("expected a model with the kernels of velocities at the start")
         for row in redundant:
             dropped[row] = 1

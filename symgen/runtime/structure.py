@@ -32,14 +32,14 @@ def stiffness_sizes(equations: _beams.BeamEquations, stiffness: Array, basis: Ar
     Large terms may cancel where a constraint forbids a link to stretch. Without B those of K, ``stiffness``.
     """
     if basis is None:
-        found = np.sqrt(np.abs(stiffness.diagonal()))
+        sizes = np.sqrt(np.abs(stiffness.diagonal()))
     else:
         rows, columns, entries = equations.full_stiffness()
         terms, parts = np.zeros((len(basis), len(basis))), np.abs(basis)
         terms[rows, columns] = np.abs(entries)
-        found = np.sqrt(np.sum(parts * (terms @ parts), axis=0))
-    found[~(found > 0.0)] = 1.0
-    return found
+        sizes = np.sqrt(np.sum(parts * (terms @ parts), axis=0))
+    sizes[~(sizes > 0.0)] = 1.0
+    return sizes
 
 
 def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tuple[Array, Array, int]:
@@ -58,9 +58,9 @@ def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tup
     from scipy.linalg.lapack import dtrtrs  # for small matrices the checks of scipy.linalg cost more
 
     scaled = stiffness / np.outer(sizes, sizes)
-    for what, matrix in (("mass", mass), ("stiffness", scaled)):
+    for kind, matrix in (("mass", mass), ("stiffness", scaled)):
         if not np.isfinite(matrix).all():
-            raise ModelError(f"{name}: the {what} matrix has a number that is not finite at these parameters")
+            raise ModelError(f"{name}: the {kind} matrix has a number that is not finite at these parameters")
     factor = _factor(name, (scaled + scaled.T) / 2) * sizes
     try:
         root = np.linalg.cholesky((mass + mass.T) / 2)
@@ -94,9 +94,9 @@ def _factor(name: str, scaled: Array) -> Array:
         noise = np.sum(np.abs(null) * (np.abs(ordered) @ np.abs(null)), axis=0)
         if np.any(np.sum(null * (ordered @ null), axis=0) < -ROUND_OFF * n * noise):
             raise UnstableError(f"{name} is unstable at rest in this pose: a spring pushes it away")
-    found: Array = np.empty((rank, n))
-    found[:, order] = upper
-    return found
+    factor: Array = np.empty((rank, n))
+    factor[:, order] = upper
+    return factor
 
 
 def forces_of_modes(
@@ -147,21 +147,21 @@ def forces_of_modes(
     left = csr_array((entries, (rows, columns)), shape=(len(shapes), len(shapes))) @ shapes
     links = equations.motion.evaluate(0.0)[2].reshape(-1, len(MOTION))
     padded = np.vstack([shapes, np.zeros((1, shapes.shape[1]))])
-    found = []
+    forces_of_pieces = []
     for beam, places, motion in zip(beams, layout.of_links, links, strict=True):
-        axes, own = frames(motion), padded[places]
+        axes, displacements = frames(motion), padded[places]
         for u, w in beam.joints:
-            own[u], own[w] = axes.local(own[u].copy(), own[w].copy())
+            displacements[u], displacements[w] = axes.local(displacements[u].copy(), displacements[w].copy())
         for piece in beam.pieces:
-            force = piece.stiffness @ own[list(piece.at)]
-            found.append(force)
-            there = np.zeros_like(own)
+            force = piece.stiffness @ displacements[list(piece.at)]
+            forces_of_pieces.append(force)
+            there = np.zeros_like(displacements)
             there[list(piece.at)] = force
             for u, w in beam.joints:
                 there[u], there[w] = axes.fixed(there[u].copy(), there[w].copy())
             held = places < 0
             np.subtract.at(left, places[~held], there[~held])
-    joints, forces, factor = layout.joint_places[:-1], np.vstack(found), 0.0
+    joints, forces, factor = layout.joint_places[:-1], np.vstack(forces_of_pieces), 0.0
     of_joints = np.where(joints[:, None] >= 0, left[joints], 0.0)
     if np.max(np.abs(of_joints), initial=0.0) <= _SPRING * np.max(np.abs(forces), initial=0.0):
         of_joints[:] = 0.0
@@ -173,12 +173,12 @@ def forces_of_modes(
 
 def forces_on_links(layout: Layout, beams: Sequence[Beam]) -> list[Array]:
     """Return the forces of the damped modes on the unknowns of each link, in its axes, (modes, n) each."""
-    found, start = [], 0
+    forces, start = [], 0
     for beam in beams:
-        own = np.zeros((len(layout.damped), len(beam.dofs)))
+        of_link = np.zeros((len(layout.damped), len(beam.dofs)))
         for piece in beam.pieces:
             stop = start + len(piece.at)
-            own[:, list(piece.at)] += layout.damped[:, start:stop]
+            of_link[:, list(piece.at)] += layout.damped[:, start:stop]
             start = stop
-        found.append(own)
-    return found
+        forces.append(of_link)
+    return forces

@@ -12,7 +12,7 @@ from symgen.scene.schema import Scene
 
 _RESERVED = {"t", "pi", *FUNCTIONS}
 #: Name of a load in its own expressions.
-_OWN = "this"
+_THIS = "this"
 #: Name prefixes of guides, switching points and angles in loads, and of most kinds of loads.
 _OTHERS = ("guide", "switch", "turned")
 #: Names of the components of points and of links in the derivation, of points added to bodies, and of lugs of
@@ -64,7 +64,7 @@ def _word(name: str) -> str:
 
 
 def _owner(name: str) -> str:
-    return f"{name!r} is the name of a load in its own expressions" if name == _OWN else ""
+    return f"{name!r} is the name of a load in its own expressions" if name == _THIS else ""
 
 
 def _added(name: str, scene: Scene) -> str:

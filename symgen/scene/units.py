@@ -100,7 +100,7 @@ KINDS: dict[Dimension, tuple[str, str]] = {
 }
 
 #: Units whose answers are kept in ``units.json``.
-KEPT = (
+COMMON = (
     "m", "cm", "mm", "in", "ft", "kg", "g", "lb", "slug", "s", "ms", "min", "rad", "deg", "Hz", "rpm",
     "rad/s", "deg/s", "m/s", "cm/s", "mm/s", "in/s", "ft/s", "m/s^2", "cm/s^2", "mm/s^2", "in/s^2", "ft/s^2",
     "kg/m", "g/cm", "kg*m^2", "g*cm^2", "kg*cm^2", "N", "kN", "lbf", "N*m", "N*mm", "lbf*in", "lbf*ft",
@@ -108,7 +108,7 @@ KEPT = (
     "slug/ft^3", "lb/in^3", "m^2", "mm^2", "in^2", "m^4", "mm^4", "in^4",
 )  # fmt: skip
 
-#: Pint's answers for the units of ``KEPT``.
+#: Pint's answers for the units of ``COMMON``.
 UNITS = Path(__file__).with_name("units.json")
 _NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: 1e-3*a is no 1 of a unit e-3*a
 _QUANTITY = re.compile(
@@ -184,7 +184,7 @@ def _unit(text: str) -> tuple[Fraction, Dimension]:
 
 @lru_cache(maxsize=1)
 def _known_units() -> dict[str, str]:
-    """Return Pint's answers for the units of ``KEPT``, which spare most scenes the loading of Pint."""
+    """Return Pint's answers for the units of ``COMMON``, which spare most scenes the loading of Pint."""
     return json.loads(UNITS.read_text(encoding="utf-8"))
 
 
@@ -228,7 +228,7 @@ def _not_a_unit(text: str) -> tuple[str, str]:
 def answers() -> str:
     """Return the content of ``units.json``: exact scale and exponents of length, mass and time, by Pint."""
     table = {}
-    for unit in KEPT:
+    for unit in COMMON:
         scale, dim = read_unit(unit)
         table[unit] = " ".join(map(str, (scale.numerator, scale.denominator, *dim)))
     return json.dumps(table, indent=1) + "\n"

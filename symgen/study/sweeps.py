@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SceneError
-from symgen.pipeline.build import build_asked
+from symgen.pipeline.build import build_selected
 from symgen.runtime.sweeps.designs import Normal, Uniform
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.reading import Values
@@ -56,7 +56,7 @@ def varied(
         For keys that have no single value, and values of wrong units or form.
     """
     text, names = tunable(override(read_scene(source), set or {}), vary)
-    return build_asked(text, backend=backend), values_of(text, names, vary)
+    return build_selected(text, backend=backend), values_of(text, names, vary)
 
 
 def tunable(text: SceneText, keys: Iterable[str]) -> tuple[SceneText, dict[str, str]]:
@@ -70,17 +70,17 @@ def tunable(text: SceneText, keys: Iterable[str]) -> tuple[SceneText, dict[str, 
 def values_of(text: SceneText, names: Mapping[str, str], vary: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of varied parameters by name; see :func:`varied`."""
     read = Values(check_scene(text))
-    return {names[key]: _values(read, names[key], given) for key, given in vary.items()}
+    return {names[key]: _values(read, names[key], value) for key, value in vary.items()}
 
 
 def _tunable(text: SceneText, key: str) -> tuple[SceneText, str]:
     """Return the scene with a tunable parameter for a key, and its name."""
     parameters = text.data.get("parameters", {})
     if key in parameters:
-        given = parameters[key]
-        if isinstance(given, dict) and given.get("tunable"):
+        entry = parameters[key]
+        if isinstance(entry, dict) and entry.get("tunable"):
             return text, key
-        entry = {**given, "tunable": True} if isinstance(given, dict) else {"value": given, "tunable": True}
+        entry = {**entry, "tunable": True} if isinstance(entry, dict) else {"value": entry, "tunable": True}
         return _with(text, {**parameters, key: entry}), key
     value: Any = text.data
     for part in key.split("."):
@@ -121,7 +121,7 @@ def _with(text: SceneText, parameters: Mapping[str, Any]) -> SceneText:
     return SceneText(text.name, text.file, {**text.data, "parameters": dict(parameters)})
 
 
-def _values(read: Values, name: str, given: Any) -> Any:
+def _values(read: Values, name: str, value: Any) -> Any:
     """Return values or a distribution of a parameter in SI units."""
 
     def number(text: Any) -> float:
@@ -130,14 +130,14 @@ def _values(read: Values, name: str, given: Any) -> Any:
         )
 
     size = read.names[name][1]
-    if isinstance(given, Column):
-        return given.values * number(f"1 {given.unit}" if given.unit else 1)
-    if not isinstance(given, str):
-        return np.array([number(one) for one in (given if isinstance(given, list) else [given])])
-    normal = _NORMAL.fullmatch(given.strip())
+    if isinstance(value, Column):
+        return value.values * number(f"1 {value.unit}" if value.unit else 1)
+    if not isinstance(value, str):
+        return np.array([number(one) for one in (value if isinstance(value, list) else [value])])
+    normal = _NORMAL.fullmatch(value.strip())
     if normal:
         return Normal(number(normal[1]), number(normal[2]))
-    parts = given.split(":")
+    parts = value.split(":")
     if len(parts) == 2:
         return Uniform(*map(number, parts))
     if len(parts) == 3:
@@ -145,19 +145,19 @@ def _values(read: Values, name: str, given: Any) -> Any:
             raise ModelError(f"expected a whole number of values after {name}=START:STOP:, got {parts[2]!r}")
         return np.linspace(number(parts[0]), number(parts[1]), int(parts[2]))
     if len(parts) > 3:
-        raise ModelError(f"expected {_FORMS} after {name}=, got {given!r}")
-    return np.array([number(one) for one in given.split(",")])
+        raise ModelError(f"expected {_FORMS} after {name}=, got {value!r}")
+    return np.array([number(one) for one in value.split(",")])
 
 
 def of_options(options: Sequence[str]) -> dict[str, str]:
     """Return the texts of ``--vary KEY=VALUES`` by key."""
-    found = {}
+    texts = {}
     for option in options:
         key, equals, values = option.partition("=")
         if not equals or not key.strip() or not values.strip():
             raise ModelError(f"expected --vary KEY={_FORMS}, got {option!r}")
-        found[key.strip()] = values.strip()
-    return found
+        texts[key.strip()] = values.strip()
+    return texts
 
 
 def of_file(file: str | os.PathLike[str]) -> dict[str, Column]:
@@ -171,11 +171,11 @@ def of_file(file: str | os.PathLike[str]) -> dict[str, Column]:
     if wrong is not None or not rows:
         place = f"row {wrong}" if wrong else "no row"
         raise ModelError(f"expected {len(head)} values in every row of {os.fspath(file)!r}, got {place}")
-    found = {}
+    columns = {}
     for i, column in enumerate(head):
         key, _, unit = column.strip().removesuffix("]").partition("[")
         try:
-            found[key.strip()] = Column(np.array([float(row[i]) for row in rows]), unit.strip())
+            columns[key.strip()] = Column(np.array([float(row[i]) for row in rows]), unit.strip())
         except ValueError as error:
             raise ModelError(f"expected numbers of {key.strip()} in {os.fspath(file)!r}: {error}") from None
-    return found
+    return columns

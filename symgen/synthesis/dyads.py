@@ -17,8 +17,8 @@ from symgen.synthesis import nine_points
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.search import (
     ONE_LINK,
-    Found,
     Search,
+    Solutions,
     conditions,
     distinct,
     enough,
@@ -52,7 +52,7 @@ class Kind:
     scaled: Callable[[Array], tuple[Array, float]]
 
 
-def motion(task: Any) -> Found:
+def motion(task: Any) -> Solutions:
     """Return linkages whose coupler passes the prescribed poses: places [m] and rotations [rad].
 
     Each of two different dyads meets the conditions by itself, if as many of its quantities are unknown as
@@ -63,12 +63,14 @@ def motion(task: Any) -> Found:
     SceneError
         When places and rotations differ in number, or there are too few for the unknowns.
     """
-    own, size = _poses(task)
+    task_poses, size = _poses(task)
     crank, other, linkage_of = _LINKAGES[task.linkage]
     prescribed = task.prescribed()
     on_sphere = task.linkage == "spherical"
     frame = _frame() if on_sphere and not any(prescribed) else np.eye(3)
-    poses = (frame @ own.reshape(-1, 3, 3) @ frame.T).reshape(own.shape) if on_sphere else own.copy()
+    poses = task_poses.copy()
+    if on_sphere:
+        poses = (frame @ poses.reshape(-1, 3, 3) @ frame.T).reshape(poses.shape)
     poses[:, :2] /= size
     prescribed = [{n: x / (size if n in _LENGTHS else 1.0) for n, x in side.items()} for side in prescribed]
     generator = np.random.default_rng(task.seed)
@@ -101,7 +103,7 @@ def motion(task: Any) -> Found:
         min(s.nearest for s in searches),
         sum(s.singular for s in searches),
     )
-    return Found(linkages, [own] * len(linkages), total)
+    return Solutions(linkages, [task_poses] * len(linkages), total)
 
 
 def _poses(task: Any) -> tuple[Array, float]:
@@ -135,7 +137,7 @@ def _one_of_each(dyads: list[tuple[Array, float]]) -> list[tuple[Array, float]]:
     return sorted(unique, key=lambda d: (d[0][-1], *d[0]))
 
 
-def path(task: Any) -> Found:
+def path(task: Any) -> Solutions:
     """Return linkages whose coupler's point passes the points; poses are these and the coupler's rotations.
 
     The coupler's rotation is zero at the first point, and unknown at the others. Nine points determine
@@ -155,7 +157,7 @@ def path(task: Any) -> Found:
         {n: x / (size if n in _LENGTHS else 1.0) for n, x in side.items()} for side in task.prescribed()
     ]
     fulls, whichs, first = [], [], 0
-    own_unknowns: list[list[int]] = []
+    unknowns: list[list[int]] = []
     for kind, side in zip(kinds, prescribed, strict=True):
         free = [i for i, name in enumerate(kind.names) if name not in side]
         full = np.column_stack([np.zeros((count, len(kind.names))), places, np.zeros(count)])
@@ -165,7 +167,7 @@ def path(task: Any) -> Found:
         first += len(free)
         fulls.append(full)
         whichs.append(which)
-        own_unknowns.append(free)
+        unknowns.append(free)
     enough(2 * count, first + count - 1, "points, of two conditions each,", ", ".join(kinds[1].names))
     for which in whichs:
         which[1:, -1] = first + np.arange(count - 1)
@@ -186,7 +188,7 @@ def path(task: Any) -> Found:
         starts = iter(known)
     else:
         generator = np.random.default_rng(task.seed)
-        starts = (_random(generator, places, kinds, own_unknowns) for _ in range(task.starts))
+        starts = (_random(generator, places, kinds, unknowns) for _ in range(task.starts))
     roots = search(equations, starts, fit=not exact)
     if complete:
         roots = replace(roots, starts=len(nine_points.start()[0]), singular=roots.singular + lost)
@@ -205,7 +207,7 @@ def path(task: Any) -> Found:
         if exact:
             _add_cognates(linkages, poses, size)
         linkages = [_exchanged(k) if _is_turned(k, size) else k for k in linkages]
-    return Found(*distinct(linkages, poses, size, size), roots)
+    return Solutions(*distinct(linkages, poses, size, size), roots)
 
 
 def _add_cognates(linkages: list[FourBar], poses: list[Array], size: float) -> None:
@@ -235,12 +237,12 @@ def _cognate(linkage: FourBar) -> FourBar:
 
 
 def _random(
-    generator: np.random.Generator, places: Array, kinds: list[Kind], own_unknowns: list[list[int]]
+    generator: np.random.Generator, places: Array, kinds: list[Kind], unknowns: list[list[int]]
 ) -> Array:
     """Return the unknowns of a random linkage whose links have the mean lengths over random rotations."""
     angles = np.array([0.0, *generator.normal(0.0, 1.0, len(places) - 1)])
     poses = np.column_stack([places, angles])
-    dyads = [kind.random(generator, poses)[free] for kind, free in zip(kinds, own_unknowns, strict=True)]
+    dyads = [kind.random(generator, poses)[free] for kind, free in zip(kinds, unknowns, strict=True)]
     return np.concatenate([*dyads, angles[1:]])
 
 

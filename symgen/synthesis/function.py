@@ -13,7 +13,7 @@ from symgen.scene.units import LENGTH, NUMBER
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.search import (
     ONE_LINK,
-    Found,
+    Solutions,
     conditions,
     distinct,
     enough,
@@ -83,7 +83,7 @@ def _searched(
     return rows, errors, roots
 
 
-def four_bars(task: FunctionTask) -> Found:
+def four_bars(task: FunctionTask) -> Solutions:
     """Return four-bars whose rocker follows the crank as prescribed; poses are the angles of both [rad].
 
     Raises
@@ -114,10 +114,10 @@ def four_bars(task: FunctionTask) -> Found:
         places = (np.zeros(2), joint_a, joint_b, np.array([1.0, 0.0]), (joint_a + joint_b) / 2)
         linkages.append(replace(FourBar(*places).scaled(size), error=error))
         poses.append(angles)
-    return Found(*distinct(linkages, poses, size, 1.0), roots)
+    return Solutions(*distinct(linkages, poses, size, 1.0), roots)
 
 
-def slider_cranks(task: SliderFunctionTask) -> Found:
+def slider_cranks(task: SliderFunctionTask) -> Solutions:
     """Return slider-cranks whose slider follows the crank as prescribed; poses are angle and position.
 
     The guide has the direction of x; a mirror image about it has other signs of input and offset.
@@ -140,10 +140,10 @@ def slider_cranks(task: SliderFunctionTask) -> Found:
         linkage = SliderCrank(np.zeros(2), joint, end, (joint + end) / 2, 0.0, error / (2 * abs(l)))
         linkages.append(linkage.scaled(pairs.size))
         poses.append(np.column_stack([angles, pairs.size * way]))
-    return Found(*distinct(linkages, poses, pairs.size, pairs.size), roots)
+    return Solutions(*distinct(linkages, poses, pairs.size, pairs.size), roots)
 
 
-def spherical_four_bars(task: SphericalFunctionTask) -> Found:
+def spherical_four_bars(task: SphericalFunctionTask) -> Solutions:
     """Return spherical four-bars whose rocker follows the crank as prescribed; poses are both angles [rad].
 
     Raises
@@ -172,7 +172,7 @@ def spherical_four_bars(task: SphericalFunctionTask) -> Found:
         angles = np.column_stack([crank + pairs.x, rocker + pairs.y]) + turns
         linkages.append(_on_sphere(a, c, d, angles[0], error))
         poses.append(angles)
-    return Found(*distinct(linkages, poses, 1.0, 1.0), roots)
+    return Solutions(*distinct(linkages, poses, 1.0, 1.0), roots)
 
 
 def _on_sphere(a: float, c: float, d: float, angles: Array, error: float) -> SphericalFourBar:

@@ -155,7 +155,7 @@ def _vanishes(residual: Array, slopes: Array, x: Array) -> bool:
 ONE_LINK = 1e-6
 
 
-class Found(NamedTuple):
+class Solutions(NamedTuple):
     """Linkages and their prescribed poses: values of crank and rocker or slider, or poses of the coupler."""
 
     linkages: list[Any]

@@ -17,7 +17,7 @@ from symgen.scene.units import Shown
 from symgen.synthesis import dyads, function, limits
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.linkage import Linkage, angle
-from symgen.synthesis.search import Found, Search
+from symgen.synthesis.search import Search, Solutions
 from symgen.synthesis.slider_crank import SliderCrank
 from symgen.synthesis.spherical import SphericalFourBar
 from symgen.synthesis.tasks import LimitTask, SliderLimitTask, Task, read_task
@@ -150,7 +150,7 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
 
 #: Limit positions by linkage.
 LIMITS = {"four-bar": limits.CRANK_ROCKER, "slider-crank": limits.SLIDER_CRANK}
-_GENERATIONS: dict[tuple[str, str], Callable[[Any], Found]] = {
+_GENERATIONS: dict[tuple[str, str], Callable[[Any], Solutions]] = {
     ("function", "four-bar"): function.four_bars,
     ("function", "slider-crank"): function.slider_cranks,
     ("function", "spherical"): function.spherical_four_bars,

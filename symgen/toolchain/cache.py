@@ -65,7 +65,7 @@ class Cache:
         """Return the entry with this name if it exists and is intact."""
         folder = self.root / name
         try:
-            if not self.is_private() or not all(map(ownership.is_own, (folder, *folder.iterdir()))):
+            if not self.is_private() or not all(map(ownership.belongs_to_user, (folder, *folder.iterdir()))):
                 return None
             sums = json.loads((folder / _CHECKSUMS).read_bytes())
             whole = bool(sums) and all(_sha256(folder / file) == digest for file, digest in sums.items())

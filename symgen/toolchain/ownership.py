@@ -9,7 +9,7 @@ from pathlib import Path
 _ROOT = 0
 
 
-def is_own(path: Path) -> bool:
+def belongs_to_user(path: Path) -> bool:
     """Return whether a file or folder belongs to the current user or root and only the owner can write to it.
 
     Symbolic links do not qualify. Platforms without POSIX users (Windows) are not checked.

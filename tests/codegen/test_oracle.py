@@ -95,7 +95,7 @@ def test_kernels_of_loops(scene, backend):
     model, system = symgen.build(scene, backend=backend), derived(scene)
     oracle, rng = Oracle(system), np.random.default_rng(0x1009)
     values = {g.name: rng.uniform(-1.5, 1.5, len(g.quantities)) for g in system.groups}
-    tuned = np.array(model.given)
+    tuned = np.array(model.parameter_values)
     values["p"] = np.where(tuned == 0, 1, tuned) * rng.uniform(0.7, 1.4, len(tuned))
     kernels = LoopKernels(model.description, model._library, values["p"])
     for export in system.exports:

@@ -20,7 +20,7 @@ from symgen.inspection.film import film_of
 from symgen.inspection.loops import LoopView
 from symgen.inspection.picture import pose_of_loop
 from symgen.inspection.view import drawn_scene
-from symgen.pipeline.build import build_asked
+from symgen.pipeline.build import build_selected
 from symgen.report.page.animation import places_of
 from symgen.report.page.live import live
 from symgen.scene.loading import check_scene, override, read_scene
@@ -164,7 +164,7 @@ def test_elastic_links_at_another_speed_are_those_of_symgen(page_of):
     assert [(s.name, s.low / s.value, s.high / s.value) for s in page.sliders] == [("speed", 0.5, 1.5)]
     assert page.sliders[0].unit == "rpm" and page.sliders[0].value / page.sliders[0].size == pytest.approx(95)
     of = drawn_scene(read_scene("elastic_four_bar"))
-    model, names = build_asked(of.text, backend="c"), [name for name, _, _ in page.outputs]
+    model, names = build_selected(of.text, backend="c"), [name for name, _, _ in page.outputs]
     assert {*page.plotted} == {names.index(name) for name in of.plotted} and "crank.torque" in of.plotted
     for speed in (5.3, 9.0, 14.9):
         status, times, rows = code.follow(speed)

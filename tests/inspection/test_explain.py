@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.models.structure import structure
-from symgen.report.mathematics.saving import ASKED, RUN, STAGE, STEP, binding_times
+from symgen.report.mathematics.saving import ON_REQUEST, RUN, STAGE, STEP, binding_times
 from symgen.report.page.structure import elastic_lines
 from symgen.runtime import _core
 from symgen.runtime.integrate.integrators import INTEGRATORS
@@ -193,7 +193,7 @@ def test_kernels_are_called_when_it_says(scene):
             assert steps <= calls[name] <= most * steps, name
         else:
             assert name not in calls
-    assert {STAGE, STEP, ASKED, RUN} == {*when.values()}
+    assert {STAGE, STEP, ON_REQUEST, RUN} == {*when.values()}
 
 
 def test_each_kernel_has_a_time():

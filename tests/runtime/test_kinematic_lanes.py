@@ -15,7 +15,6 @@ from symgen.runtime._kinematic_lanes import KinematicLanes
 from symgen.runtime._many import Starts
 from symgen.runtime._start import StartLanes
 from symgen.runtime.kernels.batch import lanes_of
-from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep
 from symgen.runtime.many.starts import start_of
@@ -74,7 +73,7 @@ def test_lanes_of_any_width_have_the_bits_of_a_single_linkage(scene, flags, monk
     runs = width + 1
     states, forces, reached = found.follow(
         0.0,
-        np.tile(model.evaluator.given, (runs, 1)),
+        np.tile(model.evaluator.parameter_values, (runs, 1)),
         np.tile(q, (runs, 1)),
         np.full(runs, model._constraints().length(q)),
         TIMES,
@@ -90,7 +89,7 @@ def test_a_lane_at_a_dead_centre_ends_where_a_single_linkage_does_and_changes_no
     lengths = [(0.1, 0.35, 0.3), (0.3, 0.3, 0.25), (0.12, 0.35, 0.3), (0.1, 0.36, 0.31), (0.3, 0.3, 0.22)]
     models = [tuned.with_parameters(a=a, b=b, c=c) for a, b, c in lengths]
     start = [m.initial_state().q for m in models]
-    given = np.array([m.evaluator.given for m in models])
+    given = np.array([m.evaluator.parameter_values for m in models])
     sizes = np.array([m._constraints().length(q) for m, q in zip(models, start, strict=True)])
     states, _, reached = lanes(tuned)[1].follow(0.0, given, np.array(start), sizes, TIMES)
     for i, model in enumerate(models):
@@ -175,7 +174,7 @@ def test_starts_in_lanes_are_those_of_single_assemblies(tuned):
     """Random lengths, of which some cannot be assembled; a flag stands for the bits of the start of the variant."""
     random = np.random.default_rng(3)
     lengths = random.uniform([0.05, 0.2, 0.2], [0.3, 0.5, 0.5], (21, 3))
-    given = np.tile(tuned.evaluator.given, (21, 1))
+    given = np.tile(tuned.evaluator.parameter_values, (21, 1))
     given[:, [[p.name for p in tuned.description.tunable].index(name) for name in "abc"]] = lengths
     library, start = tuned._typed.kernels(True), start_of(tuned.evaluator)
     width = lanes_of(library, tuned.description.name)[0]
@@ -196,9 +195,9 @@ def test_links_that_turn_far_between_nodes_leave_the_extremes(tuned):
     for samples, steady in ((31, True), (4, False)):
         first = tuned.with_parameters(b=0.341).inverse_dynamics(samples=samples)
         runs = compiled_runs(tuned, first, columns, None, {"samples": samples})
-        _, q, lengths = Starts(*start_of(tuned.evaluator)).poses(runs.given)
+        _, q, lengths = Starts(*start_of(tuned.evaluator)).poses(runs.parameters)
         rows, kept = np.arange(4), [None] * 4
-        left = runs._by_extremes(runs.given, q, lengths, rows, Keep(["crank.torque"], "peak"), kept, 0)
+        left = runs._by_extremes(runs.parameters, q, lengths, rows, Keep(["crank.torque"], "peak"), kept, 0)
         assert left.tolist() == ([] if steady else rows.tolist())
         assert all((k is not None) == steady for k in kept)
 
@@ -234,7 +233,7 @@ def test_shapes_and_widths_that_do_not_fit_are_refused(tuned):
         KinematicLanes(motion, 3, groups)
     with pytest.raises(ValueError, match="expected kernels of forces"):
         KinematicLanes(motion, 2, groups, motion)
-    given = Evaluator(tuned.description, tuned.evaluator.library, tuned.evaluator.given).given[None]
+    given = tuned.evaluator.parameter_values[None].copy()
     for rows in ((given[:, 1:], q, np.ones(1)), (given, q[:, 1:], np.ones(1)), (given, q, np.ones(2))):
         with pytest.raises(ValueError, match="rows of 3 parameters and of 4 coordinates"):
             lanes(tuned)[1].follow(0.0, *(np.ascontiguousarray(x) for x in rows), TIMES)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.expressions import FUNCTIONS, parse_any, parse_value
-from symgen.scene.units import KEPT, NUMBER, UNITS, answers, dimension, parse_quantity, read_unit
+from symgen.scene.units import COMMON, NUMBER, UNITS, answers, dimension, parse_quantity, read_unit
 
 A, B = sp.symbols("a b", real=True)
 NAMES = {"a": (A, units.LENGTH), "b": (B, units.LENGTH), "n": (sp.Rational(3), NUMBER)}
@@ -47,7 +47,7 @@ def test_rpm_is_a_thirtieth_of_pi():
 
 def test_kept_answers_are_pints():
     assert UNITS.read_text() == answers()
-    for unit in KEPT:
+    for unit in COMMON:
         assert parse_quantity(f"1 {unit}") == read_unit(unit)
 
 

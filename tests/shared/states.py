@@ -13,7 +13,7 @@ def values_of(model, system, rng):
         "t": np.round(rng.uniform(0, 1, 1) * 1024) / 1024,
         "q": state.q + 0.05 * size * rng.standard_normal(state.q.size),
         "u": size * rng.standard_normal(state.u.size),
-        "p": np.array(model.given),
+        "p": np.array(model.parameter_values),
         "work": rng.standard_normal(len(system.group("work").quantities)),
     }
 
@@ -26,7 +26,7 @@ def random_values(system, model, rng):
         "t": rng.uniform(0, 1, 1),
         "q": state.q + 0.05 * size * rng.standard_normal(state.q.size),
         "u": size * rng.standard_normal(state.u.size),
-        "p": np.array(model.given) * rng.uniform(0.5, 2, len(model.given)),
+        "p": np.array(model.parameter_values) * rng.uniform(0.5, 2, len(model.parameter_values)),
         "work": rng.standard_normal(len(system.group("work").quantities)),
     }
 

@@ -10,7 +10,7 @@ from symgen.loads.load import Load
 from symgen.loads.measure import RATE, VALUE, Term
 from symgen.mechanics.elastic.shaft import ROTATION, couple
 from symgen.models.rods.linkage import RodsModel
-from symgen.scene.rods.linkage import KeptAngle, Linkage, state_symbol
+from symgen.scene.rods.linkage import Linkage, WeldedAngle, state_symbol
 
 Renaming = Callable[[sp.Expr], sp.Expr]
 Couple = tuple[Load, Term, tuple[str, ...]]
@@ -33,16 +33,16 @@ def rotations(linkage: Linkage) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*acted, *(angle.point for angle in welded_to_bodies(linkage)))))
 
 
-def welded_to_bodies(linkage: Linkage) -> Iterator[KeptAngle]:
+def welded_to_bodies(linkage: Linkage) -> Iterator[WeldedAngle]:
     """Yield one kept angle of every point with elastic links welded to a rigid one, its ``other``."""
     beams, seen = {beam.link for beam in linkage.elastic}, set[str]()
-    for angle in linkage.kept_angles:
+    for angle in linkage.welded_angles:
         if angle.other and angle.other not in beams and angle.point not in seen:
             seen.add(angle.point)
             yield angle
 
 
-def with_bodies(model: RodsModel, angle: KeptAngle) -> dict[sp.Symbol, sp.Expr]:
+def with_bodies(model: RodsModel, angle: WeldedAngle) -> dict[sp.Symbol, sp.Expr]:
     """Return the row n.dd - l phi = 0 by coordinate and rotation: a section rotates with a rigid link.
 
     n is the vector across the rigid link in its rigid motion, l its length, d the vector along it. The row

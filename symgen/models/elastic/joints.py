@@ -85,8 +85,8 @@ def joints_system(linkage: Linkage) -> System:
             matrices.append(named(model, "axes", axes, "1", "axes of joints", rows=labels, columns=AXES))
             constants.append("axes")
         exports.append(Export("constants", about, tuple(constants)))
-        found, more_exports = _drives(model, linkage)
-        matrices, exports = [*matrices, *found], [*exports, *more_exports]
+        of_drives, more_exports = _drives(model, linkage)
+        matrices, exports = [*matrices, *of_drives], [*exports, *more_exports]
     return analysis_of(model, "elastic_joints", matrices, exports)
 
 
@@ -121,7 +121,7 @@ def _drives(model: RodsModel, linkage: Linkage) -> tuple[list[NamedMatrix], list
             slopes += frame.slope(vector)
     speeds = [sp.diff(d.angle, TIME.symbol) for d in linkage.drivers]
     torques = [OF_LINKS["torque"](model, name)[0][0] for name in names]
-    found = [
+    matrices = [
         named(model, "driven_axes", axes, "1", "axes fixed in driven links", rows=names, columns=_FRAME),
         named(
             model, "driven_slopes", slopes, "1", "slopes of these by the angles", rows=names, columns=_FRAME
@@ -133,7 +133,7 @@ def _drives(model: RodsModel, linkage: Linkage) -> tuple[list[NamedMatrix], list
         Export("driven", "axes fixed in driven links", ("driven_axes", "driven_slopes", "drive_speeds")),
         Export("drives", "torques of drives without those on axes of their links", ("drive_torques",)),
     ]
-    return found, exports
+    return matrices, exports
 
 
 def _in_space(linkage: Linkage, beam: ElasticLink) -> list[sp.Expr]:
@@ -178,7 +178,7 @@ def _bound(model: RodsModel, linkage: Linkage) -> list[Constraint]:
     stretching = {b.link for b in linkage.elastic if b.axial}
     beams, crank = {b.link for b in linkage.elastic}, linkage.crank
     free = {f"{crank.link}_drive"} if crank and (crank.mode != "held" or crank.link in beams) else set()
-    free |= {row.constraint.name for row in model.kept_angles}
+    free |= {row.constraint.name for row in model.welded_angles}
     rows = (c for c in model.constraints if c.carrier not in beams and c.link not in stretching)
     return [c for c in rows if c.name not in free]
 

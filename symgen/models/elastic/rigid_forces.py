@@ -47,7 +47,7 @@ def rigid_forces_system(linkage: Linkage) -> System:
             f"{linkage.name} is in space: forces by elements are for linkages in the plane",
             hint="LINK.POINT.force among the outputs of the scene gives the joint forces of a run.",
         )
-    if linkage.kept_angles:
+    if linkage.welded_angles:
         raise SceneError(
             f"{linkage.name} has welds: forces by elements are for hinges",
             hint="A run of the elastic links has LINK.POINT.force and LINK.POINT.couple.",

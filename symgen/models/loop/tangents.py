@@ -67,13 +67,13 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
         matrices += [*requested, _column("outputs_tangent", slopes, "tangents of outputs")]
         exports.append(Export("values", "values of outputs", tuple(names)))
         exports.append(Export("slopes", "tangents of outputs", ("outputs_tangent",)))
-    own_groups = groups(model)
+    of_model = groups(model)
     return System(
         name=f"{loop.name}_sensitivity",
         title=f"{loop.title}: tangents",
         groups=(
-            *own_groups[:-1],
-            replace(own_groups[-1], quantities=(*own_groups[-1].quantities, *tangents.seeds)),
+            *of_model[:-1],
+            replace(of_model[-1], quantities=(*of_model[-1].quantities, *tangents.seeds)),
         ),
         matrices=tuple(matrices),
         exports=tuple(exports),
@@ -118,11 +118,11 @@ def variation_system(loop: Loop) -> System:
         slopes = [sp.diff(x, p.symbol) for x in of["prescribed"] for p in parameters]
         matrices.append(_column("prescribed_slopes", slopes, "slopes of prescribed motions by parameters"))
         exports.append(Export("prescribed", "slopes of prescribed motions", ("prescribed_slopes",)))
-    own_groups = groups(model)
+    of_model = groups(model)
     return System(
         name=f"{loop.name}_variation",
         title=f"{loop.title}: gradients of its equations",
-        groups=(*own_groups[:-1], replace(own_groups[-1], quantities=(*own_groups[-1].quantities, *weights))),
+        groups=(*of_model[:-1], replace(of_model[-1], quantities=(*of_model[-1].quantities, *weights))),
         matrices=tuple(matrices),
         exports=tuple(exports),
         definitions=tuple(definitions),

@@ -198,9 +198,9 @@ class AngleRow:
 def turning_rows(model: Points) -> Iterator[AngleRow]:
     """n.d = 0 with n across the prescribed direction of a link; a.d = a.d0 of a revolute joint in space."""
     for hinge in model.linkage.hinges:
-        own, label = model.hinges[hinge.link], f"the revolute joint of {hinge.link} at {hinge.point}"
-        row = Constraint(f"{hinge.link}_hinge", label, own.error(model.along[hinge.link]), ONE, "m")
-        yield AngleRow(row, {hinge.link: own.axis})
+        hinge_frame, label = model.hinges[hinge.link], f"the revolute joint of {hinge.link} at {hinge.point}"
+        row = Constraint(f"{hinge.link}_hinge", label, hinge_frame.error(model.along[hinge.link]), ONE, "m")
+        yield AngleRow(row, {hinge.link: hinge_frame.axis})
     for driver in model.linkage.drivers:
         name, frame = driver.link, model.hinges.get(driver.link)
         across = frame.tangent(driver.angle) if frame else (-sp.sin(driver.angle), sp.cos(driver.angle))
@@ -212,7 +212,7 @@ def turning_rows(model: Points) -> Iterator[AngleRow]:
 
 def angle_rows(model: Points) -> Iterator[AngleRow]:
     """|a||b| sin of the change of the angle from b to a: it is constant where links are welded."""
-    for angle in model.linkage.kept_angles:
+    for angle in model.linkage.welded_angles:
         if {angle.link, angle.other} <= {"", *model.idle}:
             continue
         (ax, ay), length = model.along[angle.link], model.linkage.link(angle.link).length
@@ -241,7 +241,7 @@ class ConstrainedPoints(Points):
         rows = [*_lengths(self), *_shapes(self), *_shared_joints(self)]
         rows += [row.constraint for row in self.guides]
         rows += [row.constraint for row in self.turned]
-        angles = [row.constraint for row in self.kept_angles]
+        angles = [row.constraint for row in self.welded_angles]
         # At rest hinges determine the pose of a frame as far as they can, and welds the remaining freedoms.
         return [*rows, *(angles if self.linkage.moves else self._holding(rows, angles))]
 
@@ -279,7 +279,7 @@ class ConstrainedPoints(Points):
         return tuple(turning_rows(self))
 
     @cached_property
-    def kept_angles(self) -> tuple[AngleRow, ...]:
+    def welded_angles(self) -> tuple[AngleRow, ...]:
         """The rows of welds."""
         return tuple(angle_rows(self))
 

@@ -97,11 +97,11 @@ def _share(part: Part, carried: Place, base: str, force: Vector) -> Vector:
 
 def _forces_on_part(model: ConstrainedPoints, part: Part) -> dict[str, Vector]:
     """Return M_k a + J_k^T lambda - f_k of one link alone at its base points."""
-    found: dict[str, list[Vector]] = {p: [] for p in part.base}
+    by_point: dict[str, list[Vector]] = {p: [] for p in part.base}
     forces = _of_body(model, part) if isinstance(part, SpatialBody) else _of_link(model, part)
     for point, force in forces:
-        found[point].append(force)
-    return {p: _sum(each) for p, each in found.items()}
+        by_point[point].append(force)
+    return {p: _sum(each) for p, each in by_point.items()}
 
 
 def _of_body(model: ConstrainedPoints, body: SpatialBody) -> Forces:
@@ -158,7 +158,7 @@ def _on_along(model: ConstrainedPoints, link: RigidLink) -> Iterator[Vector]:
         else:
             ((_, force),) = model.loads.couple_in_space(link.name, torque)
             yield _times(-1, force)
-    for row in (*model.turned, *model.kept_angles):
+    for row in (*model.turned, *model.welded_angles):
         multiplier = model.multipliers.get(row.constraint.name)
         if multiplier and link.name in row.by_along:
             yield _times(multiplier.symbol, row.by_along[link.name])

@@ -117,12 +117,12 @@ class Points:
     @cached_property
     def hinges(self) -> dict[str, HingeFrame]:
         """Frame of the revolute joint with the ground of each rod in space that has one."""
-        found = {}
+        frames = {}
         for hinge in self.linkage.hinges:
             ends = (self.linkage.point(p).at for p in self.linkage.link(hinge.link).base)
             drawn = tuple(b - a for a, b in zip(*ends, strict=True))
-            found[hinge.link] = hinge_frame(hinge.axis, drawn)
-        return found
+            frames[hinge.link] = hinge_frame(hinge.axis, drawn)
+        return frames
 
     def vector_along(self, link: str) -> Vector:
         """Return the vector along one link, which other links may need before theirs [m]."""

@@ -11,7 +11,7 @@ from symgen.symbolic.constants import rounded
 from symgen.symbolic.system import NamedMatrix, System
 
 #: Working digits and retained digits.
-_WORKING, _KEPT = 40, 12
+_WORKING, _PRINTED = 40, 12
 #: Maximum number of symbols named in an error.
 _NAMED = 8
 
@@ -51,7 +51,7 @@ def evaluated(system: System, matrix: NamedMatrix, values: Mapping[str, float]) 
     }
     for definition in system.definitions:
         known[definition.quantity.symbol] = _number(definition.expression.xreplace(known), _WORKING)
-    numbers = matrix.matrix.applyfunc(lambda e: _number(e.xreplace(known), _KEPT))
+    numbers = matrix.matrix.applyfunc(lambda e: _number(e.xreplace(known), _PRINTED))
     missing = sorted(s.name for s in numbers.free_symbols)
     if missing:
         more = ", ..." if len(missing) > _NAMED else ""

@@ -11,7 +11,7 @@ from symgen.lowering.program import lower_system
 from symgen.precision import FLOAT64
 from symgen.symbolic.system import System
 
-RUN, STAGE, STEP, POSE, ASKED = "once per run", "each stage", "each step", "each pose", "on request"
+RUN, STAGE, STEP, POSE, ON_REQUEST = "once per run", "each stage", "each step", "each pose", "on request"
 #: When the core calls each kernel, for linkages moved by forces, driven linkages, and loops.
 _OF_LINKAGE = {
     "accelerations": STAGE, "residual": STAGE, "factor": STEP, "solve": STEP, "constraints": STEP,
@@ -62,9 +62,9 @@ def binding_times(system: System, kernels: Collection[str]) -> dict[str, str]:
     elif "position" in kernels:
         free = any(m.name == "mass_matrix" for m in system.matrices)
         known = dict.fromkeys(_OF_LOOP, STAGE if free else POSE) | {
-            "energy": STAGE if free else ASKED,
-            "outputs": ASKED if free else POSE,
+            "energy": STAGE if free else ON_REQUEST,
+            "outputs": ON_REQUEST if free else POSE,
         }
     else:
         known = _OF_DRIVEN
-    return {name: RUN if name == SETUP else known.get(name, ASKED) for name in kernels}
+    return {name: RUN if name == SETUP else known.get(name, ON_REQUEST) for name in kernels}

@@ -142,7 +142,7 @@ _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 def _unit(unit: str) -> str:
     """Return a unit in typographic form: kg*m^2/s as kg·m²/s."""
-    raised = re.sub(r"\^(-?\d+)", lambda found: found[1].translate(_RAISED), unit)
+    raised = re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_RAISED), unit)
     return raised.replace("*", "·")
 
 

@@ -356,9 +356,9 @@ def _carried(
         sides.append((-load, rigid))
         stiff.append((stiffness + stiffness.T) / 2)
     # Least squares: nothing may hold the crank, and an axial force near the buckling load none of a link.
-    found = np.linalg.pinv(np.array(stiff), _SINGULAR, hermitian=True) @ np.swapaxes(sides, 1, 2)
+    spread = np.linalg.pinv(np.array(stiff), _SINGULAR, hermitian=True) @ np.swapaxes(sides, 1, 2)
     second, static = np.zeros((2, *forced.shape))
-    second[order], static[order] = np.moveaxis(np.array(local) @ found if local else found, 2, 0)
+    second[order], static[order] = np.moveaxis(np.array(local) @ spread if local else spread, 2, 0)
     return forced + second, static
 
 

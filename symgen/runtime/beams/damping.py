@@ -13,7 +13,7 @@ from symgen.runtime.beams.data import BeamInfo, Piece, Properties
 from symgen.runtime.beams.pieces import whole
 
 #: The most modes of a link or a structure that each have a damping ratio by forces of their own.
-_OWN = 24
+_MODAL = 24
 #: Number of rigid motions of a link in the plane.
 _RIGID = 3
 
@@ -57,10 +57,10 @@ def shared(ratio: float, speeds: Array) -> tuple[Array, float]:
     speeds
         Angular frequencies by rising size [rad/s].
     """
-    if len(speeds) <= _OWN:
+    if len(speeds) <= _MODAL:
         return np.full(len(speeds), ratio), 0.0
-    last = float(speeds[_OWN - 1])
-    return ratio * (1 - speeds[: _OWN - 1] / last), 2 * ratio / last
+    last = float(speeds[_MODAL - 1])
+    return ratio * (1 - speeds[: _MODAL - 1] / last), 2 * ratio / last
 
 
 def modal(

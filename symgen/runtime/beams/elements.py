@@ -112,10 +112,10 @@ def point(x: float) -> dict[str, Array]:
 
     By name, (6, 6) or (6,) over the rows ``SHAPES``: see :mod:`symgen.mechanics.elastic.places`.
     """
-    n, found = len(SHAPES), _evaluated("elastic_place", "point", np.array([x]))
+    n, values = len(SHAPES), _evaluated("elastic_place", "point", np.array([x]))
     squares = {"mass", "gyroscopic", "geometric0", "follower_x", "follower_y", "rotary_mass"}
     shapes = {name: (n, n) if name in squares else (n,) for name in AT_A_PLACE}
-    parts = np.split(found, np.cumsum([math.prod(shape) for shape in shapes.values()])[:-1])
+    parts = np.split(values, np.cumsum([math.prod(shape) for shape in shapes.values()])[:-1])
     return {name: part.reshape(shapes[name]) for name, part in zip(AT_A_PLACE, parts, strict=True)}
 
 

@@ -292,8 +292,8 @@ int loop_force(struct loop *l, real t, const real *q, const real *u, real *work)
         return DONE;
     l->kernels.inverse(&t, q, u, l->base.p, work, l->loads);
     memset(l->efforts, 0, (size_t)n * sizeof(real));
-    if (l->kernels.given)
-        l->kernels.given(&t, q, u, l->base.p, work, l->efforts);
+    if (l->kernels.known_efforts)
+        l->kernels.known_efforts(&t, q, u, l->base.p, work, l->efforts);
     for (long k = 0; k < l->sizes.solved; k++)
         b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
     loop_hold(l, b, work + n);

@@ -23,7 +23,7 @@ struct loop_kernels {
     kernel motion;      /* out = screws, then the drift of the accelerations */
     kernel inverse;     /* out = efforts required by the motion in work, one per variable; if any is free, then inertia
                            (n x n) */
-    kernel given;       /* out = efforts of drives, springs and loads */
+    kernel known_efforts;     /* out = efforts of drives, springs and loads */
     kernel outputs;
     kernel energy;      /* out = (kinetic, potential, power of loads without potential) */
     kernel setup;       /* quantities that depend on parameters alone, stored behind them */

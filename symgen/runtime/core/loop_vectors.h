@@ -285,8 +285,8 @@ static mask forced(struct loop_lanes *l, wide *q) {
     call(l->kernels.inverse, &l->t, q, u, l->p, work, l->loads);
     for (long k = 0; k < n; k++)
         l->efforts[k] = all(0);
-    if (l->kernels.given != NULL)
-        call(l->kernels.given, &l->t, q, u, l->p, work, l->efforts);
+    if (l->kernels.known_efforts != NULL)
+        call(l->kernels.known_efforts, &l->t, q, u, l->p, work, l->efforts);
     for (long k = 0; k < solved; k++)
         b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
     held(l, b, work + n);

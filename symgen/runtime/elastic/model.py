@@ -43,7 +43,7 @@ FORMS = ("exact", "thesis")
 _RTOL = 1e-4
 #: Elements of a link in large rotation, where none are given.
 _ELEMENTS = 4
-_KEPT = ("checkpoint", "checkpoint_every", "resume")
+_CHECKPOINTS = ("checkpoint", "checkpoint_every", "resume")
 #: Initial states of motions in time.
 INITIAL = ("undeformed", "quasi-static")
 
@@ -91,9 +91,9 @@ class ElasticModel(ModelOfRigid):
     def __init__(self, rigid: RodModel, remade: Remade | None = None) -> None:
         super().__init__(rigid)
         self._remade = remade
-        self._motion = cache(self._made)
+        self._motion = cache(self._new_motion)
 
-    def _made(self, geometric_stiffness: bool) -> ElasticMotion:
+    def _new_motion(self, geometric_stiffness: bool) -> ElasticMotion:
         from symgen.runtime.elastic.mesh import MeshedMotion  # it loads SciPy
 
         return MeshedMotion(self.rigid, geometric_stiffness, self._turned_by_motor)
@@ -356,16 +356,16 @@ class ElasticModel(ModelOfRigid):
             return exact_run(self._motion(True), rods, replace(request, segments=segments))
 
 
-def _in_large_rotation(asked: ElasticRun) -> LargeRotation | None:
+def _in_large_rotation(request: ElasticRun) -> LargeRotation | None:
     """Return a run in large rotation in place of one by linear theory; None for options that it lacks."""
-    shared = ("t_end", "revolutions", "rtol", "max_step", "samples", "max_wall", "progress", *_KEPT)
-    others = ((getattr(asked, f.name), f.default) for f in fields(asked) if f.name not in shared)
+    shared = ("t_end", "revolutions", "rtol", "max_step", "samples", "max_wall", "progress", *_CHECKPOINTS)
+    others = ((getattr(request, f.name), f.default) for f in fields(request) if f.name not in shared)
     # A list or an array is no default.
     if any(np.ndim(value) or value != default for value, default in others):
         return None
-    given = {name: getattr(asked, name) for name in shared}
-    samples = sample_count(asked.samples, None, 361)
-    return LargeRotation(**given | {"samples": samples})
+    options = {name: getattr(request, name) for name in shared}
+    samples = sample_count(request.samples, None, 361)
+    return LargeRotation(**options | {"samples": samples})
 
 
 def initial_state(state: str | Sequence[float]) -> str | tuple[float, ...]:

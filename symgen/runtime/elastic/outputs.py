@@ -55,11 +55,11 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
         columns = [names.index(f"{point}.{axis}") for axis in "xy"]
         variables.append(displacement(point, displacements[:, columns]))
     ground = set(motion.rigid.description.ground)
-    for beam, own in zip(motion.beams, local, strict=True):
+    for beam, values in zip(motion.beams, local, strict=True):
         info = beam.info
         # The ground holds the distance of its points: a bent link between them is stretched.
         held = {info.start, info.end} <= ground
-        variables.append(length_change(info.link, np.zeros(len(own)) if held else _stretch(beam, own)))
+        variables.append(length_change(info.link, np.zeros(len(values)) if held else _stretch(beam, values)))
     return variables
 
 
@@ -232,7 +232,7 @@ def in_mode(
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Solution:
     """Displacements and their rates (times, unknowns) at the recorded times, and their cost.
 
     ``rates`` is None where the elastic motion itself adds nothing: quasi-static. ``errors`` returns the error
@@ -248,7 +248,7 @@ class Found:
     spent: float = 0.0
     counts: Counts | None = None
 
-    def at(self, places: Indices) -> Found:
+    def at(self, places: Indices) -> Solution:
         """Return the results at some of the times."""
         rates = None if self.rates is None else self.rates[places]
         return replace(self, displacements=self.displacements[places], rates=rates)

@@ -186,7 +186,7 @@ class Machine:
         for parameters, rows in wound(evaluator, references):
             equations.set_parameters(parameters)
             solutions[rows] = equations.solutions(times[rows], whole[rows])
-        equations.set_parameters(evaluator.given)
+        equations.set_parameters(evaluator.parameter_values)
         return solutions
 
     def revolutions(self, count: int) -> Path:

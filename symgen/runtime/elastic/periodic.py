@@ -17,7 +17,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS
 from symgen.runtime.elastic.jumps import check_repeats
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import FINER, SAFETY, Counts, Errors, Found, known, next_factor
+from symgen.runtime.elastic.outputs import FINER, SAFETY, Counts, Errors, Solution, known, next_factor
 from symgen.runtime.elastic.steps import Task, first_steps, step_counts, stepped
 from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, is_spent, wall_left
 from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond_linear_theory
@@ -47,8 +47,8 @@ def periodic(
     task: Task,
     times: Array,
     pace: Pace,
-    passes: list[Found],
-) -> Found:
+    passes: list[Solution],
+) -> Solution:
     """Find the state that repeats after a revolution, and the Floquet multipliers.
 
     The periodic state y solves (I - Phi) y = y_1, with y_1 the state after one revolution from rest. Results
@@ -75,7 +75,7 @@ def periodic(
     worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
     compare = partial(_compared, motion, times, slowest)
 
-    def whole(shot: _Shot) -> list[Found]:
+    def whole(shot: _Shot) -> list[Solution]:
         return _followed(motion, equations, times, [shot], [step_counts(motion, times, shot.per_turn)], pace)
 
     shot = _shot(motion, equations, per_turn, pace)
@@ -129,7 +129,7 @@ def _compared(
     shot: _Shot,
     other: _Shot,
     pace: Pace,
-) -> tuple[Found | None, float, float | None]:
+) -> tuple[Solution | None, float, float | None]:
     """Return the steady state of a shot, its error by another, and that of its largest multiplier.
 
     The first is None where a few of the times are compared; ``slowest`` are the steps per revolution that
@@ -199,18 +199,18 @@ def _followed(
     shots: Sequence[_Shot],
     counts: Sequence[Counts],
     pace: Pace,
-) -> list[Found]:
+) -> list[Solution]:
     """Return the steady states of shots at times, without the lag of a crank with a motor.
 
     Those with the same steps to each time, see :func:`step_counts`, are stepped together: most of a step is
     the assembly of its matrices. The loads act on the first column only; the others are what other starts,
     and the phase, add to it.
     """
-    if any(not np.array_equal(own_counts, counts[0]) for own_counts in counts):
+    if any(not np.array_equal(steps_of_shot, counts[0]) for steps_of_shot in counts):
         return [
             result
-            for shot, own_counts in zip(shots, counts, strict=True)
-            for result in _followed(motion, equations, times, [shot], [own_counts], pace)
+            for shot, steps_of_shot in zip(shots, counts, strict=True)
+            for result in _followed(motion, equations, times, [shot], [steps_of_shot], pace)
         ]
     first, part = shots[0], times / motion.period
     columns = [first.start, *((s - first.start[0], v - first.start[1]) for s, v in (x.start for x in shots))]
@@ -224,7 +224,7 @@ def _followed(
         if shot.phase is not None:
             free = (x[:, :, 1 + len(shots) + k] for x in both)
             states = [y - lag[:, None] * x for x, y in zip(free, states, strict=True)]
-        results.append(Found(states[0], states[1], steps, floquet=shot.multipliers, counts=counts[0]))
+        results.append(Solution(states[0], states[1], steps, floquet=shot.multipliers, counts=counts[0]))
     return results
 
 
@@ -312,7 +312,7 @@ def _turn(
             if pace.spent(at, f", with {int(np.sum(turns))} steps per revolution"):
                 none: Counts = np.zeros(0, dtype=np.intp)
                 empty = np.zeros((0, motion.layout.unknowns))
-                raise OutOfTime(at, Found(empty, empty, steps.steps), none)
+                raise OutOfTime(at, Solution(empty, empty, steps.steps), none)
         begin = end
 
 

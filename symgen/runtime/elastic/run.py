@@ -28,7 +28,7 @@ from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.elastic.jumps import explicit, jump_times, with_error
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import Found, Once, coordinate_of, outputs, recovered, selected
+from symgen.runtime.elastic.outputs import Once, Solution, coordinate_of, outputs, recovered, selected
 from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import held, initial
 from symgen.runtime.elastic.steps import Task, adapted, first_steps, recorded_times, step_counts, stepped
@@ -43,7 +43,7 @@ from symgen.runtime.integrate.pace import (
     out_of_time,
     wall_left,
 )  # fmt: skip
-from symgen.runtime.kernels.typed import made_with
+from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.result.elastic import SELECTED, ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
 from symgen.runtime.result.records import Drift, Later, Variable, of_model
@@ -93,7 +93,7 @@ def run(
     if task.form == "thesis":
         _check_thesis(motion)
     check_wall("preparing the elastic links")
-    pace, passes = Pace(0.0, end), list[Found]()
+    pace, passes = Pace(0.0, end), list[Solution]()
     try:
         if task.method == "quasi-static":
             states = held(motion, equations, times, pace)
@@ -120,7 +120,7 @@ def run(
 
 
 def _mesh_error(
-    motion: ElasticMotion, task: Task, times: Array, states: Found, max_wall: float | None
+    motion: ElasticMotion, task: Task, times: Array, states: Solution, max_wall: float | None
 ) -> float | str:
     """Return the error of stresses by elements, over their peak, or why it is not known.
 
@@ -157,7 +157,7 @@ def _out_of_time(
     task: Task,
     times: Array,
     stop: OutOfTime,
-    passes: list[Found],
+    passes: list[Solution],
     pace: Pace,
 ) -> SimulationError:
     """Return the error of a run that took all of its wall time, with the best that it found."""
@@ -205,7 +205,7 @@ def _result(
     motion: ElasticMotion,
     task: Task,
     times: Array,
-    states: Found,
+    states: Solution,
     wall: float,
 ) -> ElasticResult:
     d, rigid = motion.rigid.description, motion.rigid
@@ -215,7 +215,7 @@ def _result(
     source = _Recorded(motion, task, states.at(np.arange(len(times))), times, wall, is_spent())
     result = ElasticResult._later(
         source,
-        **of_model(d, rigid.parameters, **attributes, **made_with(rigid.evaluator.library, rigid.typed)),
+        **of_model(d, rigid.parameters, **attributes, **build_settings(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,
         coordinate=coordinate_of(motion, times),
         drift=Drift(),
@@ -238,7 +238,7 @@ class _Recorded:
 
     motion: ElasticMotion
     task: Task
-    states: Found
+    states: Solution
     times: Array
     wall: float
     spent: bool
@@ -362,7 +362,7 @@ def _of_motor(motion: ElasticMotion, task: Task) -> list[str]:
     return [f"mean speed of the crank with its motor in the steady state: {60.0 / motion.period:.6g} rpm"]
 
 
-def _of_steps(motion: ElasticMotion, task: Task, states: Found) -> list[str]:
+def _of_steps(motion: ElasticMotion, task: Task, states: Solution) -> list[str]:
     """Report steps that were added to those requested: every recorded time ends one."""
     if (
         task.steps is None
@@ -376,7 +376,7 @@ def _of_steps(motion: ElasticMotion, task: Task, states: Found) -> list[str]:
     ]
 
 
-def _of_stability(states: Found) -> list[str]:
+def _of_stability(states: Solution) -> list[str]:
     if not states.floquet:
         return []
     stable = is_stable(abs(states.floquet[0]), states.errors()[1])

@@ -22,7 +22,7 @@ from symgen.runtime.elastic.outputs import (
     SAFETY_FEWER,
     Counts,
     Errors,
-    Found,
+    Solution,
     compared_run,
     finer_counts,
     known,
@@ -219,7 +219,7 @@ def stepped(
             if over:
                 indices = np.sort(order[:place])
                 results = displacements[indices], rates[indices], int(np.sum(counts[:place]))
-                raise OutOfTime(at, Found(*results), indices)
+                raise OutOfTime(at, Solution(*results), indices)
         now, steps_done = max(t, now), 0
         displacements[k], rates[k] = steps.displacements.reshape(shape), steps.rates.reshape(shape)
         if jumps and t == jumps[0][0]:
@@ -237,9 +237,9 @@ def adapted(
     progress: Progress | None,
     keeping: Keeping | None,
     pace: Pace,
-    passes: list[Found],
+    passes: list[Solution],
     start: Start = None,
-) -> Found:
+) -> Solution:
     """Take the requested steps, or as many as ``rtol`` needs; append complete runs to ``passes``.
 
     The error of a run follows from another with finer steps, or where steps are given from one with fewer, if
@@ -269,9 +269,9 @@ def adapted(
     errors = Errors(motion, equations, times, method.order)
     counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
 
-    def run(counts: Counts) -> Found:
+    def run(counts: Counts) -> Solution:
         both = stepped(motion, equations, method, times, counts, start, progress, stages, pace)
-        passes.append(Found(*both, int(np.sum(counts)), spent=spent, counts=counts))
+        passes.append(Solution(*both, int(np.sum(counts)), spent=spent, counts=counts))
         return passes[-1]
 
     most = max(_MOST * max(1.0, task.revolutions), float(np.sum(counts)))
@@ -327,7 +327,7 @@ def adapted(
 
 
 def _estimated(
-    motion: ElasticMotion, task: Task, times: Array, states: Found, start: Start, stages: Stages | None
+    motion: ElasticMotion, task: Task, times: Array, states: Solution, start: Start, stages: Stages | None
 ) -> Callable[[], tuple[float | None, float | None]]:
     """Return a function that computes the error of a run; called at once if the run is limited or kept."""
     counts = step_counts(motion, times, first_steps(motion, task, _FIRST))

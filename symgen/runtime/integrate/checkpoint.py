@@ -77,7 +77,7 @@ def mark_of_kernels(
         library.backend,
         sorted(library.provenance.items()),
         equations.core_type.name,
-        kernels.given.tobytes().hex(),
+        kernels.parameter_values.tobytes().hex(),
         *more,
     )
     return hashlib.sha256(repr(content).encode()).hexdigest()

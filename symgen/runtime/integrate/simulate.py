@@ -24,7 +24,7 @@ from symgen.runtime.result.result import Result
 from symgen.runtime.rods.redundancy import slack
 
 #: Recorded times up to this number are cached for the next run.
-_KEPT = 10_000
+_STORED = 10_000
 #: After so many steps an adaptive run is ended if, at their pace, ``max_steps`` would not reach its end.
 _JUDGED = 100_000
 
@@ -56,13 +56,13 @@ def run(
     keeping: Keeping | None = None,
     tangent: Evaluator | None = None,
     t_eval: ArrayLike | None = None,
-    given: bool = False,
+    has_state: bool = False,
 ) -> Result:
     """Integrate from y = (q, u) and return the result; ``redundant`` constraints follow from the others.
 
     ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
     kernels of the analysis of that name, for methods that need it; ``t_eval`` the times to record instead of
-    equally spaced ones. A ``given`` y may violate the constraints; the start of a model meets them.
+    equally spaced ones. ``has_state``: y is a state of the caller, which may violate the constraints.
 
     Raises
     ------
@@ -99,8 +99,9 @@ def run(
         checkpoints = RunCheckpoints(stepper, mark, keeping)
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     if evaluator.description.switches or evaluator.description.windings:
-        equations.set_parameters(evaluator.given)  # samples are evaluated with the loads' own branches
-    start = (t0, y) if given else None
+        # Samples are evaluated with the loads' own branches.
+        equations.set_parameters(evaluator.parameter_values)
+    start = (t0, y) if has_state else None
     result = Result._later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library, start))
     if status in (_core.DONE, _core.ENDED):
         return result
@@ -121,7 +122,7 @@ def sample_times(t0: float, chosen: Options, t_eval: ArrayLike | None) -> Array:
     """Return the times at which a run records its state; raise ModelError for ``t_eval`` out of range."""
     if t_eval is not None:
         return recorded_at(t_eval, t0, chosen.t_end)
-    return (_times if chosen.samples <= _KEPT else _times.__wrapped__)(t0, chosen.t_end, chosen.samples)
+    return (_times if chosen.samples <= _STORED else _times.__wrapped__)(t0, chosen.t_end, chosen.samples)
 
 
 @lru_cache(maxsize=16)

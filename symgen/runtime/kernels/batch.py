@@ -23,7 +23,7 @@ from symgen.runtime.kernels.typed import Typed
 Rows = NDArray[Any]
 
 #: Kernels that use their work memory by themselves; all others find results of 'accelerations' there.
-_OWN_WORK = ("accelerations", "factor", "solve")
+_WITHOUT_WORK = ("accelerations", "factor", "solve")
 #: Kernels that have no results for each state.
 _WITHIN = ("solve", "setup")
 _CACHE_LINE = 64
@@ -128,7 +128,7 @@ class Batch:
 
     def _with_work(self, info: KernelInfo, states: _States, work: ArrayLike | None, threads: int) -> _States:
         """Return states with a work memory for a kernel: ``work`` if given, else the motion of each state."""
-        if info.name in _OWN_WORK or not info.work_size:
+        if info.name in _WITHOUT_WORK or not info.work_size:
             return states
         if work is not None:
             return replace(states, work=self._rows("work", work, info.work_size, len(states.q)))
@@ -145,12 +145,12 @@ class Batch:
         count = len(states.q)
         high = _columns(info.out_size, count, self.dtype)
         low = _columns(info.out_size, count, self.dtype) if self.typed.precision.low else None
-        arguments = (_Given * 5)(
-            _given(states.t[:, None], None),
-            _given(states.q, None),
-            _given(states.u, None),
-            _given(self._parameters[None, :], None),
-            _given(states.work, states.rest, info.work_size),
+        arguments = (_Rows * 5)(
+            _rows_of(states.t[:, None], None),
+            _rows_of(states.q, None),
+            _rows_of(states.u, None),
+            _rows_of(self._parameters[None, :], None),
+            _rows_of(states.work, states.rest, info.work_size),
         )
         memory_size = self._size * (sum(g.size for g in arguments) + self.library.derived + info.out_size)
         results = info.out_size, high.strides[0] // high.itemsize, _pointer(high), _pointer(low)
@@ -206,7 +206,7 @@ def _columns(size: int, count: int, dtype: np.dtype[Any]) -> Rows:
     return np.empty((size, lines * in_line), dtype)[:, :count]
 
 
-class _Given(ctypes.Structure):
+class _Rows(ctypes.Structure):
     """The struct ``rows`` of the generated C."""
 
     _fields_ = (
@@ -215,14 +215,14 @@ class _Given(ctypes.Structure):
     )  # fmt: skip
 
 
-def _given(rows: Rows | None, rest: Rows | None, size: int = 0) -> _Given:
+def _rows_of(rows: Rows | None, rest: Rows | None, size: int = 0) -> _Rows:
     """Return address and strides of an argument's rows; only the size of an absent argument."""
     if rows is None:
-        return _Given(None, None, size, 0, 0)
+        return _Rows(None, None, size, 0, 0)
     if rest is not None and rest.strides != rows.strides:
         raise ValueError("both parts of wide numbers must have the same strides")
     (state, entry), item = rows.strides, rows.itemsize
-    return _Given(_pointer(rows), _pointer(rest), rows.shape[1], state // item, entry // item)
+    return _Rows(_pointer(rows), _pointer(rest), rows.shape[1], state // item, entry // item)
 
 
 def _pointer(array: Rows | None) -> int | None:
@@ -231,4 +231,4 @@ def _pointer(array: Rows | None) -> int | None:
 
 _SIZE, _POINTER = ctypes.c_ssize_t, ctypes.c_void_p
 #: Of the batch function of the generated C.
-_ARGUMENTS = (_POINTER, _SIZE, _SIZE, _Given * 5, _SIZE, _SIZE, _POINTER, _POINTER, _POINTER)
+_ARGUMENTS = (_POINTER, _SIZE, _SIZE, _Rows * 5, _SIZE, _SIZE, _POINTER, _POINTER, _POINTER)

@@ -27,7 +27,7 @@ class Kernels:
 
     def __init__(self, description: Described, library: Library, given: Sequence[float] | Array) -> None:
         self.description, self.library = description, library
-        self.given = np.array(given, dtype=float)
+        self.parameter_values = np.array(given, dtype=float)
         self.work_size = description.work_size
         self._infos = {k.name: k for k in description.kernels}
         self._calls: dict[str, _Call] = {}
@@ -35,7 +35,7 @@ class Kernels:
     @cached_property
     def parameters(self) -> Array:
         """The parameters as the kernels take them: see :func:`as_taken`."""
-        return as_taken(self.library, self.given, getattr(self.description, "rank_tolerance", 0.0))
+        return as_taken(self.library, self.parameter_values, getattr(self.description, "rank_tolerance", 0.0))
 
     def has(self, kernel: str) -> bool:
         """Return True if the model has this kernel."""
@@ -53,15 +53,15 @@ class Kernels:
         return info
 
     def _call(self, kernel: str) -> _Call:
-        found = self._calls.get(kernel)
-        if found is None:
+        call = self._calls.get(kernel)
+        if call is None:
             info = self.info(kernel)
             sizes = (*self.description.sizes, info.work_size, info.out_size)
             whole = np.empty(info.out_size)
             shapes = [(b, part(whole, b).shape) for b in info.blocks]
             blocks = tuple((b.name, slice(b.offset, b.offset + prod(of)), of) for b, of in shapes)
-            found = self._calls[kernel] = self.library.addresses[kernel], sizes, blocks
-        return found
+            call = self._calls[kernel] = self.library.addresses[kernel], sizes, blocks
+        return call
 
     def rows(self, kernel: str, times: Array, rows: Array, work: Array) -> Array:
         """Return the ``out`` arrays of a kernel at many states, a row each, with one number more.
@@ -149,7 +149,7 @@ class Evaluator(Kernels):
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads and work_of_loads),
-            self.given,
+            self.parameter_values,
             self.work_size,
             d.first_pivot,
             library_of_type.precision.coarsened(d.rank_tolerance) if library_of_type else d.rank_tolerance,

@@ -47,7 +47,7 @@ def library_of_runs(library: Library, typed: Typed | None) -> Library:
     return typed.kernels(False) if typed and not typed.is_plain else library
 
 
-def made_with(library: Library, typed: Typed | None) -> dict[str, str]:
+def build_settings(library: Library, typed: Typed | None) -> dict[str, str]:
     """Return backend and build settings of the kernels of runs: of the typed kernels if given."""
     chosen = library_of_runs(library, typed)
     return {"backend": chosen.backend, **chosen.provenance}

@@ -207,7 +207,7 @@ class FreePose(LoopPose):
             | of_inputs,
             t=self.t,
             x=np.concatenate([self.q[chosen], self.u[chosen]]),
-            u=np.array([self.loop.given[[p.name for p in d.parameters].index(x)] for x in inputs]),
+            u=np.array([self.loop.parameter_values[[p.name for p in d.parameters].index(x)] for x in inputs]),
             y=self.values,
             rates=np.concatenate([self.u[chosen], self.acceleration[chosen]]),
         )

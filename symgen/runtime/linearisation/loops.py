@@ -80,7 +80,7 @@ class LoopPose:
         self.known = [i for i, v in enumerate(d.variables) if not v.unknown]
         #: Places of rates, accelerations, closing wrench and parameters among the tangents.
         self.places = np.cumsum([n, n, n, 6])
-        self.size = self.places[-1] + len(loop.given)
+        self.size = self.places[-1] + len(loop.parameter_values)
         self.wrench = np.zeros(6)
         #: Unit of efforts [N m]; the wrench has it too.
         self.effort = d.size
@@ -118,7 +118,8 @@ class LoopPose:
         place = [p.name for p in d.parameters].index(name)
         direction = np.zeros(self.size)
         direction[self.places[-1] + place] = 1.0
-        size = d.size if d.parameters[place].unit == "m" else max(1.0, abs(float(self.loop.given[place])))
+        value = abs(float(self.loop.parameter_values[place]))
+        size = d.size if d.parameters[place].unit == "m" else max(1.0, value)
         return direction, size
 
     @cached_property

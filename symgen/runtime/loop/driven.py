@@ -16,7 +16,7 @@ from symgen.runtime.closure.assemblies import same_assembly
 from symgen.runtime.closure.redundancy import component_names, note, ranges_of, undetermined
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.kernels.description import LoopDescription
-from symgen.runtime.kernels.typed import made_with
+from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.loop.curve import walk
 from symgen.runtime.loop.following import follow_over
 from symgen.runtime.loop.kernels import LoopKernels, in_words
@@ -253,14 +253,14 @@ def _recorded(
     coordinate = over_time(times)
     if over == "input":
         coordinate = Coordinate(first.name, first.unit, first.name, values)
-    parameters = dict(zip((p.name for p in d.parameters), kernels.given.tolist(), strict=True))
+    parameters = dict(zip((p.name for p in d.parameters), kernels.parameter_values.tolist(), strict=True))
     return Turn(
         **of_model(
             d,
             parameters,
             method="closure",
             t_end=end,
-            **made_with(kernels.library, kernels.typed),
+            **build_settings(kernels.library, kernels.typed),
         ),
         axes=("x", "y", "z"),
         coordinate=coordinate,

@@ -49,7 +49,7 @@ class LoopKernels(Kernels):
         other = copy(self)
         for name in ("parameters", "_slopes", "balls", "pitches", "periodic"):
             other.__dict__.pop(name, None)
-        other.given = parameters
+        other.parameter_values = parameters
         return other
 
     def __call__(
@@ -80,21 +80,21 @@ class LoopKernels(Kernels):
 
         Without ``work_of_loads`` that of loads is not integrated along.
         """
-        return self._made_of(self.library, _core.DOUBLE, solved, rank, work_of_loads)
+        return self._equations(self.library, _core.DOUBLE, solved, rank, work_of_loads)
 
     def stepping(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
         """Return the same in the model's own number type, as runs and followed inputs use it."""
         if self.typed is None:
             return self.equations(solved, rank)
-        return self._made_of(self.typed.kernels(False), self.typed.stepping, solved, rank)
+        return self._equations(self.typed.kernels(False), self.typed.stepping, solved, rank)
 
-    def _made_of(
+    def _equations(
         self, library: Library, core: _core.Core, solved: Sequence[int], rank: int, work_of_loads: bool = True
     ) -> _loop.LoopEquations:
         d, outputs = self.description, self.find("outputs")
         return _loop.LoopEquations(
             library,
-            self.given,
+            self.parameter_values,
             self.work_size,
             outputs.out_size if outputs else 0,
             self.lengths.tolist(),

@@ -54,7 +54,7 @@ class LoopModel(Model):
     @cached_property
     def kernels(self) -> LoopKernels:
         """Its kernels as functions of arrays."""
-        return LoopKernels(self.description, self._library, self.given, self._typed)
+        return LoopKernels(self.description, self._library, self.parameter_values, self._typed)
 
     def __repr__(self) -> str:
         d = self.description
@@ -86,18 +86,18 @@ class LoopModel(Model):
             q = np.array(d.start)
             if self.is_changed:
                 try:
-                    self._start = self._kept_closed() or close_near(self.kernels, t, q)
+                    self._start = self._followed_start() or close_near(self.kernels, t, q)
                 except InitialStateError as error:
                     self._start = closed_later(self.kernels, q, (), error)
             else:
                 self._start = Closed(t, q, d.rank)
         return self._start
 
-    def _kept_closed(self) -> Closed | None:
+    def _followed_start(self) -> Closed | None:
         """Follow the closure from the scene's own parameters to these; None where that does not lead here."""
         d, kernels = self.description, self.kernels
         q, t = np.append(d.start, 0.0), 0.0
-        defaults, requested = np.array([p.default for p in d.parameters]), np.array(self.given)
+        defaults, requested = np.array([p.default for p in d.parameters]), np.array(self.parameter_values)
         scale = kernels.scale
         equations = kernels.equations(d.having("dependent"), d.rank)
         for part in STAGES:
@@ -108,7 +108,7 @@ class LoopModel(Model):
                 return None
             if d.balls:  # their angles are read from the table
                 equations = stage.equations(d.having("dependent"), d.rank)
-            equations.set_parameters(stage.given)
+            equations.set_parameters(stage.parameter_values)
             before = q.copy()
             if equations.close(t, q) != _core.DONE:
                 return None
@@ -318,7 +318,7 @@ class LoopModel(Model):
 
     def _tangents(self, kind: str, outputs: Sequence[str]) -> LoopKernels:
         """Return the kernels of an analysis by tangents, of each output once."""
-        return LoopKernels(*self._kernels_of(kind, tuple(dict.fromkeys(outputs))), self.given)
+        return LoopKernels(*self._kernels_of(kind, tuple(dict.fromkeys(outputs))), self.parameter_values)
 
     def _kernels_of(
         self, kind: str, outputs: tuple[str, ...], lanes: bool = False

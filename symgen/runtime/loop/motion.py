@@ -19,7 +19,7 @@ from symgen.runtime.integrate.failures import of_sliding, unfinished
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
 from symgen.runtime.integrate.simulate import check_end, drive, sample_times, stepper_of
-from symgen.runtime.kernels.typed import library_of_runs, made_with
+from symgen.runtime.kernels.typed import build_settings, library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
 from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import CLOSED, REPORTED
@@ -120,13 +120,13 @@ def _recorded(
         q = np.array([last.get(v.name, x) for v, x in zip(d.variables, q, strict=True)])
         u = np.array([last.get(f"{v.name}.rate", x) for v, x in zip(d.variables, u, strict=True)])
     ranges = ranges_of(recorded, samples.undetermined())
-    parameters = dict(zip((p.name for p in d.parameters), kernels.given.tolist(), strict=True))
+    parameters = dict(zip((p.name for p in d.parameters), kernels.parameter_values.tolist(), strict=True))
     return Result(
         **of_model(
             d,
             parameters,
             **options_of(chosen),
-            **made_with(kernels.library, kernels.typed),
+            **build_settings(kernels.library, kernels.typed),
         ),
         axes=_AXES,
         coordinate=over_time(times),

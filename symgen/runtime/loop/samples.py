@@ -27,7 +27,7 @@ class Part:
     kernels: LoopKernels
     times: Array
     states: Array
-    found: Array
+    solutions: Array
 
 
 class Samples:
@@ -73,7 +73,7 @@ class Samples:
         return tuple(parts)
 
     def _hold(self, turns: Array) -> Array:
-        parameters = self.kernels.given.copy()
+        parameters = self.kernels.parameter_values.copy()
         end = len(self.kernels.description.tunable) + len(turns)
         parameters[end - len(turns) : end] = turns
         self._solver.set_parameters(parameters)
@@ -88,7 +88,7 @@ class Samples:
             return out
         for part in self.parts:
             work = np.zeros((len(part.rows), self.kernels.work_size + 1))
-            work[:, : n + 6] = part.found[:, : n + 6]
+            work[:, : n + 6] = part.solutions[:, : n + 6]
             out[part.rows] = part.kernels.rows("outputs", part.times, part.states, work)
         for i, q, u, a in self._in_table:
             self._write(i, out[i], q, u, a)
@@ -102,7 +102,7 @@ class Samples:
         n = self.kernels.description.coordinates
         solved = np.zeros((len(self.times), n))
         for part in self.parts:
-            solved[part.rows] = part.found[:, :n]
+            solved[part.rows] = part.solutions[:, :n]
         changed: list[tuple[int, Array, Array, Array]] = []
         table = self.states[:, :n].copy()
         signs = self._signs()

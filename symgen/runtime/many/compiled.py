@@ -18,7 +18,7 @@ from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
-from symgen.runtime.many.dataset import BLOCK, Keep, Kept
+from symgen.runtime.many.dataset import BLOCK, Keep, Record
 from symgen.runtime.many.driven import Driven, driven_runs
 from symgen.runtime.many.loops import DrivenLoops, driven_loops
 from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
@@ -35,7 +35,7 @@ _MOST_STEPS = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """Runs with parameters ``given`` (runs, parameters) from their starts, or from states (runs, (q, u)).
+    """Runs with ``parameters`` (runs, parameters) from their starts, or from states (runs, (q, u)).
 
     ``single`` are runs with the parameters of the scene, which start from the stored state; ``batched`` the
     kernels that take vectors, for fixed explicit steps in SIMD lanes. Of ``steps``, as many as the first run
@@ -46,7 +46,7 @@ class Compiled:
     chosen: Options
     t0: float
     times: Array
-    given: Array
+    parameters: Array
     states: Array | None
     single: NDArray[np.bool_]
     batched: Library | None
@@ -61,11 +61,11 @@ class Compiled:
         """Number of runs that fill all lanes."""
         return lanes_of(self.batched, self.evaluator.description.name)[0] if self.batched else 1
 
-    def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
+    def __call__(self, first: int, last: int, keep: Keep) -> list[Record | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
         d, rows = self.evaluator.description, slice(first, last)
         states = None if self.states is None else self.states[rows]
-        regular, out, turned, drifts = self._runs().carry_out(self.given[rows], states)
+        regular, out, turned, drifts = self._runs().carry_out(self.parameters[rows], states)
         info, along = self.evaluator.find("outputs"), over_time(self.times)
         if info and keep.outputs is not None:
             info = replace(info, blocks=tuple(b for b in info.blocks if b.name in keep.outputs))
@@ -75,8 +75,8 @@ class Compiled:
             variables = tuple(v.of(v.values[is_done]) for v in variables)
         drift = dict(zip(("constraint", "energy"), drifts[is_done].T, strict=True))
         runs = first + np.flatnonzero(is_done)
-        found = keep(variables, along, None, drift, d.shown_axes, runs) if len(runs) else None
-        return [found if own else None for own in is_done.tolist()]
+        record = keep(variables, along, None, drift, d.shown_axes, runs) if len(runs) else None
+        return [record if done else None for done in is_done.tolist()]
 
     def _runs(self) -> Runs:
         chosen, start = self.chosen, start_of(self.evaluator, self.chosen.rate)

@@ -26,7 +26,7 @@ BLOCK = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class Record:
     """Samples that are kept of one run, or of a block of runs, which share the record.
 
     Attributes
@@ -77,7 +77,7 @@ class Keep:
         axes: tuple[str, ...],
         runs: Indices | None = None,
         reduction: Callable[[Variable, str, Array], Variable] = reduced,
-    ) -> Kept:
+    ) -> Record:
         """Return the selected outputs of one or more runs, or their reductions, and their drift (runs,).
 
         Outputs are (runs, samples, ...). Where names of reductions are given, the coordinate may be (runs,
@@ -85,19 +85,19 @@ class Keep:
         """
         samples, single = chosen(tuple(variables), self.outputs), _drifts(drift)
         if self.reduce is None:
-            return Kept(along, times, samples, single, axes, runs=runs)
+            return Record(along, times, samples, single, axes, runs=runs)
         if callable(self.reduce):
-            made = tuple(v.of(_reduced(self.reduce, v)) for v in samples)
-            return Kept(single=(*made, *single), axes=axes, runs=runs)
+            means = tuple(v.of(_reduced(self.reduce, v)) for v in samples)
+            return Record(single=(*means, *single), axes=axes, runs=runs)
         names, weights = reductions(self.reduce), mean_weights(along.values, times)
-        made = tuple(reduction(v, name, weights) for name in names if name != HISTORY for v in samples)
+        means = tuple(reduction(v, name, weights) for name in names if name != HISTORY for v in samples)
         # It is smaller for runs that end at a dead centre or an event.
         count = np.full(1 if runs is None else len(runs), float(along.values.shape[-1]))
         recorded = Variable(RECORDED, "1", "number of samples that the run recorded", (), count)
-        single = (*made, *single, recorded)
+        single = (*means, *single, recorded)
         if HISTORY in names:
-            return Kept(along, times, samples, single, axes, runs=runs)
-        return Kept(single=single, axes=axes, runs=runs)
+            return Record(along, times, samples, single, axes, runs=runs)
+        return Record(single=single, axes=axes, runs=runs)
 
 
 def of_one(variables: Iterable[Variable]) -> tuple[Variable, ...]:
@@ -130,7 +130,7 @@ def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tu
 
 def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:
     _, *shape = variable.values.shape
-    found = np.empty((len(variable.values), *shape[1:]))
+    values = np.empty((len(variable.values), *shape[1:]))
     for i, samples in enumerate(variable.values):
         values = np.asarray(reduce(samples, axis=0), dtype=float)
         if values.shape != samples.shape[1:]:
@@ -138,28 +138,28 @@ def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:
                 f"expected reduce to return the shape {samples.shape[1:]} for the samples of "
                 f"{variable.name}, of shape {samples.shape}, got the shape {values.shape}"
             )
-        found[i] = values
-    return found
+        values[i] = values
+    return values
 
 
 def dataset_of(
-    description: Described, analysis: str, columns: Mapping[str, Array], kept: Sequence[Kept]
+    description: Described, analysis: str, columns: Mapping[str, Array], records: Sequence[Record]
 ) -> xarray.Dataset:
     """Return all runs in one dataset, with nan where a run has no value; ``columns`` are their parameters."""
     import xarray
 
-    data, coordinates = arrays_of(description, columns, kept)
-    title = f"{description.title}: {len(kept)} runs of {analysis}"
+    data, coordinates = arrays_of(description, columns, records)
+    title = f"{description.title}: {len(records)} runs of {analysis}"
     return xarray.Dataset(data, coords=coordinates, attrs={"title": title})
 
 
 def arrays_of(
-    description: Described, columns: Mapping[str, Array], kept: Sequence[Kept]
+    description: Described, columns: Mapping[str, Array], records: Sequence[Record]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the data and the coordinates of a dataset of all runs, as dimensions, values and attributes."""
-    count, errors = len(kept), np.full(len(kept), "", dtype=object)
+    count, errors = len(records), np.full(len(records), "", dtype=object)
     blocks: list[_Block] = []
-    for block in _shared(kept):
+    for block in _shared(records):
         errors[block.runs] = block.one.error
         if not block.one.error:
             blocks.append(block)
@@ -208,14 +208,14 @@ class _Block(NamedTuple):
 
     runs: slice
     rows: slice
-    one: Kept
+    one: Record
 
 
-def _shared(kept: Sequence[Kept]) -> Iterator[_Block]:
+def _shared(records: Sequence[Record]) -> Iterator[_Block]:
     """Yield neighbouring runs with the same record, together."""
     first = 0
-    for _, same in groupby(kept, id):
-        count, one = sum(1 for _ in same), kept[first]
+    for _, same in groupby(records, id):
+        count, one = sum(1 for _ in same), records[first]
         row = 0 if one.runs is None else int(np.searchsorted(one.runs, first))
         yield _Block(slice(first, first + count), slice(row, row + count), one)
         first += count

@@ -16,7 +16,7 @@ from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed
-from symgen.runtime.many.dataset import BLOCK, Keep, Kept
+from symgen.runtime.many.dataset import BLOCK, Keep, Record
 from symgen.runtime.many.reductions import EXTREMES, of_extremes
 from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
@@ -45,7 +45,7 @@ _REDUCED = 1024
 
 @dataclass(frozen=True, slots=True)
 class Driven:
-    """Variants with parameters ``given`` (runs, parameters), followed from their starts or from ``states``.
+    """Variants with ``parameters`` (runs, parameters), followed from their starts or from ``states``.
 
     Attributes
     ----------
@@ -61,12 +61,12 @@ class Driven:
         Kernels of the equations of motion that take vectors, or None if starts are found singly.
     groups
         The constraint Jacobian in block triangular form.
-    t, nodes, asked
+    t, nodes, recorded
         Time of the starts, times to pass through, and the numbers of those that are recorded.
     """
 
     model: Any
-    given: Array
+    parameters: Array
     states: Array | None
     motion: Kernels
     forces: Kernels | None
@@ -77,56 +77,54 @@ class Driven:
     groups: Groups
     t: float
     nodes: Array
-    asked: Indices
+    recorded: Indices
 
     @property
     def grain(self) -> int:
         """Number of runs that fill all lanes."""
         return lanes_of(self.motion[1], self.motion[0].name)[0]
 
-    def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
+    def __call__(self, first: int, last: int, keep: Keep) -> list[Record | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
-        results: list[Kept | None] = [None] * (last - first)
+        results: list[Record | None] = [None] * (last - first)
         if self.forces and not {*(keep.outputs or ("",))} <= {
             v.name for v in self._of_forces(*self._nothing)
         }:
             return results  # reactions and section forces take the balance of every element
-        d, evaluator, parameter_rows = self.model.description, self.model.evaluator, self.given[first:last]
+        d, evaluator, rows = self.model.description, self.model.evaluator, self.parameters[first:last]
         start = start_of(evaluator)
         ahead = None
         if self.assembling:
-            ahead = StartLanes(start[2], self.assembling, self.grain, parameter_rows.shape[1]).assembled(
-                parameter_rows
-            )
-        regular, q, lengths = Starts(*start).poses(parameter_rows, ahead)
+            ahead = StartLanes(start[2], self.assembling, self.grain, rows.shape[1]).assembled(rows)
+        regular, q, lengths = Starts(*start).poses(rows, ahead)
         if self.states is not None:
             q = self.states[first:last]
-            variants = (Evaluator(d, evaluator.library, p) for p in parameter_rows)
-            lengths = np.array([extent(v, own) for v, own in zip(variants, q, strict=True)])
-        runs = np.flatnonzero(regular & ~is_stored(evaluator, parameter_rows, self.states))
+            variants = (Evaluator(d, evaluator.library, p) for p in rows)
+            lengths = np.array([extent(v, pose) for v, pose in zip(variants, q, strict=True)])
+        runs = np.flatnonzero(regular & ~is_stored(evaluator, rows, self.states))
         if self.reduces(keep) and len(runs):
-            runs = self._by_extremes(parameter_rows, q, lengths, runs, keep, results, first)
+            runs = self._by_extremes(rows, q, lengths, runs, keep, results, first)
         if not len(runs):
             return results
-        states, joints, is_done = self._followed(parameter_rows[runs], q[runs], lengths[runs])
+        states, joints, is_done = self._followed(rows[runs], q[runs], lengths[runs])
         is_done &= np.isfinite(joints).all(axis=(1, 2))
-        moving = over_variants(evaluator, "points", parameter_rows[runs], self.nodes, states)
+        moving = over_variants(evaluator, "points", rows[runs], self.nodes, states)
         shape = (len(runs), len(self.nodes), 2, len(d.points), len(d.axes))
         places, velocities = np.moveaxis(moving.reshape(shape), 2, 0)
         with np.errstate(all="ignore"):  # of runs that ended before
             is_done &= turned(d, self.nodes, places, velocities) <= TURN
-        runs, which = runs[is_done], np.ix_(np.flatnonzero(is_done), self.asked)
+        runs, which = runs[is_done], np.ix_(np.flatnonzero(is_done), self.recorded)
         if not len(runs):
             return results
-        states, times = states[which], self.nodes[self.asked]
+        states, times = states[which], self.nodes[self.recorded]
         kinematics = self.model.analysis("kinematics")
-        closed = over_variants(kinematics, "closure", parameter_rows[runs], times, states)
+        closed = over_variants(kinematics, "closure", rows[runs], times, states)
         m = len(d.constraints)
         missed = np.max(np.abs(closed[..., :m] / closed[..., m : 2 * m]), axis=(1, 2))
         if self.forces:
-            variables = self._of_forces(parameter_rows[runs], states, joints[which])
+            variables = self._of_forces(rows[runs], states, joints[which])
         else:
-            variables = self._of_motion(parameter_rows[runs], states, places[is_done], velocities[is_done])
+            variables = self._of_motion(rows[runs], states, places[is_done], velocities[is_done])
         if keep.outputs is not None and {*keep.outputs} <= {v.name for v in variables}:
             variables = [v for v in variables if v.name in (*keep.outputs, self.drive)]
         along, sampled = coordinate_of(times, variables, self.drive)
@@ -138,8 +136,8 @@ class Driven:
             return results
         for i, run in enumerate(runs.tolist()):
             one = [v.of(v.values[[i]]) for v in sampled]
-            own = replace(along, values=along.values[i])
-            results[run] = keep(one, own, of_time, {"constraint": missed[[i]]}, d.axes)
+            angle = replace(along, values=along.values[i])
+            results[run] = keep(one, angle, of_time, {"constraint": missed[[i]]}, d.axes)
         return results
 
     def most(self, keep: Keep) -> int:
@@ -159,12 +157,12 @@ class Driven:
         lengths: Array,
         runs: Indices,
         keep: Keep,
-        results: list[Kept | None],
+        results: list[Record | None],
         first: int,
     ) -> Indices:
         """Enter the reductions of some runs; return those whose links may turn far between nodes."""
         d, flags = self.model.description, np.zeros(len(self.nodes), dtype=np.uint8)
-        flags[self.asked] = True
+        flags[self.recorded] = True
         number = {name: 2 * i for i, name in enumerate(d.points)}
         ends = [[number[p] for p in points[:2]] for points in d.links.values()] if len(d.axes) == 2 else []
         extremes = [{k for name in keep.names for k in EXTREMES[name][vector]} for vector in (False, True)]
@@ -183,11 +181,11 @@ class Driven:
         )
         good = is_done & steady
         forces = [of_unknown(u, d.axes, rows[good][..., columns]) for u, columns in self.unknowns]
-        along = self.nodes[self.asked]
+        along = self.nodes[self.recorded]
         if np.any(good):
             drift, numbers = {"constraint": missed[good]}, first + runs[good]
-            found = keep(forces, over_time(along), None, drift, d.axes, numbers, of_extremes)
-            _placed(runs[good], [found] * len(numbers), results)
+            record = keep(forces, over_time(along), None, drift, d.axes, numbers, of_extremes)
+            _placed(runs[good], [record] * len(numbers), results)
         return runs[is_done & ~steady]
 
     def _lanes(self) -> KinematicLanes:
@@ -215,8 +213,8 @@ class Driven:
     @property
     def _nothing(self) -> tuple[Array, Array, Array]:
         """No run."""
-        count, n = len(self.asked), self.model.description.coordinates
-        return self.given[:0], np.zeros((0, count, 3, n)), np.zeros((0, count, self._width))
+        count, n = len(self.recorded), self.model.description.coordinates
+        return self.parameters[:0], np.zeros((0, count, 3, n)), np.zeros((0, count, self._width))
 
     @property
     def _width(self) -> int:
@@ -227,7 +225,7 @@ class Driven:
         """Return the outputs of all runs, values of shape (runs, samples, ...)."""
         loads, axes, variables = self.model.analysis("forces"), self.model.description.axes, []
         if loads.has("driven_angles"):
-            angles = over_variants(loads, "driven_angles", parameter_rows, self.nodes[self.asked], states)
+            angles = over_variants(loads, "driven_angles", parameter_rows, self.nodes[self.recorded], states)
             rows = loads.info("driven_angles").blocks[0].rows
             variables = [of_drive(f"{row.split(' ')[0]}.angle", angles[..., i]) for i, row in enumerate(rows)]
         return variables + [of_unknown(u, axes, joints[..., columns]) for u, columns in self.unknowns]
@@ -238,13 +236,13 @@ class Driven:
         """Return the records of all runs, values of shape (runs, samples, ...)."""
         d, times, kinematics = (
             self.model.description,
-            self.nodes[self.asked],
+            self.nodes[self.recorded],
             self.model.analysis("kinematics"),
         )
         second = over_variants(self.model.evaluator, "point_accelerations", parameter_rows, times, states)
         shape = (-1, len(d.points), len(d.axes))
-        moving = [x.reshape(shape) for x in (places[:, self.asked], velocities[:, self.asked], second)]
-        along, variables = Along(d, places, self.asked), []
+        moving = [x.reshape(shape) for x in (places[:, self.recorded], velocities[:, self.recorded], second)]
+        along, variables = Along(d, places, self.recorded), []
         info = kinematics.find("drives")
         if info:
             values = over_variants(kinematics, "drives", parameter_rows, times, states)
@@ -276,7 +274,7 @@ def _assembling(model: Any, count: int, states: Sequence[State] | None, lanes: i
     return library if lanes_of(library, model.description.name)[0] == lanes else None
 
 
-def _placed(runs: Indices, parts: Sequence[Kept | None], results: list[Kept | None]) -> None:
+def _placed(runs: Indices, parts: Sequence[Record | None], results: list[Record | None]) -> None:
     for run, one in zip(runs.tolist(), parts, strict=True):
         results[run] = one
 

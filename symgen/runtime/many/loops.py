@@ -15,7 +15,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.loop.driven import LEAST_RANGE, PARTS, STAGES
 from symgen.runtime.loop.kernels import CLOSE, LoopKernels
 from symgen.runtime.loop.limits import WEAK
-from symgen.runtime.many.dataset import BLOCK, Keep, Kept
+from symgen.runtime.many.dataset import BLOCK, Keep, Record
 from symgen.runtime.many.starts import parameters_of_runs
 from symgen.runtime.result.records import Coordinate, over_time
 from symgen.runtime.result.turn import Turn, variables
@@ -26,7 +26,7 @@ _AXES = ("x", "y", "z")
 
 @dataclass(frozen=True, slots=True)
 class DrivenLoops:
-    """Variants of a loop with parameters ``given`` (runs, parameters), followed from its start.
+    """Variants of a loop with ``parameters`` (runs, parameters), followed from its start.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class DrivenLoops:
 
     kernels: LoopKernels
     batched: Library
-    given: Array
+    parameters: Array
     along: Coordinate | None
     values: Array
     names: frozenset[str]
@@ -54,10 +54,10 @@ class DrivenLoops:
         """Return the number of runs of one call."""
         return BLOCK
 
-    def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
+    def __call__(self, first: int, last: int, keep: Keep) -> list[Record | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
         kernels, d = self.kernels, self.kernels.description
-        defaults, parameter_rows = np.array([p.default for p in d.parameters]), self.given[first:last]
+        defaults, parameter_rows = np.array([p.default for p in d.parameters]), self.parameters[first:last]
         lanes = LoopLanes(kernels.equations(d.having("dependent"), d.rank), self.batched, self.grain)
         times, out, hold, closure, is_done = lanes.follow(
             defaults,
@@ -81,8 +81,8 @@ class DrivenLoops:
             return [None] * len(parameter_rows)
         block = [v.of(v.values[runs]) for v in block_variables]
         along, of_time = (over_time(self.values), None) if self.along is None else (self.along, times[runs])
-        found = keep(block, along, of_time, {"constraint": closure[runs] * d.size}, _AXES, first + runs)
-        return [found if ran else None for ran in is_done.tolist()]
+        record = keep(block, along, of_time, {"constraint": closure[runs] * d.size}, _AXES, first + runs)
+        return [record if ran else None for ran in is_done.tolist()]
 
 
 def driven_loops(model: Any, first: Turn, columns: Mapping[str, Array]) -> DrivenLoops | None:

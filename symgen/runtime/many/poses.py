@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symgen.runtime.many.dataset import Kept, chosen, of_one
+from symgen.runtime.many.dataset import Record, chosen, of_one
 from symgen.runtime.result.modes import ElasticModes, RotorModes
 from symgen.runtime.result.records import Variable
 
@@ -22,7 +22,7 @@ FLOQUET, NOTES = "floquet", "notes"
 _FREQUENCIES = 6
 
 
-def at_one_pose(equilibrium: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:
+def at_one_pose(equilibrium: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Record:
     """Return outputs, positions, ground reactions and stability of an equilibrium."""
     named = {
         name: (equilibrium.units[name], "output", values) for name, values in equilibrium.outputs.items()
@@ -44,10 +44,10 @@ def at_one_pose(equilibrium: Equilibrium, axes: tuple[str, ...], outputs: Sequen
     stability = Variable(
         "stability", "1", "stable, neutral or unstable", (), np.array(equilibrium.stability, dtype=object)
     )
-    return Kept(single=of_one([*chosen(single, outputs), stability]), axes=axes)
+    return Record(single=of_one([*chosen(single, outputs), stability]), axes=axes)
 
 
-def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | None) -> Kept:
+def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | None) -> Record:
     """Return the lowest natural frequencies [Hz], ``frequency.1`` and so on; nan where nothing oscillates.
 
     Of elastic links in motion there is also ``growth`` [1/s], the fastest growth of a mode.
@@ -65,10 +65,10 @@ def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | 
     ]
     if growth.size:
         single.append(Variable("growth", "1/s", "fastest growth of a mode", (), np.array(np.max(growth))))
-    return Kept(single=of_one(chosen(tuple(single), outputs)))
+    return Record(single=of_one(chosen(tuple(single), outputs)))
 
 
-def with_notes(kept: Kept, notes: Sequence[str]) -> Kept:
+def with_notes(record: Record, notes: Sequence[str]) -> Record:
     """Return the values of a run of elastic links with its ``notes``, one per line."""
     text = Variable(
         NOTES,
@@ -77,12 +77,12 @@ def with_notes(kept: Kept, notes: Sequence[str]) -> Kept:
         (),
         np.array("\n".join(notes), object),
     )
-    return replace(kept, single=(*kept.single, *of_one([text])))
+    return replace(record, single=(*record.single, *of_one([text])))
 
 
-def with_stability(kept: Kept, statistics: Mapping[str, Any]) -> Kept:
+def with_stability(record: Record, statistics: Mapping[str, Any]) -> Record:
     """Return the values of a steady state with ``floquet``, the largest magnitude of a Floquet multiplier."""
     largest = max((abs(complex(*z)) for z in statistics["floquet"]), default=np.nan)
     about = "largest magnitude of a Floquet multiplier"
     stability = Variable(FLOQUET, "1", about, (), np.array(largest))
-    return replace(kept, single=(*kept.single, *of_one([stability])))
+    return replace(record, single=(*record.single, *of_one([stability])))

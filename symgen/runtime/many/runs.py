@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, check_known, shown
 from symgen.runtime.arrays import Array
 from symgen.runtime.many.compiled import compiled_runs
-from symgen.runtime.many.dataset import BLOCK, Keep, Kept, of_one
+from symgen.runtime.many.dataset import BLOCK, Keep, Record, of_one
 from symgen.runtime.many.driven import Driven, driven_runs
 from symgen.runtime.many.poses import FLOQUET, at_one_pose, of_modes, with_notes, with_stability
 
@@ -32,16 +32,16 @@ def variants(
     model: Any, parameters: Mapping[str, ArrayLike], states: Any
 ) -> tuple[dict[str, Array], Sequence[State] | None]:
     """Return the values of each parameter for all runs, and their states; raise ModelError for others."""
-    columns = {name: _values(model, name, given) for name, given in parameters.items()}
+    columns = {name: _values(model, name, column) for name, column in parameters.items()}
     counts = {name: len(values) for name, values in columns.items() if values.ndim}
     if states is not None:
         counts["states"] = len(_states(model, states))
     if not counts:
         raise ModelError("expected a list of values for a parameter, or of states, with one entry per run")
     first, count = next(iter(counts.items()))
-    for name, found in counts.items():
-        if found != count:
-            raise ModelError(f"expected {count} values of {name}, as of {first}, got the shape ({found},)")
+    for name, length in counts.items():
+        if length != count:
+            raise ModelError(f"expected {count} values of {name}, as of {first}, got the shape ({length},)")
     if not count:
         raise ModelError(f"expected at least one run, got the shape (0,) of {first}")
     return {name: np.broadcast_to(values, count) for name, values in columns.items()}, states
@@ -113,7 +113,7 @@ class Runs:
         state = {} if self.states is None else {"state": self.states[i]}
         return getattr(self.variant(i), self.analysis)(**state, **self.arguments)
 
-    def kept(self, result: Any, keep: Keep) -> Kept:
+    def record_of(self, result: Any, keep: Keep) -> Record:
         """Return the samples of a result that are kept."""
         if self.analysis in ("equilibrium", "modes"):
             if keep.reduce is not None:
@@ -125,10 +125,10 @@ class Runs:
         if periodic and keep.outputs is not None:  # which has it in any case, and no samples of it
             keep = replace(keep, outputs=[name for name in keep.outputs if name != FLOQUET])
         measured = {name: np.array([value]) for name, value in result.drift.measured.items()}
-        kept = keep(of_one(result.variables), result.coordinate, result.times, measured, result.axes)
+        record = keep(of_one(result.variables), result.coordinate, result.times, measured, result.axes)
         if periodic:
-            kept = with_stability(kept, result.statistics)
-        return with_notes(kept, result.notes) if result.NOTED_IN_MANY else kept
+            record = with_stability(record, result.statistics)
+        return with_notes(record, result.notes) if result.NOTED_IN_MANY else record
 
 
 def carried_out(
@@ -139,7 +139,7 @@ def carried_out(
     *,
     some: bool = True,
     accepted: bool = False,
-) -> list[Kept]:
+) -> list[Record]:
     """Return the samples of all runs; where ``some`` must succeed and none does, raise the first error.
 
     The runs up to the first that succeeds are carried out one after the other: it may compile kernels for all
@@ -151,15 +151,15 @@ def carried_out(
         raise ModelError(f"{runs.analysis}_many does not accept {', '.join(wrong)}: it is for single runs")
     if threads is not None and threads < 1:
         raise ModelError(f"expected one thread or more, got {threads}")
-    results: list[Kept] = []
+    results: list[Record] = []
     result, failed, driven = None, None, runs.driven() if accepted else None
     while not driven and result is None and len(results) < len(runs):
         try:
             result = runs.result(len(results))
-            results.append(runs.kept(result, keep))
+            results.append(runs.record_of(result, keep))
         except FAILURES as error:
             failed = failed or error
-            results.append(Kept(error=str(error)))
+            results.append(Record(error=str(error)))
         if progress:
             progress(len(results) / len(runs))
     if failed and result is None:
@@ -167,7 +167,7 @@ def carried_out(
             raise failed
         return results
     finished_runs, count, workers = len(results), len(runs), threads or _processors()
-    results += [Kept()] * (count - finished_runs)
+    results += [Record()] * (count - finished_runs)
     compiled = driven or compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
     ended = Event()
 
@@ -180,9 +180,9 @@ def carried_out(
             if ended.is_set():
                 break
             try:
-                results[i] = runs.kept(runs.result(i), keep)
+                results[i] = runs.record_of(runs.result(i), keep)
             except FAILURES as error:
-                results[i] = Kept(error=str(error))
+                results[i] = Record(error=str(error))
         return last - first
 
     grain = compiled.grain if compiled else 1

@@ -26,7 +26,7 @@ def parameters_of_runs(
 ) -> Array:
     """Return the parameters of each run, (runs, parameters)."""
     count = len(next(iter(columns.values()))) if states is None else len(states)
-    rows = np.tile(evaluator.given, (count, 1))
+    rows = np.tile(evaluator.parameter_values, (count, 1))
     names = [p.name for p in evaluator.description.tunable]
     for name, values in columns.items():
         rows[:, names.index(name)] = values

@@ -36,7 +36,7 @@ def takes(record: type) -> Callable[[F], F]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kept:
+class Checkpointed:
     """Checkpoints, wall time and progress of a run."""
 
     max_wall: float | None = None
@@ -51,7 +51,7 @@ class Kept:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(Kept):
+class Run(Checkpointed):
     """A run of a loop."""
 
     t_end: float | None = None
@@ -223,7 +223,7 @@ class Periodic(_InSteps):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ElasticRun(Kept, _InSteps):
+class ElasticRun(Checkpointed, _InSteps):
     """Elastic motion in time."""
 
     method: str = "gauss"
@@ -246,7 +246,7 @@ class Refined:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LargeRotation(Kept, Refined):
+class LargeRotation(Checkpointed, Refined):
     """Elastic links in large rotation, in rods with springs or in elements."""
 
     segments: int | None = None

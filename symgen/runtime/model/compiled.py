@@ -147,8 +147,8 @@ class Compiled:
         """Return accelerations and multipliers in the model's own type, if that is not float64."""
         if self.typed is None:
             return solution
-        found = self._batch("accelerations", t, q[None], u[None])
-        return [*found["accelerations"][0], *found["multipliers"][0]]
+        blocks = self._batch("accelerations", t, q[None], u[None])
+        return [*blocks["accelerations"][0], *blocks["multipliers"][0]]
 
     @property
     def equations(self) -> Any:
@@ -158,7 +158,7 @@ class Compiled:
         return self._equations
 
     @property
-    def given(self) -> list[float]:
+    def parameter_values(self) -> list[float]:
         """Parameters in the order of the kernels: :attr:`parameters`, then those held during a step."""
         d = self.description
         return [*self.parameters.values(), *(p.default for p in d.parameters[len(d.tunable) :])]
@@ -234,7 +234,7 @@ class Compiled:
                 raise ModelError(f"{self.name} has no kernels for batches: build it with symgen.build")
             from symgen.runtime.kernels.batch import Batch
 
-            self._batches = Batch(self.description, self._typed, self.given)
+            self._batches = Batch(self.description, self._typed, self.parameter_values)
         return self._batches(kernel, t, q, u, work, threads)
 
 

@@ -39,7 +39,7 @@ class LinkageModel(Model):
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
         if self.description.kernel("run_end"):
-            rest, parameters = np.zeros(self.description.coordinates), np.array(self.given)
+            rest, parameters = np.zeros(self.description.coordinates), np.array(self.parameter_values)
             evaluator = Evaluator(self.description, self._library, parameters)
             (end,) = evaluator.blocks("run_end", 0.0, rest, rest)["t_end"]
             self.description = replace(self.description, t_end=float(end))
@@ -50,7 +50,7 @@ class LinkageModel(Model):
 
     @cached_property
     def _evaluator(self) -> Evaluator:
-        return Evaluator(self.description, self._library, np.array(self.given))
+        return Evaluator(self.description, self._library, np.array(self.parameter_values))
 
     def __repr__(self) -> str:
         d = self.description
@@ -66,7 +66,7 @@ class LinkageModel(Model):
     def _begun(self) -> Start:
         """Find the start at the parameters of the model."""
 
-    def _found(self) -> Start:
+    def _stored_start(self) -> Start:
         """Return the start: that stored with the scene, unless a parameter has changed."""
         d = self.description
         if self._start is None and (self.is_changed or not d.start):
@@ -84,7 +84,7 @@ class LinkageModel(Model):
         InitialStateError
             When the state cannot be assembled, is contradictory, or is singular.
         """
-        start = self._found()
+        start = self._stored_start()
         return self._state(0.0, start.q, start.u)
 
     def _state(self, t: float, q: Array, u: Array) -> State:
@@ -141,7 +141,7 @@ class LinkageModel(Model):
         """
         key = kind, stepping, outputs
         if key not in self._of_analyses:
-            self._of_analyses[key] = Evaluator(*self._kernels_of(*key), self._evaluator.given)
+            self._of_analyses[key] = Evaluator(*self._kernels_of(*key), self._evaluator.parameter_values)
         return self._of_analyses[key]
 
     def in_lanes(self, kind: str) -> tuple[Description, Library]:

@@ -33,16 +33,16 @@ class PlaneModel(RodModel):
 
     def __init__(self, *args: Any, in_space: Callable[[], RodModel], **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._made_in_space = in_space
+        self._space_model = in_space
 
     @property
     def _more(self) -> dict[str, Any]:
-        return {"in_space": self._made_in_space}
+        return {"in_space": self._space_model}
 
     @cached_property
     def in_space(self) -> RodModel:
         """The model with all freedoms of the linkage, at the same parameters."""
-        return self._made_in_space().with_parameters(**self.parameters)
+        return self._space_model().with_parameters(**self.parameters)
 
     def _whole(self, state: State | None) -> State | None:
         """Return a state by the coordinates in space."""
@@ -50,18 +50,18 @@ class PlaneModel(RodModel):
             return state
         return self.in_space.state(state.positions, state.velocities, state.t)
 
-    def _own(self, state: State | None) -> State | None:
+    def _in_plane(self, state: State | None) -> State | None:
         """Return a state by the coordinates in the plane."""
         if state is None or len(state.q) == self.description.coordinates:
             return state
         return self.state(state.positions, state.velocities, state.t)
 
     def _accelerations(self, state: State | None = None) -> Accelerations:
-        return super()._accelerations(self._own(state))
+        return super()._accelerations(self._in_plane(state))
 
     @takes(LinkageRun)
     def _simulate(self, request: LinkageRun) -> Result:
-        return super()._simulate(replace(request, state=self._own(request.state)))
+        return super()._simulate(replace(request, state=self._in_plane(request.state)))
 
     def _assemblies(self, at: float | None = None, over: str | None = None) -> AssemblyModes[State]:
         return self.in_space._assemblies(at, over)
@@ -88,7 +88,7 @@ class PlaneModel(RodModel):
         at_equilibrium = at is not None and not isinstance(at, State)
         state = at if at is None or isinstance(at, State) else at.state
         if coordinates is None:
-            linearisation = super()._linearise(self._own(state), **options)
+            linearisation = super()._linearise(self._in_plane(state), **options)
         else:
             linearisation = self.in_space._linearise(self._whole(state), coordinates=coordinates, **options)
         return replace(linearisation, at_equilibrium=at_equilibrium)
@@ -100,11 +100,11 @@ class PlaneModel(RodModel):
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         if coordinates is None:
-            return super()._mass_matrix(self._own(state))
+            return super()._mass_matrix(self._in_plane(state))
         return self.in_space._mass_matrix(self._whole(state), coordinates)
 
     def _jacobian(self, state: State | None = None) -> Array:
-        return super()._jacobian(self._own(state))
+        return super()._jacobian(self._in_plane(state))
 
     def _modes(self, at: Equilibrium | float | None = None) -> Modes:
         return self.in_space._modes(at)

@@ -95,12 +95,12 @@ def recorded(
     """
     d = evaluator.description
     values = np.empty((len(times), 0)) if inputs is None else inputs
-    groups = grouped(evaluator.given, len(d.tunable) - len(d.inputs), values)
+    groups = grouped(evaluator.parameter_values, len(d.tunable) - len(d.inputs), values)
     equations = evaluator.equations(redundant)
     variables = outputs_by_group(evaluator, equations, groups, times, states, redundant)
     end = float(times[-1])
     return Result(
-        **of_model(d, evaluator.given[: len(d.tunable)].tolist(), step=0.0, t_end=end, **options),
+        **of_model(d, evaluator.parameter_values[: len(d.tunable)].tolist(), step=0.0, t_end=end, **options),
         axes=d.shown_axes,
         coordinate=over_time(times),
         variables=tuple(_unwound(v, d.turns) for v in variables),

@@ -80,7 +80,7 @@ class RodModel(LinkageModel):
     @property
     def redundant(self) -> tuple[str, ...]:
         """Labels of the constraints that follow from the others in every pose."""
-        return tuple(self.description.labels[i] for i in self._found().redundant)
+        return tuple(self.description.labels[i] for i in self._stored_start().redundant)
 
     def _solution(self, t: float, q: Array, u: Array, typed: bool = False) -> tuple[Array, tuple[int, ...]]:
         """Return accelerations and multipliers at a state, and the numbers of those that are not unique.
@@ -90,7 +90,7 @@ class RodModel(LinkageModel):
         ``typed`` selects the number type of the model, otherwise doubles.
         """
         d = self.description
-        redundant = self._found().redundant
+        redundant = self._stored_start().redundant
         equations = self._evaluator.equations(len(redundant))
         row = np.concatenate([q, u, [0.0, 0.0]])
         status = equations.check(t, row)
@@ -115,7 +115,7 @@ class RodModel(LinkageModel):
         return stress.least_norm(work)[0], stress.not_unique()
 
     def _accelerations(self, state: State | None = None) -> Accelerations:
-        d, begin = self.description, self._found()
+        d, begin = self.description, self._stored_start()
         at = (0.0, begin.q, begin.u) if state is None else (state.t, state.q, state.u)
         work, open_rows = self._solution(*at, typed=True)
         of_points = self._evaluator.blocks("point_accelerations", *at, work)
@@ -305,8 +305,8 @@ class RodModel(LinkageModel):
         path = follow(self._evaluator, tangent, len(self.redundant), start, chosen, times)
 
         def tangents(state: State, references: Array) -> Tangents:
-            parameters_of_model, values = self.with_parameters(), self._evaluator.given.copy()
-            parameters_of_model._start = self._found()
+            parameters_of_model, values = self.with_parameters(), self._evaluator.parameter_values.copy()
+            parameters_of_model._start = self._stored_start()
             values[self.description.of_held] = references
             parameters_of_model._evaluator = Evaluator(self.description, self._library, values)
             return parameters_of_model._tangents(state, names, "sensitivity")
@@ -319,7 +319,7 @@ class RodModel(LinkageModel):
         from symgen.runtime.rods.forces.analysis import analyse
 
         begin = self.initial_state() if request.state is None else request.state
-        redundant = len(self._found().redundant)
+        redundant = len(self._stored_start().redundant)
         return analyse(self._constraints(), self.analysis("forces"), begin, redundant, request)
 
     def _equilibrium(
@@ -328,7 +328,7 @@ class RodModel(LinkageModel):
         from symgen.runtime.rods.equilibrium import at_rest, describe, find
         from symgen.runtime.rods.linear import Statics
 
-        begin, q = (0.0, self._found().q) if state is None else (state.t, state.q)
+        begin, q = (0.0, self._stored_start().q) if state is None else (state.t, state.q)
         when = begin if at is None else float(at)
         constraints = self._constraints()
         at_rest(constraints, q, when)
@@ -350,7 +350,7 @@ class RodModel(LinkageModel):
         keeping = request.keeping()
         with limited(request.max_wall):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
-            start = self._found()
+            start = self._stored_start()
             t, y = (0.0, start.y) if request.state is None else finite(request.state)
             arguments = (
                 chosen,

@@ -214,7 +214,7 @@ class Pictures:
         compare: Mapping[str, Any] | None = None,
     ) -> Any:
         """Draw outputs over the coordinate, or a path; see :func:`symgen.report.page.plots.plot`."""
-        names = tuple(n for given in names for n in ([given] if isinstance(given, str) else given))
+        names = tuple(n for name in names for n in ([name] if isinstance(name, str) else name))
         return display("plot", self, *names, file=file, xy=xy, over=over, compare=compare)
 
     def animate(self, file: str | os.PathLike[str] | None = None, *, frames: int = 241) -> Any:

@@ -120,10 +120,9 @@ def recorded(
     coordinate, variables = coordinate_of(
         samples.times, variables, next(iter(units), "") if over == "input" else ""
     )
+    used = evaluator.parameter_values.tolist()
     return Motion(
-        **of_model(
-            d, evaluator.given.tolist(), method="continuation", t_end=stop, backend=evaluator.library.backend
-        ),
+        **of_model(d, used, method="continuation", t_end=stop, backend=evaluator.library.backend),
         axes=d.axes,
         coordinate=coordinate,
         variables=tuple(variables),

@@ -27,7 +27,7 @@ _LONGEST = 80
 class Recording:
     """A run that has ended, complete or not; its methods return the fields of its :class:`Result`.
 
-    ``library`` has the kernels of the run, ``wall`` is its wall time [s], ``given`` the initial time and
+    ``library`` has the kernels of the run, ``wall`` is its wall time [s], ``initial`` the initial time and
     state (q, u) if the caller gave them.
     """
 
@@ -38,7 +38,7 @@ class Recording:
     chosen: Options
     wall: float
     library: Library
-    given: tuple[float, Array] | None
+    initial: tuple[float, Array] | None
 
     def name(self) -> str:
         """Return the scene's name."""
@@ -101,7 +101,7 @@ class Recording:
     def provenance(self) -> dict[str, Any]:
         """Return equations, method, options, build and parameters of the run."""
         d = self.evaluator.description
-        parameters = zip(d.tunable, self.evaluator.given.tolist(), strict=False)
+        parameters = zip(d.tunable, self.evaluator.parameter_values.tolist(), strict=False)
         return {
             "equations": d.equations,
             **options_of(self.chosen),
@@ -114,7 +114,7 @@ class Recording:
         """Return the notes on the run: redundancy, losses of rank, stiffness, events."""
         return (
             *self.evaluator.description.remarks,
-            *_of_the_start(self.evaluator, self.given, self.chosen.t_end, self.redundant),
+            *_of_the_start(self.evaluator, self.initial, self.chosen.t_end, self.redundant),
             *_of_redundancy(self.evaluator, self.stepper, self.redundant),
             *_of_passages(self.evaluator, self.stepper),
             *_of_stiffness(self.stepper, self.chosen),
@@ -239,7 +239,7 @@ def outputs_by_group(
         at = Evaluator(evaluator.description, evaluator.library, parameters)
         parts.append(outputs(at, equations, times[rows], states[rows], redundant))
         places.append(rows)
-    equations.set_parameters(evaluator.given)
+    equations.set_parameters(evaluator.parameter_values)
     order = np.argsort(np.concatenate(places))
     return tuple(
         replace(same[0], values=np.concatenate([v.values for v in same])[order])
@@ -258,7 +258,7 @@ def continued(variables: tuple[Variable, ...], links: Sequence[str], turns: Arra
 
 def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, Indices]]:
     """Yield parameters with the references of angles in loads, and the rows that have these references."""
-    d, parameters = evaluator.description, evaluator.given
+    d, parameters = evaluator.description, evaluator.parameter_values
     if not references.any():
         yield parameters, np.arange(len(references))
         return

@@ -372,7 +372,7 @@ _WRITERS = {".nc": _write_netcdf, ".npz": _write_npz, ".csv": _write_csv}
 SAVED_AS = tuple(_WRITERS)
 
 
-class _WhenAsked:
+class _OnAccess:
     """A field that the source of a result computes at first access; the result then stores it."""
 
     def __init__(self, name: str) -> None:
@@ -390,4 +390,4 @@ class _WhenAsked:
 
 _FIELDS = tuple(f.name for f in fields(Result) if f.name != "_cache")
 for _name in _FIELDS:
-    setattr(Result, _name, _WhenAsked(_name))
+    setattr(Result, _name, _OnAccess(_name))

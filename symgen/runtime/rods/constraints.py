@@ -29,7 +29,7 @@ class Constraints:
         self._rest = np.zeros(self.n)
         self._arguments = np.zeros(1), np.zeros(self.n + 1), np.zeros(self.n + 1)
         self._work = np.zeros(evaluator.work_size + 1)
-        self._kept: dict[str, tuple[int, _core.Sizes, Array, Array]] = {}
+        self._calls: dict[str, tuple[int, _core.Sizes, Array, Array]] = {}
 
     @property
     def slopes(self) -> Indices:
@@ -65,11 +65,11 @@ class Constraints:
 
     def _call(self, kernel: str, q: Array, u: Array, t: float) -> Array:
         """Call a kernel with stored arrays, since a curve takes thousands of calls."""
-        if kernel not in self._kept:
+        if kernel not in self._calls:
             source = self.kinematics if kernel == "acceleration_rhs" else self.evaluator
             address, sizes = source.call(kernel)
-            self._kept[kernel] = address, sizes, source.parameters, np.zeros(sizes[-1] + 1)
-        address, sizes, parameters, out = self._kept[kernel]
+            self._calls[kernel] = address, sizes, source.parameters, np.zeros(sizes[-1] + 1)
+        address, sizes, parameters, out = self._calls[kernel]
         self._arguments[0][0] = t
         self._arguments[1][: self.n] = q
         self._arguments[2][: self.n] = u
@@ -115,8 +115,8 @@ class Constraints:
 
     def turning(self, poses: Poses) -> dict[str, tuple[Array, Array]]:
         """Return angular velocity [rad/s] and acceleration [rad/s^2] of links in the plane, (poses,) each."""
-        given = poses.times, poses.q, poses.u, poses.accelerations
-        return rotations_of(self.kinematics, self.kinematics.many("rotations", *given))
+        states = poses.times, poses.q, poses.u, poses.accelerations
+        return rotations_of(self.kinematics, self.kinematics.many("rotations", *states))
 
     def driving(self, times: Array) -> dict[str, Array]:
         """Return the values of every drive [rad or m] at many times, by name."""

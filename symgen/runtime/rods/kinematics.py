@@ -163,8 +163,8 @@ def follow(
     ends = min(instants.start, t), max(instants.stop, t)
     sound = along_branch(constraints, q, t, *ends, np.unique(times))
     if sound is not None:
-        samples = sound.poses[sound.asked]
-        return Followed(samples, sound.asked, sound.poses, [], [], [])
+        samples = sound.poses[sound.requested]
+        return Followed(samples, sound.requested, sound.poses, [], [], [])
     path = _path(curve, q, t, instants, through)
     poses = singular_poses(curve, path, instants.start, instants.stop)
     rows: list[tuple[float, Array, Array, Array]] = []

@@ -188,7 +188,7 @@ def not_positive(evaluator: Evaluator) -> InitialStateError:
     """Return the error for a mass matrix that is not positive definite."""
     values = ", ".join(
         f"{p.name} = {v:g} {p.unit}"
-        for p, v in zip(evaluator.description.tunable, evaluator.given, strict=False)
+        for p, v in zip(evaluator.description.tunable, evaluator.parameter_values, strict=False)
     )
     return InitialStateError(
         f"the mass matrix is not positive definite{f' with {values}' if values else ''}: "

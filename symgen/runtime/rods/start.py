@@ -206,7 +206,7 @@ def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> Initi
 
 def _values(evaluator: Evaluator) -> str:
     """Return the tunable parameters with their values."""
-    tunable = zip(evaluator.description.tunable, evaluator.given, strict=False)
+    tunable = zip(evaluator.description.tunable, evaluator.parameter_values, strict=False)
     return ", ".join(f"{p.name} = {v:g} {p.unit}" for p, v in tunable) or "the drawing"
 
 

@@ -49,7 +49,7 @@ class RotorModel(Model):
         """Return the numbers of links, masses and axis by name."""
         d = self.description
         info = d.kernels[[k.name for k in d.kernels].index("rotor")]
-        parameters = as_taken(self._library, self.given)
+        parameters = as_taken(self._library, self.parameter_values)
         out = _core.evaluate(
             self._library.addresses["rotor"],
             (*d.sizes, info.work_size, info.out_size),

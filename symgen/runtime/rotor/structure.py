@@ -17,7 +17,7 @@ from symgen.runtime.rotor.description import RotorDescription, RotorLink
 _BLOCK = "spatial_beam"
 #: Unknowns of a node, in the order of the kernels; those at joints that belong to one link alone.
 NODE = ("u", "u_x", "v", "v_x", "v_xx", "w", "w_x", "w_xx", "phi", "phi_x")
-_OWN = tuple(NODE.index(name) for name in ("u_x", "v_xx", "w_xx", "phi_x"))
+_LOCAL = tuple(NODE.index(name) for name in ("u_x", "v_xx", "w_xx", "phi_x"))
 _MOVED = tuple(NODE.index(name) for name in ("u", "v", "w"))
 #: Twist, and slopes w' = -rotation about y, v' = rotation about z.
 _ROTATED = tuple(NODE.index(name) for name in ("phi", "w_x", "v_x"))
@@ -176,7 +176,7 @@ class _Names:
                 for name in NODE:
                     self.local(link, name, node)
                 continue
-            for k in _OWN:
+            for k in _LOCAL:
                 self.local(link, NODE[k], node)
             self.rotation(link, link.start if node == 0 else link.end)
 
@@ -208,7 +208,7 @@ def _placed(
         if node not in (0, count):
             basis[range(here, here + size), [names.local(link, name, node) for name in NODE]] = 1.0
             continue
-        basis[[here + k for k in _OWN], [names.local(link, NODE[k], node) for k in _OWN]] = 1.0
+        basis[[here + k for k in _LOCAL], [names.local(link, NODE[k], node) for k in _LOCAL]] = 1.0
         point = link.start if node == 0 else link.end
         if point in d.free:
             basis[np.ix_([here + k for k in _MOVED], names.point(point))] = axes

@@ -205,7 +205,7 @@ def design_of(vary: Mapping[str, Any], sampling: str | None, count: int | None, 
     """
     if not vary:
         raise ModelError("expected parameters to vary, with values or a distribution each; got none")
-    drawn = [name for name, given in vary.items() if isinstance(given, Distribution)]
+    drawn = [name for name, values in vary.items() if isinstance(values, Distribution)]
     chosen = sampling or ("sobol" if drawn else "grid")
     check_known(chosen, SAMPLINGS, "there is no sampling")
     if chosen in ("grid", "list"):
@@ -213,7 +213,7 @@ def design_of(vary: Mapping[str, Any], sampling: str | None, count: int | None, 
             raise ModelError(f"a {chosen} needs values of {drawn[0]}, got a distribution")
         if count is not None:
             raise ModelError(f"the values of a {chosen} give the number of runs: omit the count of {count}")
-        axes = tuple(np.atleast_1d(_numbers(name, given)) for name, given in vary.items())
+        axes = tuple(np.atleast_1d(_numbers(name, values)) for name, values in vary.items())
         if chosen == "grid":
             return Grid(tuple(vary), axes)
         most = max(map(len, axes))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 #: A chunk, as its first run and the run after its last; and its first run with its results.
 Span = tuple[int, int]
-Found = tuple[int, dict[str, NDArray[Any]]]
+Chunk = tuple[int, dict[str, NDArray[Any]]]
 #: Largest size of the results of all chunks that are submitted at a time [bytes].
 _HELD = 2**28
 #: Processes that end without a result, one after the other, until the sweep is given up.
@@ -38,7 +38,7 @@ _ENDED = 3
 
 def submitted(
     sweep: Any, layout: Layout, spans: Sequence[Span], executor: Any
-) -> Generator[Found, None, None]:
+) -> Generator[Chunk, None, None]:
     """Yield the results of chunks as they are completed, in any order.
 
     Parameters
@@ -79,7 +79,7 @@ def submitted(
         ) from error
 
 
-def _in_processes(count: int, work: bytes, design: Design, spans: Sequence[Span]) -> Iterator[Found]:
+def _in_processes(count: int, work: bytes, design: Design, spans: Sequence[Span]) -> Iterator[Chunk]:
     """Yield the results of chunks from new processes, which are replaced where one ends.
 
     Each has a pipe of its own. Those of a pool share one with a lock, which stays locked for ever when a
@@ -166,7 +166,7 @@ def _follow() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _by(pool: Executor, work: bytes, design: Design, spans: Sequence[Span], most: int) -> Iterator[Found]:
+def _by(pool: Executor, work: bytes, design: Design, spans: Sequence[Span], most: int) -> Iterator[Chunk]:
     """Yield the results of chunks from an executor, to which ``most`` of them are submitted at a time.
 
     A task has the parameter values of its own runs only.

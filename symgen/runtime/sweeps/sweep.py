@@ -23,7 +23,7 @@ from symgen.runtime.many.reductions import reductions
 from symgen.runtime.many.runs import FAILURES, Runs, carried_out, variants
 from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.designs import Design
-from symgen.runtime.sweeps.executors import Found, submitted
+from symgen.runtime.sweeps.executors import Chunk, submitted
 from symgen.runtime.sweeps.layout import Layout, layout_of
 from symgen.runtime.sweeps.stores import ENDING, Memory, Zarr, needed
 from symgen.runtime.sweeps.tables import TABLE, table_at, write_table
@@ -206,7 +206,7 @@ def carry_out(
         if progress:
             progress((finished + part) / len(chunks))
 
-    results: Generator[Found, None, None]
+    results: Generator[Chunk, None, None]
     if executor is None:
         results = (
             (first, sweep.arrays(layout, sweep.design.values(first, last), within)) for first, last in missing

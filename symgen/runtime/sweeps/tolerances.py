@@ -40,7 +40,7 @@ def tolerances_of(
 ) -> xarray.Dataset:
     """Return the effect of tolerances on outputs; see :meth:`symgen.Model.tolerances`."""
     check_known(method, METHODS, "there are no tolerances by")
-    wrong = next((name for name, given in of.items() if not isinstance(given, Distribution)), None)
+    wrong = next((name for name, x in of.items() if not isinstance(x, Distribution)), None)
     if wrong is not None or not of:
         text = shown(of[wrong]) if wrong else "no parameter"
         raise ModelError(
@@ -113,10 +113,10 @@ def _columns(runs: xarray.Dataset) -> tuple[dict[str, Array], list[str]]:
     return columns, units
 
 
-_Made = dict[str, tuple[tuple[str, ...], Array, str]]
+_Columns = dict[str, tuple[tuple[str, ...], Array, str]]
 
 
-def _worst_case(design: Grid, values: Array, of: Mapping[str, Distribution], _: int) -> _Made:
+def _worst_case(design: Grid, values: Array, of: Mapping[str, Distribution], _: int) -> _Columns:
     rows = design.values(0, design.count)
     least, greatest = np.argmin(values, axis=0), np.argmax(values, axis=0)
     return {
@@ -127,7 +127,7 @@ def _worst_case(design: Grid, values: Array, of: Mapping[str, Distribution], _: 
     }
 
 
-def _monte_carlo(_: Any, values: Array, of: Mapping[str, Distribution], __: int) -> _Made:
+def _monte_carlo(_: Any, values: Array, of: Mapping[str, Distribution], __: int) -> _Columns:
     deviation = values.std(axis=0, ddof=1) if len(values) > 1 else np.full(values.shape[1], np.nan)
     return {
         "mean": (("output",), values.mean(axis=0), "mean"),
@@ -139,7 +139,7 @@ def _monte_carlo(_: Any, values: Array, of: Mapping[str, Distribution], __: int)
     }
 
 
-def _sobol(_: Any, values: Array, of: Mapping[str, Distribution], seed: int) -> _Made:
+def _sobol(_: Any, values: Array, of: Mapping[str, Distribution], seed: int) -> _Columns:
     from SALib.analyze.sobol import analyze
 
     shape = (values.shape[1], len(of))
@@ -159,7 +159,7 @@ def _sobol(_: Any, values: Array, of: Mapping[str, Distribution], seed: int) -> 
 
 
 def _dataset(
-    result: _Made, outputs: list[str], units: list[str], parameters: list[str], title: str
+    result: _Columns, outputs: list[str], units: list[str], parameters: list[str], title: str
 ) -> xarray.Dataset:
     import xarray
 

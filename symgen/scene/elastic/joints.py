@@ -14,7 +14,7 @@ from symgen.scene.elastic.offsets import is_lug
 from symgen.scene.elastic.schema import Weld
 from symgen.scene.reading import Reader
 from symgen.scene.rods.constraints import is_hinge
-from symgen.scene.rods.linkage import CarriedPoint, KeptAngle, Linkage, RigidLink
+from symgen.scene.rods.linkage import CarriedPoint, Linkage, RigidLink, WeldedAngle
 
 
 def with_joints(linkage: Linkage) -> Linkage:
@@ -41,8 +41,8 @@ def with_joints(linkage: Linkage) -> Linkage:
     def joined(link: RigidLink, point: CarriedPoint) -> bool:
         others = any(point.name in named[name] for name in named if name != link.name)
         # In space every point of an elastic link is at a node.
-        own = others or point.name in constrained or linkage.dimension == 3
-        return own if link.name in elastic else point.name in bent
+        is_joint = others or point.name in constrained or linkage.dimension == 3
+        return is_joint if link.name in elastic else point.name in bent
 
     links = []
     for link in linkage.links:
@@ -87,7 +87,7 @@ def with_welds(read: Reader, linkage: Linkage) -> Linkage:
             where=f"joints.{i}",
             hint="Links that share a point are joined there without this table: remove it.",
         )
-    angles: list[KeptAngle] = []
+    angles: list[WeldedAngle] = []
     for i, weld in enumerate(read.scene.welds):
         where = f"welds.{i}"
         _check_weld(read, linkage, weld, where)
@@ -98,8 +98,8 @@ def with_welds(read: Reader, linkage: Linkage) -> Linkage:
         else:
             first, *others = (*rigid, *elastic)
             pairs = [(name, first) for name in others]
-        angles += [_kept_angle(linkage, weld.point, *pair) for pair in pairs]
-    return replace(linkage, kept_angles=tuple(angles))
+        angles += [_welded_angle(linkage, weld.point, *pair) for pair in pairs]
+    return replace(linkage, welded_angles=tuple(angles))
 
 
 def _check_weld(read: Reader, linkage: Linkage, weld: Weld, where: str) -> None:
@@ -141,7 +141,7 @@ def _check_weld(read: Reader, linkage: Linkage, weld: Weld, where: str) -> None:
         )
 
 
-def _kept_angle(linkage: Linkage, point: str, link: str, other: str) -> KeptAngle:
+def _welded_angle(linkage: Linkage, point: str, link: str, other: str) -> WeldedAngle:
     """Return the drawn angle between two links, or between a link and the x axis."""
     (ax, ay), (bx, by) = (_drawn(linkage, name) if name else (sp.S.One, sp.S.Zero) for name in (link, other))
     size = sp.sqrt((ax**2 + ay**2) * (bx**2 + by**2))
@@ -149,7 +149,7 @@ def _kept_angle(linkage: Linkage, point: str, link: str, other: str) -> KeptAngl
     label = f"the weld of {link} to {other or 'the ground'} at {point}"
     lugs = (k for k in linkage.links if k.name in (link, other) and is_lug(k))
     label = next((f"the rigid joint of {k.end}" for k in lugs), label)
-    return KeptAngle(f"{point}_weld_{link}", label, point, link, other, cosine, sine)
+    return WeldedAngle(f"{point}_weld_{link}", label, point, link, other, cosine, sine)
 
 
 def _drawn(linkage: Linkage, name: str) -> tuple[sp.Expr, sp.Expr]:

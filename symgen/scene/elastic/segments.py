@@ -86,13 +86,13 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     for beam in linkage.elastic:
         if beam.welds:
             lug = next((k for k in linkage.links if k.start in beam.welds and is_lug(k)), None)
-            what = (
+            kind = (
                 f"{lug.end}, off the line of {beam.link}, is welded to it"
                 if lug
                 else f"{beam.link} is welded"
             )
             raise ModelError(
-                f"{linkage.name}: {what}, and segments are joined by hinges alone\n"
+                f"{linkage.name}: {kind}, and segments are joined by hinges alone\n"
                 "  Use elements in place of segments: large_rotation(elements=4), --elements 4."
             )
     measures = [m for load in linkage.loads for m in load.measures(2) if m.section]

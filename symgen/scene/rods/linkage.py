@@ -181,7 +181,7 @@ class Driver:
 
 
 @dataclass(frozen=True, slots=True)
-class KeptAngle:
+class WeldedAngle:
     """The angle between two links that are welded at a point: that of the drawing.
 
     Attributes
@@ -284,7 +284,7 @@ class Linkage:
     crank: Crank | None = None
     modal_damping: ModalDamping | None = None
     stations: tuple[Station, ...] = ()
-    kept_angles: tuple[KeptAngle, ...] = ()
+    welded_angles: tuple[WeldedAngle, ...] = ()
     joints: tuple[JointInSpace, ...] = ()
     events: tuple[Event, ...] = ()
     windings: tuple[Winding, ...] = ()

@@ -24,7 +24,7 @@ from symgen.symbolic.constants import rounded
 
 _DIGITS = 40
 #: Shares of a body's size: how far a point must be out of the span of the others to be a base point.
-_SHARED, _OWN = 1e-3, 0.3
+_SHARED, _ONE_LINK = 1e-3, 0.3
 
 Pairs = set[frozenset[str]]
 Floats = list[float]
@@ -166,13 +166,13 @@ def _base(
     normals: list[Floats] = []
     for p in ranked[1:]:
         out = _out_of(arms[p.name], normals)
-        if len(chosen) < 4 and math.hypot(*out) > size * (_SHARED if p.ground or shared(p) else _OWN):
+        if len(chosen) < 4 and math.hypot(*out) > size * (_SHARED if p.ground or shared(p) else _ONE_LINK):
             chosen.append(p)
             normals.append(_unit(out))
     reach = math.hypot(radius, *middle)
     while len(chosen) < 4:
         towards = _out_of(middle, normals)
-        if math.hypot(*towards) < _OWN * reach:
+        if math.hypot(*towards) < _ONE_LINK * reach:
             axes = [_out_of([float(i == k) for i in range(3)], normals) for k in range(3)]
             towards = max(axes, key=lambda a: math.hypot(*a))
         normal = _unit(towards)

@@ -61,8 +61,8 @@ class Accuracy:
     def summary(self) -> dict[str, Any]:
         """Return the report as plain data for ``symgen accuracy --json``; infinities become None."""
         data = asdict(self)
-        for made, output in zip(data["outputs"], self.outputs, strict=True):
-            made |= {"beyond": output.beyond, "verdict": output.verdict}
+        for entry, output in zip(data["outputs"], self.outputs, strict=True):
+            entry |= {"beyond": output.beyond, "verdict": output.verdict}
         return _finite(data)
 
 

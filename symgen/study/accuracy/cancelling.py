@@ -15,7 +15,7 @@ from symgen.study.accuracy.kernel_errors import Place
 from symgen.study.accuracy.kernels import Kernels
 
 #: Generated names of shared terms: their expressions are inserted up to this length.
-_MADE_UP, _LONGEST = re.compile(r"c\d+"), 100
+_TEMPORARY, _LONGEST = re.compile(r"c\d+"), 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ class _Words:
     def text(self, kernel: str, node: Node) -> str:
         """Return the text of an expression, with shared terms inserted while it is short."""
         values = {a.target: a.value for a in self._kernels[kernel].assignments}
-        while intermediate := [r for r in references([node]) if _MADE_UP.fullmatch(r) and r in values]:
+        while intermediate := [r for r in references([node]) if _TEMPORARY.fullmatch(r) and r in values]:
             longer = insert(node, {r: values[r] for r in intermediate})
             if len(self._print(longer)) > _LONGEST:
                 break

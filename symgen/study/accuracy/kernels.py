@@ -136,13 +136,13 @@ def kernels_of(
     else:
         system = derive(scene)
     kernels: list[Kernels] = method.load("accuracy")(
-        model, Asked(scene, set, system, typed, count, seed, run)
+        model, Request(scene, set, system, typed, count, seed, run)
     )
     return system.title, kernels
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class Request:
     """The System whose kernels are compared, the number type, and the states: see :func:`kernels_of`."""
 
     scene: Any
@@ -154,20 +154,20 @@ class Asked:
     run: bool
 
 
-def of_user_system(model: SystemModel, request: Asked) -> list[Kernels]:
+def of_user_system(model: SystemModel, request: Request) -> list[Kernels]:
     """Return the kernels of a user-defined system."""
     states = of_block(request.system, request.count, request.seed)
     return [Kernels("", request.system, _of_system(model), states, without=("solve",))]
 
 
-def of_loop_model(model: LoopModel, request: Asked) -> list[Kernels]:
+def of_loop_model(model: LoopModel, request: Request) -> list[Kernels]:
     """Return the kernels of a loop in the requested type."""
     states = of_loop(model, request.count, request.seed, request.run)
     kernels = Kernels("", request.system, _of_loop(model.kernels), states)
     return [kernels if request.typed == FLOAT64 else _in_type(kernels, model, request.typed)]
 
 
-def of_rods(model: RodModel, request: Asked) -> list[Kernels]:
+def of_rods(model: RodModel, request: Request) -> list[Kernels]:
     """Return the kernels of the equations of motion of a linkage in the requested type."""
     labels, system = model.description.labels, request.system
     redundant = tuple(labels.index(name) for name in model.redundant)
@@ -179,7 +179,7 @@ def of_rods(model: RodModel, request: Asked) -> list[Kernels]:
     return [kernels if request.typed == FLOAT64 else _in_type(kernels, model, request.typed)]
 
 
-def of_spatial(model: ElasticModel | SpatialModel, request: Asked) -> list[Kernels]:
+def of_spatial(model: ElasticModel | SpatialModel, request: Request) -> list[Kernels]:
     """Return the kernels of the rigid motion, and in double precision those of its rigid parts."""
     (of_motion,) = kernels = of_rods(model.rigid, request)
     if request.typed == FLOAT64:
@@ -190,7 +190,7 @@ def of_spatial(model: ElasticModel | SpatialModel, request: Asked) -> list[Kerne
     return kernels
 
 
-def of_elastic(model: ElasticModel, request: Asked) -> list[Kernels]:
+def of_elastic(model: ElasticModel, request: Request) -> list[Kernels]:
     """Return the kernels of the rigid motion, and in double precision those of elastic links."""
     kernels = of_spatial(model, request)
     if request.typed != FLOAT64:

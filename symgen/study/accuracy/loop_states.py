@@ -34,7 +34,7 @@ def of_loop(model: LoopModel, count: int, seed: int, run: bool) -> States:
     for i in range(count):
         pose, u = _elsewhere(kernels, along, random)
         states.append(_moving(kernels, random, "closed", f"random {i + 1}", pose.t, pose.q, u))
-    n, parameters = kernels.description.coordinates, kernels.given
+    n, parameters = kernels.description.coordinates, kernels.parameter_values
     for i in range(count):
         arrays = {name: random.uniform(-_OPEN, _OPEN, k) for name, k in (("t", 1), ("q", n), ("u", n))}
         arrays |= {"p": tuned(parameters, random), "work": random.uniform(-_OPEN, _OPEN, n + 6)}
@@ -111,7 +111,7 @@ def _moving(kernels: LoopKernels, random: Random, kind: str, label: str, t: floa
     a[kernels.inputs] = prescribed[:, 2]
     a[solved] = _following(screws, solved, screws[:, inputs] @ a[inputs] + moving["screw_drift"])
     work = np.concatenate([a, random.standard_normal(6)])
-    return At(kind, label, {"t": np.array([t]), "q": q, "u": u, "p": kernels.given, "work": work})
+    return At(kind, label, {"t": np.array([t]), "q": q, "u": u, "p": kernels.parameter_values, "work": work})
 
 
 def _following(screws: Array, solved: list[int], rates: Array) -> Array:

@@ -94,7 +94,7 @@ def of_linkage(model: RodModel, count: int, seed: int, run: bool) -> States:
         )
         u = _consistent(evaluator, t, pose, _SPEED * size * _normal(random, n))
         states.append(_solved(evaluator, "closed", f"random {i + 1}", t, pose, u))
-    parameters = evaluator.given
+    parameters = evaluator.parameter_values
     for i in range(count):
         t, q, _ = along[random.integers(len(along))]
         arrays = {
@@ -149,7 +149,8 @@ def _solved(evaluator: Evaluator, kind: str, label: str, t: float, q: Array, u: 
     work = evaluator("accelerations", t, q, u)[:size]
     if not np.all(np.isfinite(work)):
         work = np.ones(size)
-    return At(kind, label, {"t": np.array([t]), "q": q, "u": u, "p": evaluator.given, "work": work})
+    p = evaluator.parameter_values
+    return At(kind, label, {"t": np.array([t]), "q": q, "u": u, "p": p, "work": work})
 
 
 def _closed(evaluator: Evaluator, t: float, q: Array) -> Array | None:

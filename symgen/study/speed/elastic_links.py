@@ -15,7 +15,7 @@ from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.result.result import Result
 from symgen.study.speed.measures import distance, sizes
-from symgen.study.speed.subjects import Asked, Reference, Run, Subject, in_types
+from symgen.study.speed.subjects import Reference, Request, Run, Subject, in_types
 from symgen.study.speed.sweeps import Setting, tolerances
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _ELASTIC, _PEAKS = 8192, 1024
 
 
-def elastic(model: ElasticModel, request: Asked) -> Subject:
+def elastic(model: ElasticModel, request: Request) -> Subject:
     """Return a linkage with elastic links as a subject."""
     return Elastic(in_types(request, model), request.t_end, request.samples)
 

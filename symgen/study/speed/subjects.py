@@ -123,11 +123,11 @@ def subject(
         precision(name)
     checked = scene if isinstance(scene, Scene) else load_scene(scene, set=set)
     model = build_scene(checked, backend=backend)
-    request = Asked(checked, backend, precisions, t_end, samples)
+    request = Request(checked, backend, precisions, t_end, samples)
     return method_of(model).load("subject")(model, request)
 
 
-class Asked(NamedTuple):
+class Request(NamedTuple):
     """Subject of a study and its settings: see :func:`subject`."""
 
     scene: Scene
@@ -137,7 +137,7 @@ class Asked(NamedTuple):
     samples: int
 
 
-def loop(model: LoopModel, request: Asked) -> Subject:
+def loop(model: LoopModel, request: Request) -> Subject:
     """Return a loop under forces as a subject; errors as of :func:`subject`."""
     if model.is_driven:
         raise ModelError(
@@ -147,7 +147,7 @@ def loop(model: LoopModel, request: Asked) -> Subject:
     return FreeLoop(_and_widest(request, in_types(request, model)), request.t_end, request.samples)
 
 
-def rods(model: RodModel, request: Asked) -> Subject:
+def rods(model: RodModel, request: Request) -> Subject:
     """Return a linkage of rods and bodies as a subject."""
     outputs = [f"{p}.position" for p in model.description.free]
     analysis = request.scene.analysis.model_copy(update={"outputs": outputs})
@@ -156,7 +156,7 @@ def rods(model: RodModel, request: Asked) -> Subject:
     return Rods(models, request.t_end, request.samples)
 
 
-def in_types(request: Asked, plain: Any = None) -> dict[str, Any]:
+def in_types(request: Request, plain: Any = None) -> dict[str, Any]:
     """Return the model in each number type, including float64."""
     scene, backend = request.scene, request.backend
     models = {FLOAT64.name: plain or build_scene(scene, backend=backend)}
@@ -166,7 +166,7 @@ def in_types(request: Asked, plain: Any = None) -> dict[str, Any]:
     return models
 
 
-def _and_widest(request: Asked, models: dict[str, Any]) -> dict[str, Any]:
+def _and_widest(request: Request, models: dict[str, Any]) -> dict[str, Any]:
     """Add the model in the reference's number type, or double precision if no compiler supports it."""
     with suppress(BuildError, ModelError):
         if "float128" not in models:

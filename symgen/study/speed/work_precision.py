@@ -152,9 +152,9 @@ def work_precision(
 class _Measured:
     """The runs of a subject by setting, each performed once, and their errors."""
 
-    def __init__(self, what: Subject, reference: Reference, longest: float) -> None:
-        self.subject, self.reference, self.longest = what, reference, longest
-        self.size = what.size()
+    def __init__(self, subject: Subject, reference: Reference, longest: float) -> None:
+        self.subject, self.reference, self.longest = subject, reference, longest
+        self.size = subject.size()
         self.goal = max(_NEAR * reference.uncertainty, _ENOUGH * self.size)
         self.errors: dict[Setting, tuple[float, float, int | None, int | None]] = {}
         self.walls: dict[Setting, float] = {}

@@ -35,7 +35,7 @@ class Counted:
     def restart(self) -> None:
         """Count from the start of a run, at which angles are from -pi to pi."""
         self._since, self._references = [-math.inf], [np.zeros(self._count)]
-        self._made: dict[tuple[Evaluator, int], Evaluator] = {}
+        self._evaluators: dict[tuple[Evaluator, int], Evaluator] = {}
 
     def follow(self, t: float, q: Array, v: Array) -> bool:
         """Move references to the angles at a time [s], (1, coordinates); return whether any moved."""
@@ -68,11 +68,11 @@ class Counted:
         """Return the results of a kernel at times of the run, (times, entries), given ``work`` of each."""
         if not self._count:
             return evaluator.many(kernel, t, q, v, work)
-        found = np.empty((len(t), evaluator.info(kernel).out_size))
+        values = np.empty((len(t), evaluator.info(kernel).out_size))
         for of, rows in self._groups(evaluator, t):
             memory = None if work is None else work[rows]
-            found[rows] = of.many(kernel, t[rows], q[rows], v[rows], memory)
-        return found
+            values[rows] = of.many(kernel, t[rows], q[rows], v[rows], memory)
+        return values
 
     def blocks(self, evaluator: Evaluator, kernel: str, t: Array, q: Array, v: Array) -> dict[str, Array]:
         """Return the results of a kernel at times of the run by name, (times, *shape)."""
@@ -87,9 +87,9 @@ class Counted:
     def _with(self, evaluator: Evaluator, k: int) -> Evaluator:
         """Return kernels with the references number k."""
         key = evaluator, k
-        if key not in self._made:
-            given = evaluator.given.copy()
+        if key not in self._evaluators:
+            values = evaluator.parameter_values.copy()
             first = self._rigid.description.of_held.start
-            given[first : first + self._count] = self._references[k]
-            self._made[key] = type(evaluator)(evaluator.description, evaluator.library, given)
-        return self._made[key]
+            values[first : first + self._count] = self._references[k]
+            self._evaluators[key] = type(evaluator)(evaluator.description, evaluator.library, values)
+        return self._evaluators[key]

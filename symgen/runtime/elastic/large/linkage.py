@@ -110,7 +110,7 @@ class LargeLinkage(System):
             )
         )
         if self._lumps or self._along or self._couples or self._motor:
-            parts.append(Added(self._added, self._diagonal, self._own(), lambda: self._power))
+            parts.append(Added(self._added, self._diagonal, self._diagonal_places(), lambda: self._power))
         scale = np.full(size, max(link.beam.properties.length for link in self.links))
         for link in self.links:
             scale[link.places[:, 2]] = 1.0
@@ -257,14 +257,14 @@ class LargeLinkage(System):
 
         Slopes of forces along links, and of couples by the lines between the ends of links, are left out.
         """
-        diagonals = np.zeros((3, len(self._own())))
+        diagonals = np.zeros((3, len(self._diagonal_places())))
         if self._lumps:
             diagonals[0, : self._lumps.places.size] = self._lumps.diagonal.ravel()
         if self._motor:
             diagonals[:, -1] = self._shaft_terms(self._motor, t, q, v)[0, :3]
         return diagonals
 
-    def _own(self) -> Indices:
+    def _diagonal_places(self) -> Indices:
         """Return unknowns of masses on links and of the shaft of a motor, with entries on the diagonal."""
         places = [self._lumps.places.ravel()] if self._lumps else []
         places += [np.array([self._motor.moves[0][0].place])] if self._motor else []

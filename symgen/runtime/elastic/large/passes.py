@@ -23,7 +23,7 @@ from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
 from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
-from symgen.runtime.kernels.typed import made_with
+from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.model.arguments import Refined
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
@@ -111,17 +111,17 @@ def refined_run(
             raise ModelError(f"expected max_step above zero, got {request.max_step!r}")
         least = max(least, end / request.max_step)
     times, pace, passes = np.linspace(0.0, end, samples), Pace(0.0, end), list[Pass]()
-    kept: Samples | None = None
+    record: Samples | None = None
     if keeping is not None:
         evaluator, identity = of.rigid.evaluator, (of.form, rtol, least, times.tobytes().hex(), *of.identity)
         mark = mark_of_kernels(evaluator, evaluator.library, evaluator.equations(), *identity)
-        kept = Samples(of.system, mark, keeping)
-    spent = kept.spent if kept else 0.0
+        record = Samples(of.system, mark, keeping)
+    spent = record.spent if record else 0.0
     try:
-        _refine(passes, of, times, least, rtol, pace, request.progress, kept)
+        _refine(passes, of, times, least, rtol, pace, request.progress, record)
     except OutOfTime as stop:
-        if kept:
-            kept.save()
+        if record:
+            record.save()
         problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall + spent)
         raise SimulationError(f"{of.rigid.name}: {problem}", time=stop.t, partial=result) from None
     final = _result(of, times, passes[-1], rtol, pace.wall + spent)
@@ -137,7 +137,7 @@ def _refine(
     rtol: float,
     pace: Pace,
     progress: Progress | None,
-    kept: Samples | None = None,
+    record: Samples | None = None,
 ) -> None:
     """Append runs with twice the steps each to ``passes``, from ``least`` on, until the error is ``rtol``.
 
@@ -152,16 +152,16 @@ def _refine(
         When the wall time is spent; ``passes`` has then a run, if need be the first one so far.
     """
     steps, initial = math.ceil(least / (len(times) - 1)), of.start(of.system)
-    if kept and kept.before:
-        moments, before, corrections = kept.before
+    if record and record.before:
+        moments, before, corrections = record.before
         variables, drift = of.outputs(of.system, moments), drift_of(of.system, moments)
         none = Events(of.rigid, GAUSS8)
         passes.append(Pass(variables, before, corrections, math.inf, *drift, len(moments), none))
-    steps = kept.steps or steps if kept else steps
+    steps = record.steps or steps if record else steps
     while True:
         events = Events(of.rigid, GAUSS8)
         at_step = events.step if of.rigid.description.events else None
-        resumed, at_sample = (kept.resumed(), partial(kept.look, steps)) if kept else (None, None)
+        resumed, at_sample = (record.resumed(), partial(record.look, steps)) if record else (None, None)
         try:
             moments, stepper = moved(
                 of.system, GAUSS8, times, steps, pace, progress, at_step, CLOSE, at_sample, resumed, initial
@@ -191,8 +191,8 @@ def _refine(
             drift = drift_of(of.system, moments)
             corrections = stepper.corrections + (resumed.corrections if resumed else 0)
             passes.append(Pass(variables, steps, corrections, math.inf, *drift, count, events))
-            if kept:
-                kept.finished(moments, steps, corrections)
+            if record:
+                record.finished(moments, steps, corrections)
         steps *= 2
         pace.restart(0.0)
 
@@ -259,7 +259,7 @@ def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) 
     attributes = {"method": "large-rotation", "form": of.form, "rtol": rtol, "t_end": float(times[-1])}
     attributes |= {"initial": of.initial}
     return ElasticResult(
-        **of_model(d, rigid.parameters, **attributes, **made_with(rigid.evaluator.library, rigid.typed)),
+        **of_model(d, rigid.parameters, **attributes, **build_settings(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,
         coordinate=coordinate,
         variables=selected(one.variables, d),

@@ -104,10 +104,10 @@ def welds_to_bodies(
                 f"  Make {body} and that link one body."
             )
         at = [2 * d.free.index(p) if p in d.free else known + 2 * d.points.index(p) for p in ends]
-        own = rotation_of(links, point).place
-        row[:] = at[0], at[0] + 1, own, at[1], at[1] + 1, own
+        rotation = rotation_of(links, point).place
+        row[:] = at[0], at[0] + 1, rotation, at[1], at[1] + 1, rotation
         first_end, second_end = (points[d.points.index(p)] for p in ends)
-        along, angle = second_end - first_end, start[own]
+        along, angle = second_end - first_end, start[rotation]
         of_kernel[0] = length = float(np.hypot(*along))
         c, s = np.cos(angle), np.sin(angle)
         turned[DIRECTION : DIRECTION + 2] = np.array([[c, s], [-s, c]]) @ along / length
@@ -162,8 +162,8 @@ class Supports:
         values, rates = np.zeros((2, len(t), len(self.rows)))
         count = 2 * len(self._pins)
         if count:
-            own = (2 * np.array(self._pins)[:, None] + np.arange(2)).ravel()
-            values[:, :count], rates[:, :count] = (x[:, own] for x in self.points(t))
+            columns = (2 * np.array(self._pins)[:, None] + np.arange(2)).ravel()
+            values[:, :count], rates[:, :count] = (x[:, columns] for x in self.points(t))
         values[:, count : count + len(self._drawn)] = self._drawn
         if self._held:
             values[:, -1], rates[:, -1] = self._motion.angle_at(t), self._speed(t)

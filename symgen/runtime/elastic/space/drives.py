@@ -11,7 +11,7 @@ from symgen.runtime.elastic.space.linkage import AXES, LinkageInSpace
 from symgen.runtime.result.records import Variable
 
 
-def drives(of: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
+def drives(of: LinkageInSpace, moments: Sequence[Moment]) -> list[Variable]:
     """Return torque and power of each drive.
 
     A torque is the sum of that on the link alone and of the virtual work, per angle, of the joints with axes
@@ -20,12 +20,12 @@ def drives(of: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
     info, points, rigid = of.rigid.description.elastic, of.rigid.description.coordinates, len(of.rows)
     if info is None or not info.driven:
         return []
-    t, q, v, _, multipliers = stacked(found)
+    t, q, v, _, multipliers = stacked(moments)
     work = np.zeros((len(t), points + len(of.rigid.description.constraints)), multipliers.dtype)
     work[:, [points + row for row in of.rows]] = multipliers[:, :rigid] / of.sizes
     state = t, q[:, :points], v[:, :points]
     torques = of.of_joints("drives", *state, work)["drive_torques"].reshape(len(t), -1)
-    driven, (places, rates) = of.of_joints("driven", *state), of.given(t)
+    driven, (places, rates) = of.of_joints("driven", *state), of.prescribed_with_tangents(t)
     slopes = of.directed(np.hstack([q, places]), np.hstack([v, rates]))[..., 2:]
     slopes = slopes * multipliers[:, rigid + 3 * len(of.pins) :, None]
     forces = np.zeros((len(t), of.unknowns + places.shape[1]), slopes.dtype)
@@ -33,10 +33,10 @@ def drives(of: LinkageInSpace, found: Sequence[Moment]) -> list[Variable]:
     on_axes = forces[:, -AXES * len(info.driven) :].reshape(len(t), -1, AXES)
     torques = torques + np.sum(on_axes * driven["driven_slopes"].reshape(on_axes.shape), axis=2)
     powers = torques * driven["drive_speeds"].reshape(len(t), -1)
-    made = []
+    variables = []
     for name, torque, power in zip(info.driven, torques.T, powers.T, strict=True):
-        made.append(
+        variables.append(
             Variable(f"{name}.torque", "N*m", f"torque of the drive on {name} about its axis", (), torque)
         )
-        made.append(Variable(f"{name}.power", "W", f"power of the drive on {name}", (), power))
-    return made
+        variables.append(Variable(f"{name}.power", "W", f"power of the drive on {name}", (), power))
+    return variables

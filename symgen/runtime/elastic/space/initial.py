@@ -61,15 +61,15 @@ def quasi_static(linkage: LinkageInSpace) -> Moment:
     for k in range(_SHORTER):
         apart = _APART * linkage.rigid.description.t_end / 3**k
         try:
-            found = _slow(linkage, start, apart)
+            moment = _slow(linkage, start, apart)
         except ModelError:
             continue
         if before is not None:
-            size = float(np.max(np.abs(found.v / linkage.scale)))
-            change = float(np.max(np.abs(found.v - before.v) / linkage.scale))
+            size = float(np.max(np.abs(moment.v / linkage.scale)))
+            change = float(np.max(np.abs(moment.v - before.v) / linkage.scale))
             if change <= _SETTLED * size + _ROUNDED / apart:
                 return before
-        before = found
+        before = moment
     raise ModelError(
         f"{linkage.name}: the quasi-static shape has no rate: loads move the linkage with its input held, "
         "or a motion or load jumps at the start\n  Start it undeformed."
@@ -107,22 +107,22 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
     about its equilibrium with the input held; see :func:`_oriented` for their signs.
     """
     check_amplitudes(linkage.name, amplitudes, max(float(link.length.real) for link in linkage.links))
-    modes, found = modes_of(linkage, 0.0), linkage.start()
+    modes, moment = modes_of(linkage, 0.0), linkage.start()
     _check_near(linkage, equilibrium(linkage, 0.0), "initial modes, which are")
     shapes = modes.shapes[:, modes.rigid :].T
     check_modes(linkage.name, amplitudes, len(shapes))
-    q = found.q
+    q = moment.q
     oriented = _oriented(linkage, modes.frequencies[modes.rigid :], shapes)
     for size, (shape, largest) in zip(amplitudes, oriented, strict=False):
         q = q + size / largest * shape
     still = np.zeros(linkage.unknowns)
-    slopes = linkage.slopes(found.t, found.q, found.v, found.a, found.multipliers)
+    slopes = linkage.slopes(moment.t, moment.q, moment.v, moment.a, moment.multipliers)
     solve = linkage.pattern.factorised(slopes.mass + slopes.jacobian)
     for _ in range(_MOST):
-        change = solve(np.append(still, linkage.errors(found.t, q)))[: linkage.unknowns]
+        change = solve(np.append(still, linkage.errors(moment.t, q)))[: linkage.unknowns]
         q = q - change
         if np.max(np.abs(change) / linkage.scale) <= _CLOSE:
-            return linkage.with_rates(replace(found, q=q))
+            return linkage.with_rates(replace(moment, q=q))
     raise ModelError(
         f"{linkage.name}: the constraints do not hold with initial modes of these amplitudes\n"
         "  Give smaller amplitudes."

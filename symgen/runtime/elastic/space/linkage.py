@@ -209,7 +209,7 @@ class LinkageInSpace(System):
     def _frame(self, name: str, joint: JointInfo) -> Frame:
         """Return the vectors fixed in a link of a joint; in the ground without a name."""
         d, size = self.rigid.description, self.straight.shape[1]
-        start = np.concatenate([self.straight[0], self.given(np.zeros(1))[0][0]])
+        start = np.concatenate([self.straight[0], self.prescribed_with_tangents(np.zeros(1))[0][0]])
         for link in self.links:
             if link.info.link == name:
                 places = link.places[link.nodes[joint.point], 3:].reshape(3, 3)
@@ -227,10 +227,10 @@ class LinkageInSpace(System):
 
         The axes are those of the ground, and those fixed in each driven link.
         """
-        places, rates = self.given(t)
+        places, rates = self.prescribed_with_tangents(t)
         return np.ascontiguousarray(places.real), np.ascontiguousarray(rates.real)
 
-    def given(self, t: Array) -> tuple[Array, Array]:
+    def prescribed_with_tangents(self, t: Array) -> tuple[Array, Array]:
         """Return the same with their tangents."""
         places, rates = (x.reshape(len(t), -1) for x in self._ground(t))
         axes = np.broadcast_to(np.eye(3).ravel(), (len(t), AXES))
@@ -242,10 +242,10 @@ class LinkageInSpace(System):
         if not self.has_drives:
             return np.zeros((len(t), 0)), np.zeros((len(t), 0))
         y = np.broadcast_to(self._q, (len(t), self._points))
-        found = self.of_joints("driven", t, y, np.zeros_like(y))
+        blocks = self.of_joints("driven", t, y, np.zeros_like(y))
         shape = len(t), -1, AXES
-        axes, slopes = (found[name].reshape(shape) for name in ("driven_axes", "driven_slopes"))
-        rates = slopes * found["drive_speeds"].reshape(len(t), -1, 1)
+        axes, slopes = (blocks[name].reshape(shape) for name in ("driven_axes", "driven_slopes"))
+        rates = slopes * blocks["drive_speeds"].reshape(len(t), -1, 1)
         return axes.reshape(len(t), -1), rates.reshape(len(t), -1)
 
     def _ground(self, t: Array) -> tuple[Array, Array]:
@@ -256,9 +256,9 @@ class LinkageInSpace(System):
 
     def positions(self, t: Array, q: Array) -> dict[str, Array]:
         """Return the places of all points (times, 3) by name."""
-        own = q[:, : self._points]
-        found = self.of_rigid("points", t, own, np.zeros_like(own))["positions"]
-        return {p: found[:, k] for k, p in enumerate(self.rigid.description.points)}
+        coordinates = q[:, : self._points]
+        places = self.of_rigid("points", t, coordinates, np.zeros_like(coordinates))["positions"]
+        return {p: places[:, k] for k, p in enumerate(self.rigid.description.points)}
 
     def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""

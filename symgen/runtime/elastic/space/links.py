@@ -74,20 +74,20 @@ class LinkInSpace:
     ) -> Array:
         """Return the output of a kernel at states (times, unknowns), (times, elements, numbers)."""
         at, width = self.elements[of], _WRITTEN[kernel]
-        own = self.arguments if len(self.arguments) == 1 else self.arguments[of]
-        properties = np.hstack([own, np.full((len(own), 1), fraction)])
+        arguments = self.arguments if len(self.arguments) == 1 else self.arguments[of]
+        properties = np.hstack([arguments, np.full((len(arguments), 1), fraction)])
         if np.iscomplexobj(q):
             rows = np.concatenate([x[:, at] for x in (q, v, a)], axis=2)
             groups = (
                 [(slice(None), properties[0])]
-                if len(own) == 1
+                if len(arguments) == 1
                 else [(slice(k, k + 1), p) for k, p in enumerate(properties)]
             )
-            found = [
+            of_elements = [
                 rows_at(BLOCK, kernel, rows[:, k].reshape(-1, 72), 24, p, width).reshape(len(q), -1, width)
                 for k, p in groups
             ]
-            return np.concatenate(found, axis=1)
+            return np.concatenate(of_elements, axis=1)
         elements = Elements(kernels(BLOCK).ADDRESSES, at, properties.real, damped=False)
         return elements.values(kernel, width, q, v, a)
 
@@ -120,11 +120,11 @@ def links_in_space(
         For points between the ends of a link at or next to an end or each other.
     """
     links, pins, size = list[LinkInSpace](), list[tuple[Indices, int]](), d.coordinates
-    given = iter(constants["fractions"].ravel()) if "fractions" in constants else iter(())
+    prescribed = iter(constants["fractions"].ravel()) if "fractions" in constants else iter(())
     for info, row in zip(
         d.elastic.beams if d.elastic else (), np.atleast_2d(constants["sections"]), strict=True
     ):
-        between = sorted(((name, next(given)) for name, _ in info.between), key=lambda of: of[1].real)
+        between = sorted(((name, next(prescribed)) for name, _ in info.between), key=lambda of: of[1].real)
         check_joints(info.link, (info.start, info.end), [(name, at.real) for name, at in between])
         at = {info.start: 0.0, **dict(between), info.end: 1.0}
         ends = np.array([*at.values()])
@@ -137,17 +137,17 @@ def links_in_space(
         nodes = dict(zip(at, [0, *np.cumsum(counts).tolist()], strict=True))
         places = np.zeros((len(fractions), 12), dtype=np.intp)
         of_node = {node: point for point, node in nodes.items()}
-        for node, own in enumerate(places):
+        for node, node_places in enumerate(places):
             point = of_node.get(node)
             if point is not None and point in d.free:
                 first = 3 * d.free.index(point)
-                own[:3] = range(first, first + 3)
+                node_places[:3] = range(first, first + 3)
             else:
-                own[:3] = range(size, size + 3)
+                node_places[:3] = range(size, size + 3)
                 size += 3
                 if point is not None:
-                    pins.append((own[:3], d.points.index(point)))
-            own[3:] = range(size, size + 9)
+                    pins.append((node_places[:3], d.points.index(point)))
+            node_places[3:] = range(size, size + 9)
             size += 9
         lengths = row[0] * np.diff(ends) / counts
         lengths = lengths if len(counts) == 1 else np.repeat(lengths, counts)

@@ -64,7 +64,7 @@ def of_run(
     tangents = Tangents(linkage, directions, GAUSS8, float(times[1] - times[0]) / steps)
     pace = Pace(0.0, float(times[-1]))
     moments, _ = moved(linkage, GAUSS8, times, steps, pace, at_step=tangents.step, close=_CLOSE)
-    by = [(*x, *tangents.settled(m, *x)) for m, x in zip(moments, tangents.kept[::steps], strict=True)]
+    by = [(*x, *tangents.settled(m, *x)) for m, x in zip(moments, tangents.directions[::steps], strict=True)]
 
     def along(j: int) -> list[Variable]:
         duals = []
@@ -119,6 +119,6 @@ def _directions(
     tangents.check_closed()
     dq, du = moved_pose(tangents, parameters, coordinates)
     for j, name in enumerate(parameters):
-        change = np.zeros(len(rigid.evaluator.given))
+        change = np.zeros(len(rigid.evaluator.parameter_values))
         change[[*rigid.parameters].index(name)] = 1.0
         yield LinkageInSpace(rigid, along=Along(change, dq[:, j], du[:, j]))

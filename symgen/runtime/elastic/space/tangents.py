@@ -35,19 +35,20 @@ def constraints(of: LinkageInSpace, t: Array, q: Array, v: Array) -> tuple[Array
 
     They have tangents where places and rates (times, unknowns) or prescribed motions have them.
     """
-    (places, moving), rigid = of.given(t), len(of.rows)
+    (places, moving), rigid = of.prescribed_with_tangents(t), len(of.rows)
     errors, rates = np.zeros((2, len(t), of.multipliers), np.result_type(q, v, places, moving))
     if rigid:
         state = t, *(x[:, : of.rigid.description.coordinates] for x in (q, v))
         for to, name in ((errors, "constraints"), (rates, "velocity_constraints")):
             to[:, :rigid] = of.of_rigid(name, *state)[name][:, of.rows] / of.sizes
-    for k, (own, point) in enumerate(of.pins):
+    for k, (coordinates, point) in enumerate(of.pins):
         pinned, ground = slice(rigid + 3 * k, rigid + 3 * k + 3), slice(3 * point, 3 * point + 3)
-        errors[:, pinned], rates[:, pinned] = q[:, own] - places[:, ground], v[:, own] - moving[:, ground]
-    found = of.directed(np.hstack([q, places]), np.hstack([v, moving]))
+        errors[:, pinned] = q[:, coordinates] - places[:, ground]
+        rates[:, pinned] = v[:, coordinates] - moving[:, ground]
+    products = of.directed(np.hstack([q, places]), np.hstack([v, moving]))
     first = rigid + 3 * len(of.pins)
-    errors[:, first:], rates[:, first:] = found[..., 0], found[..., 1]
-    return errors, rates, found[..., 2:]
+    errors[:, first:], rates[:, first:] = products[..., 0], products[..., 1]
+    return errors, rates, products[..., 2:]
 
 
 def input_power(of: LinkageInSpace, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
@@ -57,10 +58,10 @@ def input_power(of: LinkageInSpace, t: Array, q: Array, v: Array, a: Array, mult
     on its velocity.
     """
     points, d = of.rigid.description.coordinates, of.rigid.description
-    found: Array = np.sum(multipliers * constraints(of, t, q, np.zeros_like(v))[1], axis=1)
+    power: Array = np.sum(multipliers * constraints(of, t, q, np.zeros_like(v))[1], axis=1)
     work = np.pad(a[:, :points], ((0, 0), (0, len(d.constraints))))
     of_rigid = of.of_joints("energy", t, q[:, :points], v[:, :points], work)
-    return found + of_rigid["power"].reshape(len(t)) if "power" in of_rigid else found
+    return power + of_rigid["power"].reshape(len(t)) if "power" in of_rigid else power
 
 
 def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters:
@@ -69,7 +70,7 @@ def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters
     t, *moved, multipliers = stacked(moments)
     q, v, a = (x.astype(complex) for x in moved)
     errors, speeds, slopes = constraints(of, t, q, v)
-    forces = np.zeros((len(t), n + of.given(t)[0].shape[1]), complex)
+    forces = np.zeros((len(t), n + of.prescribed_with_tangents(t)[0].shape[1]), complex)
     for link in of.links:
         np.add.at(forces.T, link.elements, np.moveaxis(link.values("residual", q, v, a), 0, -1))
     d = of.rigid.description
@@ -89,7 +90,7 @@ def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters
 def matrices(of: LinkageInSpace, at: Moment) -> tuple[Array, Array, Array]:
     """Return mass, stiffness (unknowns, unknowns) and constraint Jacobian at rest, dense, with tangents."""
     n, rigid, t = of.unknowns, len(of.rows), np.array([at.t])
-    places, still = of.given(t)[0], np.zeros((1, n))
+    places, still = of.prescribed_with_tangents(t)[0], np.zeros((1, n))
     size, first = n + places.shape[1], rigid + 3 * len(of.pins)
     mass, stiffness = np.zeros((2, size, size), complex)
     bound = np.zeros((of.multipliers, size), complex)
@@ -148,7 +149,7 @@ class Tangents:
         self._all = Compressed(rows.ravel(), columns.ravel(), count * len(block))
         self.q, self.v = self._start()
         #: After every step.
-        self.kept = [(self.q, self.v)]
+        self.directions = [(self.q, self.v)]
 
     def _held(self, *moments: Moment) -> ByParameters:
         """Return the tangents at held motions along all directions, which are the last axis."""
@@ -217,7 +218,7 @@ class Tangents:
         dv = self.v + h * np.tensordot(method.b, da, 1)
         ended = before.q + h * before.v + h * h * (method.b @ method.a) @ a, before.v + h * method.b @ a
         self._project(before, after, *ended, dq, dv)
-        self.kept.append((self.q, self.v))
+        self.directions.append((self.q, self.v))
 
     def _project(self, before: Moment, after: Moment, q: Array, v: Array, dq: Array, dv: Array) -> None:
         """Project tangents as places and rates, q and v, at the end of a step: with M and J in its middle."""

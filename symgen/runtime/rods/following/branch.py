@@ -25,7 +25,7 @@ class Branch:
     """Poses along a branch, close enough to count revolutions; ``asked`` indexes the requested ones."""
 
     poses: Poses
-    asked: Indices
+    requested: Indices
 
 
 def along_branch(

@@ -282,7 +282,7 @@ def _recorded(
     return Forces(
         **of_model(
             d,
-            constraints.evaluator.given.tolist(),
+            constraints.evaluator.parameter_values.tolist(),
             method="elements",
             t_end=over.stop,
             backend=constraints.evaluator.library.backend,

@@ -62,7 +62,7 @@ class Assembly:
     def __init__(self, constraints: Constraints, loads: Evaluator, poses: Poses, elements: int) -> None:
         d, self._loads, self._poses = constraints.description, loads, poses
         self.description, self.elements = d, elements
-        self._kept: dict[str, Array] = {}
+        self._blocks: dict[str, Array] = {}
         self.names = [k for k in d.links if k in self._block("link_masses").columns]
         self.places = constraints.moving(poses)[0]
         self.accelerations = constraints.accelerating(poses)
@@ -83,10 +83,10 @@ class Assembly:
 
     def _values(self, name: str) -> Array:
         """Return a matrix of the loads at all poses, (poses, rows, columns)."""
-        if name not in self._kept:
+        if name not in self._blocks:
             values = self._loads.many(name, self._poses.times, self._poses.q, self._poses.u)
-            self._kept[name] = values.reshape(-1, *self._block(name).shape)
-        return self._kept[name]
+            self._blocks[name] = values.reshape(-1, *self._block(name).shape)
+        return self._blocks[name]
 
     def index(self, point: str) -> int:
         """Return the number of a point."""
@@ -181,7 +181,7 @@ class Assembly:
         free_fall = self._values("gravity")[:, None, :, 0]
         return self._values("point_loads") - masses[:, :, None] * (self.accelerations - free_fall)
 
-    def _given_away(self, point: str) -> Iterator[tuple[Unknown, Array]]:
+    def _carried(self, point: str) -> Iterator[tuple[Unknown, Array]]:
         """Yield the unknowns that a point gives away, with their directions (poses, 2, components)."""
         guides = self._labels("guides")
         for u in self.unknowns:
@@ -207,7 +207,7 @@ class Assembly:
             left.append(section / size[:, None])
             right.append(-constant / size)
         for point in self.description.points:
-            shares = list(self._given_away(point))
+            shares = list(self._carried(point))
             if point not in self.description.ground and shares:
                 row = np.zeros((len(self._poses), 2, self.size))
                 for u, along in shares:
@@ -235,7 +235,7 @@ class Assembly:
             reactions[point] = reactions.get(point, np.zeros_like(force)) + force
 
         for point in self.description.ground:
-            shares, on_point = list(self._given_away(point)), self._on_points[:, self.index(point)]
+            shares, on_point = list(self._carried(point)), self._on_points[:, self.index(point)]
             if shares or np.any(on_point):
                 add(point, -on_point)
             for u, along in shares:
