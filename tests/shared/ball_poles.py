@@ -19,7 +19,7 @@ class Straight:
         self.energy = self.mass(np.pi / 2) * SPEED**2 / 2
 
     def slider(self, angle):
-        """Place of the slider, its first and second derivative by the angle."""
+        """Place of the slider and its first two derivatives by the angle."""
         s = np.sqrt(ROD**2 - CRANK**2 - self.offset**2 - 2 * CRANK * self.offset * np.cos(angle))
         first = CRANK * self.offset * np.sin(angle) / s
         return s, first, (CRANK * self.offset * np.cos(angle) - first**2) / s

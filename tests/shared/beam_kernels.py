@@ -16,7 +16,7 @@ ROWS = ("u", "w", "slope", "rotation", "axial_strain", "curvature")
 
 
 def arguments(length: float, **section) -> np.ndarray:
-    """Length and section; what is not given is zero. A number is a uniform property."""
+    """Arguments of a link's kernels: length and section, zero by default; one number is a uniform property."""
     found = [length]
     for name, size in SIZES.items():
         given = np.atleast_1d(section.get(name, 0.0))
@@ -25,7 +25,7 @@ def arguments(length: float, **section) -> np.ndarray:
 
 
 def moved(q: np.ndarray, start: float, length: float) -> np.ndarray:
-    """The arguments of a part of a link that begins at ``start``."""
+    """Arguments of the part of a link that begins at ``start``."""
     found, at = [length], 1
     for size in SIZES.values():
         c = q[at : at + size]

@@ -1,7 +1,7 @@
 """Elements by Gauss quadrature of shape functions found numerically: independent of the derived kernels.
 
-Timoshenko's is the element whose two shear strains follow from equilibrium, for a uniform section: what the
-derived one becomes when its own are condensed.
+In Timoshenko's element of uniform section, equilibrium determines both shear strains; the derived element
+equals it after condensation of its shear unknowns.
 """
 
 from __future__ import annotations

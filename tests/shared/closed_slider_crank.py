@@ -21,7 +21,7 @@ ACROSS = float(Crank().inertia_of_rod()[1, 1])
 
 @dataclass(frozen=True)
 class Offsets:
-    """Offsets of one scene: a4 [in], alpha4 [deg], S1 [in], constant over the turn."""
+    """Constant offsets of one scene: a4 [in], alpha4 [deg], S1 [in]."""
 
     a4: float = 0.0
     alpha4: float = 270.0

@@ -23,9 +23,9 @@ CART_POLE = symgen.Scene(
 
 
 def cart_pole(model, x, theta, v, omega):
-    """Return y of the cart's place and the pole's angle from the vertical, clockwise, and the way back.
+    """Return maps from points to the cart's place and the pole's clockwise angle from the vertical, and back.
 
-    The way back takes accelerations of the points to those of place and angle.
+    The second map converts accelerations of the points to those of place and angle.
     """
     across, up = 0.5 * np.sin(theta), 0.5 * np.cos(theta)
     state = model.state(

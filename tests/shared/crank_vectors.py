@@ -36,17 +36,17 @@ PI = 4 * np.arctan(Real(1))
 
 
 def cylinder(mass, radius, length):
-    """Principal moments of inertia about the centre, its axis along i."""
+    """Principal moments of inertia of a cylinder about its centre, with its axis along i."""
     across = mass * (radius**2 / 4 + length**2 / 12)
     return np.array([mass * radius**2 / 2, across, across], dtype=Real)
 
 
 @dataclass(frozen=True)
 class Crank:
-    """Dimensions and masses; those of Rahman's example where not given.
+    """Dimensions and masses; by default those of Rahman's example.
 
-    ``rod_centre`` and ``rod_inertia`` (about it, a 3x3 matrix) make a general rod, whose spin is a coordinate; None
-    the uniform round one, which has none.
+    ``rod_centre`` and ``rod_inertia`` (about it, a 3x3 matrix) make a general rod, whose spin is a coordinate; with None
+    the rod is uniform and round, and its spin is no coordinate.
     """
 
     a4: float = 0.0
@@ -66,11 +66,11 @@ class Crank:
         object.__setattr__(self, "masses", tuple(self.density * v for v in volumes))
 
     def inertia_of_crank(self) -> np.ndarray:
-        """About the centre of mass, in the frame {2}; the moment about k is what turns count."""
+        """Inertia matrix about the centre of mass, in the frame {2}; rotations involve the moment about k."""
         return np.diag(cylinder(self.masses[0], self.radii[0], self.a1))
 
     def inertia_of_rod(self) -> np.ndarray:
-        """About the centre of mass, in the frame {3}."""
+        """Inertia matrix about the centre of mass, in the frame {3}."""
         if self.rod_inertia is not None:
             return np.array(self.rod_inertia, dtype=Real)
         return np.diag(cylinder(self.masses[1], self.radii[1], self.a2))
@@ -233,7 +233,7 @@ def _times(m, v):
 
 
 def driven(theta1, speed, amplitude, ratio) -> tuple[Jet, Jet]:
-    """Crank angle at constant speed, and S1 = amplitude sin(ratio theta1), or just the amplitude where ratio = 0."""
+    """Crank angle at constant speed, and S1 = amplitude sin(ratio theta1), or the amplitude if ratio = 0."""
     theta1 = Jet(np.asarray(theta1, dtype=Real), speed, 0)
     if ratio == 0:
         return theta1, Jet(np.full_like(theta1.value, amplitude))
@@ -241,7 +241,7 @@ def driven(theta1, speed, amplitude, ratio) -> tuple[Jet, Jet]:
 
 
 def dead_centres(crank: Crank, S1: float) -> list[float]:
-    """Crank angles [rad] in a turn where the rod points through the crank's axis (theta2 = 0 or pi), S1 constant."""
+    """Crank angles [rad] at which the rod points through the crank's axis (theta2 = 0 or pi), S1 constant."""
     from scipy.optimize import brentq
 
     def across(angles):

@@ -117,7 +117,7 @@ def _step(axis, angle, along):
 
 
 def draw(seed: int, with_helical: bool = False) -> Loop:
-    """A loop of any joints: of one of four kinds, with special angles and zero lengths."""
+    """A random loop of one of four kinds, with special angles and zero lengths."""
     rng = np.random.default_rng([seed, int(with_helical)])
     while True:
         kind = ("any", "closed", "closed", "closed", "parallel", "spherical")[int(rng.integers(6))]
@@ -270,7 +270,7 @@ def null_space(jacobian: np.ndarray, tolerance: float = 1e-6) -> np.ndarray:
 
 
 def judge(loop: Loop, name: str, backend: str = "auto") -> tuple[str, str]:
-    """Build a loop and compare with its closures; return what it came to, and what is wrong ('' where nothing is)."""
+    """Build a loop and compare with its closures; return the outcome, and the fault ('' if none)."""
     try:
         model = symgen.build(loop.scene(name), backend=backend)
     except SymgenError as error:
@@ -315,7 +315,7 @@ def _nearer(loop, q):
 
 
 def _refused(loop, text):
-    """Compare a refusal with what the loop can do."""
+    """Compare a refusal with the closures and the mobility of the loop."""
     what = next((w for w in ("cannot be assembled", "idle", "dead centre", "cannot follow") if w in text), "")
     if not what:
         return "other", text.partition("\n")[0]

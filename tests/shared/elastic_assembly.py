@@ -1,8 +1,8 @@
 """The equations of an elastic motion, assembled densely from the rigid motion of ``elastic_linkages``.
 
 Taken from symgen are only the constant matrices of the links in their own axes and the names of the unknowns.
-Axes and constraints are differentiated as what they are: s = B(t) S for the axes of a link, S = R(t) p for
-constraints, each with two rates, put into M s'' + C s' + K s = Q.
+Axes of a link, s = B(t) S, and constraints, S = R(t) p, are differentiated twice by time and substituted in
+M s'' + C s' + K s = Q.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from shared.elastic_linkages import DIGITS, STEP, Bar, Instant, Linkage
 
 @dataclass(frozen=True)
 class Case:
-    """A linkage with what its crank is: ``held``, ``free``, or driven by torque(angle, rate)."""
+    """A linkage and the type of its crank: ``held``, ``free``, or driven by torque(angle, rate)."""
 
     linkage: Linkage
     mode: str = "held"
@@ -60,7 +60,7 @@ class Joints:
         return mp.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
 
     def gap(self, q, bar, s, p, k):
-        """Distance of a joint from its place on a bar, along an axis."""
+        """Distance of a joint from its place on a bar, along an axis [m]."""
         return self.xy(q, p)[k] - (1 - s) * self.xy(q, bar.a)[k] - s * self.xy(q, bar.b)[k]
 
     def angle(self, q, bar):
@@ -114,7 +114,7 @@ class Joints:
             return [x for p in self.points for x in self.linkage.places(mpf(0))[p]]
 
     def force(self, q, u, elastic: bool):
-        """Applied forces by place and rate; with ``elastic`` what acts on elastic links too."""
+        """Applied forces by place and rate; with ``elastic`` including those on elastic links."""
         found = [mpf(0)] * len(q)
 
         def add(p, f, share=1.0):
@@ -184,7 +184,7 @@ def local(beam):
 
 
 def stiffening(beam, bar: Bar, pull, along, rate, e, joints):
-    """The integral of N w' w'^T, N by the balance of what lies before x; ``joints`` are (fraction, force)."""
+    """The integral of N w' w'^T, with N from the balance of the part before x; ``joints`` are (fraction, force)."""
     length, m = beam.properties.length, bar.mass / beam.properties.length
     points, weights = leggauss(10)
     breaks = {beam.info.node(k) for k in range(beam.info.elements + 1)}
@@ -202,7 +202,7 @@ def stiffening(beam, bar: Bar, pull, along, rate, e, joints):
 
 
 def places(case: Case, beam):
-    """Which unknown each of a link's own is: its name, a point with its axis, or None where it is held."""
+    """Global unknown of each unknown of a link: its name, a point with its axis, or None if it is held."""
     bar = case.linkage.bar(beam.info.link)
     nodes = [beam.info.node(k) for k in range(beam.info.elements + 1)]
     joints = {}
@@ -244,7 +244,7 @@ def axes(case: Case, beam, names, instant: Instant):
 
 
 def put_in(basis, mass, damping, stiffness, load):
-    """The equation in y of x = basis y."""
+    """Transform an equation in x to y, x = basis y."""
     zero, first, second = basis
     return (
         zero.T @ mass @ zero,
@@ -259,7 +259,7 @@ def constant(basis):
 
 
 def equations(case: Case, beams, names, t: float, *, thesis=False, rest=False, independent=None):
-    """Mass, damping, stiffness, load of the unknowns left, and R with two rates (None without constraints)."""
+    """Mass, damping, stiffness, load of the remaining unknowns, and R with two rates (None without constraints)."""
     instant, n = case.linkage.at(t), len(names)
     joints = Joints(case, instant)
     if rest:
@@ -321,7 +321,7 @@ def _shaft(case: Case, instant: Instant, total, at: int) -> None:
 
 
 def of_joints(joints: Joints, instant: Instant, rest: bool):
-    """The same of all that is not elastic, by the displacements of the joints."""
+    """The same for rigid bars and particles, by the displacements of the joints."""
     q, u, a = (
         [x for p in joints.points for x in table[p]] for table in (instant.now, instant.rate, instant.second)
     )
@@ -335,7 +335,7 @@ def of_joints(joints: Joints, instant: Instant, rest: bool):
     )
     mass, multipliers = joints.mass(False), _multipliers(joints, q, u, a)
     geometric = np.zeros(mass.shape)
-    # The axial force of an elastic link stands in its own geometric stiffness.
+    # The axial force of an elastic link is part of its geometric stiffness.
     elastic = {b.name for b in joints.linkage.bars if b.elastic}
     for name, f, kept in joints.constraints():
         if kept and not rest and name not in elastic:

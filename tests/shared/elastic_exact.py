@@ -96,7 +96,7 @@ def element(length, mass, axial, bending):
 
 
 def coriolis(length, mass):
-    """Coriolis matrix of an element over twice the angular velocity of its axes: a turn of v to (-w, u)."""
+    """Coriolis matrix of an element over twice the angular velocity of its axes: v rotated to (-w, u)."""
     scale = [length**k for k in _POWERS]
     found = mp.matrix(8, 8)
     for i in range(8):

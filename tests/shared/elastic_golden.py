@@ -28,7 +28,7 @@ FORCES = {
         (-0.54002155, -0.27001078, 0.08212743, -0.12302353),
     ),
 }
-#: With bearings: the torque at ``DEGREES``, and its extremes over a turn.
+#: With bearings: the torque at ``DEGREES``, and its extremes over a revolution.
 TORQUE = (31.57202591, 2.98141345, -0.17147759, -1.04151706, 0.40580695)
 TORQUE_EXTREMES = (50.90, -53.63)
 #: Largest forces of the joints on a grid of a degree without bearings: joint, lbf, at degrees.

@@ -40,7 +40,7 @@ class Bar:
     lumps: tuple = ()
     forces: tuple = ()
     joints: tuple = ()
-    disc: float = 0.0  # moment of inertia of what is fixed to it
+    disc: float = 0.0  # moment of inertia of a disc fixed to it
 
     @property
     def points(self) -> tuple[tuple[float, str], ...]:
@@ -102,7 +102,7 @@ def circles(a, b, first, second, side):
 
 
 class Instant:
-    """A linkage at one time: places, rates, forces; floats come out, what is inside has 50 digits."""
+    """A linkage at one time: places, rates, forces, as floats from calculations with 50 digits."""
 
     def __init__(self, linkage: Linkage, t: float) -> None:
         self.linkage, self.t = linkage, t
@@ -135,7 +135,7 @@ class Instant:
 
     @cached_property
     def forces(self) -> dict[tuple[str, str], np.ndarray]:
-        """Forces of the joints on the bars, by bar and point; weights and loads along a bar are its own."""
+        """Forces of the joints on the bars, by bar and point; weights and loads along a bar act on that bar."""
         bars = self.linkage.bars
         at = {(b.name, p): 2 * i for i, (b, p) in enumerate((b, p) for b in bars for _, p in b.points)}
         couple = 2 * len(at)
@@ -201,7 +201,7 @@ class Instant:
         return total
 
     def links_row(self, name: str):
-        """What an elastic link takes of the rigid motion: as the kernel ``links`` lists it."""
+        """Rigid-body motion inputs of an elastic link, in the order of the kernel ``links``."""
         b = self.linkage.bar(name)
         ends = [self.of(t, b.b) - self.of(t, b.a) for t in (self.now, self.rate, self.second)]
         return np.concatenate([*ends, self.felt(b.a), self.forces[name, b.a]])
@@ -271,7 +271,7 @@ DISC = 2e-3
 def six_bar(
     sizes: dict[str, float], elastic: Sequence[str], swing: float = 0.0, *, turned: bool = False
 ) -> Linkage:
-    """A coupler that goes on beyond its joint C to T, and a lever that is moved at its middle E.
+    """A coupler that extends beyond its joint C to T, and a lever that is driven at its middle E.
 
     ``swing`` is the amplitude [rad] of 40 rad/s by which the angle of the crank departs from constant speed.
     ``turned``: with ``TORSIONS`` and ``DISC``.
@@ -308,7 +308,7 @@ def six_bar(
 
 
 def six_bar_scene(elastic: Sequence[str], swing: float = 0.0, *, turned: bool = False) -> dict:
-    """The same as a scene, with its sizes as tunable parameters."""
+    """The linkage of ``six_bar`` as a scene, with its sizes as tunable parameters."""
     with mpmath.workdps(DIGITS):
         drawn = six_bar(SIX_BAR, elastic).places(mpf(0))
     points = {
@@ -395,7 +395,7 @@ def two_loops(flywheel: float = 0.0) -> Linkage:
 
 
 def two_loops_scene(crank: dict) -> dict:
-    """The same as a scene, drawn at time zero, with what its crank is."""
+    """The linkage of ``two_loops`` as a scene, drawn at time zero, with the type of its crank."""
     with mpmath.workdps(DIGITS):
         drawn = two_loops().places(mpf(0))
     points = {

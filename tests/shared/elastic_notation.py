@@ -13,7 +13,7 @@ UNREADABLE = "?"
 
 @dataclass(frozen=True)
 class Printed:
-    """A matrix: its entries row by row, and what its letters stand for."""
+    """A matrix: its entries row by row, and the meaning of its letters."""
 
     rows: tuple[tuple[str, ...], ...]
     letters: dict[str, str] = field(default_factory=dict)

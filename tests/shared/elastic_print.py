@@ -1,7 +1,7 @@
 """Entries of the thesis' matrices and polynomials as its print gives them, in its own letters.
 
-The scan is noisy. Where a digit or letter can only be one thing (l for 1, S for 5 in an exponent) it is written
-so; what cannot be read alone is ``?``. The notation is that of the print: ``3x4/2L2`` is 3 x^4/(2 L^2), and a
+The scan is noisy. A digit or letter with only one possible reading (l for 1, S for 5 in an exponent) is written so;
+one that cannot be read by itself is ``?``. The notation is that of the print: ``3x4/2L2`` is 3 x^4/(2 L^2), and a
 denominator ends at the first blank. Its dotted theta is ``w`` here, the twice dotted ``a``; the origin's velocity
 along and across the link is ``X``, ``Y`` and the rates of these components are ``p``, ``r``. In a matrix with
 letters, ``C`` and ``S`` are the cosine and sine of the link's angle where the letters leave them free.
@@ -349,7 +349,7 @@ MOMENTS = listed("""
     5 8 = x8/2L - x9/L2 + x10/2L3
 """)
 
-#: Entries that are wrong as read, with what is right: by matrix, row and column from 1, or by shape function.
+#: Wrong entries as read, with their corrections: by matrix, row and column from 1, or by shape function.
 #: The last three are of products that the final matrices F.4 and F.6 do not inherit, or of one letter.
 ERRATA = {
     ("5.23", 8, 7): "-3/L4",
@@ -365,5 +365,5 @@ SHAPE_ERRATA = {
     "6.25 4": "x2/2 - 3x3/2L + 3x4/2L2 - x5/2L3",
     "6.28 8": "x3/2L - x4/L2 + x5/2L3",
 }
-#: The letter X of F.5, its sign; it stands at (4, 4) and (8, 8) of F.5, its product with T, and F.6.
+#: Sign of the letter X of F.5; it occurs at (4, 4) and (8, 8) of F.5, its product with T, and F.6.
 LETTER_ERRATA = {"X": "3L EI/35 - w2L5/9240 m"}

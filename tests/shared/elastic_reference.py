@@ -1,8 +1,8 @@
 """The elastic four-bar with a held crank by plain NumPy, independent of symgen.
 
 Written from the equations alone, in ft, slug, s, lbf and rad. A link is one element, whose local equation is
-``M s'' - 2 w A s' + (K - w^2 M - al A + KG) s = Q`` in its own turning axes. What joins the links is
-``s = R(t) S`` with the directions of the links. All that the change of unknowns does follows from R, R' and R''.
+``M s'' - 2 w A s' + (K - w^2 M - al A + KG) s = Q`` in its own turning axes. The links are joined by
+``s = R(t) S`` with the directions of the links; R, R' and R'' give all terms of the change of unknowns.
 Every array has the crank angles as its first axis.
 """
 
@@ -198,7 +198,7 @@ class Elastic:
         return np.stack(bending), np.stack(axial)
 
     def steps(self, count: int, stages: int = 4):
-        """Propagators [[Phi, phi], [0, 1]] of (S, S', 1) over equal steps of one turn, by Gauss collocation."""
+        """Propagators [[Phi, phi], [0, 1]] of (S, S', 1) over equal steps of one revolution, by Gauss collocation."""
         points, weights, inner = gauss(stages)
         h, size = self.bar.period / count, 2 * len(self.unknowns) + 1
         result = np.empty((count, size, size))
@@ -226,7 +226,7 @@ class Elastic:
         return A
 
     def transient(self, count: int, stages: int = 4):
-        """Strains in 1e-6 over one turn from rest at count + 1 equal angles; and all y."""
+        """Strains in 1e-6 over one revolution from rest at count + 1 equal angles; and all y."""
         y = np.zeros((count + 1, 2 * len(self.unknowns) + 1))
         y[0, -1] = 1.0
         for i, step in enumerate(self.steps(count, stages)):
@@ -235,7 +235,7 @@ class Elastic:
         return MICRO * np.einsum("ktn,tn->kt", rows, y[:, : len(self.unknowns)]), y
 
     def multiplier(self, count: int) -> float:
-        """Size of the largest Floquet multiplier over one turn of the crank."""
+        """Magnitude of the largest Floquet multiplier over one revolution of the crank."""
         whole = np.eye(2 * len(self.unknowns) + 1)
         for step in self.steps(count):
             whole = step @ whole

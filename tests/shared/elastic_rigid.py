@@ -17,7 +17,7 @@ RPM = 2 * math.pi / 60
 
 @dataclass(frozen=True)
 class FourBar:
-    """The rig of the thesis: lengths, mass a length, stiffnesses, mass of the bearings at A and at B."""
+    """The rig of the thesis: lengths, masses per length, stiffnesses, masses of the bearings at A and at B."""
 
     a: float = 7 / 12
     b: float = 10 / 12

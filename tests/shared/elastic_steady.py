@@ -1,7 +1,7 @@
-"""Steady states of elastic linkages and their derivatives by parameters, from equations that are not of symgen.
+"""Steady states of elastic linkages and their derivatives by parameters, from equations independent of symgen.
 
 A clamped strip on a shaft is at rest in its turning axes: (K + K_N - w^2 M) s = Q in 50 digits. The four-bar of
-``elastic_reference`` repeats its motion every turn: its matrices at equal crank angles give one linear system,
+``elastic_reference`` repeats its motion every revolution: its matrices at equal crank angles give one linear system,
 which is differentiated implicitly. Tiny imaginary parts of parameters carry derivatives of matrices.
 """
 
@@ -19,7 +19,7 @@ from shared.elastic_reference import Elastic
 RIG = replace(PRINTED, bearing=0.0040803133)
 #: Imaginary part of a factor of a parameter.
 TINY = 1e-30
-#: Poses of a turn.
+#: Poses per revolution.
 POSES = 301
 
 
@@ -45,7 +45,7 @@ def of_strip(angle, names):
 
 
 def changed(name, factor):
-    """The rig of the thesis with a parameter of its scene multiplied."""
+    """The rig of the thesis with one parameter of its scene scaled."""
     powers = {
         "a": {"a": 1}, "b": {"b": 1}, "c": {"c": 1}, "frame": {"d": 1}, "speed": {"speed": 1},
         "density": {"m": 1}, "E": {"EI": 1, "EA": 1}, "bearing": {"bearing": 1},

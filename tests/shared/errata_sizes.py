@@ -1,4 +1,4 @@
-"""The sizes of the source's errors, as docs/errata_dual_euler.md gives them: one table a function, rows by scene."""
+"""The sizes of the source's errors, as docs/errata_dual_euler.md gives them: one table per function, rows by scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STUDY = (
     (0, 270, 0), (30, 270, 0), (10, 270, 3.5), (20, 270, 3.5), (30, 270, 3.5),
     (30, 270, 3), (30, 270, 6), (30, 270, 9), (20, 232, 0), (20, 310, 0),
 )  # fmt: skip
-#: Largest S1, in steps of 0.25 in, to which the printed iteration runs through a whole turn: by a4.
+#: Largest S1, in steps of 0.25 in, up to which the printed iteration completes a revolution, by a4.
 LAST_GOOD = {0: 0.0, 10: 2.5, 20: 6.0, 30: 9.5}
 LAST_GOOD_LOOSE = {0: 0.0, 10: 2.25, 20: 5.5, 30: 9.0}
 
@@ -23,7 +23,7 @@ def key(scene):
 
 
 def printed_turns():
-    """Run the printed iteration for all scenes that are needed, side by side."""
+    """Run the printed iteration for all scenes needed, batched."""
     wanted = [Offsets(*s) for s in STUDY]
     for a4, last in LAST_GOOD.items():
         wanted += [Offsets(a4, 270, last), Offsets(a4, 270, last + 0.25)]
@@ -55,7 +55,7 @@ def rates():
 
 
 def assembly_limit(a4):
-    """Largest S1 [in] with a full turn, alpha4 = 270: least discriminant zero, by bisection."""
+    """Largest S1 [in] with a full revolution, alpha4 = 270: the least discriminant is zero, by bisection."""
     return brentq(lambda S1: np.min(Closed(Offsets(a4, 270, S1), TURN).discriminant), 0.0, 60.0, xtol=1e-13)
 
 

@@ -63,7 +63,7 @@ def mass_matrix() -> sp.ImmutableMatrix:
 
 @cache
 def forces() -> sp.ImmutableMatrix:
-    """Return what is left of the generalised forces: M(q) q'' = forces."""
+    """Return the right-hand side of M(q) q'' = forces."""
     place, rates, mass = sp.Matrix([ANGLE, PLACE]), sp.Matrix([SPIN, DRIFT]), mass_matrix()
     height = -slider() * sp.cos(_TILT)
     weight = _G * (_M_CRANK * PLACE + _M_ROD * (PLACE + height) / 2 + _M_SLIDER * height)
@@ -94,7 +94,7 @@ def numbers(at: dict) -> list[mp.matrix]:
 
 
 def accelerations_by(names: list[sp.Symbol], at: dict) -> np.ndarray:
-    """Return the accelerations, and behind them their derivatives by some symbols, from 40 digits."""
+    """Return the accelerations, followed by their derivatives by some symbols, from 40 digits."""
 
     def found(i: int, changed: dict) -> mp.mpf:
         return mp.lu_solve(*numbers(at | changed))[i]

@@ -113,7 +113,7 @@ def atan2(y, x):
 
 
 def stacked(parts):
-    """Arrays side by side along a new last axis."""
+    """Stack arrays along a new last axis."""
     made = np.empty((*np.broadcast(*parts).shape, len(parts)), dtype=Real)
     for i, p in enumerate(parts):
         made[..., i] = p

@@ -1,4 +1,4 @@
-"""Run by a test: kills runs at random moments and resumes each; prints what came of it as JSON.
+"""Run by a test: kills runs at random moments, resumes each, and prints the outcomes as JSON.
 
 Arguments: a scene, a folder, and how often. Each run is a process of its own, forked from this one.
 """
@@ -39,7 +39,7 @@ def main():
     for k in range(times):
         file = folder / f"run{k}"
         wait, killed = chance.uniform(0.0, 0.5 * lasts), False
-        while not killed:  # a run that ended first, on a machine that became faster, is begun again
+        while not killed:  # a run that completed before it was killed is repeated
             file.unlink(missing_ok=True)
             child = os.fork()
             if not child:

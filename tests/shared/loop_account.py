@@ -1,8 +1,8 @@
-"""A run of a loop with all that can be recorded, held against the account of it by vectors: see ``table_vectors``.
+"""A run of a loop with all that can be recorded, compared with the vector equations of ``table_vectors``.
 
 The recorded motion closes the table with its rates and accelerations; every link obeys Newton's and Euler's laws
-under the recorded joint forces; joints do not push along their freedoms; action is reaction; and drives and loads
-together give what the kinetic energy takes, at every value of the input.
+under the recorded joint forces; joint wrenches do no work on the freedoms; action is reaction; and the power of drives
+and loads is the rate of the kinetic energy, at every value of the input.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Account:
         return self.motion.joint_wrench(row, self.si(f"{joint}.force"), self.si(f"{joint}.moment"))
 
     def on_links(self):
-        """Of every joint on the link that follows it."""
+        """Wrenches of every joint on the link that follows it."""
         return [self.wrench(row, r.link) for row, r in enumerate(self.loop.rows)]
 
     def closes(self):
@@ -121,7 +121,7 @@ class Account:
         assert largest(self.si("power") - given) <= EXACT * float(np.max(size))
 
     def open_components(self):
-        """Components of a wrench that goes round the loop which no freedom feels: 6 less the rank."""
+        """Number of wrench components around the loop that do no work on any freedom: 6 less the rank."""
         shape, ranks = self.run.time.shape, []
         for i in (0, len(self.run.time) // 4, 3 * len(self.run.time) // 4):
             felt = np.zeros((len(self.loop.variables), 6))

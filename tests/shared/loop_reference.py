@@ -1,6 +1,6 @@
 """A loop by 4x4 matrices and numerical differentiation in 40 digits: no screw, no bracket, no binor.
 
-It knows the table and the masses, and nothing of the derivation but which links are reached from which end.
+Of the derivation it uses only the end of the loop from which each link is reached.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def vee(matrix: mp.matrix) -> mp.matrix:
 
 
 def moved(pose: mp.matrix, wrench) -> tuple[mp.matrix, mp.matrix]:
-    """A wrench given in a frame, in the frame that the pose is given in, about its origin."""
+    """Transform a wrench to the reference frame of a pose, about the origin of that frame."""
     force, moment = (rotation(pose) * x for x in wrench)
     return force, moment + cross(pose[:3, 3], force)
 
@@ -106,7 +106,7 @@ class Reference:
 
     @cache  # noqa: B019
     def pose(self, link: int, s=0) -> mp.matrix:
-        """Where link 1, 2, ... stands, by the way the derivation goes there."""
+        """Pose of link 1, 2, ..., reached from the same end as in the derivation."""
         rows, found = self.rows(s), mp.eye(4)
         for row in rows[:link] if self.from_front[link - 1] else rows[link:]:
             found = found * row
@@ -123,7 +123,7 @@ class Reference:
                         for j in range(size.cols)] for i in range(size.rows)])  # fmt: skip
 
     def angular_velocity(self, link: int, s=0) -> mp.matrix:
-        """Of the body: without the spin of the frame where that is idle."""
+        """Angular velocity of the body: that of its frame without idle spin."""
         h = mp.mpf(10) ** -12
         turned = (rotation(self.pose(link, s + h)) - rotation(self.pose(link, s - h))) / (2 * h)
         w = vee(turned * rotation(self.pose(link, s)).T)
@@ -145,7 +145,7 @@ class Reference:
 
     @cache  # noqa: B019
     def net(self, link: int) -> tuple[mp.matrix, mp.matrix]:
-        """Inertia less gravity and loads, in the frame of the link about its origin."""
+        """Inertia wrench less gravity and loads, in the frame of the link about its origin."""
         mass = self.number(self.loop.body(link - 1).mass)
         pose, centre = self.pose(link), self.centre(link)
         force = mass * (self.rate(lambda s: self.centre(link, s), 2) - self.vector(self.loop.gravity))
@@ -160,7 +160,7 @@ class Reference:
         return moved(inverse(pose), (force, moment))
 
     def joint_wrench(self, joint: int, closing=None) -> tuple[mp.matrix, mp.matrix]:
-        """Of the link before on the link behind, in the frame before the joint, about its origin."""
+        """Joint wrench of the preceding on the following link, in the frame before the joint, about its origin."""
         rows, zero = self.rows(), mp.zeros(3, 1)
         whole, found = mp.eye(4), (zero, zero)
         for link in range(joint, len(rows)):
@@ -171,7 +171,7 @@ class Reference:
         return found
 
     def efforts(self, closing=None) -> list[mp.mpf]:
-        """What the joint wrenches do at a unit rate of each variable: by the motion of the row it stands in."""
+        """Power of the joint wrenches at a unit rate of each variable, by the motion of its row."""
         rows, h = self.rows(), mp.mpf(10) ** -12
         wrenches = [self.joint_wrench(k, closing) for k in range(1, len(rows) + 1)]
         found = []

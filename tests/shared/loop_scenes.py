@@ -1,4 +1,4 @@
-"""Loops for the tests, with dimensions of their own, as scenes in Python; each is built once a session."""
+"""Loops for the tests as scenes in Python; each is built once per session."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def scene(rows, *, gravity=None, outputs=None, parameters=None, units=None, **lo
 
 
 def driven(rows, start, low=0.0, high=360.0, **more):
-    """The same with theta1 turning steadily; start in degrees and metres."""
+    """The same with theta1 at constant rate; start in degrees and metres."""
     guess = {k: f"{v!r} m" if k[0] == "S" else f"{v!r} deg" for k, v in start.items()}
     return scene(
         rows,
@@ -85,7 +85,7 @@ def cardan(**more):
     return driven(rows, CARDAN_START, 90.0, 450.0, **more)
 
 
-#: Angles that close it at theta1 = 90 deg.
+#: Angles that close the cardan joint at theta1 = 90 deg.
 CARDAN_START = {"theta2": 90.0 - BETA, "theta3": 90.0, "theta4": 0.0}
 
 RSSR = {"a1": 1.0, "a2": 5.0, "a3": 3.0, "a4": 4.0, "S4": 1.5, "alpha4": 70.0}
@@ -208,7 +208,7 @@ def bricard_phi(alpha, theta):
 
 @lru_cache
 def turned(name, *arguments, samples=361):
-    """The result over the whole range of one of these scenes, built once."""
+    """The result of one of these scenes over its whole range, built once."""
     return symgen.build(globals()[name](*arguments)).inverse_dynamics(samples=samples)
 
 

@@ -3,7 +3,7 @@
 Rotations and places are multiplied row by row, the loop is closed by Gauss and Newton on all twelve equations,
 rates and momenta are differences in time of fourth order, and slopes are central differences. The drive
 effort follows from the power of all links, joint forces from the balance of the links behind a joint and
-from joints that transmit nothing along their freedoms. Only the pose to begin with is given.
+from joints that transmit nothing along their freedoms. Only the initial pose is taken from symgen.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def frames(table):
 
 
 class Motion:
-    """A case with its pose at the time of the case as guess of its own."""
+    """The motion of a case, assembled from the guess of its pose at the time of the case."""
 
     def __init__(self, case: Case, values: Values, guess: dict[str, float]) -> None:
         self.case, self.own, self.t = case, values, mp.mpf(case.time)
@@ -228,7 +228,7 @@ class Motion:
 
 
 def rod(mass, length, more=0):
-    """A slender rod behind its far end."""
+    """Mass, centre and inertia of a slender rod behind its far end."""
     inertia = mass * length**2 / 12
     return mass, [-length / 2, mp.mpf(0), mp.mpf(0)], (mp.mpf(0), inertia, inertia + more, *[mp.mpf(0)] * 3)
 

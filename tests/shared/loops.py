@@ -1,4 +1,4 @@
-"""Loops made by hand for the tests of the derivation, before any scene is read."""
+"""Loops for the tests of the derivation, without scene files."""
 
 from __future__ import annotations
 

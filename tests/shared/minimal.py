@@ -184,7 +184,7 @@ class Minimal:
         return Vector(turn @ e, slope, -(s @ s) * (turn @ e))
 
     def motion(self, pose: Pose):
-        """Every point by the tree, every centre of mass, and for each cut the body's own side of it."""
+        """Return all points by the tree, all centres of mass, and for each cut the point of the cut body."""
         m = self.mechanism
         d = m.dimension
         still = np.zeros((d, self.size), dtype=Real), np.zeros(d, dtype=Real)
@@ -276,7 +276,7 @@ class Minimal:
         return self._forces(pose, a, a_centre, force, held)
 
     def _forces(self, pose, a, a_centre, force, held) -> Solution:
-        """Newton's law for everything beyond a joint gives the force through it."""
+        """Return the force through each joint, by Newton's law for all bodies beyond it."""
         m = self.mechanism
         at_cut = {(b.name, p): h for (b, p), h in zip(self.cuts, held, strict=True)}
 
@@ -303,7 +303,7 @@ class Minimal:
         return Solution(a, tensions, {g: -load(g) for g in m.ground})
 
     def _tension(self, body, outer, joint, pose, a):
-        """What is left along the rod at its outer end: joint force and weight less the mass that end moves.
+        """Return the axial force at the outer end of a rod: joint force and weight less inertia force of that end.
 
         With a(z) = (1 - z) a_i + z a_j along the rod, the end j moves the integral of z a(z) dm, and carries
         the weight m z_c; the end i the rest.

@@ -1,4 +1,4 @@
-"""Scene files with faults put into them, and what symgen must make of each: a scene or a named error."""
+"""Scene files with faults put into them, and the required outcome of each: a scene or a named error."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from symgen.runtime.loop.model import LoopModel
 from symgen.scene.loading import SHIPPED, check_scene, read_scene
 from symgen.scene.resolve import resolve
 
-#: Seconds after which something hangs.
+#: Seconds after which a call counts as hanging.
 PATIENCE = 5.0
-#: Wall time [s] that runs are limited to, and what deriving the equations of elastic links and results may take
-#: besides on a busy machine.
+#: Wall time [s] that runs are limited to, and an allowance on a busy machine for
+#: deriving the equations of elastic links and computing results.
 LIMIT, OVER = 0.5, 4.0
-#: Of the scenes that are good, one in so many is derived, and one in so many built, assembled and run.
+#: Of valid scenes, one in this number is derived, and one in this number is built, assembled and run.
 DERIVED, BUILT = 4, 16
 #: A function that expressions try to call: whatever calls it has run code of a scene.
 CANARY = "symgen_canary"
@@ -73,7 +73,7 @@ def places(data: object, path: tuple = ()) -> Iterator[tuple]:
 
 
 def _words(data: dict) -> list:
-    """Return all keys and texts of a scene: put elsewhere they are the likeliest of faults."""
+    """Return all keys and texts of a scene, which are likely faults in other places."""
     keys = {str(part) for path in places(data) for part in path if isinstance(part, str)}
     return sorted(keys)
 
@@ -86,7 +86,7 @@ def _table(data: dict, path: tuple) -> object:
 
 
 def _toml(value: object) -> str:
-    """Write a value as TOML; what JSON and TOML write alike is most of it."""
+    """Write a value as TOML; most values have the same form in JSON."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{_toml(str(k))} = {_toml(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list):
@@ -190,7 +190,7 @@ def within(seconds: float) -> Iterator[None]:
         raise Hang
 
     before = signal.signal(signal.SIGALRM, stop)
-    # Again and again: callbacks from C swallow what is raised in them.
+    # Repeatedly, since callbacks from C suppress exceptions raised in them.
     signal.setitimer(signal.ITIMER_REAL, seconds, 0.1)
     try:
         yield
@@ -259,14 +259,14 @@ _LONGEST = 3000
 
 
 def check_message(text: str) -> None:
-    """Raise AssertionError where an error's text is empty, endless, or not for reading."""
+    """Raise AssertionError if an error's text is empty, too long, or not readable."""
     assert text.strip(), "an error without words"
     assert not (found := _UNCLEAN.search(text)), f"an error with {found[0]!r} in it"
     assert len(text) <= _LONGEST, f"an error of {len(text)} characters"
 
 
 def depth(content: bytes) -> int:
-    """Return how far a scene goes if it is good: 0 resolved, 1 derived, 2 built; the same each time."""
+    """Return the last stage tested of a valid scene: 0 resolved, 1 derived, 2 built; repeatable."""
     lot = zlib.crc32(content)
     return 2 if lot % BUILT == 0 else 1 if lot % DERIVED == 0 else 0
 
@@ -300,7 +300,7 @@ def _run(model: object, limit: float) -> None:
 
 
 def judge(content: bytes, folder: Path, patience: float = PATIENCE) -> tuple[str, float]:
-    """Read a scene file, as far as its lot says; return the outcome and the wall time [s] of its run.
+    """Process a scene file up to its stage (``depth``); return the outcome and the wall time [s] of its run.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def judge(content: bytes, folder: Path, patience: float = PATIENCE) -> tuple[str
     folder
         Where it is written; ``SYMGEN_CACHE`` is a folder inside.
     patience
-        Seconds that it may take.
+        Limit of the time [s].
     """
     path = folder / "scene.toml"
     path.write_bytes(content)

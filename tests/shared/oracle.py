@@ -1,4 +1,4 @@
-"""The truth for kernels, as the package has it, and how far off a kernel is."""
+"""Reference values of kernels from the package's exact evaluation, and errors of kernels."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ TURN = 360
 
 @dataclass(frozen=True)
 class Turn:
-    """What the printed iteration (5) to (26) found at 0, 1, 2 ... degrees, up to where it stopped converging."""
+    """Results of the printed iteration (5) to (26) at 0, 1, 2 ... degrees, until it fails to converge."""
 
     unknowns: np.ndarray  # (degrees, 5): theta2, eta2, theta3, eta3, S4
     residual: np.ndarray  # largest entry of |B - I|, lengths over a2
@@ -52,9 +52,9 @@ class Turn:
 
 
 def turns(scenes: list[Offsets], *, tolerance: float = 1e-6, limit: int = 100) -> list[Turn]:
-    """Follow the printed iteration over one turn in steps of 1 degree, from the planar estimate (2.6.2).
+    """Follow the printed iteration over one revolution in steps of 1 degree, from the planar estimate (2.6.2).
 
-    All scenes side by side. One that needs more than ``limit`` iterations at an angle ends there.
+    All scenes are batched. One that needs more than ``limit`` iterations at an angle ends there.
     """
     a4, alpha4, S1 = (np.array([getattr(o, name) for o in scenes]) for name in ("a4", "alpha4", "S1"))
     alpha4 = np.radians(alpha4)
@@ -64,7 +64,7 @@ def turns(scenes: list[Offsets], *, tolerance: float = 1e-6, limit: int = 100) -
     degree, count = np.zeros(len(scenes), dtype=int), np.zeros(len(scenes), dtype=int)
     found = [([], [], []) for _ in scenes]
     at = np.arange(len(scenes))
-    while len(at):  # every scene goes on to its next angle as soon as it may
+    while len(at):  # every scene continues to its next angle once converged
         step, residual = newton_step(np.radians(degree[at]), x[at], a4[at], alpha4[at], S1[at])
         x[at] += step
         count[at] += 1
@@ -79,7 +79,7 @@ def turns(scenes: list[Offsets], *, tolerance: float = 1e-6, limit: int = 100) -
 
 
 def newton_step(theta1, x, a4, alpha4, S1):
-    """Return the step (23a) with A of (24) and V of (25), and the size of B - I; one row a scene.
+    """Return the step (23a) with A of (24) and V of (25), and the size of B - I; one row per scene.
 
     An operator H of (12) to (16) is the skew matrix of a screw (omega, v at O), and the dual part of B is
     [p]x R: both are written down from rotations and origins here, which is quicker; ``operators`` has the print's form.

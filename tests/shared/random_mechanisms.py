@@ -12,7 +12,7 @@ WORST_CONDITION = 100.0
 
 
 class Draft:
-    """A mechanism being drawn: exact decimals, so that the scene's text and the numbers are the same."""
+    """A mechanism under construction, in exact decimals: the scene's text and the numbers agree."""
 
     def __init__(self, rng, dimension: int) -> None:
         self.rng, self.dimension = rng, dimension
@@ -104,7 +104,7 @@ def in_unit(values, unit: str) -> list[str]:
 
 
 def loaded(draft: Draft) -> tuple[Mechanism, symgen.Scene]:
-    """Give a sketch its masses and loads, twice: as numbers, and as the words of a scene."""
+    """Give a sketch its masses and loads, both as numbers and as tables of a scene."""
     words: dict = {"parameters": {"newton": "1 N", "hz": "1 Hz"}, "links": {}}
     placed = {p: at for p, at in draft.at.items() if p not in draft.on}
     words["points"] = {p: {"at": in_unit(at, "m"), "ground": p in draft.ground} for p, at in placed.items()}
@@ -203,14 +203,14 @@ def _add_torques(draft: Draft, mechanism: Mechanism, words: dict) -> None:
 
 
 def usable(model: Minimal, pose: Pose) -> bool:
-    """No spring near zero length, where it has no direction."""
+    """Return whether no spring is near zero length, where its direction is undefined."""
     points, _, _ = model.motion(pose)
     gaps = [points[b].value - points[a].value for a, b in (s.ends for s in model.mechanism.springs)]
     return all(np.sqrt(g @ g) > 0.1 for g in gaps)
 
 
 def draw(rng, dimension: int, count: int, kind: str, free: bool):
-    """A random mechanism that can move, drawn in a well-conditioned pose; and how many were too near a dead centre."""
+    """A random mechanism that can move, drawn in a well-conditioned pose; and the number of draws too near a dead centre."""
     refused = 0
     while True:
         draft = sketch(rng, dimension, count, kind, free)
@@ -227,7 +227,7 @@ def draw(rng, dimension: int, count: int, kind: str, free: bool):
 
 
 def random_pose(rng, model: Minimal, drawn: Pose) -> tuple[Pose, int]:
-    """Any pose of a tree, a pose near the drawn one of a closed linkage; moving; and how many were refused."""
+    """Any pose of a tree, a pose near the drawn one of a closed linkage; moving; and the number of rejected draws."""
     refused, reach = 0, 0.5
     while True:
         turn = rng.standard_normal(model.size)

@@ -120,7 +120,7 @@ def vector(v, unit):
 
 
 def general(seed=0):
-    """A body of no symmetry: mass, centre, inertia matrix about it."""
+    """A body without symmetry: mass, centre, inertia matrix about the centre."""
     rng = np.random.default_rng(seed)
     turn = Rotation.random(random_state=seed).as_matrix()
     return 2.3, rng.uniform(-0.3, 0.3, 3), turn @ np.diag([0.05, 0.08, 0.11]) @ turn.T
@@ -143,7 +143,7 @@ def written(named, mass, centre, inertia):
 
 
 def joined_bodies():
-    """A rod from the ground, two bodies with a ball joint, rods behind and beside them, all loads of space."""
+    """A rod from the ground, two bodies with a ball joint, further rods in series and in parallel, all loads in space."""
     points = {
         "O": place([0, 0, 0.3], ground=True),
         "A": place([0.7, 0.1, 0]),

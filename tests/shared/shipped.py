@@ -34,12 +34,12 @@ REPEATED = {
 }  # fmt: skip
 
 
-#: Where processes that share the work of a session keep them for each other; set by ``conftest.py``.
+#: Folder that processes of one session share derived systems through; set by ``conftest.py``.
 FOLDER: list[Path] = []
 
 
 def _once(name, make):
-    """Return what is made for a name, or what another process of this session has made."""
+    """Return the object made for a name, by this or another process of the session."""
     file = FOLDER[0] / f"{name}.pickle" if FOLDER else None
     if file and file.exists():
         return pickle.loads(file.read_bytes())

@@ -1,10 +1,9 @@
 """Any loop of a link-joint table by rotation matrices, positions and Newton's and Euler's laws: no screws.
 
-A second account of what symgen gives for such a scene. The table is run through link by link with plain rotation
-matrices whose rates follow by Taylor arithmetic, and the motion so found has to close the loop, with its rates and
-accelerations. Then each link by itself has to obey Newton's and Euler's laws under the recorded joint forces, the
-joints must not push along their own freedoms, and the drives must give what the energy takes.
-Nothing here solves for anything: it only judges. Units are SI, extended doubles.
+An independent check of results of loops. Links are placed by products of rotation matrices, whose rates follow by
+Taylor arithmetic; the recorded motion must close the loop, with its rates and accelerations. Each link must obey
+Newton's and Euler's laws under the recorded joint forces, joint wrenches must do no work on the freedoms, and the
+power of the drives must balance the energy. No equations are solved. Units are SI, in extended doubles.
 """
 
 from __future__ import annotations
@@ -78,10 +77,10 @@ class TableMotion:
                 total = total + motion * self._number(slope)
         return total
 
-    # --- what must hold -----------------------------------------------------------------------------------
+    # --- conditions ---------------------------------------------------------------------------------------
 
     def closure(self) -> tuple[float, float, float]:
-        """How far frame {n+1} is from {1}: in place (radians, sizes of the loop), in rate, in acceleration."""
+        """Deviation of frame {n+1} from {1} in pose (radians, sizes of the loop), rate and acceleration."""
         last, size = self.frames[-1], Real(self.loop.size)
         gaps = []
         for i in range(3):
@@ -104,7 +103,7 @@ class TableMotion:
         return force - mass * gravity, moment - cross(centre.value, mass * gravity)
 
     def _of(self, body, frame):
-        """Mass, centre of mass, and rate of the angular momentum about it; idle spin is none."""
+        """Mass, centre of mass, and rate of the angular momentum about it, without idle spin."""
         spin, spin_rate, inertia, centre = self._body(body, frame)
         own = _times(inertia, spin_rate)
         if not body.idle:
@@ -180,7 +179,7 @@ def moving(loop: Loop, result, sizes) -> dict[str, Jet]:
 
 
 def load_wrench(motion: TableMotion, row: int, times) -> tuple[np.ndarray, np.ndarray]:
-    """Force, and moment about the origin of {1}, of what is applied to the link of a row, gravity apart."""
+    """Force, and moment about the origin of {1}, of the loads on the link of a row, without gravity."""
     loop, frame = motion.loop, motion.frames[row + 1]
     force = np.zeros_like(frame.origin.value)
     moment = np.zeros_like(force)

@@ -1,4 +1,4 @@
-"""Random linkages written with sines, roots and fractions, and how far a start is from what they ask for.
+"""Random linkages written with sines, roots and fractions, and errors of their starts.
 
 The sketches are those of ``random_mechanisms``. Every length and place is an expression, and its value is known
 from plain arithmetic on the way. Many lengths are given, some of them the drawn ones in other words.
@@ -150,7 +150,7 @@ def _link(made: Written, name: str, near: Mapping[str, str | None]) -> dict:
 
 
 def _slider(made: Written) -> None:
-    """Add a point mass on the line of a link, drawn on it or beside it."""
+    """Add a point mass on the line of a link, drawn on it or off it."""
     rods = {k: v for k, v in made.draft.links.items() if not set(v[:2]) & set(made.draft.on)}
     if not rods:
         return
@@ -181,7 +181,7 @@ def _angle(made: Written) -> None:
 
 
 class Demands:
-    """What a scene asks of its points at a time [s], by plain geometry."""
+    """Conditions of a scene on its points at a time [s], by plain geometry."""
 
     def __init__(self, linkage: Linkage, t: float = 0.0) -> None:
         def number(expression: sp.Expr) -> float:
@@ -202,7 +202,7 @@ class Demands:
         self.axes = {k.link: np.array([number(c) for c in k.axis]) for k in linkage.hinges}
 
     def misses(self, places: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray]]:
-        """Yield by what vectors [m] points miss what is asked of them."""
+        """Yield the error vectors [m] of the conditions on points."""
 
         def along(name: str) -> np.ndarray:
             link = self.linkage.link(name)
@@ -244,7 +244,7 @@ class Demands:
 
 
 def closes(linkage: Linkage, t: float = 0.0, starts: int = 40) -> bool:
-    """Return whether least squares from many starts find a pose that meets what a scene asks at a time [s]."""
+    """Return whether least squares from many starts find a pose that meets a scene's conditions at a time [s]."""
     demands, random = Demands(linkage, t), np.random.default_rng(0)
     free = [name for name in demands.drawn if name not in demands.ground]
     drawn = np.array([demands.drawn[name] for name in free])
@@ -275,7 +275,7 @@ def worst_miss(scene: object, model: object) -> float:
 
 
 def judge(seed: int, backend: str = "numpy") -> tuple[str, float]:
-    """Build one random scene; return what became of it, and by how much its start misses it."""
+    """Build one random scene; return the outcome, and the error of its start."""
     rng = np.random.default_rng(seed)
     kind = KINDS[seed % 4]
     made = random_scene(rng, 2 + seed // 4 % 2, kind, int(rng.integers(3, 8)), bool(rng.random() < 0.3))
@@ -284,7 +284,7 @@ def judge(seed: int, backend: str = "numpy") -> tuple[str, float]:
         model = symgen.build(scene, backend=backend)
     except SceneError as error:
         linkage = resolve_linkage(check_scene(text_of(scene)))
-        # What closes, and not a moment later, has a drive that cannot turn.
+        # A linkage that closes only at the first instant has a drive that cannot rotate.
         wrongly = "WRONGLY " if closes(linkage) and closes(linkage, MOMENT) else ""
         return f"{wrongly}refused: {error.problem.split(':')[0].split(' by ')[0][:60]}", 0.0
     worst = worst_miss(scene, model)
@@ -296,7 +296,7 @@ def judge(seed: int, backend: str = "numpy") -> tuple[str, float]:
 
 
 def judged(seeds: range) -> tuple[Counter[str], dict[int, float]]:
-    """Return what became of these scenes, and the errors of those that start."""
+    """Return the outcomes of these scenes, and the errors of those that start."""
     outcomes, errors = Counter(), {}
     for seed in seeds:
         outcome, error = judge(seed)

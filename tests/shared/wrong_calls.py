@@ -1,6 +1,6 @@
 """Wrong calls of the public interface: every public function and method, with wrong values of each argument.
 
-Arguments are taken from the signatures, so that a new one is called wrongly, too. A call must succeed or raise a
+Arguments are taken from the signatures, so that new functions are included. A call must succeed or raise a
 SymgenError with a readable message; anything else is a fault.
 """
 
@@ -27,7 +27,7 @@ PATIENCE = 20.0
 
 
 class Opaque:
-    """An object of no use to anybody, whose representation fails."""
+    """An object whose representation fails."""
 
     def __repr__(self) -> str:
         raise RuntimeError("no representation")
@@ -58,7 +58,7 @@ class Callee:
 
 @dataclass(frozen=True, eq=False)
 class Call:
-    """A wrong call: what is called, and with what."""
+    """A wrong call: the function and its arguments."""
 
     callee: Callee
     values: tuple[Any, ...]
@@ -81,9 +81,9 @@ def wrong_calls(folder: Path) -> list[Call]:
     wrong = (*WRONG, *made.values())
     calls = []
     for callee in callees(made, good):
-        if not callee.name.endswith("__"):  # of operators, Python sees to the number of arguments
+        if not callee.name.endswith("__"):  # Python itself checks the number of arguments of operators
             calls += [Call(callee, (), {**callee.good, "no_such": 1})]
-            # Where all have defaults, a call without arguments is a right one, which may take long.
+            # If all have defaults, a call without arguments is valid and may take long.
             if any(a.default is a.empty for a in callee.arguments()):
                 calls += [Call(callee, (), {})]
             calls += [Call(callee, (*callee.good.values(), *range(30)), {})]
@@ -92,7 +92,7 @@ def wrong_calls(folder: Path) -> list[Call]:
                 calls += [Call(callee, (value,), callee.good) for value in wrong]
                 continue
             name = "rho" if argument.kind is argument.VAR_KEYWORD else argument.name
-            # What a user's own function raises is the user's own.
+            # Exceptions of a user's function are passed on unchanged.
             fitting = [
                 v for v in wrong if name not in ("forces", "progress") or (v is not len and v is not object)
             ]
@@ -212,7 +212,7 @@ def system():
 
 
 def judge(call: Call, patience: float = PATIENCE) -> str:
-    """Make a wrong call; return what came of it, or raise what must not be."""
+    """Make a wrong call; return the outcome, or raise the exception that is not permitted."""
     try:
         with warnings.catch_warnings(), within(patience):
             warnings.simplefilter("ignore")
@@ -224,7 +224,7 @@ def judge(call: Call, patience: float = PATIENCE) -> str:
 
 
 def sample(calls: list[Call], count: int, seed: int) -> list[Call]:
-    """Return some of the calls, the same each time; of every function and method one at least."""
+    """Return a repeatable sample of the calls, with at least one of every function and method."""
     chosen = random.Random(seed).sample(calls, len(calls))
     first = list({call.callee.name: call for call in chosen}.values())
     return first + [call for call in chosen if call not in first][: max(0, count - len(first))]
