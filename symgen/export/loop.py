@@ -117,7 +117,7 @@ def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ..
         derived=d.derived,
         extra=1,
         work=model.kernels.work_size,
-        told=outputs.out_size if outputs else 0,
+        out_size=outputs.out_size if outputs else 0,
         solved=len(solved),
         inputs=len(model.kernels.inputs),
         unknown=len(places),

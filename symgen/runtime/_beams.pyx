@@ -184,7 +184,7 @@ cdef class RigidMotion:
     cdef Reals rows, references
 
     def __init__(self, Integrable equations, motion, joints, sizes, double t, y, double stride, path=None):
-        cdef motion_kernels given
+        cdef motion_kernels functions
         cdef Reals state = Reals(equations.of, [*y, *np.zeros(equations.extra)])
         if state.count != equations.dim:
             raise ValueError(f"expected a state of {2 * equations.n} numbers, got {len(y)}")
@@ -194,12 +194,12 @@ cdef class RigidMotion:
         self.api = <const elastic_table *>equations.of.api.elastic
         self.libraries = (motion, joints)
         moving, joining = motion.addresses, joints.addresses
-        given.links, given.joints = kernel_of(moving, "links"), kernel_of(joining, "joints")
-        given.shaft, given.loads = kernel_of(moving, "shaft"), kernel_of(moving, "loads")
-        given.setup, given.joints_setup = kernel_of(moving, "setup"), kernel_of(joining, "setup")
+        functions.links, functions.joints = kernel_of(moving, "links"), kernel_of(joining, "joints")
+        functions.shaft, functions.loads = kernel_of(moving, "shaft"), kernel_of(moving, "loads")
+        functions.setup, functions.joints_setup = kernel_of(moving, "setup"), kernel_of(joining, "setup")
         self.memory = memory_of(self.api.motion_struct, self.api.motion_bytes(equations.core, &self.sizes))
         self.core = <rigid_motion *>self.memory.structure
-        self.api.motion_bind(self.core, equations.core, &given, &self.sizes, stride, self.memory.at)
+        self.api.motion_bind(self.core, equations.core, &functions, &self.sizes, stride, self.memory.at)
         self.api.motion_start(self.core, t, state.at)
         if path is not None:
             self.rows = Reals(equations.of, path.rows)

@@ -217,7 +217,7 @@ cdef class Integrable:
     cdef object libraries
     cdef readonly Py_ssize_t n, m, extra, dim
 
-    cdef int make(self, const sizes *wanted, const kernels *given) except -1
+    cdef int make(self, const sizes *wanted, const kernels *functions) except -1
     cdef int bound(self, const double[::1] parameters) except -1
 
 

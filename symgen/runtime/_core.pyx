@@ -193,13 +193,13 @@ cdef class Core:
 
     def narrow(self, raw):
         """Return numbers of :meth:`widen` as two arrays of doubles: rounded values and remainders."""
-        cdef const unsigned char[::1] given = np.ascontiguousarray(raw).reshape(-1)
+        cdef const unsigned char[::1] raw_bytes = np.ascontiguousarray(raw).reshape(-1)
         shape = raw.shape[:raw.ndim - 1]
         high, low = np.empty(shape), np.empty(shape)
         cdef double[::1] a = high.reshape(-1), b = low.reshape(-1)
         if a.shape[0]:
-            at_least("bytes", given.shape[0], a.shape[0] * self.api.real_bytes)
-            self.api.narrow(a.shape[0], &given[0], &a[0], &b[0])
+            at_least("bytes", raw_bytes.shape[0], a.shape[0] * self.api.real_bytes)
+            self.api.narrow(a.shape[0], &raw_bytes[0], &a[0], &b[0])
         return high, low
 
     def call(self, uintptr_t address, sizes, const unsigned char[:, ::1] t, const unsigned char[:, :, ::1] y,
@@ -270,17 +270,17 @@ cdef class Reals:
     """
 
     def __init__(self, Core of, doubles):
-        cdef const double[::1] given
+        cdef const double[::1] numbers
         self.of, self.doubles = of, np.ascontiguousarray(doubles, dtype=float).reshape(-1)
-        given = self.doubles
-        self.count = given.shape[0]
+        numbers = self.doubles
+        self.count = numbers.shape[0]
         if of.api.real_bytes == sizeof(double):
-            self.at = <void *>&given[0] if self.count else NULL
+            self.at = <void *>&numbers[0] if self.count else NULL
             return
         self.own = memory_of(0, self.count * of.api.real_bytes)
         self.at = self.own.at
         if self.count:
-            of.api.widen(self.count, &given[0], NULL, self.at)
+            of.api.widen(self.count, &numbers[0], NULL, self.at)
 
     cdef void back(self):
         """Copy the core's results back."""
@@ -293,10 +293,10 @@ cdef class Reals:
 cdef class Integrable:
     """Equations that a run integrates: their memory, sizes and diagnosis."""
 
-    cdef int make(self, const sizes *wanted, const kernels *given) except -1:
+    cdef int make(self, const sizes *wanted, const kernels *functions) except -1:
         self.memory = memory_of(self.of.api.equations_struct, self.of.api.equations_bytes(wanted))
         self.core = <equations *>self.memory.structure
-        self.of.api.equations_bind(self.core, wanted, given, self.memory.at)
+        self.of.api.equations_bind(self.core, wanted, functions, self.memory.at)
         return 0
 
     cdef int bound(self, const double[::1] parameters) except -1:
@@ -459,37 +459,37 @@ cdef class Equations(Integrable):
                  Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
                  double slack, *, Core core=DOUBLE, long events=0, long switches=0, long windings=0, long turns=0, tangent=(),
                  tangent_library=None, double stabilisation=0.0):
-        cdef kernels given
+        cdef kernels functions
         cdef sizes wanted
         addresses = library.addresses
         tangents = tangent_library.addresses if tangent_library is not None else {}
         if not (addresses.get("accelerations") and addresses.get("energy")):
             raise ValueError("expected a model with the kernels 'accelerations' and 'energy'")
-        given.accelerations = kernel_of(addresses, "accelerations")
-        given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
-        given.constraints = kernel_of(addresses, "constraints")
-        given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
-        given.energy, given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
-        given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(tangents, "tangent")
-        given.setup, given.tangent_setup = kernel_of(addresses, "setup"), kernel_of(tangents, "setup")
+        functions.accelerations = kernel_of(addresses, "accelerations")
+        functions.factor, functions.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
+        functions.constraints = kernel_of(addresses, "constraints")
+        functions.velocity_constraints = kernel_of(addresses, "velocity_constraints")
+        functions.energy, functions.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
+        functions.events, functions.tangent = kernel_of(addresses, "events"), kernel_of(tangents, "tangent")
+        functions.setup, functions.tangent_setup = kernel_of(addresses, "setup"), kernel_of(tangents, "setup")
         wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, p.shape[0]
         wanted.derived = library.derived
         wanted.tangent_derived = tangent_library.derived if tangents else 0
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
-        wanted.events = events if given.events != NULL else 0
-        wanted.switches = switches if given.events != NULL else 0
-        wanted.windings = windings if given.events != NULL else 0
-        wanted.turns = turns if given.events != NULL else 0
+        wanted.events = events if functions.events != NULL else 0
+        wanted.switches = switches if functions.events != NULL else 0
+        wanted.windings = windings if functions.events != NULL else 0
+        wanted.turns = turns if functions.events != NULL else 0
         wanted.choices = 0
         wanted.tangent, wanted.tangent_places = len(tangent), NULL
         if wanted.tangent:
             self.places = _places(tangent, n, m)
             wanted.tangent_places = &self.places[0]
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
-        if given.factor != NULL:
+        if functions.factor != NULL:
             at_least("numbers of work memory", work_size, first_pivot + 2 * (n + m))
         self.of, self.libraries = core, (library, tangent_library)
-        self.make(&wanted, &given)
+        self.make(&wanted, &functions)
         self.bound(p)
 
 

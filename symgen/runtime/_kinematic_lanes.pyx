@@ -76,7 +76,7 @@ cdef class KinematicLanes:
     cdef Blocks blocks
 
     def __init__(self, motion, Py_ssize_t lanes, groups, forces=None):
-        cdef kinematic_lane_kernels given
+        cdef kinematic_lane_kernels functions
         cdef Core core = DOUBLE
         cdef Py_ssize_t n, m
         d, library = motion
@@ -88,37 +88,37 @@ cdef class KinematicLanes:
         if self.api == NULL:
             raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
         own = library.addresses
-        given.closure, given.gamma = kernel_of(own, "closure"), kernel_of(own, "acceleration_rhs")
-        given.setup, given.points = kernel_of(own, "setup"), kernel_of(own, "points")
-        given.balance = given.joints = given.setup_forces = NULL
+        functions.closure, functions.gamma = kernel_of(own, "closure"), kernel_of(own, "acceleration_rhs")
+        functions.setup, functions.points = kernel_of(own, "setup"), kernel_of(own, "points")
+        functions.balance = functions.joints = functions.setup_forces = NULL
         called = [d.kernel("closure"), d.kernel("acceleration_rhs"), d.kernel("points")]
         self.sizes.coordinates, self.sizes.links = called[2].out_size // 2, len(d.links)
         if forces is not None:
             f, loads = forces
-            given.balance, given.joints = kernel_of(loads.addresses, "balance"), kernel_of(loads.addresses, "joint_forces")
-            given.setup_forces, self.sizes.derived_forces = kernel_of(loads.addresses, "setup"), loads.derived
-            if given.balance == NULL or given.joints == NULL:
+            functions.balance, functions.joints = kernel_of(loads.addresses, "balance"), kernel_of(loads.addresses, "joint_forces")
+            functions.setup_forces, self.sizes.derived_forces = kernel_of(loads.addresses, "setup"), loads.derived
+            if functions.balance == NULL or functions.joints == NULL:
                 raise ValueError("expected kernels of forces, 'balance' and 'joint_forces'")
             called += [f.kernel("balance"), f.kernel("joint_forces")]
             self.sizes.joint_forces = f.kernel("joint_forces").out_size
             self.libraries.append(loads)
-        if given.closure == NULL or given.gamma == NULL or given.points == NULL or n < 1:
+        if functions.closure == NULL or functions.gamma == NULL or functions.points == NULL or n < 1:
             raise ValueError("expected a model with constraints")
         self.sizes.work = max([k.work_size for k in called] + [n + m])
         self.sizes.out = max([k.out_size for k in called] + [n])
         self.blocks = Blocks(groups, n, m, called[0].out_size)
         self.memory = memory_of(self.api.lanes_struct, self.api.bytes(&self.sizes, &self.blocks.of))
         self.core = <kinematic_lanes *>self.memory.structure
-        self.api.bind(self.core, &self.sizes, &given, &self.blocks.of, self.memory.at)
+        self.api.bind(self.core, &self.sizes, &functions, &self.blocks.of, self.memory.at)
 
     cdef tuple padded(self, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths, Py_ssize_t count):
         """Return parameters, coordinates and lengths for all lanes; idle lanes repeat the last run."""
-        cdef Py_ssize_t runs = parameters.shape[0], given = self.sizes.parameters, n = self.sizes.n
-        if count < 1 or runs < 1 or parameters.shape[1] != given or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
-            raise ValueError(f"expected times, and one or more rows of {given} parameters and of {n} coordinates")
+        cdef Py_ssize_t runs = parameters.shape[0], parameter_count = self.sizes.parameters, n = self.sizes.n
+        if count < 1 or runs < 1 or parameters.shape[1] != parameter_count or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
+            raise ValueError(f"expected times, and one or more rows of {parameter_count} parameters and of {n} coordinates")
         own = np.minimum(np.arange((runs + self.lanes - 1) // self.lanes * self.lanes), runs - 1)
         return (
-            np.ascontiguousarray(np.asarray(parameters)[own]).reshape(len(own), given),
+            np.ascontiguousarray(np.asarray(parameters)[own]).reshape(len(own), parameter_count),
             np.ascontiguousarray(np.asarray(q)[own]), np.asarray(lengths)[own],
         )
 
@@ -136,7 +136,7 @@ cdef class KinematicLanes:
             :class:`~symgen.runtime._kinematics.Kinematics` ends as well: later rows are undefined.
         """
         cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes
-        cdef Py_ssize_t forces = self.sizes.joint_forces, first, lane, run, given = self.sizes.parameters
+        cdef Py_ssize_t forces = self.sizes.joint_forces, first, lane, run, parameter_count = self.sizes.parameters
         cdef kinematic_lane_task task
         cdef const double[:, ::1] all_parameters, all_q
         cdef const double[::1] all_lengths
@@ -151,7 +151,7 @@ cdef class KinematicLanes:
         with nogil:
             first = 0
             while first < padded:
-                task.parameters = &all_parameters[first, 0] if given else &none
+                task.parameters = &all_parameters[first, 0] if parameter_count else &none
                 task.q, task.lengths = &all_q[first, 0], &all_lengths[first]
                 task.rows, task.forces = &to_states[first * count * 3 * n], &to_joints[first * count * forces]
                 task.reached = &to_reached[first]
@@ -187,7 +187,7 @@ cdef class KinematicLanes:
             violation of a constraint (runs,); which runs reach the end, and which of these with small rotations only.
         """
         cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes, first = 0
-        cdef Py_ssize_t forces = self.sizes.joint_forces, given = self.sizes.parameters
+        cdef Py_ssize_t forces = self.sizes.joint_forces, parameter_count = self.sizes.parameters
         cdef kinematic_lane_task task
         cdef kinematic_lane_extremes e
         cdef const double[:, ::1] all_parameters, all_q
@@ -215,7 +215,7 @@ cdef class KinematicLanes:
         e.links, e.link_count, e.turn = &links[0, 0] if links.shape[0] else NULL, links.shape[0], turn
         with nogil:
             while first < padded:
-                task.parameters = &all_parameters[first, 0] if given else &none
+                task.parameters = &all_parameters[first, 0] if parameter_count else &none
                 task.q, task.lengths, task.reached = &all_q[first, 0], &all_lengths[first], &to_reached[first]
                 e.rows, e.closure, e.steady = &to_rows[first, 0, 0], &to_violation[first], &to_steady[first]
                 self.api.follow(self.core, &task)

@@ -64,7 +64,7 @@ cdef class Kinematics:
     cdef Blocks blocks
 
     def __init__(self, evaluator, groups, double length, forces=None):
-        cdef kinematic_kernels given
+        cdef kinematic_kernels functions
         cdef kinematic_sizes wanted
         cdef Core core = DOUBLE
         d = evaluator.description
@@ -72,16 +72,16 @@ cdef class Kinematics:
         self.n, self.m, self.libraries = wanted.n, wanted.m, [evaluator.library]
         self.p = evaluator.parameters
         own = evaluator.library.addresses
-        given.closure, given.gamma = kernel_of(own, "closure"), kernel_of(own, "acceleration_rhs")
-        given.balance, self.balance_p = NULL, self.p
-        if given.closure == NULL or given.gamma == NULL:
+        functions.closure, functions.gamma = kernel_of(own, "closure"), kernel_of(own, "acceleration_rhs")
+        functions.balance, self.balance_p = NULL, self.p
+        if functions.closure == NULL or functions.gamma == NULL:
             raise ValueError("expected a model with constraints")
         called = [evaluator.info(k) for k in ("closure", "acceleration_rhs")]
         if forces is not None:
-            given.balance, self.balance_p = kernel_of(forces.library.addresses, "balance"), forces.parameters
+            functions.balance, self.balance_p = kernel_of(forces.library.addresses, "balance"), forces.parameters
             self.libraries.append(forces.library)
             called.append(forces.info("balance"))
-            if given.balance == NULL:
+            if functions.balance == NULL:
                 raise ValueError("expected the kernels of forces with a kernel 'balance'")
         wanted.work = max([k.work_size for k in called] + [wanted.n])
         wanted.out = max([k.out_size for k in called] + [wanted.n])
@@ -89,7 +89,7 @@ cdef class Kinematics:
         self.api = <const kinematics_table *>core.api.kinematics
         self.memory = memory_of(self.api.kinematics_struct, self.api.bytes(&wanted, &self.blocks.of))
         self.core = <kinematics *>self.memory.structure
-        self.api.bind(self.core, &wanted, &given, &self.blocks.of, &self.p[0], &self.balance_p[0], self.memory.at)
+        self.api.bind(self.core, &wanted, &functions, &self.blocks.of, &self.p[0], &self.balance_p[0], self.memory.at)
 
     def follow(self, double t, const double[::1] q, const double[::1] times):
         """Follow the linkage from a pose q at t through monotone times.

@@ -32,7 +32,7 @@ cdef extern from "core/loops.h" nogil:
         kernel_t inputs, position, motion, inverse, given, outputs, energy, setup, events
 
     cdef struct loop_sizes:
-        long n, parameters, derived, extra, work, told, solved, inputs, unknown, known, balls, switches, rank
+        long n, parameters, derived, extra, work, out_size, solved, inputs, unknown, known, balls, switches, rank
         double size, tolerance
 
     cdef struct ball:
@@ -96,13 +96,13 @@ CLOSURE, RATES, SOUNDNESS, HOLD, STATUS = _CLOSURE, _RATES, _SOUNDNESS, _HOLD, _
 
 cdef loop_kernels kernels_of(addresses):
     """Return the kernels of a loop; absent kernels are NULL."""
-    cdef loop_kernels given
-    given.inputs, given.position = kernel_of(addresses, "inputs"), kernel_of(addresses, "position")
-    given.motion, given.inverse = kernel_of(addresses, "motion"), kernel_of(addresses, "inverse")
-    given.given, given.outputs = kernel_of(addresses, "given"), kernel_of(addresses, "outputs")
-    given.energy = kernel_of(addresses, "energy")
-    given.setup, given.events = kernel_of(addresses, "setup"), kernel_of(addresses, "events")
-    return given
+    cdef loop_kernels functions
+    functions.inputs, functions.position = kernel_of(addresses, "inputs"), kernel_of(addresses, "position")
+    functions.motion, functions.inverse = kernel_of(addresses, "motion"), kernel_of(addresses, "inverse")
+    functions.given, functions.outputs = kernel_of(addresses, "given"), kernel_of(addresses, "outputs")
+    functions.energy = kernel_of(addresses, "energy")
+    functions.setup, functions.events = kernel_of(addresses, "setup"), kernel_of(addresses, "events")
+    return functions
 
 
 cdef class LoopEquations(Integrable):
@@ -149,14 +149,14 @@ cdef class LoopEquations(Integrable):
     cdef unsigned char[::1] lengths
     cdef readonly double size
     cdef readonly Py_ssize_t rank
-    cdef Py_ssize_t told
+    cdef Py_ssize_t out_size
 
     def __init__(self, library, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
                  double size, Py_ssize_t rank, *, Core core=DOUBLE, double tolerance=0.0,
                  balls=(), long switches=0, bint work_of_loads=True):
         cdef Py_ssize_t k
         cdef loop_sizes wanted
-        cdef loop_kernels given
+        cdef loop_kernels functions
         cdef const double[::1] parameters = np.array([*p, 0.0])
         addresses = library.addresses
         if not addresses.get("position"):
@@ -174,12 +174,12 @@ cdef class LoopEquations(Integrable):
             found = []  # an input that is released in the search for closures has no effort
         self.numbers = np.array([*solved, *inputs, *found, *known, -1], dtype=np.intp)
         self.lengths = np.array([*lengths, False], dtype=np.uint8)
-        given = kernels_of(addresses)
+        functions = kernels_of(addresses)
         wanted.n, wanted.parameters, wanted.derived = len(lengths), parameters.shape[0] - 1, library.derived
-        wanted.work, wanted.told, wanted.solved, wanted.inputs = work_size, out_size, len(solved), len(inputs)
+        wanted.work, wanted.out_size, wanted.solved, wanted.inputs = work_size, out_size, len(solved), len(inputs)
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
         wanted.tolerance, wanted.balls, wanted.extra = tolerance, len(balls), work_of_loads
-        wanted.switches = switches if given.events != NULL else 0
+        wanted.switches = switches if functions.events != NULL else 0
         at_least("parameters", wanted.parameters, wanted.balls + wanted.switches)
         if len(balls) > MOST or any([not -1 <= i < len(lengths) for ball_ in balls for i in ball_[0][:6]]):
             raise ValueError(f"expected numbers of variables below {len(lengths)} for each ball joint, got {balls!r}")
@@ -187,12 +187,12 @@ cdef class LoopEquations(Integrable):
             numbers, self.balls[k].alpha = balls[k]
             self.balls[k].angles[0], self.balls[k].angles[1], self.balls[k].angles[2] = numbers[:3]
             self.balls[k].next[0], self.balls[k].next[1], self.balls[k].next[2] = numbers[3:6]
-        self.of, self.size, self.rank, self.told, self.sizes = core, size, rank, out_size, wanted
+        self.of, self.size, self.rank, self.out_size, self.sizes = core, size, rank, out_size, wanted
         self.libraries = (library,)
         self.api = <const loops_table *>core.api.loops
         self.memory = memory_of(self.api.loop_struct, self.api.bytes(&wanted))
         self.core = <equations *>self.memory.structure
-        self.api.bind(<loop *>self.core, &wanted, &given, &self.numbers[0], &self.lengths[0], self.balls, self.memory.at)
+        self.api.bind(<loop *>self.core, &wanted, &functions, &self.numbers[0], &self.lengths[0], self.balls, self.memory.at)
         self.seen = self.api.seen(<loop *>self.core)
         self.bound(parameters)
 
@@ -284,13 +284,13 @@ cdef class LoopEquations(Integrable):
             Status, number of times reached, and the time up to which the loop could be followed.
         """
         cdef Reals state = Reals(self.of, q), when = Reals(self.of, times)
-        cdef Reals rows = Reals(self.of, states), told = Reals(self.of, out)
+        cdef Reals rows = Reals(self.of, states), outputs = Reals(self.of, out)
         cdef double at = t
         cdef long count = 0
         cdef int status
         at_least("variables", state.count, self.n)
         at_least("columns of states", states.shape[1], 3 * self.n + ROWS)
-        at_least("columns of out", out.shape[1], self.told)
+        at_least("columns of out", out.shape[1], self.out_size)
         at_least("columns of the diagnosis", diagnosis.shape[1], DIAGNOSES)
         if diagnosis.shape[0] and diagnosis.shape[1] != DIAGNOSES:
             raise ValueError(f"expected {DIAGNOSES} columns of the diagnosis, got {diagnosis.shape[1]}")
@@ -298,10 +298,10 @@ cdef class LoopEquations(Integrable):
             at_least("rows", found, when.count)
         with nogil:
             status = self.api.follow(<loop *>self.core, &at, state.at, when.at, when.count, longest, rows.at,
-                                     states.shape[1], told.at, out.shape[1], &diagnosis[0, 0] if diagnosis.shape[0] else NULL, &count)
+                                     states.shape[1], outputs.at, out.shape[1], &diagnosis[0, 0] if diagnosis.shape[0] else NULL, &count)
         state.back()
         rows.back()
-        told.back()
+        outputs.back()
         return status, count, at
 
     def undetermined(self, times, double[:, ::1] states, double least, double part):
@@ -321,10 +321,10 @@ cdef class LoopEquations(Integrable):
             Least effect that counts, over that of a unit wrench.
         """
         cdef Reals when = Reals(self.of, times), rows = Reals(self.of, states)
-        cdef unsigned char[:, ::1] found = np.zeros((when.count, self.told), dtype=np.uint8)
+        cdef unsigned char[:, ::1] found = np.zeros((when.count, self.out_size), dtype=np.uint8)
         at_least("rows", states.shape[0], when.count)
         at_least("columns of states", states.shape[1], self.n)
-        if when.count and self.told:
+        if when.count and self.out_size:
             with nogil:
                 self.api.undetermined(<loop *>self.core, when.at, rows.at, states.shape[1], when.count, least, part,
                                       &found[0, 0])
@@ -352,19 +352,19 @@ cdef class LoopLanes:
     cdef object library
 
     def __init__(self, LoopEquations like, library, Py_ssize_t lanes):
-        cdef loop_kernels given = kernels_of(library.addresses)
+        cdef loop_kernels functions = kernels_of(library.addresses)
         self.like, self.library, self.sizes = like, library, like.sizes
         self.sizes.derived = library.derived
         self.api = (<const loops_table *>(<Core>DOUBLE).api.loops).lanes(lanes)
         if self.api == NULL:
             raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
-        if given.inputs == NULL or given.position == NULL or given.motion == NULL or given.outputs == NULL:
+        if functions.inputs == NULL or functions.position == NULL or functions.motion == NULL or functions.outputs == NULL:
             raise ValueError("expected kernels of a driven loop with outputs")
         if self.sizes.rank != self.sizes.solved or not 0 < self.sizes.solved <= ROWS:
             raise ValueError(f"expected one to {ROWS} independent screws, got {self.sizes.solved} of rank {self.sizes.rank}")
         self.memory = memory_of(self.api.lanes_struct, self.api.bytes(&self.sizes))
         self.core = <loop_lanes *>self.memory.structure
-        self.api.bind(self.core, &self.sizes, &given, &like.numbers[0], &like.lengths[0], self.memory.at)
+        self.api.bind(self.core, &self.sizes, &functions, &like.numbers[0], &like.lengths[0], self.memory.at)
 
     def follow(self, const double[::1] own, const double[:, ::1] parameters, const double[::1] start, const double[::1] stages,
                begin, Py_ssize_t lead, const double[::1] samples, bint of_input, double close, double longest, double apart, double least):
@@ -389,33 +389,33 @@ cdef class LoopLanes:
             drives (runs, samples), the largest closure (runs,), and which runs reached the end. Results of other runs
             are undefined; single loops must follow them.
         """
-        cdef Py_ssize_t runs = parameters.shape[0], given = self.sizes.parameters, told = self.sizes.told, w = self.api.width
+        cdef Py_ssize_t runs = parameters.shape[0], parameter_count = self.sizes.parameters, out_size = self.sizes.out_size, w = self.api.width
         cdef Py_ssize_t count = samples.shape[0], padded = (runs + w - 1) // w * w, first = 0
         cdef loop_lane_task task
-        if count < 1 or runs < 1 or parameters.shape[1] != given or own.shape[0] != given or start.shape[0] != self.sizes.n:
-            raise ValueError(f"expected samples, and rows of {given} parameters and of {self.sizes.n} variables")
+        if count < 1 or runs < 1 or parameters.shape[1] != parameter_count or own.shape[0] != parameter_count or start.shape[0] != self.sizes.n:
+            raise ValueError(f"expected samples, and rows of {parameter_count} parameters and of {self.sizes.n} variables")
         if not 0 <= lead < self.sizes.inputs:
             raise ValueError(f"expected the number of an input below {self.sizes.inputs}, got {lead}")
         if not stages.shape[0]:
             raise ValueError("expected at least one stage")
         rows = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat the last run
-        cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[rows]).reshape(padded, given)
+        cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[rows]).reshape(padded, parameter_count)
         made = np.tile(samples, (padded, 1))
-        out, hold, closure = np.empty((padded, told, count)), np.empty((padded, count)), np.empty(padded)
+        out, hold, closure = np.empty((padded, out_size, count)), np.empty((padded, count)), np.empty(padded)
         reached = np.zeros(padded, dtype=np.intp)
         cdef double[:, ::1] to_times = made, to_hold = hold
         cdef double[:, :, ::1] to_out = out
         cdef double[::1] to_closure = closure
         cdef Py_ssize_t[::1] to_reached = reached
         cdef double none = 0.0
-        task.own, task.start, task.stages = &own[0] if given else &none, &start[0], &stages[0]
+        task.own, task.start, task.stages = &own[0] if parameter_count else &none, &start[0], &stages[0]
         task.stage_count, task.starts_at_zero, task.lead = stages.shape[0], begin is None, lead
         task.begin = 0.0 if begin is None else begin
         task.values, task.count = &samples[0] if of_input else NULL, count
         task.close, task.longest, task.apart, task.least = close, longest, apart, least
         with nogil:
             while first < padded:
-                task.parameters = &all_parameters[first, 0] if given else &none
+                task.parameters = &all_parameters[first, 0] if parameter_count else &none
                 task.times, task.out, task.hold = &to_times[first, 0], &to_out[first, 0, 0], &to_hold[first, 0]
                 task.closure, task.reached = &to_closure[first], &to_reached[first]
                 self.api.follow(self.core, &task)

@@ -32,14 +32,14 @@ cdef extern from "core/lane_runs.h" nogil:
         void (*run)(lane_runs *, const void *, const void *, const void *, void *, void *, char *) noexcept nogil
 
 
-def over_variants(evaluator, str kernel, const double[:, ::1] given, const double[::1] times, rows):
+def over_variants(evaluator, str kernel, const double[:, ::1] variants, const double[::1] times, rows):
     """Return the output of a kernel for variants of a linkage at many times: (runs, times, entries).
 
     Parameters
     ----------
     evaluator
         The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of any variant.
-    given
+    variants
         Parameters of each run, (runs, parameters).
     rows
         States: coordinates, their rates and second rates, (runs, times, 3, n); kernels of the motion receive the
@@ -49,7 +49,7 @@ def over_variants(evaluator, str kernel, const double[:, ::1] given, const doubl
     cdef const double[:, :, :, ::1] states = np.ascontiguousarray(rows)
     cdef kernel_t function = kernel_of(evaluator.library.addresses, kernel)
     cdef kernel_t setup = kernel_of(evaluator.library.addresses, "setup")
-    cdef Py_ssize_t runs = given.shape[0], count = times.shape[0], parameters = given.shape[1], i, n
+    cdef Py_ssize_t runs = variants.shape[0], count = times.shape[0], parameters = variants.shape[1], i, n
     info, n = evaluator.info(kernel), evaluator.description.coordinates
     cdef Py_ssize_t size = info.out_size, work_size = info.work_size
     if parameters != len(evaluator.parameter_values) or states.shape[0] != runs or states.shape[1] != count or states.shape[2] != 3 \
@@ -65,7 +65,7 @@ def over_variants(evaluator, str kernel, const double[:, ::1] given, const doubl
     with nogil:
         for i in range(runs):
             if parameters:
-                memcpy(&p[0], &given[i, 0], parameters * sizeof(double))
+                memcpy(&p[0], &variants[i, 0], parameters * sizeof(double))
             if setup != NULL:
                 setup(NULL, NULL, NULL, &p[0], NULL, &p[parameters])
             for k in range(count):
@@ -90,7 +90,7 @@ cdef class Lanes:
 
     cdef readonly Py_ssize_t lanes
     cdef lane_sizes sizes
-    cdef kernels given
+    cdef kernels functions
     cdef const lane_table *api
     cdef lane_runs *core
     cdef Memory memory
@@ -102,11 +102,11 @@ cdef class Lanes:
         addresses = library.addresses
         self.library, self.lanes = library, lanes
         self.api = <const lane_table *>equations.of.api.lane_runs
-        self.parameter_values.accelerations, self.parameter_values.factor = kernel_of(addresses, "accelerations"), kernel_of(addresses, "factor")
-        self.parameter_values.solve, self.parameter_values.constraints = kernel_of(addresses, "solve"), kernel_of(addresses, "constraints")
-        self.parameter_values.velocity_constraints = kernel_of(addresses, "velocity_constraints")
-        self.parameter_values.energy, self.parameter_values.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
-        self.parameter_values.setup = kernel_of(addresses, "setup")
+        self.functions.accelerations, self.functions.factor = kernel_of(addresses, "accelerations"), kernel_of(addresses, "factor")
+        self.functions.solve, self.functions.constraints = kernel_of(addresses, "solve"), kernel_of(addresses, "constraints")
+        self.functions.velocity_constraints = kernel_of(addresses, "velocity_constraints")
+        self.functions.energy, self.functions.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
+        self.functions.setup = kernel_of(addresses, "setup")
         self.sizes.lanes, self.sizes.n, self.sizes.m = lanes, equations.n, equations.m
         self.sizes.extra, self.sizes.parameters = equations.extra, equations.core.sizes.parameters
         self.sizes.derived, self.sizes.work = library.derived, equations.core.sizes.work
@@ -118,7 +118,7 @@ cdef class Lanes:
         cdef Py_ssize_t w = self.lanes, dim = 2 * self.sizes.n + self.sizes.extra
         self.memory = memory_of(self.api.lane_struct, self.api.bytes(&self.sizes, method))
         self.core = <lane_runs *>self.memory.structure
-        self.api.bind(self.core, &self.sizes, &self.parameter_values, method, asked, self.memory.at)
+        self.api.bind(self.core, &self.sizes, &self.functions, method, asked, self.memory.at)
         self.rows, self.states = np.zeros(w * self.sizes.parameters + 1), np.zeros(w * dim)
         self.samples, self.drifts = np.zeros(w * asked.samples * dim), np.zeros(2 * w)
         self.failed, self.found = np.zeros(w, dtype=np.int8), np.zeros(w, dtype=np.int8)
@@ -170,7 +170,7 @@ cdef class Starts:
         d, addresses = evaluator.description, evaluator.library.addresses
         self.evaluator, self.equations, self.starter = evaluator, equations, starter
         self.api, self.e, self.state = equations.of.api, equations.core, equations.memory
-        self.s, self.of_start, self.sizes, self.kernels = starter.core, starter.api, starter.sizes, starter.given
+        self.s, self.of_start, self.sizes, self.kernels = starter.core, starter.api, starter.sizes, starter.functions
         self.n, self.m, self.ends = equations.n, equations.m, ends
         self.rounding, self.consistent, self.near = rounding, consistent, near
         if self.api.real_bytes != sizeof(double) or self.n < 1 or d.events or d.held or equations.redundant:
@@ -186,9 +186,9 @@ cdef class Starts:
         self.none_dropped = np.zeros(self.m + 1, dtype=np.int8)
         self.fresh = memory_of(0, self.state.bytes)
         memcpy(self.fresh.at, self.state.at, self.state.bytes)
-        starter.api.bind(starter.core, &starter.sizes, &starter.given, equations.core.p, starter.memory.at)
+        starter.api.bind(starter.core, &starter.sizes, &starter.functions, equations.core.p, starter.memory.at)
 
-    def poses(self, const double[:, ::1] given, ahead=None):
+    def poses(self, const double[:, ::1] variants, ahead=None):
         """Assemble the linkage for every row of parameters.
 
         ``ahead`` are coordinates (runs, n) from :class:`~symgen.runtime._start.StartLanes`, and their flags (runs,).
@@ -198,8 +198,8 @@ cdef class Starts:
         tuple
             Which starts are regular, their coordinates (runs, n), and the sizes of the linkages there [m].
         """
-        cdef Py_ssize_t i, runs = given.shape[0]
-        at_least("parameters", given.shape[1], self.e.sizes.parameters)
+        cdef Py_ssize_t i, runs = variants.shape[0]
+        at_least("parameters", variants.shape[1], self.e.sizes.parameters)
         found, q, lengths = np.zeros(runs, dtype=np.uint8), np.zeros((runs, self.n)), np.zeros(runs)
         cdef unsigned char[::1] regular = found
         cdef const double[:, ::1] known = q if ahead is None else ahead[0]
@@ -210,7 +210,7 @@ cdef class Starts:
         cdef double[::1] to_lengths = lengths
         with nogil:
             for i in range(runs):
-                self.renew(&given[i, 0])
+                self.renew(&variants[i, 0])
                 self.ahead = &known[i, 0] if is_known[i] else NULL
                 if self.started():
                     regular[i] = 1
@@ -218,10 +218,10 @@ cdef class Starts:
                     to_lengths[i] = self.extent()
         return found.astype(bool), q, lengths
 
-    cdef void renew(self, const double *given) noexcept nogil:
+    cdef void renew(self, const double *variants) noexcept nogil:
         """Set the parameters of equations and reset their memory."""
         memcpy(self.state.at, self.fresh.at, self.state.bytes)
-        self.api.set_parameters(self.e, given, NULL)
+        self.api.set_parameters(self.e, variants, NULL)
 
     cdef bint scaled(self) noexcept nogil:
         """Return whether the scales of all constraints are above zero at the coordinates of the start; leave the values
@@ -351,7 +351,7 @@ cdef class Runs(Starts):
     cdef Py_ssize_t width
     cdef const lane_table *of_lanes
     cdef lane_runs *in_lanes
-    cdef double[::1] lane_given, lane_states, lane_samples, lane_drifts
+    cdef double[::1] lane_parameters, lane_states, lane_samples, lane_drifts
     cdef char[::1] failed, found
 
     def __init__(self, evaluator, Equations equations, Starter starter, const Py_ssize_t[:, ::1] ends, double rounding,
@@ -382,7 +382,7 @@ cdef class Runs(Starts):
                 raise ValueError("expected fixed explicit steps with projection for runs in lanes")
             lanes.bound(&self.filled, &self.asked)
             self.lanes, self.width, self.of_lanes, self.in_lanes = lanes, lanes.lanes, lanes.api, lanes.core
-            self.lane_given, self.lane_states, self.lane_samples = lanes.rows, lanes.states, lanes.samples
+            self.lane_parameters, self.lane_states, self.lane_samples = lanes.rows, lanes.states, lanes.samples
             self.lane_drifts, self.failed, self.found = lanes.drifts, lanes.failed, lanes.found
         self.memory = memory_of(
             self.api.run_struct, self.api.run_bytes(equations.core, &self.scheme.filled, &self.asked)
@@ -390,17 +390,17 @@ cdef class Runs(Starts):
         self.core = <run *>self.memory.structure
         self.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory.at)
 
-    cdef bint ran(self, const double *given, const double *state, double *out, double *turns, double *drift) noexcept nogil:
+    cdef bint ran(self, const double *variants, const double *state, double *out, double *turns, double *drift) noexcept nogil:
         """Carry out one run; return whether it ended regularly."""
         cdef report r
         cdef const void *samples
         cdef long count = self.asked.samples
-        self.renew(given)
+        self.renew(variants)
         if not self.started():
             return False
         if state != NULL:
             memcpy(&self.row[0], state, 2 * self.n * sizeof(double))
-        self.renew(given)
+        self.renew(variants)
         memset(self.memory.at, 0, self.memory.bytes)
         self.api.run_bind(self.core, self.e, &self.filled, &self.asked, self.memory.at)
         self.api.run_start(self.core, &self.row[0], NULL, &self.times[0], NULL, NULL)
@@ -424,37 +424,37 @@ cdef class Runs(Starts):
             self.api.call_rows(self.outputs, count, &self.times[0], samples, dim, self.n, self.e.p, &self.solutions[0],
                                self.work, out, self.out)
 
-    cdef void ran_in_lanes(self, const double *given, Py_ssize_t stride, const double *states, Py_ssize_t runs, double *out,
+    cdef void ran_in_lanes(self, const double *variants, Py_ssize_t stride, const double *states, Py_ssize_t runs, double *out,
                            double *drifts, unsigned char *regular) noexcept nogil:
         """Carry out at most one run per lane; flag those that ended regularly."""
         cdef Py_ssize_t lane, usable = -1, count = self.times.shape[0], dim = 2 * self.n + self.e.sizes.extra
         cdef Py_ssize_t parameters = self.e.sizes.parameters
         for lane in range(runs):
-            self.renew(given + lane * stride)
+            self.renew(variants + lane * stride)
             self.found[lane] = self.started()
             if self.found[lane]:
                 if states != NULL:
                     memcpy(&self.row[0], states + lane * 2 * self.n, 2 * self.n * sizeof(double))
                 memcpy(&self.lane_states[lane * dim], &self.row[0], dim * sizeof(double))
-                memcpy(&self.lane_given[lane * parameters], given + lane * stride, parameters * sizeof(double))
+                memcpy(&self.lane_parameters[lane * parameters], variants + lane * stride, parameters * sizeof(double))
                 usable = lane
         if usable < 0:
             return
         for lane in range(self.width):  # idle lanes repeat the last run
             if lane >= runs or not self.found[lane]:
                 memcpy(&self.lane_states[lane * dim], &self.lane_states[usable * dim], dim * sizeof(double))
-                memcpy(&self.lane_given[lane * parameters], &self.lane_given[usable * parameters],
+                memcpy(&self.lane_parameters[lane * parameters], &self.lane_parameters[usable * parameters],
                        parameters * sizeof(double))
-        self.of_lanes.run(self.in_lanes, &self.lane_given[0], &self.lane_states[0], &self.times[0], &self.lane_samples[0],
+        self.of_lanes.run(self.in_lanes, &self.lane_parameters[0], &self.lane_states[0], &self.times[0], &self.lane_samples[0],
                           &self.lane_drifts[0], &self.failed[0])
         for lane in range(runs):
             if self.found[lane] and not self.failed[lane]:
-                self.renew(given + lane * stride)
+                self.renew(variants + lane * stride)
                 self.evaluate(&self.lane_samples[lane * count * dim], out + lane * count * self.out)
                 drifts[2 * lane], drifts[2 * lane + 1] = self.lane_drifts[2 * lane], self.lane_drifts[2 * lane + 1]
                 regular[lane] = 1
 
-    def carry_out(self, const double[:, ::1] given, states=None):
+    def carry_out(self, const double[:, ::1] variants, states=None):
         """Carry out a run for every row of parameters, from its start or from a row of states (q, u).
 
         Returns
@@ -464,10 +464,10 @@ cdef class Runs(Starts):
             continuous angles of links (runs, samples, links); largest errors of constraints [m] and energy [J]
             (runs, 2).
         """
-        cdef Py_ssize_t runs = given.shape[0], i, count = self.times.shape[0], out = self.out, turns = self.turns
+        cdef Py_ssize_t runs = variants.shape[0], i, count = self.times.shape[0], out = self.out, turns = self.turns
         cdef const double[:, ::1] rows
         cdef bint from_states = states is not None
-        at_least("parameters", given.shape[1], self.e.sizes.parameters)
+        at_least("parameters", variants.shape[1], self.e.sizes.parameters)
         found, turned = np.empty((runs, count, out)), np.empty((runs, count, turns))
         drifts, regular = np.empty((runs, 2)), np.zeros(runs, dtype=np.uint8)
         cdef double[::1] to_found = np.zeros(1) if not found.size else found.reshape(-1)
@@ -482,12 +482,12 @@ cdef class Runs(Starts):
         with nogil:
             i = 0
             while self.width and i < runs:
-                self.ran_in_lanes(&given[i, 0], given.shape[1], &rows[i, 0] if from_states else NULL,
+                self.ran_in_lanes(&variants[i, 0], variants.shape[1], &rows[i, 0] if from_states else NULL,
                                   min(self.width, runs - i), &to_found[i * count * out], &to_drifts[i, 0], &to_regular[i])
                 i += self.width
             for i in range(runs):
                 if to_regular[i]:
                     continue
-                to_regular[i] = self.ran(&given[i, 0], &rows[i, 0] if from_states else NULL, &to_found[i * count * out],
+                to_regular[i] = self.ran(&variants[i, 0], &rows[i, 0] if from_states else NULL, &to_found[i * count * out],
                                          &to_turned[i * count * turns], &to_drifts[i, 0])
         return regular.astype(bool), found, turned, drifts

@@ -25,7 +25,7 @@ cdef class Rhs:
     cdef Integrable equations
     cdef object size
     cdef readonly object start, inputs
-    cdef double[::1] given, passed
+    cdef double[::1] parameter_values, passed
     cdef Py_ssize_t first
     cdef bint replaced
 

@@ -55,7 +55,7 @@ cdef class Starter:
     cdef Memory memory
     cdef const start_table *api
     cdef start_sizes sizes
-    cdef start_kernels given
+    cdef start_kernels functions
     cdef object library
     cdef const double[::1] p
 

@@ -33,11 +33,11 @@ cdef class Starter:
         d = evaluator.description
         self.library, self.p = evaluator.library, evaluator.parameters
         addresses = self.library.addresses
-        self.parameter_values.assembly, self.parameter_values.points = kernel_of(addresses, "assembly"), kernel_of(addresses, "points")
-        self.parameter_values.constraints = kernel_of(addresses, "constraints")
-        self.parameter_values.jacobian = kernel_of(addresses, "constraint_jacobian")
-        self.parameter_values.drift = kernel_of(addresses, "velocity_constraints")
-        self.parameter_values.rates, self.parameter_values.mass = kernel_of(addresses, "start_velocity"), kernel_of(addresses, "mass_matrix")
+        self.functions.assembly, self.functions.points = kernel_of(addresses, "assembly"), kernel_of(addresses, "points")
+        self.functions.constraints = kernel_of(addresses, "constraints")
+        self.functions.jacobian = kernel_of(addresses, "constraint_jacobian")
+        self.functions.drift = kernel_of(addresses, "velocity_constraints")
+        self.functions.rates, self.functions.mass = kernel_of(addresses, "start_velocity"), kernel_of(addresses, "mass_matrix")
         self.sizes.n, self.sizes.m = d.coordinates, len(d.constraints)
         at_least("coordinates", q.shape[0], self.sizes.n)
         self.sizes.tolerance, self.sizes.share = d.assembly_tolerance, share
@@ -58,7 +58,7 @@ cdef class Starter:
         self.api = <const start_table *>core.api.start
         self.memory = memory_of(self.api.start_struct, self.api.bytes(&self.sizes))
         self.core = <start *>self.memory.structure
-        self.api.bind(self.core, &self.sizes, &self.parameter_values, &self.p[0], self.memory.at)
+        self.api.bind(self.core, &self.sizes, &self.functions, &self.p[0], self.memory.at)
         memcpy(self.core.q, &q[0], self.sizes.n * sizeof(double))
         self.api.begin(self.core)
 
@@ -92,7 +92,7 @@ cdef class Starter:
         definite."""
         cdef char[::1] dropped = np.zeros(self.sizes.m + 1, dtype=np.int8)
         cdef Py_ssize_t kept
-        if self.parameter_values.mass == NULL or (self.sizes.m and (self.parameter_values.jacobian == NULL or self.parameter_values.drift == NULL)):
+        if self.functions.mass == NULL or (self.sizes.m and (self.functions.jacobian == NULL or self.functions.drift == NULL)):
             raise ValueError("expected a model with the kernels of velocities at the start")
         for row in redundant:
             dropped[row] = 1
@@ -125,34 +125,34 @@ cdef class StartLanes:
     cdef object library
 
     def __init__(self, Starter like, library, Py_ssize_t lanes, Py_ssize_t parameters):
-        cdef start_lane_kernels given
+        cdef start_lane_kernels functions
         cdef Py_ssize_t every = parameters + library.derived + 1
         self.library, self.sizes, self.parameters = library, like.sizes, parameters
         self.api = (<const start_table *>(<Core>DOUBLE).api.start).lanes(lanes)
         if self.api == NULL:
             raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
         own = library.addresses
-        given.setup, given.drawn = kernel_of(own, "setup"), kernel_of(own, "drawn")
-        given.assembly, given.points = kernel_of(own, "assembly"), kernel_of(own, "points")
-        if given.drawn == NULL or given.assembly == NULL or given.points == NULL:
+        functions.setup, functions.drawn = kernel_of(own, "setup"), kernel_of(own, "drawn")
+        functions.assembly, functions.points = kernel_of(own, "assembly"), kernel_of(own, "points")
+        if functions.drawn == NULL or functions.assembly == NULL or functions.points == NULL:
             raise ValueError("expected the kernels of an assembly")
         if not 0 < self.sizes.n <= self.sizes.rows:
             raise ValueError(f"expected {self.sizes.n} rows of the assembly or more, got {self.sizes.rows}")
         self.memory = memory_of(self.api.lanes_struct, self.api.bytes(&self.sizes, every))
         self.core = <start_lanes *>self.memory.structure
-        self.api.bind(self.core, &self.sizes, &given, parameters, every, self.memory.at)
+        self.api.bind(self.core, &self.sizes, &functions, parameters, every, self.memory.at)
 
-    def assembled(self, const double[:, ::1] given):
+    def assembled(self, const double[:, ::1] values):
         """Assemble the linkage for each row of parameters; return coordinates (runs, n) and a flag (runs,).
 
         Without the flag the coordinates are undefined, and the linkage must be assembled alone.
         """
-        cdef Py_ssize_t runs = given.shape[0], w = self.api.width, padded = (runs + w - 1) // w * w, first = 0
-        if given.shape[1] != self.parameters or not runs:
+        cdef Py_ssize_t runs = values.shape[0], w = self.api.width, padded = (runs + w - 1) // w * w, first = 0
+        if values.shape[1] != self.parameters or not runs:
             raise ValueError(f"expected rows of {self.parameters} parameters")
         own = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat the last run
         q, found = np.empty((padded, self.sizes.n)), np.zeros(padded, dtype=np.uint8)
-        cdef const double[:, ::1] rows = np.ascontiguousarray(np.asarray(given)[own]).reshape(padded, self.parameters)
+        cdef const double[:, ::1] rows = np.ascontiguousarray(np.asarray(values)[own]).reshape(padded, self.parameters)
         cdef double[:, ::1] to_q = q
         cdef unsigned char[::1] to_found = found
         cdef double none = 0.0

@@ -47,7 +47,7 @@ cdef class Variations:
     cdef Scheme scheme
     cdef object library, kept
     cdef variation_sizes sizes
-    cdef variation_kernels given
+    cdef variation_kernels functions
     cdef const variation_table *api
     cdef variations *core
     cdef Memory memory
@@ -64,8 +64,8 @@ cdef class Variations:
         self.is_explicit = method.kind == "explicit"
         self.equations, self.scheme, self.library = equations, equations.of.scheme(method), library
         addresses = self.library.addresses
-        self.parameter_values.stage, self.parameter_values.closing = kernel_of(addresses, "stage"), kernel_of(addresses, "closing")
-        self.parameter_values.setup = kernel_of(addresses, "setup")
+        self.functions.stage, self.functions.closing = kernel_of(addresses, "stage"), kernel_of(addresses, "closing")
+        self.functions.setup = kernel_of(addresses, "setup")
         self.sizes.columns, self.sizes.width = columns, 1
         self.sizes.parameters, self.sizes.derived = parameters, library.derived
         for info in description.kernels:
@@ -80,7 +80,7 @@ cdef class Variations:
             api.variations_struct, api.bytes(self.equations.core, &self.scheme.filled, &self.sizes)
         )
         self.core = <variations *>self.memory.structure
-        api.bind(self.core, self.equations.core, &self.scheme.filled, &self.sizes, &self.parameter_values, self.memory.at)
+        api.bind(self.core, self.equations.core, &self.scheme.filled, &self.sizes, &self.functions, self.memory.at)
         return 0
 
     cdef object array(self, double *at, shape):
@@ -172,9 +172,9 @@ cdef class LinkageVariations(Variations):
         cdef Py_ssize_t i
         self.take(equations, method, evaluator.description, evaluator.library, len(evaluator.parameter_values), columns)
         addresses = self.library.addresses
-        self.parameter_values.integrands = kernel_of(addresses, "integrands")
-        self.parameter_values.integrand_slopes = kernel_of(addresses, "integrand_slopes")
-        if equations.m and self.parameter_values.closing == NULL:
+        self.functions.integrands = kernel_of(addresses, "integrands")
+        self.functions.integrand_slopes = kernel_of(addresses, "integrand_slopes")
+        if equations.m and self.functions.closing == NULL:
             raise ValueError("expected the kernel 'closing' of a model with constraints")
         for info in evaluator.description.kernels:
             if info.name == "integrands":
@@ -213,8 +213,8 @@ cdef class LoopVariations(Variations):
         cdef long[::1] of = np.array([*directions, -1], dtype="l")
         self.take(equations, method, description, library, equations.core.sizes.parameters, of.shape[0] - 1)
         addresses = self.library.addresses
-        self.parameter_values.rates, self.parameter_values.prescribed = kernel_of(addresses, "rates"), kernel_of(addresses, "prescribed")
-        if self.parameter_values.stage == NULL or self.parameter_values.closing == NULL or self.parameter_values.rates == NULL:
+        self.functions.rates, self.functions.prescribed = kernel_of(addresses, "rates"), kernel_of(addresses, "prescribed")
+        if self.functions.stage == NULL or self.functions.closing == NULL or self.functions.rates == NULL:
             raise ValueError("expected the kernels 'stage', 'closing' and 'rates'")
         if any(not -1 <= i < self.sizes.parameters for i in directions):
             raise ValueError(f"expected numbers of parameters below {self.sizes.parameters}, got {[*directions]}")

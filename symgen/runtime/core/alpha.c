@@ -88,14 +88,14 @@ static int begin(struct run *run) {
 
 /* Matrix of Newton's iterations: the present one, a new one at the start of the step, or a new one at every iterate.
    Near a loss of rank, which magnifies errors transverse to the constraints: simple iteration along them. */
-enum attempt { KNOWN, ANEW, EVERY, ALONG, ATTEMPTS };
+enum attempt { KNOWN, AT_START, EVERY, ALONG, ATTEMPTS };
 
 /* The matrix (1 - alpha_m) - (1 - alpha_f) (h^2 beta da/dq + h gamma da/du) of Newton's iterations, factorised. */
-static int make_matrix(struct run *run, const struct alpha *x, real t, const real *y, real h, int how) {
+static int make_matrix(struct run *run, const struct alpha *x, real t, const real *y, real h, int attempt) {
     const real *of = run->scheme.numbers;
     struct equations *e = run->e;
     long n = e->n;
-    if (how == ALONG) {
+    if (attempt == ALONG) {
         memset(x->by_q, 0, (size_t)(n * n) * sizeof(real));
         memset(x->by_u, 0, (size_t)(n * n) * sizeof(real));
     } else if (find_slopes(e, t, y, x->values, x->by_q, x->by_u) != DONE) {
@@ -106,7 +106,7 @@ static int make_matrix(struct run *run, const struct alpha *x, real t, const rea
     for (long i = 0; i < n; i++)
         x->matrix[i * n + i] += 1 - of[0];
     int made = factor_dense(n, x->matrix, x->swaps);
-    *x->h_matrix = made && how == ANEW ? h : R(0);
+    *x->h_matrix = made && attempt == AT_START ? h : R(0);
     return made;
 }
 
@@ -121,16 +121,16 @@ static void move(struct run *run, const struct alpha *x, real h) {
 }
 
 /* Iterate to a_new with the present matrix; return 0 without convergence. */
-static int solve_step(struct run *run, const struct alpha *x, real h, real t_new, int how) {
+static int solve_step(struct run *run, const struct alpha *x, real h, real t_new, int attempt) {
     const real *of = run->scheme.numbers;
     long n = run->e->n;
     real previous = REAL_INFINITY, slowest = real_fmax(largest_of(run->y + n, n), h * largest_of(x->a, n));
     memcpy(x->a_new, x->a, (size_t)n * sizeof(real));
     for (int k = 0; k < ITERATIONS; k++) {
         move(run, x, h);
-        if (how == EVERY && !make_matrix(run, x, t_new, run->y_new, h, how))
+        if (attempt == EVERY && !make_matrix(run, x, t_new, run->y_new, h, attempt))
             return 0;
-        if (how == ALONG)
+        if (attempt == ALONG)
             derivative_along(run, t_new, run->y_new, x->f_new);
         else
             run->e->of->derivative(run->e, t_new, run->y_new, x->f_new);
@@ -146,13 +146,13 @@ static int solve_step(struct run *run, const struct alpha *x, real h, real t_new
         int stalled = k > 0 && rates > R(0.5) * previous;
         /* velocities contain the rounding of the positions over h */
         real rounding = REAL_EPSILON * real_fmax(size, largest_of(run->y, n) / h);
-        real enough = how == ALONG ? real_sqrt(REAL_EPSILON) * size : R(ROUND_OFF) * rounding;
+        real enough = attempt == ALONG ? real_sqrt(REAL_EPSILON) * size : R(ROUND_OFF) * rounding;
         if (rates <= R(4) * REAL_EPSILON * size || (stalled && rates <= enough)) {
             memcpy(x->motion_new, x->f_new + n, (size_t)n * sizeof(real));
             move(run, x, h);
             return 1;
         }
-        if (stalled && rates > previous && how != EVERY)
+        if (stalled && rates > previous && attempt != EVERY)
             return 0;
         previous = rates;
     }
@@ -162,12 +162,12 @@ static int solve_step(struct run *run, const struct alpha *x, real h, real t_new
 static int step(struct run *run, real t, real h, real t_new) {
     struct alpha x = memory_of(run);
     const struct equations *e = run->e;
-    int how = is_magnified(run) ? ALONG : *x.h_matrix == h ? KNOWN : ANEW;
-    for (; how < ATTEMPTS; how++)
-        if ((how == KNOWN || how == EVERY || make_matrix(run, &x, t, run->y, h, how))
-            && solve_step(run, &x, h, t_new, how))
+    int attempt = is_magnified(run) ? ALONG : *x.h_matrix == h ? KNOWN : AT_START;
+    for (; attempt < ATTEMPTS; attempt++)
+        if ((attempt == KNOWN || attempt == EVERY || make_matrix(run, &x, t, run->y, h, attempt))
+            && solve_step(run, &x, h, t_new, attempt))
             break;
-    if (how == ATTEMPTS)
+    if (attempt == ATTEMPTS)
         return UNSOLVED;
     if (e->extra)
         run->y_new[2 * e->n] = run->y[2 * e->n] + h / 2 * (x.f[2 * e->n] + x.f_new[2 * e->n]);

@@ -126,7 +126,7 @@ int loop_follow(struct loop *l, real *t, real *q, const real *times, long count,
     if (status != DONE)
         return status;
     for (long i = 0; i < count; i++) {
-        real *state = states + row * i, *told = out + width * i;
+        real *state = states + row * i, *recorded = out + width * i;
         status = go(l, t, q, times[i], longest);
         if (status != DONE && status != BLIND)
             return status;
@@ -138,8 +138,8 @@ int loop_follow(struct loop *l, real *t, real *q, const real *times, long count,
             memcpy(state + 2 * n, work, (size_t)(n + ROWS) * sizeof(real));
         }
         if (l->kernels.outputs)
-            l->kernels.outputs(&times[i], at, u, p, work, told);
-        if (status == DONE && !(all_finite(work, n + ROWS) && all_finite(told, l->sizes.told)))
+            l->kernels.outputs(&times[i], at, u, p, work, recorded);
+        if (status == DONE && !(all_finite(work, n + ROWS) && all_finite(recorded, l->sizes.out_size)))
             return NOT_FINITE;
         diagnose(l, status, diagnosis + DIAGNOSES * i);
         *reached = i + 1;

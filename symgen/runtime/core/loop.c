@@ -17,7 +17,7 @@ enum { NEWTON = 40, HALVINGS = 8 };
 
 /* Reals for the work and the results of any kernel. */
 static long room(const struct loop_sizes *s) {
-    const long n = s->n, wanted[] = {n + ROWS, s->told, 2 * ROWS * n + 12, n + n * n};
+    const long n = s->n, wanted[] = {n + ROWS, s->out_size, 2 * ROWS * n + 12, n + n * n};
     long most = s->work;
     for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++)
         if (wanted[i] > most)
@@ -292,8 +292,8 @@ int loop_force(struct loop *l, real t, const real *q, const real *u, real *work)
         return DONE;
     l->kernels.inverse(&t, q, u, l->base.p, work, l->loads);
     memset(l->efforts, 0, (size_t)n * sizeof(real));
-    if (l->kernels.known_efforts)
-        l->kernels.known_efforts(&t, q, u, l->base.p, work, l->efforts);
+    if (l->kernels.given)
+        l->kernels.given(&t, q, u, l->base.p, work, l->efforts);
     for (long k = 0; k < l->sizes.solved; k++)
         b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
     loop_hold(l, b, work + n);
@@ -324,11 +324,11 @@ int loop_force(struct loop *l, real t, const real *q, const real *u, real *work)
 void loop_undetermined(struct loop *l, const real *times, const real *states, long row, long count, real least,
                        real part, unsigned char *found) {
     const real weights[ROWS] = {1, real_sqrt(R(2)), real_sqrt(R(3)), real_sqrt(R(5)), real_sqrt(R(7)), real_sqrt(R(11))};
-    const long n = l->sizes.n, told = l->sizes.told, room = l->sizes.work;
+    const long n = l->sizes.n, out_size = l->sizes.out_size, room = l->sizes.work;
     const real effect = part * real_fmax(1, l->size);
     real *u = l->u, *p = l->base.p, *work = l->base.work, *plain = l->base.out, *moved = l->loads, wrench[ROWS];
     memset(u, 0, (size_t)n * sizeof(real));
-    for (long i = 0; i < count; i++, found += told) {
+    for (long i = 0; i < count; i++, found += out_size) {
         const real *q = states + row * i;
         long rank = 0;
         real norm = 0;
@@ -336,7 +336,7 @@ void loop_undetermined(struct loop *l, const real *times, const real *states, lo
         while (rank < l->factor.steps
                && real_fabs(l->factor.r[(ROWS + 1) * rank]) > least * real_fabs(l->factor.r[0]))
             rank++;
-        memset(found, 0, (size_t)told);
+        memset(found, 0, (size_t)out_size);
         if (rank == ROWS)
             continue;
         for (long k = 0; k < ROWS; k++) {
@@ -354,7 +354,7 @@ void loop_undetermined(struct loop *l, const real *times, const real *states, lo
             work[n + 3 + k] = wrench[k] / norm * l->size;
         }
         l->kernels.outputs(&times[i], q, u, p, work, moved);
-        for (long j = 0; j < told; j++)
+        for (long j = 0; j < out_size; j++)
             found[j] = real_fabs(moved[j] - plain[j]) > real_fmax(effect, R(1e-13) * (real_fabs(plain[j]) + 1));
     }
 }

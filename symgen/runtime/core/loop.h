@@ -23,7 +23,7 @@ struct loop_kernels {
     kernel motion;      /* out = screws, then the drift of the accelerations */
     kernel inverse;     /* out = efforts required by the motion in work, one per variable; if any is free, then inertia
                            (n x n) */
-    kernel known_efforts;     /* out = efforts of drives, springs and loads */
+    kernel given;       /* out = efforts of drives, springs and loads */
     kernel outputs;
     kernel energy;      /* out = (kinetic, potential, power of loads without potential) */
     kernel setup;       /* quantities that depend on parameters alone, stored behind them */
@@ -33,7 +33,7 @@ struct loop_kernels {
 /* Sizes of a loop and of the groups of its variables. */
 struct loop_sizes {
     long n;                      /* variables */
-    long parameters, work, told; /* reals of parameters, of the largest work, and written by `outputs` */
+    long parameters, work, out_size; /* reals of parameters, of the largest work, and written by `outputs` */
     long derived;                /* reals that `setup` writes */
     long extra;                  /* 1 if the work of loads without potential is integrated */
     long solved, inputs, unknown, known; /* sizes of the groups of variables, in the order of `numbers` */

@@ -111,7 +111,7 @@ static void accelerate_here(struct equations *e, real t, const real *y) {
     loop_changes(l, 2, l->loads + ROWS * n, b, a);
     l->kernels.inverse(&t, q, u, e->p, a, l->loads);
     memset(l->efforts, 0, (size_t)n * sizeof(real));
-    l->kernels.known_efforts(&t, q, u, e->p, a, l->efforts);
+    l->kernels.given(&t, q, u, e->p, a, l->efforts);
     if (l->free) {
         const real *found = l->reduced + l->free * l->free, *mass = inertia_of(l);
         span(l);

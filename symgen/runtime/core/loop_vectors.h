@@ -39,7 +39,7 @@ static size_t place(struct loop_lanes *l, const struct loop_sizes *s, void *memo
         ARENA_ARRAY(l->loads, 2 * ROWS * n + ROWS),
         ARENA_ARRAY(l->efforts, n),
         ARENA_ARRAY(l->work, s->work),
-        ARENA_ARRAY(l->out, s->told),
+        ARENA_ARRAY(l->out, s->out_size),
         ARENA_ARRAY(l->change, n),
         ARENA_ARRAY(l->trial, n),
         ARENA_ARRAY(l->gain, s->unknown * s->unknown),
@@ -285,8 +285,8 @@ static mask forced(struct loop_lanes *l, wide *q) {
     call(l->kernels.inverse, &l->t, q, u, l->p, work, l->loads);
     for (long k = 0; k < n; k++)
         l->efforts[k] = all(0);
-    if (l->kernels.known_efforts != NULL)
-        call(l->kernels.known_efforts, &l->t, q, u, l->p, work, l->efforts);
+    if (l->kernels.given != NULL)
+        call(l->kernels.given, &l->t, q, u, l->p, work, l->efforts);
     for (long k = 0; k < solved; k++)
         b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
     held(l, b, work + n);
@@ -427,22 +427,22 @@ static mask clocked(struct loop_lanes *l, const struct loop_lane_task *task) {
 
 /* Record pose and forces in lanes that have just arrived at a time; return the lanes with determined forces. */
 static mask record(struct loop_lanes *l, const struct loop_lane_task *task, mask arrived, int way, const ptrdiff_t *first) {
-    const long n = l->sizes.n, told = l->sizes.told;
+    const long n = l->sizes.n, out_size = l->sizes.out_size;
     const mask good = forced(l, l->q) & finite(largest_in(l->q + 2 * n, n + ROWS));
     call(l->kernels.outputs, &l->t, l->q, l->q + n, l->p, l->q + 2 * n, l->out);
     for (int lane = 0; lane < WIDTH; lane++)
         if (arrived[lane]) {
             const ptrdiff_t sample = first[lane] + way * task->reached[lane];
-            real *column = task->out + lane * told * task->count + sample;
+            real *column = task->out + lane * out_size * task->count + sample;
             const real *made = (const real *)l->out + lane;
-            for (long i = 0; i < told; i++)
+            for (long i = 0; i < out_size; i++)
                 column[i * task->count] = made[i * WIDTH];
             task->hold[lane * task->count + sample] = l->hold[lane];
             if ((double)l->closure[lane] > task->closure[lane])
                 task->closure[lane] = (double)l->closure[lane];
             task->reached[lane]++;
         }
-    return good & finite(largest_in(l->out, told));
+    return good & finite(largest_in(l->out, out_size));
 }
 
 /* Follow the lanes forwards (way = 1) or backwards from their first times; return the lanes that reach the end. */
