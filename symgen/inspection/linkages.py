@@ -42,7 +42,7 @@ _POSITION = ".position"
 #: Beginning of the caption of a page that computes.
 _QUASI_STATIC = (
     "One revolution in the quasi-static state: links bend under the loads and inertia of the rigid motion; "
-    "vibrations are left out."
+    "vibrations are omitted."
 )
 Array = NDArray[np.float64]
 #: Arguments of a range of prescribed values.

@@ -66,12 +66,12 @@ def structure(linkage: Linkage) -> Iterator[str]:
         yield "further constraints:"
         yield from (f"  {label}" for label in labels)
     if model.idle:
-        yield "left out: " + ", ".join(f"link {name} lies between fixed points" for name in model.idle)
+        yield "omitted: " + ", ".join(f"link {name} lies between fixed points" for name in model.idle)
     if linkage.kinematic:
-        yield f"left out: {LEFT_OUT}"
+        yield f"omitted: {LEFT_OUT}"
     if linkage.plane:
         yield (
-            f"left out: motion across the plane {linkage.plane}, for all points, loads and starts lie in it; "
+            f"omitted: motion across the plane {linkage.plane}, for all points, loads and starts lie in it; "
             "equilibria and modes have it"
         )
     elif linkage.leaves_plane:

@@ -30,7 +30,7 @@ def tangent_system(linkage: Linkage) -> System:
 
     Its matrices ``by_positions`` dR/dq and ``by_rates`` dR/du are lists of their nonzero entries, each called
     by the unknown of its row and the coordinate or rate of its column, ``A_a_x B_y``; one that is all zero is
-    left out.
+    omitted.
     """
     model = RodsModel(linkage)
     positions = [x.symbol for x in model.coordinates]

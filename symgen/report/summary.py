@@ -21,4 +21,4 @@ def model_lines(model: Compiled) -> Iterator[str]:
         kind = "input" if p.name in getattr(d, "inputs", ()) else "tunable"
         yield f"  {kind}: {p.name} = {model.parameters[p.name]:g} {p.unit}, {p.about}"
     for omitted in d.left_out:
-        yield f"  left out: {omitted}"
+        yield f"  omitted: {omitted}"

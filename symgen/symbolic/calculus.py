@@ -107,7 +107,7 @@ def chained(parts: Iterable[tuple[sp.Expr, Mapping[sp.Symbol, sp.Expr]]]) -> dic
     for slope, gradient in parts:
         for q, inner in gradient.items():
             terms.setdefault(q, []).append(slope * inner)
-    summed = {q: sp.Add(*terms) for q, terms in terms.items()}
+    summed = {q: sp.Add(*each) for q, each in terms.items()}
     return {q: value for q, value in summed.items() if value != 0}
 
 

@@ -112,7 +112,7 @@ def test_points_constraints_and_what_is_left_out_are_named():
     assert "  link body, cut between A and B" in lines
     assert "  D after link PD from P" in lines
     assert "  the guide of F along rail" in lines
-    assert "left out: link rail lies between fixed points" in lines
+    assert "omitted: link rail lies between fixed points" in lines
 
 
 def test_a_body_in_space_is_one_link():

@@ -58,7 +58,7 @@ def test_structure_names_rows_variables_and_what_is_left_out():
     assert "  4 P, prismatic, from slider to ground: S = S4, alpha = alpha4, a = a4" in lines
     assert "prescribed: theta1, S1" in lines
     assert "to be found: theta2, eta2, theta3, eta3, alpha3, S4" in lines
-    assert [line for line in lines if line.startswith("left out: link rod:")]
+    assert [line for line in lines if line.startswith("omitted: link rod:")]
     saved = list(saving_lines(system, loop_system(general(loop)), "general offsets"))
     assert saved[0] == (
         f"slider_crank: {operations(loop)} operations; with general offsets {operations(general(loop))} "

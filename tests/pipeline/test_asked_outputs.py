@@ -180,7 +180,7 @@ def test_kinematics_needs_no_masses_and_says_what_it_left_out(tmp_path):
     x, y = (found[f"B.position.{axis}"]["final"] for axis in "xy")
     assert (np.hypot(x - 0.02, y), np.hypot(x - 0.08, y)) == pytest.approx((0.07, 0.06))
     told = CliRunner().invoke(app, ["explain", path])
-    assert "left out: masses, loads, energies and forces: only kinematics is requested" in told.stdout
+    assert "omitted: masses, loads, energies and forces: only kinematics is requested" in told.stdout
     steps = CliRunner().invoke(app, ["show", path, "derivation"])
     assert steps.exit_code == 0 and "constraint_jacobian" in steps.stdout and "mass" not in steps.stdout
 

@@ -224,7 +224,7 @@ def test_explain_names_what_was_left_out(tmp_path):
     acceleration = [0, 0, "-9.81 m/s^2"]
     """
     for extra, said in {
-        "": "left out: motion across the plane y = 0, for all points, loads and starts lie in it",
+        "": "omitted: motion across the plane y = 0, for all points, loads and starts lie in it",
         '[start.velocities]\nA = [0, "1 m/s", 0]': "start.velocities.A has a component along y",
         '[analysis]\nmotion = "space"': 'derived in space: analysis.motion = "space"',
     }.items():

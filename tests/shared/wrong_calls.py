@@ -127,7 +127,7 @@ def _methods(thing: object) -> Iterator[tuple[str, Callable[..., Any]]]:
 def _objects(folder: Path) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
     """Return one object of every public class, and good arguments where a call needs some or would take long."""
     own = folder / "own.py"
-    own.write_text(_OWN)
+    own.write_text(_USER_FILE)
     build = {"backend": "numpy"}
     linkage = symgen.build("four_bar", **build)
     driven = symgen.build("crank_rocker", **build)
@@ -190,7 +190,7 @@ def _objects(folder: Path) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
 
 
 #: A derivation of the user's own.
-_OWN = """
+_USER_FILE = """
 import sympy as sp
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System

@@ -29,7 +29,7 @@ def loop_structure(loop: Loop, system: System) -> Iterator[str]:
         if names:
             yield f"{meaning}: {', '.join(names)}"
     for text in system.left_out:
-        yield f"left out: {text}"
+        yield f"omitted: {text}"
 
 
 def general(loop: Loop) -> Loop:

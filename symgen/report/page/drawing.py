@@ -186,7 +186,7 @@ _ORDER = ("axis", "rail", "body", "spring", "actuator", "rod", "elastic", "slide
 
 
 def not_drawn(count: int) -> str:
-    """Return the sentence of a caption on curves that are left out."""
+    """Return the sentence of a caption on curves that are omitted."""
     return f" {count} more curves are recorded and not drawn." if count else ""
 
 

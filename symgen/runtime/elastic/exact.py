@@ -255,7 +255,7 @@ def _notes(motion: ElasticMotion, segments: int) -> list[str]:
     notes += stiffness_damped(motion, "rods")
     sheared = [b.info.link for b in motion.beams if any(b.properties.shear)]
     if sheared:
-        notes.append(f"shear is left out of {', '.join(sheared)}")
+        notes.append(f"shear is omitted from {', '.join(sheared)}")
     return notes
 
 
@@ -264,6 +264,6 @@ def stiffness_damped(motion: ElasticMotion, parts: str) -> Iterator[str]:
     damped = [b.info.link for b in motion.beams if b.properties.mass_damping or b.properties.ratio]
     if damped:
         names = ", ".join(damped)
-        yield f"{parts} are damped by stiffness only: what mass or a ratio gives is left out of {names}"
+        yield f"{parts} are damped by stiffness only: damping by mass or a ratio is omitted from {names}"
     if len(motion.layout.damped):
-        yield f"modal damping of the structure is left out: {parts} have no such modes"
+        yield f"modal damping of the structure is omitted: {parts} have no such modes"

@@ -130,7 +130,7 @@ def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tu
 
 def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:
     _, *shape = variable.values.shape
-    values = np.empty((len(variable.values), *shape[1:]))
+    results = np.empty((len(variable.values), *shape[1:]))
     for i, samples in enumerate(variable.values):
         values = np.asarray(reduce(samples, axis=0), dtype=float)
         if values.shape != samples.shape[1:]:
@@ -138,8 +138,8 @@ def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:
                 f"expected reduce to return the shape {samples.shape[1:]} for the samples of "
                 f"{variable.name}, of shape {samples.shape}, got the shape {values.shape}"
             )
-        values[i] = values
-    return values
+        results[i] = values
+    return results
 
 
 def dataset_of(

@@ -23,7 +23,7 @@ def assemblies(
     of groups that are solved by signs and roots (:mod:`symgen.runtime.rods.assur`). Otherwise they are those
     of a search from ``near``, its mirror images and ``tries`` random poses of the same seed every time:
     others may exist, though that is unlikely for linkages of few loops. Every pose is a solution to
-    round-off. Poses in which the drives do not determine the motion are left out. There must be at least as
+    round-off. Poses in which the drives do not determine the motion are omitted. There must be at least as
     many constraints, drives among them, as coordinates.
 
     Raises
@@ -48,7 +48,7 @@ def assemblies(
         if constraints.turned_over(q, t):
             continue
         if not _isolated(constraints, q, t):
-            incomplete = incomplete or "poses at dead centres are left out"
+            incomplete = incomplete or "poses at dead centres are omitted"
         elif all(np.max(np.abs(q - other)) > _SAME * length for other in unique):
             unique.append(q)
     unique.sort(key=lambda q: (round(float(np.linalg.norm(q - near) / length), 6), q.tolist()))

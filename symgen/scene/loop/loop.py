@@ -112,7 +112,7 @@ class LoopBody:
         Mass [kg], centre of mass [m], inertia matrix about the centre of mass [kg m^2], row by row.
     idle
         Whether the joints leave it free to spin about the line of its two balls, and a constant entry holds
-        that spin: then it is axisymmetric, and its inertia about that line is left out.
+        that spin: then it is axisymmetric, and its inertia about that line is omitted.
     """
 
     link: str

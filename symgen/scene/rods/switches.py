@@ -25,7 +25,7 @@ def with_switches(linkage: Linkage) -> Linkage:
 
     At b = 0, the value of the parameter that is added, this is sign(x); runs hold b at 1 or -1 during a step.
     Smooth pulses in the time have one in their middle, on which no load depends: a step ends there.
-    Kinematics have no steps, and keep their expressions. Branches that loads have are left out first.
+    Kinematics have no steps, and keep their expressions. Branches that loads have are omitted first.
     """
     if linkage.kinematic:
         return linkage

@@ -21,7 +21,7 @@ def with_windings(linkage: Linkage) -> Linkage:
     """Return a linkage with a reference for every angle in its loads, its torsion springs included.
 
     At 0, the value of the parameter that is added, an angle lies between -pi and pi. Those that it had are
-    left out first. Kinematics have no runs that move a reference, and in space no link has one angle.
+    omitted first. Kinematics have no runs that move a reference, and in space no link has one angle.
     """
     old = {w.reference for w in linkage.windings}
     constants = tuple(p for p in linkage.parameters if p.quantity not in old)

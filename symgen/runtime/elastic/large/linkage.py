@@ -255,7 +255,7 @@ class LargeLinkage(System):
     def _diagonal(self, t: Array, q: Array, v: Array) -> Array:
         """Return mass, damping and stiffness of masses on links and of a motor, (3, unknowns of ``_own``).
 
-        Slopes of forces along links, and of couples by the lines between the ends of links, are left out.
+        Slopes of forces along links, and of couples by the lines between the ends of links, are omitted.
         """
         diagonals = np.zeros((3, len(self._diagonal_places())))
         if self._lumps:
