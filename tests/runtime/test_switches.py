@@ -128,7 +128,7 @@ def test_friction_at_rest_is_refused_with_the_smooth_alternative(options, tmp_pa
 
 
 def test_runs_with_switching_points_are_resumed_to_the_bit(tmp_path):
-    model, file = build(tmp_path, DRY), tmp_path / "run.ckpt"
+    model, file = build(tmp_path, DRY, backend="auto"), tmp_path / "run.ckpt"
     whole = model.simulate(2.0, step=1e-3)
     with pytest.raises(SimulationError, match="max_steps"):
         model.simulate(2.0, step=1e-3, max_steps=900, checkpoint=file, checkpoint_every=1e-9)
