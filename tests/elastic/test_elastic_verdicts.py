@@ -12,7 +12,7 @@ from rich.console import Console
 from shared.in_numpy import build
 
 import symgen
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import CapabilityError, ModelError, SimulationError
 from symgen.report.elastic import print_elastic_result
 from symgen.runtime.elastic.large import passes
 from symgen.runtime.result.elastic import is_stable
@@ -102,6 +102,11 @@ def test_notes_on_the_error_by_elements(monkeypatch, tmp_path):
     )
     stated = pickle.loads(pickle.dumps(unknown))
     assert stated.summary()["notes"] == unknown.summary()["notes"]
+
+
+def test_the_remedy_for_a_moving_crank_is_a_key_of_its_scene(four_bar):
+    with pytest.raises(CapabilityError, match=r"--set crank\.speed="):
+        four_bar.equilibrium()
 
 
 def test_loads_by_angles_have_no_balance_of_powers_and_a_note():

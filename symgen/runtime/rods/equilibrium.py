@@ -10,6 +10,7 @@ import numpy as np
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
+from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.state import State, reactions_at, state_at
 from symgen.runtime.rods.assemblies import polished
@@ -18,10 +19,6 @@ from symgen.runtime.rods.linear import Linearised, Statics
 
 _STEPS, _AWAY = 500, 1e4
 _IN_MOTION = "there is no equilibrium while a drive is in motion"
-_HOLD = (
-    'Give the drive a constant value, such as --set drivers.0.angle="30 deg", or ask for the kinematics or '
-    "the motion."
-)
 
 
 @checked
@@ -79,6 +76,12 @@ class Equilibrium:
         }
 
 
+def _hold(d: Description) -> str:
+    """Return the remedy for a drive in motion."""
+    key = 'crank.speed="0 rpm"' if d.elastic and d.elastic.crank else 'drivers.0.angle="30 deg"'
+    return f"Give the drive a constant value, such as --set {key}, or compute kinematics or the motion."
+
+
 def never_rests(evaluator: Evaluator, left_out: str = "") -> str | None:
     """Return why a linkage has no equilibrium: a drive or ground point moves at constant velocity.
 
@@ -92,7 +95,7 @@ def never_rests(evaluator: Evaluator, left_out: str = "") -> str | None:
         drift = np.ravel(evaluator.blocks("velocity_constraints", 0.0, q, rest)["velocity_constraints"])
         rows = zip(d.constraints, d.labels, drift, strict=True)
         moving += [k for name, k, x in rows if x and name in d.steady and name != f"{left_out}_drive"]
-    return f"{_IN_MOTION}: {moving[0]} moves at all times\n  {_HOLD}" if moving else None
+    return f"{_IN_MOTION}: {moving[0]} moves at all times\n  {_hold(d)}" if moving else None
 
 
 def at_rest(constraints: Constraints, q: Array, t: float) -> None:
@@ -118,7 +121,7 @@ def at_rest(constraints: Constraints, q: Array, t: float) -> None:
         if name in d.ground and (np.any(rates[i]) or np.any(second[i])):
             moving.insert(0, f"the ground point {name}")
     if moving:
-        raise ModelError(f"{_IN_MOTION}: {moving[0]} moves at t = {t:g} s\n  {_HOLD}")
+        raise ModelError(f"{_IN_MOTION}: {moving[0]} moves at t = {t:g} s\n  {_hold(d)}")
 
 
 def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
