@@ -106,16 +106,16 @@ static inline wide root(wide x) {
 #endif
 }
 
-static void copy_where(mask which, const wide *from, ptrdiff_t count, wide *to) {
+static inline void copy_where(mask which, const wide *from, ptrdiff_t count, wide *to) {
     for (ptrdiff_t i = 0; i < count; i++)
         to[i] = chosen(which, from[i], to[i]);
 }
 
-static void call(kernel function, const wide *t, const wide *q, const wide *u, const wide *p, wide *work, wide *out) {
+static inline void call(kernel function, const wide *t, const wide *q, const wide *u, const wide *p, wide *work, wide *out) {
     function((const real *)t, (const real *)q, (const real *)u, (const real *)p, (real *)work, (real *)out);
 }
 
-static void load(const real *rows, ptrdiff_t count, wide *to) {
+static inline void load(const real *rows, ptrdiff_t count, wide *to) {
     for (ptrdiff_t i = 0; i < count; i++)
         for (int lane = 0; lane < WIDTH; lane++)
             to[i][lane] = rows[lane * count + i];
@@ -123,7 +123,7 @@ static void load(const real *rows, ptrdiff_t count, wide *to) {
 
 /* -- systems of equations: as in linear.c --------------------------------------------------------------- */
 
-static mask factor_dense(ptrdiff_t n, wide *a, mask *swaps) {
+static inline mask factor_dense(ptrdiff_t n, wide *a, mask *swaps) {
     mask regular = ~(mask){0};
     for (ptrdiff_t k = 0; k < n; k++) {
         mask best = (mask){0} + k;
@@ -149,7 +149,7 @@ static mask factor_dense(ptrdiff_t n, wide *a, mask *swaps) {
 #define NUMBER wide
 #include "substitution.h"
 
-static void solve_dense(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
+static inline void solve_dense(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
     for (ptrdiff_t k = 0; k < n; k++)
         for (ptrdiff_t i = k + 1; i < n; i++)
             exchange(swaps[k] == i, b + k, b + i, 1);
