@@ -208,7 +208,7 @@ def test_short_windows_of_every_revolution_are_found():
     motion = four_bar(WINDOW)._motion(True)
     found = jump_times(motion, 10 * motion.period, 1)
     assert found.mean(axis=1) == pytest.approx(times_of_window(10), abs=1e-9)
-    assert np.array_equal(motion.ending_on(found).refined().jumps, found)
+    assert np.array_equal(motion.ending_on(found).refined.jumps, found)
 
 
 def test_jumps_after_the_last_angle_asked_of_a_steady_state():
