@@ -202,12 +202,12 @@ def chosen(motion: ElasticMotion, k: int, info: BeamInfo, properties: Properties
     return coarse
 
 
-def _gap(coarse: Array, fine: Array, besides: Array | float = 0.0) -> float:
+def _gap(coarse: Array, fine: Array, besides: Array | float = 0.0, least: float = 0.0) -> float:
     """Return the largest difference of stresses (poses, stations) over the peak of their station.
 
-    ``besides`` are sizes of stresses that both leave out.
+    ``besides`` are sizes of stresses that both leave out; lower peaks count as ``least``.
     """
-    peak = np.max(np.abs(fine) + besides, axis=0, initial=0.0)
+    peak = np.max(np.abs(fine) + besides, axis=0, initial=least)
     largest = np.max(np.abs(coarse - fine), axis=0, initial=0.0)
     shown = peak > 1e-9 * np.max(peak, initial=0.0)
     return float(np.max(largest[shown] / peak[shown], initial=0.0))
@@ -260,7 +260,13 @@ def unknown(problem: Exception) -> str:
     return "max_wall is spent" if isinstance(problem, OutOfTime) else str(problem).partition("\n")[0]
 
 
-def mesh_error(coarse: Sequence[Variable], fine: Sequence[Variable]) -> float:
-    """Return the difference of stresses of two runs over their peak at a station, the largest of all."""
+def mesh_error(coarse: Sequence[Variable], fine: Sequence[Variable], least: float = 0.0) -> float:
+    """Return the difference of stresses of two runs over their peak at a station, the largest of all.
+
+    Lower peaks count as ``least`` [Pa].
+    """
     pairs = [(a.values, b.values) for a, b in zip(coarse, fine, strict=True) if b.name.endswith(".stress")]
-    return _gap(*(np.stack(values, axis=1) for values in zip(*pairs, strict=True))) if pairs else 0.0
+    if not pairs:
+        return 0.0
+    before, after = (np.stack(values, axis=1) for values in zip(*pairs, strict=True))
+    return _gap(before, after, least=least)

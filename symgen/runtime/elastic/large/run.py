@@ -50,6 +50,7 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
         partial(LargeLinkage, motion, 2 * elements),
         partial(_outputs, motion),
         partial(coordinate_of, motion),
+        max(beam.properties.modulus for beam in motion.beams),
         f"{elements} elements a link",
         (*stiffness_damped(motion, "elements in large rotation"), *_stretching(motion), *_free(motion)),
         motion.identity,

@@ -20,6 +20,8 @@ BLOCK = "director_beam"
 _WRITTEN = {"residual": 24, "tangent": 3 * 576, "energies": 4, "section": 14}
 #: Column of the damping among those of sections.
 DAMPING = 8
+#: Column of Young's modulus.
+_MODULUS = 14
 #: First column of the direction of the width among them.
 _WIDTH = 16
 
@@ -63,6 +65,11 @@ class LinkInSpace:
     def length(self) -> Any:
         """Undeformed length [m]."""
         return self.section[0]
+
+    @property
+    def modulus(self) -> float:
+        """Young's modulus [Pa]."""
+        return float(self.section[_MODULUS].real)
 
     @property
     def width(self) -> Array:

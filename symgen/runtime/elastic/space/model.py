@@ -103,12 +103,14 @@ class SpatialModel(ModelOfRigid):
         end = end_of_scene(d.t_end) if request.t_end is None else real(request.t_end, "t_end")
         if not end > 0.0:
             raise ModelError(f"expected t_end above zero, got {end!r}")
+        linkage = LinkageInSpace(self.rigid)
         large = LargeMotion(
             self.rigid,
-            LinkageInSpace(self.rigid),
+            linkage,
             partial(LinkageInSpace, self.rigid, divided=2),
             self._outputs,
             over_time,
+            max(link.modulus for link in linkage.links),
             _FORM,
             start=partial(initial, state=state),
             initial=state,
