@@ -288,6 +288,8 @@ _KINDS = {
     "PathLike": _that(lambda value: isinstance(value.__fspath__(), str), "a path"),
     "ArrayLike": _that(_is_array, "numbers"),
     "NDArray": _that(_is_array, "numbers"),
+    "Array": _that(_is_array, "numbers"),
+    "Indices": _that(_is_array, "numbers"),
     "Callable": _typed(callable, "a function"),
 }
 _LISTS = {

@@ -323,7 +323,7 @@ def test_the_examples_of_the_page_run(monkeypatch):
     assert isinstance(runs, xarray.Dataset) and isinstance(samples, xarray.Dataset)
     assert not any(runs["error"].values) and not any(samples["error"].values)
     drive, span = runs["theta1.drive.peak"].values, runs["theta1.drive.range"].values
-    assert -1.001 < names["found"].constraints["arm.torque.least"] < -0.999
+    assert -1.001 < names["optimum"].constraints["arm.torque.least"] < -0.999
     worst, scatter = (names[n].sel(output="theta1.drive.peak") for n in ("worst", "scatter"))
     assert worst["least"] < scatter["least"] < scatter["mean"] < scatter["greatest"] < worst["greatest"]
     assert np.all((drive > 0.0) & (drive <= span) & (span <= 2 * drive))
