@@ -157,10 +157,13 @@ def _failed(message: str, code: int) -> int:
 def _usage(error: Any) -> str:
     """Return the message of a usage error, with the command that has options that ``run`` lacks."""
     message = _of_value(error) or error.format_message()
-    of_run = error.ctx is not None and error.ctx.info_name == "run"
+    ctx = error.ctx
+    of_run = ctx is not None and ctx.info_name == "run"
     if of_run and message.startswith("No such"):
         return f"{message}\n  Analyses have commands of their own: 'symgen simulate SCENE'."
-    command = error.ctx.command_path if error.ctx else "symgen"
+    if message.startswith("No such option: --t-end") and any("--to" in p.opts for p in ctx.command.params):
+        return "No such option: --t-end\n  The end of the range is --to: '--to 0.5' [s], '--to \"90 deg\"'."
+    command = ctx.command_path if ctx else "symgen"
     return f"{message}\n  See '{command} --help'." if message else ""
 
 

@@ -254,6 +254,16 @@ class Reader(Values):
         """Check that there is a link of this name."""
         self.known(name, self.scene.links, "link", where)
 
+    def known_joint(self, point: str, link: str, joints: Collection[str], where: str) -> None:
+        """Check that a point is among the joints of a link."""
+        if point not in joints:
+            shown = ", ".join(p for p in joints if not self.points[p].hidden)
+            raise SceneError(
+                f"{point} is no joint of {link}, whose joints are {shown}",
+                where=where,
+                hint=f"Name one of these joints, or links that have a joint at {point}.",
+            )
+
     def drawn(self, link: str) -> list[float]:
         """Return the vector along a link as drawn [m]."""
         first, second = (self.points[p].at for p in self.scene.links[link].points[:2])
@@ -289,11 +299,10 @@ class Reader(Values):
             raise SceneError(f"{name} lies between two ground points and cannot turn", where=where)
 
 
-def check_count(value: int, least: int, most: int, where: str) -> int:
-    """Return a number of things, checked to be in a range."""
+def check_count(value: int, least: int, most: int, where: str) -> None:
+    """Check that a number of things is in a range."""
     if not least <= value <= most:
         raise SceneError(f"expected a whole number from {least} to {most}, got {value}", where=where)
-    return value
 
 
 def _got(text: str | int | float, value: float, dim: Dimension) -> str:

@@ -250,6 +250,7 @@ def test_options_are_shown_in_groups():
         (["kinematics", "slider_crank", "--state", "2"], "--state does not apply to kinematics of slider_crank"),
         (["kinematics", "crank_rocker", "--at", "30", "--samples", "3"], "give --at or --samples, not both"),
         (["kinematics", "crank_rocker", "--at", "30,0.2 s"], "give times or values of the input, not both"),
+        (["kinematics", "crank_rocker", "--t-end", "1"], "The end of the range is --to"),
         (["assemblies", "crank_rocker", "--at", "30,60"], "expected one value after --at"),
         (["run", "slider_crank", "--at", "30", "--t-end", "1"], "give --at or --t-end, not both"),
         (["simulate", "four_bar", "--checkpoint-every", "3"], "give the file with --checkpoint"),

@@ -143,7 +143,10 @@ def test_sway_of_a_clamped_portal():
 BAD = {
     "one link": ({"welds": [{"point": "A", "links": ["left"]}]}, "two links or more"),
     "twice": ({"welds": [{"point": "Q", "links": ["right"]}] * 2}, "Q has two welds"),
-    "elsewhere": ({"welds": [{"point": "A", "links": ["left", "right"]}]}, "A is no joint of right"),
+    "elsewhere": (
+        {"welds": [{"point": "A", "links": ["left", "right"]}]},
+        "A is no joint of right, whose joints are Q, B\n  Name",
+    ),
     "rigid truss": ({"crank": {"link": "left", "speed": "1 rpm"}}, "Weld no links whose angle changes"),
 }
 

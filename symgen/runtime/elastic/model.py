@@ -330,6 +330,11 @@ class ElasticModel(ModelOfRigid):
         return self._of_scene(whole(count, "segments"))
 
     def _equilibrium(self, segments: int = 12, at: float | None = None, stable: bool = True) -> Equilibrium:
+        from symgen.runtime.rods.equilibrium import at_rest
+
+        if self.description.elastic and self.description.elastic.prescribed:
+            # Refused here by the names of the scene: segments have others.
+            at_rest(self.rigid._constraints(), self.rigid._stored_start().q, at or 0.0)
         return self._in_segments(segments)._equilibrium(at=at, stable=stable)
 
     @property

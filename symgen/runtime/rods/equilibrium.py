@@ -18,7 +18,6 @@ from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.linear import Linearised, Statics
 
 _STEPS, _AWAY = 500, 1e4
-_IN_MOTION = "there is no equilibrium while a drive is in motion"
 
 
 @checked
@@ -76,10 +75,23 @@ class Equilibrium:
         }
 
 
-def _hold(d: Description) -> str:
-    """Return the remedy for a drive in motion."""
-    key = 'crank.speed="0 rpm"' if d.elastic and d.elastic.crank else 'drivers.0.angle="30 deg"'
-    return f"Give the drive a constant value, such as --set {key}, or compute kinematics or the motion."
+def _in_motion(d: Description, name: str, when: str) -> str:
+    """Return that there is no equilibrium, since a ground point or the drive of a constraint moves."""
+    if name in d.ground:
+        label, remedy = f"the ground point {name}", f"Omit points.{name}.motion"
+    else:
+        row = d.constraints.index(name)
+        label, remedy = d.labels[row], f"Give {d.place(row)}.length a constant value"
+        if row in d.drives:
+            keys = f'drivers.{d.drives.index(row)}.angle="30 deg"'
+            if d.place(row) == "crank":
+                prescribed = d.elastic and d.elastic.prescribed
+                keys = ('crank.angle="30 deg" --set ' if prescribed else "") + 'crank.speed="0 rpm"'
+            remedy = f"Give the drive a constant value, such as --set {keys}"
+    return (
+        f"there is no equilibrium while a drive is in motion: {label} moves {when}\n"
+        f"  {remedy}, or compute kinematics or the motion."
+    )
 
 
 def never_rests(evaluator: Evaluator, left_out: str = "") -> str | None:
@@ -90,12 +102,12 @@ def never_rests(evaluator: Evaluator, left_out: str = "") -> str | None:
     d = evaluator.description
     q, rest = np.array(d.start[: d.coordinates]), np.zeros(d.coordinates)
     rates = evaluator.blocks("points", 0.0, q, rest)["velocities"]
-    moving = [f"the ground point {p}" for p in d.ground if p in d.steady and np.any(rates[d.points.index(p)])]
+    moving = [p for p in d.ground if p in d.steady and np.any(rates[d.points.index(p)])]
     if d.constraints:
         drift = np.ravel(evaluator.blocks("velocity_constraints", 0.0, q, rest)["velocity_constraints"])
-        rows = zip(d.constraints, d.labels, drift, strict=True)
-        moving += [k for name, k, x in rows if x and name in d.steady and name != f"{left_out}_drive"]
-    return f"{_IN_MOTION}: {moving[0]} moves at all times\n  {_hold(d)}" if moving else None
+        rows = zip(d.constraints, drift, strict=True)
+        moving += [name for name, x in rows if x and name in d.steady and name != f"{left_out}_drive"]
+    return _in_motion(d, moving[0], "at all times") if moving else None
 
 
 def at_rest(constraints: Constraints, q: Array, t: float) -> None:
@@ -108,9 +120,9 @@ def at_rest(constraints: Constraints, q: Array, t: float) -> None:
     """
     d, rest = constraints.description, np.zeros(constraints.n)
     moving = [
-        label
-        for label, rate, second in zip(
-            d.labels, constraints.drift(q, t), constraints.gamma(q, rest, t), strict=True
+        name
+        for name, rate, second in zip(
+            d.constraints, constraints.drift(q, t), constraints.gamma(q, rest, t), strict=True
         )
         if rate != 0.0 or second != 0.0
     ]
@@ -119,9 +131,9 @@ def at_rest(constraints: Constraints, q: Array, t: float) -> None:
     second = constraints.evaluator.blocks("point_accelerations", t, q, rest, work)["point_accelerations"]
     for i, name in enumerate(d.points):
         if name in d.ground and (np.any(rates[i]) or np.any(second[i])):
-            moving.insert(0, f"the ground point {name}")
+            moving.insert(0, name)
     if moving:
-        raise ModelError(f"{_IN_MOTION}: {moving[0]} moves at t = {t:g} s\n  {_hold(d)}")
+        raise ModelError(_in_motion(d, moving[0], f"at t = {t:g} s"))
 
 
 def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:

@@ -123,8 +123,7 @@ def _check_weld(read: Reader, linkage: Linkage, weld: Weld, where: str) -> None:
         read.known_link(name, f"{where}.links")
         link = linkage.link(name)
         carried = [c.name for c in link.carried if c.joined or name not in elastic]
-        if weld.point not in (*link.base, *carried):
-            raise SceneError(f"{weld.point} is no joint of {name}", where=f"{where}.point")
+        read.known_joint(weld.point, name, (*link.base, *carried), f"{where}.point")
     rigid = [name for name in weld.links if name not in elastic]
     fixed = [name for name in rigid if all(linkage.point(p).ground for p in linkage.link(name).base)]
     if fixed or (rigid and ground):
