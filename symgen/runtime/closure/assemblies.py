@@ -112,7 +112,7 @@ class _Found:
             left = np.setdiff1d(left, new)
             for k, q in zip(new, _nearest(self._close, poses[new], self._near), strict=True):
                 if q is not None:
-                    self.last = met[k][0]
+                    self.last = max(self.last, met[k][0])
                     self.closures.append(q)
                     self._links.append(links[k])
                     left = left[~_coincide(links[left], links[k])]

@@ -87,14 +87,14 @@ class Keep:
         if self.reduce is None:
             return Record(along, times, samples, single, axes, runs=runs)
         if callable(self.reduce):
-            means = tuple(v.of(_reduced(self.reduce, v)) for v in samples)
-            return Record(single=(*means, *single), axes=axes, runs=runs)
+            per_run = tuple(v.of(_reduced(self.reduce, v)) for v in samples)
+            return Record(single=(*per_run, *single), axes=axes, runs=runs)
         names, weights = reductions(self.reduce), mean_weights(along.values, times)
-        means = tuple(reduction(v, name, weights) for name in names if name != HISTORY for v in samples)
+        per_run = tuple(reduction(v, name, weights) for name in names if name != HISTORY for v in samples)
         # It is smaller for runs that end at a dead centre or an event.
         count = np.full(1 if runs is None else len(runs), float(along.values.shape[-1]))
         recorded = Variable(RECORDED, "1", "number of samples that the run recorded", (), count)
-        single = (*means, *single, recorded)
+        single = (*per_run, *single, recorded)
         if HISTORY in names:
             return Record(along, times, samples, single, axes, runs=runs)
         return Record(single=single, axes=axes, runs=runs)

@@ -253,7 +253,7 @@ class LargeLinkage(System):
         return self._rigid.many_blocks("points", t, y, np.zeros_like(y))["positions"][:, number]
 
     def _diagonal(self, t: Array, q: Array, v: Array) -> Array:
-        """Return mass, damping and stiffness of masses on links and of a motor, (3, unknowns of ``_own``).
+        """Return mass, damping and stiffness of masses on links and of a motor, (3, places).
 
         Slopes of forces along links, and of couples by the lines between the ends of links, are omitted.
         """
