@@ -245,7 +245,9 @@ def optimise(
     arguments = plan.model_dump(exclude_unset=True)
     arguments["constraints"] = {name: (b.least, b.greatest) for name, b in plan.constraints.items()}
     arguments |= {name: value for name, value in (("method", method), ("seed", seed)) if value is not None}
-    model, arguments["variables"] = varied(scene, arguments["variables"], set=changes(set_), backend=backend)
+    model, arguments["variables"] = varied(
+        scene, arguments["variables"], set=changes(set_), backend=backend, table="optimise.variables"
+    )
     if isinstance(arguments["objective"], list):
         _front(model, arguments, page, as_json)
         return

@@ -31,6 +31,8 @@ def place(folder: Path) -> dict[str, str]:
         there = _listed(folder)
     except OSError as error:
         raise ResultError(f"cannot write the export to {folder}: {error.strerror or error}") from None
+    if not folder.is_dir():
+        raise ResultError(f"expected a folder for the export, got the file {folder}")
     if there is None:
         raise ResultError(
             f"{folder} contains files other than an export of symgen\n"

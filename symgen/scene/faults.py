@@ -46,7 +46,7 @@ def scene_error(scene: type[Table], error: ValidationError) -> SceneError:
                 hint = f"A list of tables has double brackets: [[{where}]]."
         case "too_short" | "too_long" as kind:
             limit, bound = ("least", "min_length") if kind == "too_short" else ("most", "max_length")
-            problem = f"expected at {limit} {fault['ctx'][bound]} of these, got {value}"
+            problem = f"expected at {limit} {fault['ctx'][bound]} entries in the list, got {value}"
         case "int_type" | "int_from_float":
             problem = f"expected a whole number, got {value}"
         case "literal_error":

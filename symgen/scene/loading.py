@@ -95,10 +95,10 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, and of numbers with too many digits
         from symgen.scene.faults import ONE_LOOP  # pydantic is not loaded by runs from the cache
 
-        twice = "'loop',) twice" in str(error)
-        raise SceneError(
-            f"this is not valid TOML: {error}", file=path.name, hint=ONE_LOOP if twice else ""
-        ) from None
+        hint = ONE_LOOP if "'loop',) twice" in str(error) else ""
+        if isinstance(error, UnicodeDecodeError):
+            hint = "Save the file as text in UTF-8."
+        raise SceneError(f"this is not valid TOML: {error}", file=path.name, hint=hint) from None
     if _depth(data) > _DEEPEST:
         raise SceneError(f"expected tables nested at most {_DEEPEST} deep", file=path.name)
     return SceneText(_identifier(path.stem), path.name, data)

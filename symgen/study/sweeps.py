@@ -36,6 +36,7 @@ def varied(
     *,
     set: Mapping[str, Any] | None = None,
     backend: str = "auto",
+    table: str = "sweep.vary",
 ) -> tuple[Any, dict[str, Any]]:
     """Return the model of a scene, and the values or distributions of its varied parameters in SI units.
 
@@ -49,6 +50,8 @@ def varied(
         called like the key, with ``_`` for every dot.
     set, backend
         As of :func:`symgen.build`.
+    table
+        Of the scene with ``vary``, for messages.
 
     Raises
     ------
@@ -56,7 +59,7 @@ def varied(
         For keys that have no single value, and values of wrong units or form.
     """
     text, names = tunable(override(read_scene(source), set or {}), vary)
-    return build_selected(text, backend=backend), values_of(text, names, vary)
+    return build_selected(text, backend=backend), values_of(text, names, vary, table)
 
 
 def tunable(text: SceneText, keys: Iterable[str]) -> tuple[SceneText, dict[str, str]]:
@@ -67,10 +70,15 @@ def tunable(text: SceneText, keys: Iterable[str]) -> tuple[SceneText, dict[str, 
     return text, names
 
 
-def values_of(text: SceneText, names: Mapping[str, str], vary: Mapping[str, Any]) -> dict[str, Any]:
+def values_of(
+    text: SceneText, names: Mapping[str, str], vary: Mapping[str, Any], table: str = "sweep.vary"
+) -> dict[str, Any]:
     """Return the values of varied parameters by name; see :func:`varied`."""
     read = Values(check_scene(text))
-    return {names[key]: _values(read, names[key], value) for key, value in vary.items()}
+    try:
+        return {names[key]: _values(read, names[key], value, table) for key, value in vary.items()}
+    except SceneError as error:
+        raise error.located(file=text.file) from None
 
 
 def _tunable(text: SceneText, key: str) -> tuple[SceneText, str]:
@@ -121,13 +129,12 @@ def _with(text: SceneText, parameters: Mapping[str, Any]) -> SceneText:
     return SceneText(text.name, text.file, {**text.data, "parameters": dict(parameters)})
 
 
-def _values(read: Values, name: str, value: Any) -> Any:
+def _values(read: Values, name: str, value: Any, table: str) -> Any:
     """Return values or a distribution of a parameter in SI units."""
 
     def number(text: Any) -> float:
-        return read.number(
-            read.value(text.strip() if isinstance(text, str) else text, size, f"sweep.vary.{name}")
-        )
+        given = text.strip() if isinstance(text, str) else text
+        return read.number(read.value(given, size, f"{table}.{name}"))
 
     size = read.names[name][1]
     if isinstance(value, Column):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from symgen.cli import app
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SymgenError
 
 EXAMPLE = str(Path(__file__).parents[2] / "docs" / "barrier.toml")
 
@@ -38,6 +39,18 @@ def test_a_scene_without_optimisation_is_refused():
     with pytest.raises(ModelError, match="no optimisation in this scene"):
         done = CliRunner().invoke(app, ["optimise", "four_bar"])
         raise done.exception
+
+
+@pytest.mark.parametrize(
+    ("bounds", "words"),
+    [
+        ('["1 N", "2 N/m"]', r"barrier.toml: \[optimise.variables\] stiffness: expected a stiffness .*'1 N'"),
+        ('["200 N/m", "100 N/m"]', r"upper bound of stiffness, in this order, got \[200.0, 100.0\]"),
+    ],
+)
+def test_wrong_bounds_are_refused(bounds, words):
+    done = CliRunner().invoke(app, ["optimise", EXAMPLE, "--set", f"optimise.variables.stiffness={bounds}"])
+    assert isinstance(done.exception, SymgenError) and re.search(words, str(done.exception))
 
 
 def test_the_page_has_the_result(tmp_path):

@@ -249,7 +249,7 @@ def test_nothing_else_is_written_over(what, tmp_path):
         words = "contains files other than an export"
     elif what == "a file":
         folder.write_text("years of work")
-        words = "contains files other than an export"
+        words = "expected a folder for the export, got the file"
     elif what == "a changed export":
         export_c("vertical_rods", folder)
         (folder / "main.c").write_text("my own")

@@ -162,7 +162,7 @@ def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch):
     with pytest.raises(ModelError, match="poses are drawn at times"):
         symgen.build("four_bar").draw(0.1, over="input")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(ModelError, match=r"ezdxf: pip install 'symgen\[dxf\]'"):
+    with pytest.raises(ModelError, match=r"a drawing in DXF needs ezdxf: pip install 'symgen\[dxf\]'"):
         model.draw().dxf()
 
 

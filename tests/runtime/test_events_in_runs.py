@@ -139,7 +139,9 @@ def test_events_are_saved_and_summed_up(tmp_path):
     again = load_result(result.save(tmp_path / "run.npz"))
     assert again.events == result.events and len(again.events) == 1
     summary = json.loads(json.dumps(result.summary()))
-    assert summary["events"] == [{"name": "e", "time": result.events[0].time, "rising": False}]
+    time = result.events[0].time
+    assert summary["events"] == [{"name": "e", "time": time, "rising": False}]
+    assert repr(result.events[0]) == f"Event(name='e', time={time!r}, rising=False)"
 
 
 def test_an_event_without_a_value_is_told():

@@ -87,6 +87,7 @@ CASES = {
     "unknown unit": ('["A", "B"], mass = "1 kg"', '["A", "B"], mass = "3 kgg"', ["[links.AB] mass", "not a unit"]),
     "zero length": ('A = { at = ["1 m", "0 m"] }', 'A = { at = ["0 m", "0 m"] }', ["[links.OA] points", "zero length"]),
     "one point twice": ('points = ["O", "A"]', 'points = ["O", "O"]', ["[links.OA] points", "zero length"]),
+    "one point": ('points = ["O", "A"]', 'points = ["O"]', ["[links.OA] points", "at least 2 entries in the list, got ['O']"]),
     "point on no link": ("[links]", 'X = { at = ["5 m", "5 m"] }\n[links]', ["[points] X", "on no link"]),
     "unassemblable loop": (
         'AB = { points = ["A", "B"], mass',

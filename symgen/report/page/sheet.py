@@ -90,7 +90,7 @@ class Sheet:
         ModelError
             Where ezdxf is not installed.
         """
-        needed("ezdxf", extra="dxf")
+        needed("a drawing in DXF", "ezdxf", extra="dxf")
         import ezdxf
 
         fixed, ezdxf.options.write_fixed_meta_data_for_testing = (

@@ -117,7 +117,7 @@ def _of_constraints(
         return f"the mass matrix lost its positive definiteness {at}: {name} carries no mass"
     return (
         f"the constraints lost rank {at}: {name} is no longer independent of the others (a dead centre "
-        f"of the linkage, or a redundant link)\n  {where}"
+        f"of the linkage, or a redundant link)\n  {_remedy(description)} {where}"
     )
 
 
@@ -136,15 +136,23 @@ def _of_the_step(status: int, chosen: Options, at: str, where: str) -> str:
 
 def _of_a_dead_centre(description: Description, at: str, where: str) -> str:
     """Return the message for constraints that nearly lose rank, with drives and without."""
-    cause = "the linkage comes to a dead centre, which it cannot be taken through"
-    hint = "Start elsewhere, or change the lengths."
+    cause = "which it cannot be taken through"
     if description.drives:
-        cause = "the linkage comes to a dead centre, beyond which its drives cannot take it"
-        hint = (
+        cause = "beyond which its drives cannot take it"
+    return (
+        f"the run cannot continue {at}: the linkage comes to a dead centre, {cause}\n"
+        f"  {_remedy(description)} {where}"
+    )
+
+
+def _remedy(description: Description) -> str:
+    """Return the remedy for a dead centre, with drives and without."""
+    if description.drives:
+        return (
             "'symgen kinematics SCENE' shows how far the drives go, and with --animate FILE the motion up to "
             "there. A run with an earlier t_end ends before it."
         )
-    return f"the run cannot continue {at}: {cause}\n  {hint} {where}"
+    return "Start elsewhere, or change the lengths."
 
 
 def _of_the_loads(

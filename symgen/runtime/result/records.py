@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -161,7 +161,7 @@ class Event:
     name: str
     time: float
     rising: bool
-    motion: Mapping[str, Mapping[str, Any]]
+    motion: Mapping[str, Mapping[str, Any]] = field(repr=False)
 
 
 def plain(data: Any) -> Any:

@@ -218,7 +218,7 @@ def dask_client(address: str) -> Any:
     """Return a client of the Dask scheduler at an address; raise ModelError if there is none."""
     from symgen.runtime.sweeps.stores import needed
 
-    needed("distributed", extra="dask")
+    needed("a Dask cluster", "distributed", extra="dask")
     from distributed import Client
 
     try:

@@ -115,7 +115,10 @@ def _pair(name: str, pair: Any, *, open_ended: bool) -> tuple[float, float]:
     finite = all(map(math.isfinite, ends)) if not open_ended else any(map(math.isfinite, ends))
     if not finite or not (ends[0] < ends[1] or (open_ended and ends[0] == ends[1])):
         none = ", None for one without a bound" if open_ended else ""
-        raise ModelError(f"expected a lower and an upper bound of {name}{none}, got {shown(pair)}")
+        given = pair.tolist() if isinstance(pair, np.ndarray) else pair
+        raise ModelError(
+            f"expected a lower and an upper bound of {name}, in this order{none}, got {shown(given)}"
+        )
     return ends
 
 

@@ -154,14 +154,14 @@ def opened(path: str | os.PathLike[str]) -> xarray.Dataset:
     """Return the results in a Zarr store, read when they are used."""
     import xarray
 
-    needed("zarr")
+    needed("a sweep in a file", "zarr")
     return xarray.open_zarr(path, consolidated=False, chunks=None)
 
 
-def needed(*packages: str, extra: str = "sweep") -> None:
-    """Raise ModelError with the remedy unless packages of an extra are installed."""
+def needed(use: str, *packages: str, extra: str = "sweep") -> None:
+    """Raise ModelError with the use and the remedy unless packages of an extra are installed."""
     from importlib.util import find_spec
 
     missing: Iterable[str] = [name for name in packages if find_spec(name) is None]
     if missing:
-        raise ModelError(f"this needs {' and '.join(missing)}: pip install 'symgen[{extra}]'")
+        raise ModelError(f"{use} needs {' and '.join(missing)}: pip install 'symgen[{extra}]'")

@@ -240,7 +240,7 @@ def check(
         raise ModelError(f"expected a chunk of one run or more, got {chunk}")
     if file is None or table:
         return table
-    needed("zarr")
+    needed("a sweep in a file", "zarr")
     if Path(file).is_dir() and Path(file).suffix == ENDING:
         _part_of(sweep, Zarr(Path(file)))
     else:

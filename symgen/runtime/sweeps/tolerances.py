@@ -85,7 +85,7 @@ def tolerances_of(
 
 def _saltelli(of: Mapping[str, Distribution], count: int, seed: int) -> Listed:
     """Return the samples of Saltelli: two matrices, and one for each parameter that mixes them."""
-    needed("SALib", extra="tolerances")
+    needed("method='sobol'", "SALib", extra="tolerances")
     from SALib.sample.sobol import sample
 
     if count < 2 or count & (count - 1):
