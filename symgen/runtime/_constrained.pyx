@@ -208,11 +208,12 @@ cdef class Rows(Part):
     factors, properties, acting
         Numbers behind the rates, parameters and work of the kernel, (rows, numbers) each.
     inner
-        Entries of second slopes (rows, size, size) by number.
+        Entries of second slopes (rows, size, size) by increasing number.
     curvature
         Their values; None where the kernel writes second slopes behind the slopes.
     """
 
+    cdef readonly object read
     cdef kernel_t row
     cdef Py_ssize_t count, size, first, behind, own, acts
     cdef Py_ssize_t[::1] places, inner
@@ -226,6 +227,9 @@ cdef class Rows(Part):
             raise ValueError(f"expected at most {_WIDEST} numbers of a row, got {self.size}, {self.behind}, {self.acts}")
         for of in (slopes, factors, properties, acting):
             at_least("rows", len(of), self.count)
+        if curvature is not None:
+            at_least("second slopes", len(curvature), len(inner))
+        self.read = places
         self.places, self.factors, self.properties, self.acting = _places(places), _numbers(factors), _numbers(properties), _numbers(acting)
         self.inner, self.curvature = _places(inner), None if curvature is None else _numbers(curvature)
         self.out = np.zeros(2 + self.size + self.size ** 2)
@@ -487,6 +491,8 @@ cdef class Constrained:
             _within("unknowns", part.pairs, 0, unknowns)
             _within("rows of constraints", part.bound[0], 0, multipliers)
             _within("places of constraints", part.bound[1], 0, unknowns + known)
+            if isinstance(part, Rows):
+                _within("places of states", part.read, 0, unknowns + known)
             part.take(pattern, unknowns)
         self.values = np.zeros((4, self.size))
         self.to.size, self.to.of = self.size, &self.values[0, 0]

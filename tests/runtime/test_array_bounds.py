@@ -7,7 +7,7 @@ import pytest
 
 import symgen
 from symgen.runtime import _beams, _core
-from symgen.runtime._constrained import Constrained, Elements, Ties
+from symgen.runtime._constrained import Constrained, Elements, Rows, Ties
 from symgen.runtime._kinematics import Kinematics
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.elastic.large.collocation import Pattern
@@ -184,6 +184,11 @@ def test_elements_are_within_their_states():
     for states in ((q[:, :5], q, q, multipliers), (q[:1], q, q, multipliers), (q, q, q, multipliers[:, :0])):
         with pytest.raises(ValueError, match="expected 2 rows of"):
             system.forces(t, *states, known, known)
-    for wrong in (Ties([1], [2], [1.0]), Ties([0], [6], [1.0])):
+    row, places, none = kernels("direction").ADDRESSES["row"], np.zeros((1, 21), np.intp), np.zeros((1, 0))
+    given = places, 0, np.ones((1, 8)), none, none
+    with pytest.raises(ValueError, match="expected at least 2 second slopes, got 1"):
+        Rows(row, places, *given, np.arange(2), np.ones(1))
+    beyond = Rows(row, places + 6, *given, np.arange(0), None)
+    for wrong in (Ties([1], [2], [1.0]), Ties([0], [6], [1.0]), beyond):
         with pytest.raises(ValueError, match="expected .* to below"):
             Constrained(6, 1, 0, pattern, [elements, wrong])
