@@ -32,7 +32,7 @@ another kind); the drift off the constraints is bounded too. Rows without a boun
 method that is not intended for the case, or of too long a step.
 
 Errors and drifts are rounded up to the next power of ten and steps to two digits, and times are omitted,
-so that most rows are equal on other machines: without `--out`, the command prints all numbers. Where rank is
+so that most rows are equal on other machines. Without `--out`, the command prints all numbers. Where rank is
 lost, round-off decides the rows without a bound.
 [Hard cases](hard_cases.md) describes how symgen treats these cases.
 """

@@ -54,7 +54,7 @@ class AngularSpring(Load):
             raise SceneError(
                 "in space a torsion spring joins two rods, not a body or the ground",
                 where=where,
-                hint="Put it between two rods: link and against. A revolute joint may have [[torques]].",
+                hint="Put it between two rods: link and against. Against the ground, write [[torques]].",
             )
         if read.dimension == 3 and (angle != 0 or damping != 0):
             raise SceneError(

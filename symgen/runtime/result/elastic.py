@@ -88,7 +88,7 @@ class ElasticResult(Result):
         if error is not None and error > _COARSE:
             note = (
                 f"the error by elements is {error:.0%} of the peak stress: take more elements (elements of a "
-                "link in the scene, or --elements of large-rotation); let abrupt loads grow over a time"
+                "link in the scene, or --elements of large-rotation); let abrupt loads grow gradually"
             )
         return self.notes if note is None or note in self.notes else (*self.notes, note)
 

@@ -67,7 +67,7 @@ def draw(measurement: WorkPrecision, file: str | os.PathLike[str]) -> None:
     plots.draw_errors(axes, curves.items(), f"{measurement.measured} [{measurement.unit}]")
     if measurement.uncertainty > 0:
         end = axes.get_xlim()[1]
-        axes.axvspan(end, measurement.uncertainty, color="0.9", label="reference not told from it")
+        axes.axvspan(end, measurement.uncertainty, color="0.9", label="uncertainty of the reference")
     axes.legend(fontsize="small", frameon=False)
     figure.suptitle(f"{measurement.title}, to t = {measurement.t_end:g} s", fontsize="medium")
     save(figure, file)
