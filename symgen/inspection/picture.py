@@ -16,7 +16,7 @@ from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.result.result import Result
 from symgen.scene.elastic.offsets import is_lug
 from symgen.scene.loop.loop import Loop
-from symgen.scene.rods.linkage import TIME, Linkage
+from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink
 
 Array = NDArray[np.float64]
 #: Parts of an elastic link between the places where its deflection is drawn.
@@ -168,14 +168,10 @@ def _moving(linkage: Linkage) -> list[str]:
     return [p.name for p in linkage.as_written.points if p.name not in others]
 
 
-def _followed(linkage: Linkage) -> dict[str, tuple[str, float]]:
-    """Return link and fraction of the length of each point of an elastic link to which nothing is joined."""
-    return {
-        c.name: (e.link, linkage.number(c.along))
-        for e in linkage.elastic
-        for c in linkage.link(e.link).carried
-        if not c.joined
-    }
+def _followed(linkage: Linkage) -> dict[str, tuple[RigidLink, CarriedPoint]]:
+    """Return the points in the plane that their links carry without coordinates, with these links."""
+    links = linkage.links if linkage.dimension == 2 else ()
+    return {c.name: (k, c) for k in links for c in k.carried if not c.joined}
 
 
 def bent_sketch(
@@ -196,8 +192,22 @@ def bent_sketch(
         curve = (1 - shares) * bent[link.start] + shares * bent[link.end]
         curves[e.link] = curve + times * np.pad(off, ((1, 1), (0, 0)))
         straight.append(Line("rail", "", np.array([rigid[link.start], rigid[link.end]])))
-    for point, (name, at) in _followed(linkage).items():
-        bent[point] = np.array([np.interp(at, shares[:, 0], x) for x in curves[name].T])
+    followed = _followed(linkage)
+
+    def place(point: str) -> Array:
+        if point in followed:
+            link, carried = followed.pop(point)
+            along, across = linkage.number(carried.along), linkage.number(carried.across)
+            if link.name in curves:
+                bent[point] = np.array([np.interp(along, shares[:, 0], x) for x in curves[link.name].T])
+            else:
+                first, second = place(link.start), place(link.end)
+                d = second - first
+                bent[point] = first + along * d + across * np.array([-d[1], d[0]])
+        return bent[point]
+
+    for point in [*followed]:
+        place(point)
     sketch = linkage_sketch(linkage, bent, None)
     lines = [replace(s, at=curves[s.name]) if s.kind == "elastic" else s for s in sketch.lines]
     return replace(sketch, lines=(*straight, *lines))

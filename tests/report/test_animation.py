@@ -13,9 +13,11 @@ import pytest
 import symgen
 from symgen.errors import CapabilityError, ModelError
 from symgen.inspection.film import film_of, film_of_mode
+from symgen.inspection.picture import bent_outputs, bent_sketch
 from symgen.inspection.view import View
 from symgen.report.page.animation import animation, curves_of
-from symgen.scene.loading import override, read_scene
+from symgen.scene.loading import check_scene, override, read_scene
+from symgen.scene.resolve import resolve
 
 
 def page_of(name, samples=25, changes=None, **asked):
@@ -267,6 +269,26 @@ def test_a_point_of_an_elastic_link_without_load_is_drawn_on_the_bent_link():
     largest = float(np.max(np.linalg.norm(off, axis=1)))
     # The other has a node more, and steps of its own.
     assert largest > 5e-5 and at == pytest.approx(expected, abs=0.02 * largest)
+
+
+def test_points_that_rigid_parts_carry_beside_elastic_links_are_drawn():
+    """Z on the rigid crank and Y on the rigid part of X have no outputs: they are at complex multiples of others."""
+    off = {"on": "rod", "fraction": 0.5}
+    points = {
+        "points.Z": {"on": "crank", "fraction": 0.5, "offset": "1 cm"},
+        "points.X": {**off, "offset": "3 cm"},
+        "points.Y": {**off, "offset": "-3 cm"},
+    }
+    linkage = resolve(check_scene(override(read_scene("elastic_slider_crank"), points)))
+    places = {"A": 0.03 + 0.04j, "P": 0.22 + 0j, "X_foot": 0.12 + 0.03j, "X": 0.13 + 0.06j}
+    zero = np.zeros(2)
+    drawn = dict.fromkeys(bent_outputs(linkage), zero)
+    drawn |= {f"{name}.position": np.array([z.real, z.imag]) for name, z in places.items()}
+    start = {p.name: np.array([linkage.number(x) for x in p.at]) for p in linkage.points}
+    nodes = bent_sketch(linkage, start, drawn, 1.0).nodes
+    found = {n.name: complex(*n.at) for n in nodes}
+    assert found["Z"] == pytest.approx(places["A"] * (0.5 + 0.2j), abs=1e-15)  # an offset of a fifth of 5 cm
+    assert found["Y"] == pytest.approx(2 * places["X_foot"] - places["X"], abs=1e-15)
 
 
 def test_elastic_links_in_space_bend_by_magnified_deflections():
