@@ -10,7 +10,7 @@ from symgen.runtime.integrate.integrators.method import Method
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 
-def over_variants(evaluator: Evaluator, kernel: str, given: Array, times: Array, states: Array) -> Array: ...
+def over_variants(evaluator: Evaluator, kernel: str, variants: Array, times: Array, rows: Array) -> Array: ...
 
 class Lanes:
     lanes: int
@@ -28,7 +28,7 @@ class Starts:
         near: float,
     ) -> None: ...
     def poses(
-        self, given: Array, ahead: tuple[Array, NDArray[np.uint8]] | None = None
+        self, variants: Array, ahead: tuple[Array, NDArray[np.uint8]] | None = None
     ) -> tuple[NDArray[np.bool_], Array, Array]: ...
 
 class Runs(Starts):
@@ -57,5 +57,5 @@ class Runs(Starts):
         lanes: Lanes | None = None,
     ) -> None: ...
     def carry_out(
-        self, given: Array, states: Array | None = None
+        self, variants: Array, states: Array | None = None
     ) -> tuple[NDArray[np.bool_], Array, Array, Array]: ...

@@ -218,10 +218,10 @@ cdef class Starts:
                     to_lengths[i] = self.extent()
         return found.astype(bool), q, lengths
 
-    cdef void renew(self, const double *variants) noexcept nogil:
+    cdef void renew(self, const double *parameters) noexcept nogil:
         """Set the parameters of equations and reset their memory."""
         memcpy(self.state.at, self.fresh.at, self.state.bytes)
-        self.api.set_parameters(self.e, variants, NULL)
+        self.api.set_parameters(self.e, parameters, NULL)
 
     cdef bint scaled(self) noexcept nogil:
         """Return whether the scales of all constraints are above zero at the coordinates of the start; leave the values
@@ -390,17 +390,17 @@ cdef class Runs(Starts):
         self.core = <run *>self.memory.structure
         self.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory.at)
 
-    cdef bint ran(self, const double *variants, const double *state, double *out, double *turns, double *drift) noexcept nogil:
+    cdef bint ran(self, const double *parameters, const double *state, double *out, double *turns, double *drift) noexcept nogil:
         """Carry out one run; return whether it ended regularly."""
         cdef report r
         cdef const void *samples
         cdef long count = self.asked.samples
-        self.renew(variants)
+        self.renew(parameters)
         if not self.started():
             return False
         if state != NULL:
             memcpy(&self.row[0], state, 2 * self.n * sizeof(double))
-        self.renew(variants)
+        self.renew(parameters)
         memset(self.memory.at, 0, self.memory.bytes)
         self.api.run_bind(self.core, self.e, &self.filled, &self.asked, self.memory.at)
         self.api.run_start(self.core, &self.row[0], NULL, &self.times[0], NULL, NULL)
