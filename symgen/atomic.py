@@ -90,7 +90,7 @@ def writable(file: str | os.PathLike[str], endings: Sequence[str], noun: str) ->
     path = Path(file)
     if path.suffix.lower() not in endings:
         raise ResultError(
-            f"expected a file ending in {' or '.join(endings)} for the {noun}, got {path.name!r}"
+            f"expected a file ending in {' or '.join(endings)} for the {noun}, got {path.name or str(path)!r}"
         )
     if not path.parent.is_dir():
         raise ResultError(f"cannot write the {noun} to {path}: there is no folder {path.parent}")

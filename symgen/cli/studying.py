@@ -11,7 +11,7 @@ import typer
 from symgen.cli import options as o
 from symgen.cli.carrying import analysis
 from symgen.cli.common import changes, command, console, print_json, progress_bar
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
 
 _DESIGN = "Design"
 
@@ -177,9 +177,11 @@ def sweep(ctx: typer.Context) -> None:
         progress_bar(f"sweep of {model.name}", params["as_json"]) as progress,
     ):
         runs = model.sweep(**arguments, executor=executor, progress=progress)
+    about = sweeps.summary(runs)
+    if about["failed"] == about["runs"] - about["missing"] > 0:
+        raise SimulationError(f"all {about['failed']} runs failed, the first: {about['first_error']}")
     if plot:
         sweeps.plot(runs, file=plot)
-    about = sweeps.summary(runs)
     data = {"scene": model.name, "kind": "sweep", **about}
     _show(sweeps.sweep_study(runs, about), model.name, data, params["as_json"], params["page"], out, plot)
 

@@ -290,6 +290,9 @@ def read_task(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Head,
     if not Path(source).is_file():
         raise SceneError(f"there is no file called {os.fspath(source)!r}", hint="See docs/synthesis.md.")
     text = read_scene(source)
+    if "synthesis" not in text.data:
+        hint = "Write the table [synthesis] with its kind; see docs/synthesis.md."
+        raise SceneError("there is no synthesis in this file", file=text.file, hint=hint)
     try:
         document = Document(**text.data)
         head = Head(document.title or text.name, shown_units(document.units))

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import ModelError, ResultError, SceneError
+from symgen.errors import ModelError, ResultError, SceneError, SimulationError
 from symgen.report.sweeps import plot, summary
 from symgen.runtime.sweeps.designs import Normal, Uniform
 from symgen.scene.loading import read_scene
@@ -89,6 +89,15 @@ def test_the_table_of_a_scene_is_carried_out(scene, tmp_path):
     assert extremes["greatest"]["value"] == pytest.approx(max(expected))
     assert extremes["greatest"]["parameters"] == pytest.approx({"length": 0.4, "links_rod_mass": 3.0})
     assert extremes["least"]["value"] == pytest.approx(min(expected))
+
+
+def test_a_sweep_of_failures_fails(scene, tmp_path):
+    """Its table has the reasons; nothing is drawn."""
+    table, picture = tmp_path / "runs.csv", tmp_path / "runs.png"
+    with pytest.raises(SimulationError, match="all 2 runs failed, the first: the mass matrix"):
+        command(scene, "--vary", "links.rod.mass=-2 kg,-1 kg", "--out", table, "--plot", picture)
+    assert table.read_text().count("the mass matrix is not positive definite") == 2
+    assert not picture.exists()
 
 
 def test_options_replace_the_table(scene):
@@ -253,7 +262,7 @@ def test_the_page_has_extremes_and_a_plot_and_notes_are_of_what_is_there(scene, 
     text = page.read_text(encoding="utf-8")
     assert f"{3 * 9.81 * 400 / 2:.6g}" in text and "data:image/svg+xml" in text
     assert "length = 400 mm, links_rod_mass = 3 kg" in text and ">6</dd>" in text
-    assert "reductions of 5 samples per run" in text
+    assert "Reductions of 5 samples per run" in text
     assert "reductions of" not in command(scene, "--reduce", "history")
     part = ["--chunk", 4, "--part", "2/2", "--out", tmp_path / "part.zarr"]
     assert "4 of 6 runs are missing" in command(scene, *part)

@@ -439,6 +439,9 @@ def test_a_file_that_is_not_there_and_a_scene_in_its_place(tmp_path):
     with pytest.raises(SceneError, match="there is no file called 'none.toml'"):
         symgen.synthesise("none.toml")
     file = tmp_path / "task.toml"
+    file.write_text("symgen = 1\n[points]\n")
+    with pytest.raises(SceneError, match=r"^task.toml: there is no synthesis in this file\n.*\[synthesis\]"):
+        symgen.synthesise(file)
     file.write_text('symgen = 1\n[synthesis]\nkind = "limits"\n')
     with pytest.raises(SceneError, match="'symgen synthesise' reads files with this table"):
         symgen.build(file)

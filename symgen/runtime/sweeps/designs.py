@@ -229,7 +229,10 @@ def design_of(vary: Mapping[str, Any], sampling: str | None, count: int | None, 
         )
     most = 10**8 if chosen == "latin-hypercube" else 10**12
     if count is None or not 1 <= count <= most:
-        raise ModelError(f"expected a number of runs of {chosen} samples, 1 to {most:g}, got {count}")
+        raise ModelError(
+            f"expected a number of runs of {chosen} samples, 1 to {most:g}, got {count}\n"
+            f"  Give the count, on the command line after --{chosen}."
+        )
     if seed < 0:
         raise ModelError(f"expected a seed of 0 or more, got {seed}")
     return Sampled(vary, chosen, count, seed)
