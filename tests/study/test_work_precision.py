@@ -15,11 +15,12 @@ import symgen
 from symgen.cli import app
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.study.speed import report
 from symgen.study.speed.measures import distance, sizes
 from symgen.study.speed.orders import observed_order
 from symgen.study.speed.subjects import Rods, subject
 from symgen.study.speed.sweeps import Setting, fixed_steps, tolerances, worth_running
-from symgen.study.speed.work_precision import work_precision
+from symgen.study.speed.work_precision import Point, WorkPrecision, work_precision
 
 STEPS = [16 << k for k in range(8)]
 
@@ -29,6 +30,23 @@ def test_order_of_a_power_and_of_what_is_not_one():
     assert observed_order(STEPS, errors, 0.0, 1.0) == (pytest.approx(4.0, abs=1e-12), tuple(STEPS))
     rng = np.random.default_rng(1)
     assert observed_order(STEPS, (10.0 ** rng.uniform(-9, -3, 8)).tolist(), 0.0, 1.0) == (None, ())
+
+
+@pytest.mark.parametrize(("uncertainty", "marked"), [(1e-9, (1e-9,)), (1e-14, ())])
+def test_a_plot_marks_the_errors_below_the_uncertainty_of_the_reference(uncertainty, marked, monkeypatch):
+    """From the least error shown up to it; none if all errors are larger."""
+    figures = []
+    monkeypatch.setattr(report, "save", lambda figure, file: figures.append(figure))
+    points = [
+        Point("rk4", "float64", str(k), 10.0**-k, 10.0**-k, k * 1e-3, k * 1e-3, k, k, True)
+        for k in (2, 6, 10)
+    ]
+    report.draw(WorkPrecision("", 1.0, 2, "m", "error", "", uncertainty, tuple(points), (), ()), "b.svg")
+    (axes,) = figures[0].axes
+    left, right = axes.get_xlim()
+    bands = [band.get_extents().transformed(axes.transData.inverted()) for band in axes.patches]
+    assert left > 1e-2 and right < 1e-10
+    assert [(band.xmin, band.xmax) for band in bands] == [pytest.approx((right, end)) for end in marked]
 
 
 def test_order_leaves_out_what_comes_before_the_asymptotic_range_and_round_off():

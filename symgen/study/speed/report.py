@@ -50,7 +50,7 @@ def _name(p: Point) -> str:
 
 
 def draw(measurement: WorkPrecision, file: str | os.PathLike[str]) -> None:
-    """Plot errors over wall time with one curve per method, and save the figure.
+    """Plot wall time over error with one curve per method, and save the figure.
 
     Raises
     ------
@@ -65,9 +65,9 @@ def draw(measurement: WorkPrecision, file: str | os.PathLike[str]) -> None:
     for p in measurement.points:
         curves.setdefault(_name(p), []).append((p.along, p.best))
     plots.draw_errors(axes, curves.items(), f"{measurement.measured} [{measurement.unit}]")
-    if measurement.uncertainty > 0:
-        end = axes.get_xlim()[1]
-        axes.axvspan(end, measurement.uncertainty, color="0.9", label="uncertainty of the reference")
+    if measurement.uncertainty > (least := axes.get_xlim()[1]):
+        axes.axvspan(least, measurement.uncertainty, color="0.9", label="uncertainty of the reference")
+        axes.set_xlim(right=least)
     axes.legend(fontsize="small", frameon=False)
     figure.suptitle(f"{measurement.title}, to t = {measurement.t_end:g} s", fontsize="medium")
     save(figure, file)
