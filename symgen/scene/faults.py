@@ -47,6 +47,10 @@ def scene_error(scene: type[Table], error: ValidationError) -> SceneError:
         case "too_short" | "too_long" as kind:
             limit, bound = ("least", "min_length") if kind == "too_short" else ("most", "max_length")
             problem = f"expected at {limit} {fault['ctx'][bound]} entries in the list, got {value}"
+        case "bool_type":
+            problem = f"expected true or false, got {value}"
+        case "string_type":
+            problem = f"expected a text in quotation marks, got {value}"
         case "int_type" | "int_from_float":
             problem = f"expected a whole number, got {value}"
         case "literal_error":

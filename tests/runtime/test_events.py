@@ -84,7 +84,7 @@ def test_in_space():
         ({"name": "a b", "of": "A.y"}, r"\[events.0\] name", "letters, digits"),
         ({"name": "a", "of": "A.y", "when": 1}, r"\[events.0\] when", "unknown key"),
         ({"name": "a", "of": "A.y", "direction": "up"}, r"\[events.0\] direction", "'rising'.*'falling'.*'both'"),
-        ({"name": "a", "of": "A.y", "ends_run": "yes"}, r"\[events.0\] ends_run", "valid boolean"),
+        ({"name": "a", "of": "A.y", "ends_run": "yes"}, r"\[events.0\] ends_run", "true or false"),
         ({"name": "a", "of": "A.y", "value": "1 s"}, r"\[events.0\] value", "expected a length"),
         ({"name": "a", "of": "A.y + OA.angle"}, r"\[events.0\] of", "adds a length and"),
         ({"name": "a", "of": "A.positon.y"}, r"\[events.0\] of", "'A.position.y'"),

@@ -88,6 +88,8 @@ CASES = {
     "zero length": ('A = { at = ["1 m", "0 m"] }', 'A = { at = ["0 m", "0 m"] }', ["[links.OA] points", "zero length"]),
     "one point twice": ('points = ["O", "A"]', 'points = ["O", "O"]', ["[links.OA] points", "zero length"]),
     "one point": ('points = ["O", "A"]', 'points = ["O"]', ["[links.OA] points", "at least 2 entries in the list, got ['O']"]),
+    "not a truth value": ('A = { at = ["1 m", "0 m"] }', 'A = { at = ["1 m", "0 m"], ground = "yes" }', ["[points.A] ground", "true or false, got 'yes'"]),
+    "not a text": ("symgen = 1", "symgen = 1\ntitle = 3", ["[title]", "a text in quotation marks, got 3"]),
     "point on no link": ("[links]", 'X = { at = ["5 m", "5 m"] }\n[links]', ["[points] X", "on no link"]),
     "unassemblable loop": (
         'AB = { points = ["A", "B"], mass',
