@@ -162,7 +162,9 @@ def _usage(error: Any) -> str:
     if of_run and message.startswith("No such"):
         return f"{message}\n  Analyses have commands of their own: 'symgen simulate SCENE'."
     if message.startswith("No such option: --t-end") and any("--to" in p.opts for p in ctx.command.params):
-        return "No such option: --t-end\n  The end of the range is --to: '--to 0.5' [s], '--to \"90 deg\"'."
+        return (
+            'No such option: --t-end\n  The end of the range is --to, such as --to "0.5 s" or --to "90 deg".'
+        )
     command = ctx.command_path if ctx else "symgen"
     return f"{message}\n  See '{command} --help'." if message else ""
 

@@ -36,6 +36,7 @@ def of_input(model: Any, texts: Sequence[str], option: str) -> Values:
         size, bare = NUMBER, _DEGREES
     example = "3 in" if size == LENGTH else "45 deg"
     expected = f'values of {first.name if first else "the input"} after {option}, such as "{example}"'
+    expected += _ranges(option)
     return _read(texts, bare, {size: "input", TIME: "time"}, expected)
 
 
@@ -49,8 +50,10 @@ def of_drive(_: Any, texts: Sequence[str], option: str) -> Values:
     ModelError
         For text that is neither, or for both in one list.
     """
-    expected = f'angles after {option}, such as "45" (degrees) or "0.5 rad", or times such as "0.3 s"'
-    bare = _DEGREES if option == "--at" else (1.0, "time")
+    angle, time, bare = '"45" (degrees) or "0.5 rad"', '"0.3 s"', _DEGREES
+    if option != "--at":
+        angle, time, bare = '"45 deg"', '"0.3" (seconds)', (1.0, "time")
+    expected = f"angles after {option}, such as {angle}, or times such as {time}{_ranges(option)}"
     return _read(texts, bare, {NUMBER: "input", TIME: "time"}, expected)
 
 
@@ -62,21 +65,28 @@ def of_crank(_: Any, texts: Sequence[str], option: str) -> Values:
     ModelError
         For other text.
     """
-    expected = f'angles after {option}, such as "45" (degrees) or "0.5 rad"'
+    expected = f'angles after {option}, such as "45" (degrees) or "0.5 rad"{_ranges(option)}'
     return _read(texts, _DEGREES, {NUMBER: "input"}, expected)
 
 
 def of_pose(_: Any, texts: Sequence[str], option: str) -> Values:
     """Return the times of poses [s]; raise ModelError for other text and bare numbers, elsewhere degrees."""
-    return _read(texts, (math.nan, ""), {TIME: "time"}, f'times after {option}, such as "0.3 s"')
+    expected = f'times after {option}, such as "0.3 s"{_ranges(option)}'
+    return _read(texts, (math.nan, ""), {TIME: "time"}, expected)
 
 
-def of_times(texts: Sequence[str], option: str, expected: str = "times") -> list[float]:
+def of_times(texts: Sequence[str], option: str, one: str = "") -> list[float]:
     """Return times [s]; raise ModelError for other text, and for bare numbers other than 0.
 
-    ``expected`` is the name of accepted values.
+    ``one`` is the name of accepted values where a single one is expected.
     """
-    return _read(texts, (math.nan, "time"), {TIME: "time"}, f'{expected} after {option}, such as "0.3 s"')[0]
+    expected = f'{one or "times"} after {option}, such as "0.3 s"{"" if one else _ranges(option)}'
+    return _read(texts, (math.nan, "time"), {TIME: "time"}, expected)[0]
+
+
+def _ranges(option: str) -> str:
+    """Return the end of a list of accepted values: --at accepts ranges."""
+    return ", or FROM:TO:COUNT" if option == "--at" else ""
 
 
 def crank_speeds(text: str) -> list[float]:
@@ -108,7 +118,7 @@ def _read(texts: Sequence[str], bare: tuple[float, str], units: Mapping[Any, str
         if not (all(variables) and all(map(math.isfinite, values)) and many >= len(ends)):
             bare_time = math.isnan(bare[0]) and _value(text, (1.0, "time"), {})[1]
             remedy = f'\n  A time needs a unit: "{text} s".' if bare_time else ""
-            raise ModelError(f"expected {expected}, or FROM:TO:COUNT, got {text[:60]!r}{remedy}")
+            raise ModelError(f"expected {expected}, got {text[:60]!r}{remedy}")
         values_in_si += np.linspace(values[0], values[-1], many).tolist()
         over |= set(variables)
     if len(over) > 1:

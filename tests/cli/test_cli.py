@@ -251,6 +251,8 @@ def test_options_are_shown_in_groups():
         (["kinematics", "crank_rocker", "--at", "30", "--samples", "3"], "give --at or --samples, not both"),
         (["kinematics", "crank_rocker", "--at", "30,0.2 s"], "give times or values of the input, not both"),
         (["kinematics", "crank_rocker", "--t-end", "1"], "The end of the range is --to"),
+        (["kinematics", "crank_rocker", "--from", "x"], '"45 deg", or times such as "0.3" (seconds), got \'x\''),
+        (["linearise", "four_bar", "--at", "0.3"], 'such as "0.3 s", got \'0.3\'\n  A time needs a unit'),
         (["assemblies", "crank_rocker", "--at", "30,60"], "expected one value after --at"),
         (["run", "slider_crank", "--at", "30", "--t-end", "1"], "give --at or --t-end, not both"),
         (["simulate", "four_bar", "--checkpoint-every", "3"], "give the file with --checkpoint"),
