@@ -180,7 +180,7 @@ def sweep_of(
     if "of" in arguments and verb != "kinematics":
         after = f" names points and links that kinematics records, got a sweep of {verb}\n  Sweep kinematics."
         raise ArgumentError("of", before="", after=after, call="Model.sweep")
-    getattr(model, f"{verb}_many")  # raises the reason where the model does not support it
+    getattr(model, verb)  # raises the reason where the model does not support it
     if not hasattr(model.description, "equations"):
         raise CapabilityError(f"{model.name} does not support sweeps")
     names = None if verb in OF_A_POSE else reductions(reduce)
