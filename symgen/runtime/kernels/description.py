@@ -250,7 +250,9 @@ class Description(Described):
 
     def driver(self, link: str) -> str:
         """Return the key of the scene that drives a link."""
-        return "crank" if self.elastic and self.elastic.crank == link else f"drivers.{link}"
+        if self.elastic and self.elastic.crank == link:
+            return "crank"
+        return f"drivers.{[self.constraints[i] for i in self.drives].index(f'{link}_drive')}"
 
 
 @dataclass(frozen=True, slots=True)

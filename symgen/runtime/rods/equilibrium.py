@@ -83,7 +83,7 @@ def _in_motion(d: Description, name: str, when: str) -> str:
         row = d.constraints.index(name)
         label, remedy = d.labels[row], f"Give {d.place(row)}.length a constant value"
         if row in d.drives:
-            keys = f'drivers.{d.drives.index(row)}.angle="30 deg"'
+            keys = f'{d.place(row)}.angle="30 deg"'
             if d.place(row) == "crank":
                 prescribed = d.elastic and d.elastic.prescribed
                 keys = ('crank.angle="30 deg" --set ' if prescribed else "") + 'crank.speed="0 rpm"'
