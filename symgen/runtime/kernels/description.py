@@ -250,9 +250,8 @@ class Description(Described):
 
     def driver(self, link: str) -> str:
         """Return the key of the scene that drives a link."""
-        if self.elastic and self.elastic.crank == link:
-            return "crank"
-        return f"drivers.{[self.constraints[i] for i in self.drives].index(f'{link}_drive')}"
+        driven = [self.constraints[i] for i in self.drives].index(f"{link}_drive")
+        return "crank" if self.elastic and self.elastic.crank == link else f"drivers.{driven}"
 
 
 @dataclass(frozen=True, slots=True)
