@@ -247,7 +247,8 @@ class Reader(Values):
 
     def known_point(self, name: str, where: str) -> PlacedPoint:
         """Return the point of this name."""
-        self.known(name, self.points, "point", where)
+        if name not in self.points:
+            self.known(name, [p for p, point in self.points.items() if not point.hidden], "point", where)
         return self.points[name]
 
     def known_link(self, name: str, where: str) -> None:

@@ -147,7 +147,10 @@ BAD = {
         {"welds": [{"point": "A", "links": ["left", "right"]}]},
         "A is no joint of right, whose joints are Q, B\n  Name",
     ),
-    "rigid truss": ({"crank": {"link": "left", "speed": "1 rpm"}}, "Weld no links whose angle changes"),
+    "rigid truss": (
+        {"crank": {"link": "left", "speed": "1 rpm"}},
+        "Weld no links whose angle changes as they move: the weld of ",
+    ),
 }
 
 

@@ -41,7 +41,7 @@ def redundant_constraints(evaluator: Evaluator, q: Array) -> tuple[int, ...]:
     rank = f"{len(d.constraints)} constraints of rank {len(d.constraints) - len(lost)}"
     name, place = d.unknown(d.coordinates + lost[-1]), d.place(lost[-1])
     drives = d.drives
-    welds = sorted(set(d.elastic.welds if d.elastic else ()) & set(d.constraints))
+    welds = [label for label in d.labels if label.startswith("the weld ")]
     for row in set(drives) & set(not_unique(evaluator, 0.0, q, len(lost))):
         weld = f" Weld no links whose angle changes as they move: {', '.join(welds)}." if welds else ""
         raise InitialStateError(
