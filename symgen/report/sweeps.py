@@ -120,7 +120,7 @@ def _notes(about: dict[str, Any]) -> Iterator[str]:
         )
     beyond = about["beyond_linear_theory"]
     if beyond:
-        yield f"linear theory does not hold in {beyond} of {about['runs']} runs: see {NOTES}"
+        yield f"linear theory does not hold in {beyond} of {about['runs']} runs: reasons in {NOTES}"
 
 
 def sweep_study(runs: xarray.Dataset, about: dict[str, Any]) -> Study:

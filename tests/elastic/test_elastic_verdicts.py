@@ -87,7 +87,7 @@ def test_notes_on_the_error_by_elements(monkeypatch, tmp_path):
     run = model.large_rotation(elements=1, samples=5, rtol=0.1)
     assert run.mesh_error > 0.05
     note = next(n for n in run.summary()["notes"] if "error by elements" in n)
-    assert f"{run.mesh_error:.0%} of the peak stress" in note and "--elements" in note
+    assert f"{100 * run.mesh_error:.0f} % of the peak stress" in note and "elements of the run" in note
     run.save(tmp_path / "run.npz")
     assert symgen.load_result(tmp_path / "run.npz").summary()["notes"] == run.summary()["notes"]
 

@@ -286,7 +286,7 @@ def test_runs_beyond_linear_theory_say_so(analysis, tmp_path):
         assert f"compression comes to {compression[1]:.4g} N at 0 of its length" in beyond
     assert f"of its Euler load of {euler:.4g} N; linear theory is not to be trusted" in beyond
     assert summary(runs)["beyond_linear_theory"] == 1
-    said = "linear theory does not hold in 1 of 2 runs: see notes"
+    said = "linear theory does not hold in 1 of 2 runs: reasons in notes"
     printed = Console(file=io.StringIO(), width=120)
     study = sweep_study(runs, summary(runs))
     print_study(study, printed)

@@ -87,8 +87,9 @@ class ElasticResult(Result):
         error, note = self.mesh_error, self._cache.get("mesh_note")
         if error is not None and error > _COARSE:
             note = (
-                f"the error by elements is {error:.0%} of the peak stress: take more elements (elements of a "
-                "link in the scene, or --elements of large-rotation); let abrupt loads grow gradually"
+                f"the error by elements is {100 * error:.0f} % of the peak stress: take more elements "
+                "(elements of a link in the scene, in large rotation also elements of the run) or let abrupt "
+                "loads grow gradually"
             )
         return self.notes if note is None or note in self.notes else (*self.notes, note)
 
