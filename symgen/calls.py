@@ -257,6 +257,16 @@ def _is_array(value: Any) -> bool:
     return array.dtype.kind in "iuf"
 
 
+def as_doubles(value: Any) -> Any:
+    """Return real numbers as a contiguous array; None for others, such as complex numbers and dates."""
+    import numpy as np
+
+    try:
+        return np.ascontiguousarray(value, dtype=float) if _is_array(value) else None
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
 def _is_list_of_numbers(value: Any) -> bool:
     import numpy as np
 

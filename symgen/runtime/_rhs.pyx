@@ -9,8 +9,8 @@ from cpython.buffer cimport (
 from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy
 
-from symgen.calls import FAILURES, raise_failure
-from symgen.errors import ModelError
+from symgen.calls import FAILURES, as_doubles, raise_failure
+from symgen.errors import ModelError, shown
 from symgen.runtime._core cimport _DONE, Integrable, equations
 
 
@@ -40,10 +40,9 @@ cdef class Rhs:
 
     cdef object _checked(self, y):
         """Return a state as a contiguous array of 2n numbers."""
-        try:
-            row = np.ascontiguousarray(y, dtype=float)
-        except (TypeError, ValueError):
-            raise ModelError(f"expected a state y = (q, u) of {self.size[0]} numbers, got {y!r}") from None
+        row = as_doubles(y)
+        if row is None:
+            raise ModelError(f"expected a state y = (q, u) of {self.size[0]} real numbers, got {shown(y)}")
         if row.shape != self.size:
             raise ModelError(f"expected a state y = (q, u) of {self.size[0]} numbers, got shape {row.shape}")
         return row
@@ -66,14 +65,11 @@ cdef class Rhs:
         """Set the inputs; by default, their values in the model."""
         cdef double[::1] values = self.parameter_values
         if u is not None:
-            try:
-                row = np.ascontiguousarray(u, dtype=float)
-            except (TypeError, ValueError):
-                row = None
+            row = as_doubles(u)
             if row is None or row.shape != (len(self.inputs),):
                 raise ModelError(
                     f"expected {len(self.inputs)} inputs u" + (f" ({', '.join(self.inputs)})" if self.inputs else "")
-                    + f", got {u!r}"
+                    + f", got {shown(u)}"
                 )
             values = self.passed
             for i, value in enumerate(row):

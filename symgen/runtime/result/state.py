@@ -10,8 +10,8 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.calls import checked
-from symgen.errors import ModelError, check_known
+from symgen.calls import as_doubles, checked
+from symgen.errors import ModelError, check_known, shown
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -34,6 +34,15 @@ class State:
     u: Array
     positions: dict[str, Array]
     velocities: dict[str, Array]
+
+    def __post_init__(self) -> None:
+        for name in ("q", "u"):
+            values = as_doubles(getattr(self, name))
+            if values is None:
+                raise ModelError(
+                    f"expected real numbers for {name} of a state, got {shown(getattr(self, name))}"
+                )
+            object.__setattr__(self, name, values)
 
     def __repr__(self) -> str:
         return f"<State at t = {self.t:g} s: positions and velocities of {', '.join(self.positions)}>"
