@@ -244,3 +244,12 @@ def test_the_crank_left_to_itself_is_the_one_rigid_motion(tmp_path):
         found = model.modes(angle)
         assert found.frequencies[0] == 0.0 and found.frequencies[1] > 1.0
         assert found.rigid == 1
+
+
+def test_derivatives_number_frequencies_as_modes_do_behind_rigid_motions():
+    model = symgen.build("elastic_four_bar_free")
+    modes = model.modes()
+    found = model.sensitivity(["frequencies"], ["speed"])
+    assert modes.rigid == 1 and found.outputs[0] == "frequency.2"
+    numbers = [int(name.rpartition(".")[2]) for name in found.outputs]
+    assert found.values == pytest.approx(modes.frequencies[np.array(numbers) - 1], rel=1e-9)

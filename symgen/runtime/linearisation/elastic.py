@@ -56,15 +56,15 @@ def sensitivity(
     pose, d = Pose(motion, parameters, t), motion.rigid.description
     result = sensitivity_of(d, {}, parameters, np.zeros(0), np.zeros((0, len(parameters))), t)
     if "frequencies" in outputs:
-        values, slopes = pose.frequencies()
-        result = with_outputs(result, frequency_units(len(values)), values, slopes)
+        rigid, values, slopes = pose.frequencies()
+        result = with_outputs(result, frequency_units(rigid, len(values)), values, slopes)
     requested = [name for name in outputs if name != "frequencies"]
     return with_outputs(result, *pose.static(requested)) if requested else result
 
 
-def frequency_units(count: int) -> dict[str, str]:
-    """Return the names of so many frequencies as outputs, with their unit."""
-    return {f"frequency.{i}": "Hz" for i in range(1, count + 1)}
+def frequency_units(rigid: int, count: int) -> dict[str, str]:
+    """Return the names of so many frequencies as outputs, with their unit; rigid modes precede them."""
+    return {f"frequency.{rigid + i}": "Hz" for i in range(1, count + 1)}
 
 
 class Pose:
@@ -163,13 +163,14 @@ class Pose:
             loads = self.duals("elastic_motion", "loads", j)["loads"].reshape(-1, len(APPLIED))
         return rows, loads, self.duals("elastic_joints", "joints", j, resting)
 
-    def frequencies(self) -> tuple[Array, Array]:
-        """Return the frequencies at rest of modes with strain [Hz], and their derivatives."""
+    def frequencies(self) -> tuple[int, Array, Array]:
+        """Return the number of rigid modes, frequencies at rest of the others [Hz], and their derivatives."""
         modes = elastic_modes(self.motion, self.equations, self.t)
         frequencies, shapes = modes.frequencies[modes.rigid :], modes.shapes[:, modes.rigid :]
         each = (self.assembled(j, AT_REST)[2] for j in range(len(self.parameters)))
         matrices = [(at.mass, at.stiffness, at.bound) for at in each]
-        return frequencies, frequency_slopes(self.motion.rigid.name, frequencies, shapes, matrices)
+        slopes = frequency_slopes(self.motion.rigid.name, modes.rigid, frequencies, shapes, matrices)
+        return modes.rigid, frequencies, slopes
 
     def static(self, requested: Sequence[str]) -> tuple[dict[str, str], Array, Array]:
         """Return units of scalar quasi-static outputs by name, their values and their derivatives."""
@@ -205,9 +206,11 @@ def check_smooth(motion: ElasticMotion, noun: str, cause: str) -> None:
 
 
 def frequency_slopes(
-    name: str, frequencies: Array, shapes: Array, matrices: Sequence[tuple[Dual, Dual, Dual]]
+    name: str, rigid: int, frequencies: Array, shapes: Array, matrices: Sequence[tuple[Dual, Dual, Dual]]
 ) -> Array:
     """Return derivatives of frequencies [Hz], (modes, parameters), by M, K, J with tangents along each.
+
+    The number of ``rigid`` modes precedes theirs.
 
     Raises
     ------
@@ -216,7 +219,7 @@ def frequency_slopes(
     """
     close = np.diff(frequencies) < _APART * frequencies[1:]
     if np.any(close):
-        first = int(np.argmax(close)) + 1
+        first = rigid + int(np.argmax(close)) + 1
         raise ModelError(
             f"frequencies {first} and {first + 1} of {name} are equal, so that they have no derivatives one "
             "by one"

@@ -13,13 +13,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.state_space import Tangents
-from symgen.runtime.rods.modes import damped
+from symgen.runtime.rods.linear import eigenvalues, in_order, oscillating
 
 #: The matrices of small vibrations.
 _SYSTEM = ("mass_matrix", "stiffness", "damping")
@@ -34,8 +33,8 @@ def spectrum(
 
     Poles are real parts [1/s] and, where they oscillate, imaginary parts [rad/s]; those that grow first, then
     by rising modulus.
-    Frequencies [Hz] are those of the modes that oscillate, sorted by the modulus of their eigenvalues, which
-    without damping is the circular frequency.
+    Frequencies [Hz] are those of the modes that oscillate, growing or not, by rising modulus of their
+    eigenvalues, as of :attr:`.Modes.frequencies`.
 
     Parameters
     ----------
@@ -54,17 +53,19 @@ def spectrum(
     matrices = _matrices(tangents, kernels)
     mass, stiffness, damping = (matrices[name] for name in _SYSTEM)
     free, title = tangents.free, tangents.description.name
-    eigenvalues = _eigenvalues(*(free.T @ matrix @ free for matrix in (mass, stiffness, damping)))
+    values = eigenvalues(*(free.T @ matrix @ free for matrix in (mass, stiffness, damping)))[0]
     if spectrum_name == "frequencies":
-        eigenvalues = eigenvalues[eigenvalues.imag > 0]
-        eigenvalues = eigenvalues[np.argsort(np.abs(eigenvalues))]
-        if not len(eigenvalues):
+        values = values[oscillating(values)]
+        if not len(values):
             raise ModelError(
                 f"no mode of {title} oscillates at this equilibrium, so there are no frequencies\n"
                 "  Give poles, which include motions that grow or decay."
             )
-    for i, s in enumerate(eigenvalues):
-        close = np.flatnonzero(np.abs(eigenvalues[:i] - s) <= _APART * np.abs(s))
+    elif not np.any(damping):  # of each pair s, -s there is one
+        values = np.append(values, -values[values.imag == 0.0])
+        values = values[in_order(values)]
+    for i, s in enumerate(values):
+        close = np.flatnonzero(np.abs(values[:i] - s) <= _APART * np.abs(s))
         if len(close):
             raise ModelError(
                 f"{spectrum_name} {close[0] + 1} and {i + 1} of {title} are equal, so that they have no "
@@ -72,8 +73,8 @@ def spectrum(
                 "one by one"
             )
     changes = _changes(tangents, kernels, moved, parameters)
-    derivatives = np.zeros((len(eigenvalues), len(parameters)), dtype=complex)
-    for i, s in enumerate(eigenvalues):
+    derivatives = np.zeros((len(values), len(parameters)), dtype=complex)
+    for i, s in enumerate(values):
         whole = s**2 * mass + s * damping + stiffness
         left, _, right = np.linalg.svd(free.T @ whole @ free)
         phi, psi = free @ right[-1].conj(), free @ left[:, -1].conj()
@@ -86,12 +87,12 @@ def spectrum(
             change += psi @ (turned.T @ mu) + nu @ (turned @ phi)
             derivatives[i, k] = -change / below
     if spectrum_name == "frequencies":
-        names = [f"frequency.{i}" for i in range(1, len(eigenvalues) + 1)]
-        return names, eigenvalues.imag / (2 * np.pi), derivatives.imag / (2 * np.pi)
-    parts = [(i, part) for i, s in enumerate(eigenvalues) for part in ("real", "imag")[: 1 + bool(s.imag)]]
+        names = [f"frequency.{i}" for i in range(1, len(values) + 1)]
+        return names, values.imag / (2 * np.pi), derivatives.imag / (2 * np.pi)
+    parts = [(i, part) for i, s in enumerate(values) for part in ("real", "imag")[: 1 + bool(s.imag)]]
     names = [f"pole.{i + 1}.{part}" for i, part in parts]
-    values, rows = (np.array([getattr(x[i], part) for i, part in parts]) for x in (eigenvalues, derivatives))
-    return names, values, rows
+    numbers, rows = (np.array([getattr(x[i], part) for i, part in parts]) for x in (values, derivatives))
+    return names, numbers, rows
 
 
 def _matrices(tangents: Tangents, kernels: Evaluator) -> dict[str, Array]:
@@ -137,10 +138,3 @@ def _at(tangents: Tangents, kernels: Evaluator) -> tuple[float, Array, Array, Ar
     work = np.zeros(kernels.work_size + n + tangents.m + 1)
     work[: n + tangents.m] = tangents.solution
     return state.t, state.q, np.zeros(n), work
-
-
-def _eigenvalues(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.complex128]:
-    """Return the eigenvalues [1/s], of each conjugate pair that with positive imaginary part."""
-    if not len(mass):
-        return np.zeros(0, dtype=complex)
-    return damped(np.linalg.solve(mass, stiffness), np.linalg.solve(mass, damping))[0]

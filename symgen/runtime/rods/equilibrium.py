@@ -30,7 +30,7 @@ class Equilibrium:
     state
         The pose, with zero velocities.
     stability
-        ``stable``, ``neutral`` (some motion meets no resistance) or ``unstable``.
+        ``unstable`` (a small motion grows), ``neutral`` (one meets no stiffness) or ``stable``.
     freedoms
         Number of free motions.
     residual, scale

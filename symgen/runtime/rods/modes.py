@@ -14,7 +14,7 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.equilibrium import Equilibrium
-from symgen.runtime.rods.linear import SMALL
+from symgen.runtime.rods.linear import oscillating
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +85,9 @@ class Modes:
 
     @property
     def frequencies(self) -> Array:
-        """Frequencies [Hz] of the modes that oscillate, damped if they are, in the order of the modes."""
-        return np.array([m.frequency for m in self.modes if m.kind == "oscillation"])
+        """Frequencies [Hz] of all modes that oscillate, damped or growing if they are, by rising abs(s)."""
+        values = np.array([m.s for m in self.modes], dtype=complex)
+        return values[oscillating(values)].imag / (2 * np.pi)
 
     @property
     def stable(self) -> bool:
@@ -131,34 +132,15 @@ def analyse(evaluator: Evaluator, equilibrium: Equilibrium) -> Modes:
         raise ModelError(
             f"{evaluator.description.name}: constraints and drives hold every freedom: nothing oscillates"
         )
-    root = np.asarray(np.linalg.cholesky(lin.mass), dtype=float)
-    values: NDArray[Any]
-    free: NDArray[Any]
-    stiffness, damping = (_congruent(root, m) for m in (lin.stiffness, lin.damping))
-    if np.any(damping) or not _symmetric(stiffness):
-        values, vectors = damped(stiffness, damping)
-        free = lin.basis @ np.linalg.solve(root.T, vectors)
-    else:
-        squares, shapes = np.linalg.eigh((stiffness + stiffness.T) / 2)
-        small = SMALL * float(np.max(np.abs(squares)))
-        squares = np.where(np.abs(squares) <= small, 0.0, squares)
-        values = np.where(squares < 0, np.sqrt(np.abs(squares)), 1j * np.sqrt(np.abs(squares)))
-        free = _separated(squares, lin.basis @ np.linalg.solve(root.T, shapes))
+    values, motions = lin.eigenvalues()
+    free: NDArray[Any] = lin.basis @ motions
+    if np.isrealobj(free):
+        free = _separated(values, free)
     results = [
         Mode(_kind(complex(s)), complex(s), _shape(evaluator, equilibrium, free[:, i]))
         for i, s in enumerate(values)
     ]
     return Modes(equilibrium, tuple(results))
-
-
-def _congruent(root: Array, matrix: Array) -> Array:
-    """Return L^-1 A L^-T."""
-    half = np.linalg.solve(root, matrix)
-    return np.linalg.solve(root, half.T).T
-
-
-def _symmetric(matrix: Array) -> bool:
-    return bool(np.max(np.abs(matrix - matrix.T)) <= 1e-10 * np.max(np.abs(matrix), initial=0.0))
 
 
 def _kind(s: complex) -> str:
@@ -169,36 +151,16 @@ def _kind(s: complex) -> str:
     return "oscillation" if s.imag else "decay"
 
 
-def damped(stiffness: NDArray[Any], damping: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return eigenvalues and shapes of y'' + C y' + K y = 0, one of each conjugate pair; growing ones first.
-
-    Time is scaled, so that both blocks of the first-order form are of one size.
-    """
-    from scipy.linalg import eig
-
-    k = len(stiffness)
-    rate = float(max(np.sqrt(np.linalg.norm(stiffness, 2)), np.linalg.norm(damping, 2), 1e-300))
-    first = np.block([[np.zeros((k, k)), np.eye(k)], [-stiffness / rate**2, -damping / rate]])
-    values, vectors = eig(first)
-    small = np.sqrt(SMALL)
-    values = np.where(np.abs(values) <= small, 0.0, values)
-    values = np.where(np.abs(values.imag) <= small * np.abs(values), values.real, values)
-    values = np.where(np.abs(values.real) <= 1e-13, 1j * values.imag, values)
-    keep = [i for i in range(2 * k) if values[i].imag >= 0]
-    order = sorted(keep, key=lambda i: (values[i].real <= 0, abs(values[i]), values[i].real))
-    shapes = vectors[:k, order]
-    return values[order] * rate, shapes / np.linalg.norm(shapes, axis=0)
-
-
-def _separated(squares: Array, shapes: Array) -> Array:
+def _separated(values: NDArray[Any], shapes: Array) -> Array:
     """Fix the shapes within each set of equal frequencies, where round-off would rotate them arbitrarily.
 
     Coordinate directions are projected onto the common space one after the other; independent ones are kept.
     The rotation is orthogonal, so modal masses remain one.
     """
     result = shapes.copy()
+    squares = np.where(values.real > 0.0, -1.0, 1.0) * np.abs(values) ** 2
     close = 1e-9 * float(np.max(np.abs(squares)))
-    groups = np.split(np.arange(len(squares)), np.flatnonzero(np.diff(squares) > close) + 1)
+    groups = np.split(np.arange(len(squares)), np.flatnonzero(np.abs(np.diff(squares)) > close) + 1)
     for group in groups:
         space = shapes[:, group]
         size = float(np.max(np.linalg.norm(space, axis=1)))

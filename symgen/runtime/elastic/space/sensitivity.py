@@ -105,8 +105,8 @@ def of_frequencies(
             change = change - solve(right + matrix @ change)
         q, multipliers = at.q + 1j * UNIT * change[:n], at.multipliers + 1j * UNIT * change[n:]
         each.append(matrices(along, replace(at, q=q, multipliers=multipliers)))
-    by_parameter = frequency_slopes(rigid.name, frequencies, shapes, each)
-    units = frequency_units(len(frequencies))
+    by_parameter = frequency_slopes(rigid.name, modes.rigid, frequencies, shapes, each)
+    units = frequency_units(modes.rigid, len(frequencies))
     return sensitivity_of(rigid.description, units, parameters, frequencies, by_parameter, t)
 
 
