@@ -242,7 +242,8 @@ class Driven:
         second = over_variants(self.model.evaluator, "point_accelerations", parameter_rows, times, states)
         shape = (-1, len(d.points), len(d.axes))
         moving = [x.reshape(shape) for x in (places[:, self.recorded], velocities[:, self.recorded], second)]
-        along, variables = Along(d, places, self.recorded), []
+        start = int(np.searchsorted(self.nodes, self.t))
+        along, variables = Along(d, places, self.recorded, start), []
         info = kinematics.find("drives")
         if info:
             values = over_variants(kinematics, "drives", parameter_rows, times, states)
@@ -311,7 +312,7 @@ def driven_runs(
         return None
     instants = (LinkageForces if loads else LinkageMotion)(**options).instants(d.t_end)
     times = instants.times(d.name, constraints.driving)
-    nodes = nodes_of(min(instants.start, t), max(instants.stop, t), np.unique(times))
+    nodes = nodes_of(t, min(instants.start, t), max(instants.stop, t), np.unique(times))
     unknowns: list[tuple[Unknown, list[int]]] = []
     if loads:
         order = {label: i for i, label in enumerate(loads.info("joint_forces").blocks[0].rows)}

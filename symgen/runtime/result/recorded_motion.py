@@ -16,7 +16,7 @@ from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recording import nearest_turn, of_points, shaped
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time
 from symgen.runtime.rods.constraints import Constraints
-from symgen.runtime.rods.poses import Poses
+from symgen.runtime.rods.poses import Poses, continuous
 
 #: Function that returns the continuous angles of a link at the samples [rad].
 Counted = Callable[[str, Array], Array]
@@ -26,19 +26,20 @@ Counted = Callable[[str, Array], Array]
 class Along:
     """Positions of all points along the followed curve, and the index of the pose next to each sample.
 
-    Positions have the shape (..., poses, points, axes).
+    Positions have the shape (..., poses, points, axes); ``start`` is the index of the pose at the start.
     """
 
     description: Description
     places: Array
     near: Indices
+    start: int
 
     def counted(self, link: str, angles: Array) -> Array:
-        """Return the angles of a link at the samples over its revolutions along the curve [rad]."""
+        """Return the angles of a link at the samples over its revolutions from the start [rad]."""
         points = self.description.points
         i, j = (points.index(p) for p in self.description.links[link][:2])
         lines = self.places[..., j, :] - self.places[..., i, :]
-        whole = np.unwrap(np.arctan2(lines[..., 1], lines[..., 0]))
+        whole = continuous(np.arctan2(lines[..., 1], lines[..., 0]), self.start)
         return nearest_turn(angles, whole[..., self.near])
 
 

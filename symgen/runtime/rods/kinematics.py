@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -14,6 +14,7 @@ from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
+from symgen.runtime.result.recording import nearest_turn
 from symgen.runtime.result.records import converters
 from symgen.runtime.rods.assemblies import assemblies
 from symgen.runtime.rods.constraints import Constraints
@@ -21,9 +22,11 @@ from symgen.runtime.rods.following.branch import along_branch
 from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
 from symgen.runtime.rods.instants import Instants
-from symgen.runtime.rods.poses import Poses
+from symgen.runtime.rods.poses import Poses, continuous
 
 _STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
+#: References of angles in loads are multiples of it [rad], so that samples share few of them.
+_QUARTER = math.pi / 2
 
 
 def driven(constraints: Constraints, q: Array, t: float) -> None:
@@ -61,12 +64,14 @@ def _count(number: int, noun: str) -> str:
 class Followed:
     """What following gave: samples, singular poses, and ranges of time [s] that were not reached.
 
-    ``path`` are poses along the curve, ``near`` the number of the one next to each sample.
+    ``path`` are poses along the curve, ``near`` the number of the one next to each sample, ``start`` that of
+    the pose at which the motion starts.
     """
 
     samples: Poses
     near: Indices
     path: Poses
+    start: int
     poses: list[SingularPose]
     unassemblable: list[Range]
     out_of_reach: list[Range]
@@ -109,7 +114,7 @@ def analyse(
     return recorded(
         constraints,
         samples,
-        Along(constraints.description, constraints.moving(followed.path)[0], near),
+        Along(constraints.description, constraints.moving(followed.path)[0], near, followed.start),
         followed.poses,
         followed.unassemblable,
         followed.out_of_reach,
@@ -164,8 +169,9 @@ def follow(
     sound = along_branch(constraints, q, t, *ends, np.unique(times))
     if sound is not None:
         samples = sound.poses[sound.requested]
-        return Followed(samples, sound.requested, sound.poses, [], [], [])
-    path = _path(curve, q, t, instants, through)
+        start = int(np.searchsorted(sound.poses.times, t))
+        return Followed(samples, sound.requested, sound.poses, start, [], [], [])
+    path, start = _path(curve, q, t, instants, through)
     poses = singular_poses(curve, path, instants.start, instants.stop)
     rows: list[tuple[float, Array, Array, Array]] = []
     near: list[int] = []
@@ -181,7 +187,22 @@ def follow(
     passed = [(t, q, np.zeros_like(q), np.zeros_like(q)) for q, t in (curve.split(p.x) for p in path)]
     nearest = np.array(near, dtype=np.intp)
     gaps = _gaps([*covered, *apart], instants)
-    return Followed(_poses(rows, constraints.n), nearest, _poses(passed, constraints.n), poses, gaps, apart)
+    along = _poses(passed, constraints.n)
+    return Followed(_poses(rows, constraints.n), nearest, along, start, poses, gaps, apart)
+
+
+def counted(constraints: Constraints, followed: Followed) -> Poses:
+    """Return the samples with the references of angles in loads, counted over revolutions from the start."""
+    if not constraints.description.windings:
+        return followed.samples
+
+    def angles(poses: Poses) -> Array:
+        out = constraints.evaluator.many_blocks("events", poses.times, poses.q, poses.u)
+        return out["windings"].reshape(len(poses), -1).T
+
+    whole = continuous(angles(followed.path), followed.start)[:, followed.near]
+    references = np.round(nearest_turn(angles(followed.samples), whole) / _QUARTER) * _QUARTER
+    return replace(followed.samples, references=references.T)
 
 
 def _poses(rows: Sequence[tuple[float, Array, Array, Array]], n: int) -> Poses:
@@ -202,24 +223,27 @@ def _duration(constraints: Constraints, q: Array, t: float, instants: Instants) 
 
 def _path(
     curve: Curve[Constraints], q: Array, t: float, instants: Instants, through: bool
-) -> list[CurvePoint]:
-    """Return the curve through the start, from low to high times unless it has turning points."""
+) -> tuple[list[CurvePoint], int]:
+    """Return the curve through the start, from low to high times unless it has turning points.
+
+    The number is that of the start.
+    """
     x = curve.at(curve.join(q, t))
     if x is None:
         raise SimulationError(f"the pose to start from does not meet the constraints at t = {t:g} s", time=t)
     ends = min(instants.start, t), max(instants.stop, t)
     forward = curve.walk(curve.point(x), ends, through, _STEPS)
     if forward[-1] is forward[0] and len(forward) > 1:
-        return forward
+        return forward, 0
     if forward[-1].speed > TURNING and forward[-1].x[-1] < ends[1] / curve.duration:
         raise _stuck(curve, forward[-1])
     if instants.start >= t:
-        return forward
+        return forward, 0
     back = curve.walk(curve.point(x, np.append(np.zeros(len(q)), -1.0)), ends, through, _STEPS)
     if back[-1].speed < -TURNING and back[-1].x[-1] > ends[0] / curve.duration:
         raise _stuck(curve, back[-1])
     turned = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(back[1:])]
-    return turned + forward
+    return turned + forward, len(turned)
 
 
 def _stuck(curve: Curve[Constraints], last: CurvePoint) -> SimulationError:

@@ -49,7 +49,7 @@ def along_branch(
     kinematics = steps_of(constraints, q, t)
     parts = _PARTS
     while parts <= _MOST:
-        nodes = nodes_of(low, high, times, parts)
+        nodes = nodes_of(t, low, high, times, parts)
         before, after = nodes[nodes < t][::-1].copy(), nodes[nodes >= t]
         forward = kinematics.follow(t, q, after)
         if len(forward) < len(after):
@@ -65,9 +65,9 @@ def along_branch(
     return None
 
 
-def nodes_of(low: float, high: float, times: Array, parts: int = _PARTS) -> Array:
-    """Return the times of poses along a branch: those requested, and ends of parts of the range."""
-    return np.union1d(np.linspace(low, high, parts + 1), times)
+def nodes_of(t: float, low: float, high: float, times: Array, parts: int = _PARTS) -> Array:
+    """Return the times of poses along a branch: the start t, those requested, and parts of the range."""
+    return np.union1d(np.linspace(low, high, parts + 1), np.append(times, t))
 
 
 def steps_of(constraints: Constraints, q: Array, t: float, forces: Evaluator | None = None) -> Kinematics:

@@ -84,7 +84,7 @@ class Assembly:
     def _values(self, name: str) -> Array:
         """Return a matrix of the loads at all poses, (poses, rows, columns)."""
         if name not in self._blocks:
-            values = self._loads.many(name, self._poses.times, self._poses.q, self._poses.u)
+            values = self._poses.many(self._loads, name)
             self._blocks[name] = values.reshape(-1, *self._block(name).shape)
         return self._blocks[name]
 

@@ -27,23 +27,27 @@ def by_multipliers(
     """
     if constraints.m != constraints.n or not loads.has("joint_forces") or not len(poses):
         return None
-    steps = steps_of(constraints, poses.q[0], float(poses.times[0]), loads)
-    multipliers, quality = steps.multipliers(poses.times, np.ascontiguousarray(poses.states))
-    if len(multipliers) < len(poses):
-        return None
+    multipliers, quality = np.empty((len(poses), constraints.m)), np.empty((len(poses), 2))
+    for kernels, rows in poses.wound(loads):
+        there = poses[rows]
+        steps = steps_of(constraints, there.q[0], float(there.times[0]), kernels)
+        solved, errors = steps.multipliers(there.times, np.ascontiguousarray(there.states))
+        if len(solved) < len(rows):
+            return None
+        multipliers[rows], quality[rows] = solved, errors
     motion = np.hstack([poses.accelerations, multipliers])
-    forces = loads.many("joint_forces", poses.times, poses.q, poses.u, motion)
+    forces = poses.many(loads, "joint_forces", motion)
     order = {label: i for i, label in enumerate(loads.info("joint_forces").blocks[0].rows)}
     x = forces[:, [order[label] for u in assembly.unknowns for label in u.labels]]
     worst = int(np.argmin(quality[:, 0]))
-    there = Assembly(constraints, loads, poses[np.array([worst])], assembly.elements)
-    solution = solve(there)
-    size = float(np.max(np.abs(x / there.scales), initial=0.0)) or 1.0
+    nearest = Assembly(constraints, loads, poses[np.array([worst])], assembly.elements)
+    solution = solve(nearest)
+    size = float(np.max(np.abs(x / nearest.scales), initial=0.0)) or 1.0
     return Solution(
         x,
         np.full(len(poses), assembly.size),
         np.zeros((len(poses), assembly.size)),
         worst,
         solution.condition,
-        max(there.residual(x[worst : worst + 1]), float(np.max(quality[:, 1])) / size),
+        max(nearest.residual(x[worst : worst + 1]), float(np.max(quality[:, 1])) / size),
     )
