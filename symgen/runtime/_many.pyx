@@ -268,11 +268,10 @@ cdef class Starts:
                     return False
             if self.kernels.constraints != NULL and not self.scaled():
                 return False
+            self.of_start.begin(self.s)
             if self.ahead != NULL:
                 memcpy(self.s.q, self.ahead, self.n * sizeof(double))
-                status = _STARTED
-            else:
-                self.of_start.begin(self.s)
+                self.s.at = 1.0
             while status == _ON_THE_WAY:
                 status = self.of_start.advance(self.s)
             if status != _STARTED:

@@ -15,11 +15,13 @@ cdef extern from "core/start_lanes.h" nogil:
         _ON_THE_WAY "ON_THE_WAY"
         _UNASSEMBLED "UNASSEMBLED"
         _TOO_TOLERANT "TOO_TOLERANT"
+        _OTHER_SIDE "OTHER_SIDE"
 
     double MOST_TOLERANCE
 
     cdef struct start:
         double at, fastest
+        int side
         double *q
         double *u
         double *miss

@@ -13,6 +13,7 @@ STARTED: int
 ON_THE_WAY: int
 UNASSEMBLED: int
 TOO_TOLERANT: int
+OTHER_SIDE: int
 MOST: float
 
 class Starter:
@@ -20,6 +21,7 @@ class Starter:
     q: Array
     def __init__(self, evaluator: Evaluator, share: float, q: Array) -> None: ...
     def advance(self) -> int: ...
+    def close(self) -> int: ...
     def velocities(self, redundant: Sequence[int]) -> tuple[Array, Array, Array, float] | None: ...
 
 class StartLanes:

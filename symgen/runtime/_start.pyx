@@ -11,6 +11,7 @@ from symgen.runtime._core import DOUBLE
 
 #: Outcomes of a step of the assembly.
 STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT = _STARTED, _ON_THE_WAY, _UNASSEMBLED, _TOO_TOLERANT
+OTHER_SIDE = _OTHER_SIDE
 #: The largest assembly tolerance over the size of the linkage.
 MOST = MOST_TOLERANCE
 
@@ -85,6 +86,11 @@ cdef class Starter:
         with nogil:
             status = self.api.advance(self.core)
         return status
+
+    def close(self):
+        """Close the linkage at its start from the present coordinates; return the outcome."""
+        self.core.at, self.core.side = 1.0, 0
+        return self.advance()
 
     def velocities(self, redundant):
         """Return velocities of least kinetic energy, the errors of the independent constraints and of the prescribed

@@ -10,6 +10,8 @@
 
 /* Singular values below this part of the largest count as zero in the solution for velocities. */
 #define DEPENDENT R(1e-10)
+/* Pivots below this part of the largest may have either sign by rounding. */
+#define STRAIGHT 1e-9
 
 static size_t place(struct start *s, const struct start_sizes *z, void *memory) {
     const ptrdiff_t of_velocities = z->m + z->prescribed, most = z->rows > of_velocities ? z->rows : of_velocities;
@@ -102,9 +104,32 @@ static int newton(struct start *s, real at, real *q) {
     return previous <= ROUNDING * size ? STARTED : UNASSEMBLED;
 }
 
+/* The sign of the determinant of the square assembly Jacobian at a fraction of the path, which is that of the drawing
+   everywhere on its assembly branch; zero where it is singular, or not square. */
+static int side(struct start *s, real at, const real *q) {
+    const ptrdiff_t n = s->sizes.n;
+    real least = REAL_INFINITY, most = 0;
+    int sign = 1;
+    if (s->kernels.assembly == NULL || s->sizes.rows != n)
+        return 0;
+    s->change[0] = at;
+    memset(s->change + 1, 0, (size_t)n * sizeof(real));
+    call(s, s->kernels.assembly, q, s->change);
+    copy(s->out + n, n * n, s->matrix);
+    if (!factor_dense(n, s->matrix, s->order))
+        return 0;
+    for (ptrdiff_t k = 0; k < n; k++) {
+        const real pivot = s->matrix[k * n + k];
+        sign = (pivot < 0) == (s->order[k] != k) ? sign : -sign;
+        least = real_fmin(least, real_fabs(pivot)), most = real_fmax(most, real_fabs(pivot));
+    }
+    return least > R(STRAIGHT) * most ? sign : 0;
+}
+
 static void begin(struct start *s) {
     s->at = 0;
     s->step = LONGEST;
+    s->side = side(s, s->at, s->q);
 }
 
 static int advance(struct start *s) {
@@ -115,7 +140,9 @@ static int advance(struct start *s) {
         copy(s->trial, s->sizes.n, s->q);
         s->at = target;
         s->step = real_fmin(2 * s->step, LONGEST);
-        return target < 1 ? ON_THE_WAY : STARTED;
+        if (target < 1)
+            return ON_THE_WAY;
+        return s->side && s->side * side(s, s->at, s->q) < 0 ? OTHER_SIDE : STARTED;
     }
     s->step /= 2;
     return status == TOO_TOLERANT || s->step < SHORTEST ? status : ON_THE_WAY;

@@ -30,14 +30,15 @@ struct start_sizes {
 /* The largest assembly tolerance over the size of the linkage. */
 #define MOST_TOLERANCE 1e-5
 
-/* Outcomes of a step of the assembly. */
-enum start_status { STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT };
+/* Outcomes of a step of the assembly. OTHER_SIDE: assembled, but not on the assembly branch of the drawing. */
+enum start_status { STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT, OTHER_SIDE };
 
 struct start {
     struct start_kernels kernels;
     struct start_sizes sizes;
     const real *p; /* owned by the caller */
     real at, step; /* fraction of the path from the drawing; the next step */
+    int side;      /* of the drawing */
     real *q, *u, *miss;
     real fastest;  /* the largest right-hand side of the rows of velocities */
     real *trial, *still, *change, *matrix, *right, *beta, *mass, *work, *out;

@@ -13,14 +13,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.groups import groups_of
 
 #: Coordinates in units of the linkage's size, from a pose; complex if a group does not close.
@@ -32,11 +31,29 @@ _LARGEST, _MOST, _POINT, _GROUP, _FEW = 120, 1024, 3, 12, 64
 #: Relative sizes that count as zero: of derivatives, of the residual of the quadratic form of a constraint,
 #: and of determinants and leading coefficients.
 _NONE, _POLYNOMIAL, _DEGENERATE = 1e-13, 1e-10, 1e-10
+#: Smallest singular value over the largest of a group whose drawn side counts.
+_SIDE = 1e-9
 #: Largest closure error of a pose, over the size, from which Newton's method closes it.
 _OPEN = 1e-4
 #: Arcs of a circle at first and at most, degree of the series on each, size of their last terms, shortest
 #: half width [rad], and the part of it by which a pair of roots may be apart from a double root.
 _ARCS, _MOST_ARCS, _DEGREE, _ENDED, _SHORTEST, _PAIR = 16, 128, 20, 1e-11, 1e-3, 1e-3
+
+
+class Rows(Protocol):
+    """Conditions Phi(q, t) = 0 in metres: m rows, n coordinates."""
+
+    m: int
+    n: int
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return Phi [m], shape (m,)."""
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return dPhi/dq [1], shape (m, n)."""
+
+    def length(self, q: Array) -> float:
+        """Return the size of the linkage [m]."""
 
 
 class NotInGroups(Exception):
@@ -197,7 +214,7 @@ def _roots(function: Callable[[Array], Array]) -> list[float]:
     return angles
 
 
-def modes_of_groups(constraints: Constraints, near: Array, t: float) -> list[Array]:
+def modes_of_groups(constraints: Rows, near: Array, t: float) -> list[Array]:
     """Return coordinates of all poses that meet the constraints at a time, nearly to round-off.
 
     Raises
@@ -206,12 +223,7 @@ def modes_of_groups(constraints: Constraints, near: Array, t: float) -> list[Arr
         For linkages that are not of groups solved here: those with redundant constraints, with constraints
         that are not quadratic, with groups larger than triads in general, or with very many poses.
     """
-    if constraints.m != constraints.n:
-        raise NotInGroups("constraints are redundant")
-    if constraints.n > _LARGEST:
-        raise NotInGroups(f"there are {constraints.n} coordinates, more than {_LARGEST}")
-    size = constraints.length(near)
-    of = _quadratics(constraints, near, size, t)
+    of, size = _quadratics(constraints, near, t)
     poses = [np.zeros(constraints.n)]
     for group in _groups(of, range(constraints.m), range(constraints.n)):
         solver = _solver(of, *group)
@@ -219,6 +231,47 @@ def modes_of_groups(constraints: Constraints, near: Array, t: float) -> list[Arr
             raise NotInGroups(f"{len(poses)} poses of some groups are too many to continue from each")
         poses = [x for pose in poses for x in _ways(of, solver, pose)]
     return [near + size * x for x in poses]
+
+
+def modes_by_drawing(conditions: Rows, drawn: Array, slopes: Array) -> Iterator[Array]:
+    """Yield coordinates that meet the conditions at the start, the assembly mode of the drawing first.
+
+    There each group is on its drawn side, the sign of the determinant of its Jacobian, as in a continuous
+    motion from the drawing. Poses with fewer groups on their other side come first, and of these the nearer
+    to the drawing.
+
+    Parameters
+    ----------
+    conditions
+        As many conditions as coordinates; the time is zero.
+    drawn
+        The drawn coordinates [m].
+    slopes
+        The derivatives of the conditions that the drawing meets, in the order of ``conditions``, (m, n).
+
+    Raises
+    ------
+    NotInGroups
+        For linkages that are not of groups solved here.
+    """
+    of, size = _quadratics(conditions, drawn, 0.0)
+    poses = [(0, np.zeros(conditions.n))]
+    for rows, columns in _groups(of, range(conditions.m), range(conditions.n)):
+        solver, side = _solver(of, rows, columns), _side(slopes[np.ix_(rows, columns)])
+        poses = [
+            (others + (side * _side(of.slopes(rows, columns, way)) < 0), way)
+            for others, pose in poses
+            for way in _ways(of, solver, pose)
+        ]
+        poses.sort(key=lambda pose: (pose[0], round(float(np.linalg.norm(pose[1])), 6), pose[1].tolist()))
+        del poses[_FEW:]
+    yield from (drawn + size * x for _, x in poses)
+
+
+def _side(matrix: Array) -> float:
+    """Return the sign of a determinant, zero where rounding decides it."""
+    parts = np.linalg.svd(matrix, compute_uv=False)
+    return float(np.linalg.slogdet(matrix)[0]) if parts[-1] > _SIDE * parts[0] else 0.0
 
 
 def _ways(of: Quadratics, group: _Point | _Circle, x: Array) -> list[Array]:
@@ -236,9 +289,13 @@ def _chosen(of: Quadratics, points: Sequence[_Point], x: Array) -> Iterator[Arra
         yield from _chosen(of, points[1:], way)
 
 
-def _quadratics(constraints: Constraints, near: Array, size: float, t: float) -> Quadratics:
-    """Return the constraints over the size by coordinates over the size, from the given pose."""
-    n, slope = constraints.n, constraints.jacobian(near, t)
+def _quadratics(constraints: Rows, near: Array, t: float) -> tuple[Quadratics, float]:
+    """Return constraints by coordinates from the given pose, both over the size, and the size."""
+    if constraints.m != constraints.n:
+        raise NotInGroups("constraints are redundant")
+    if constraints.n > _LARGEST:
+        raise NotInGroups(f"there are {constraints.n} coordinates, more than {_LARGEST}")
+    n, size, slope = constraints.n, constraints.length(near), constraints.jacobian(near, t)
     moved = [constraints.jacobian(near + size * unit, t) for unit in np.eye(n)]
     curvature = np.array(moved).transpose(1, 2, 0) - slope[:, :, None]
     if not (np.isfinite(slope).all() and np.isfinite(curvature).all()):
@@ -253,7 +310,7 @@ def _quadratics(constraints: Constraints, near: Array, size: float, t: float) ->
     bent = of.slopes(every, every, x) - constraints.jacobian(near + size * x, t)
     if not (np.abs(away).max() < _POLYNOMIAL and np.abs(bent).max() < _POLYNOMIAL):
         raise NotInGroups(_CURVED)
-    return of
+    return of, size
 
 
 def _groups(of: Quadratics, rows: Sequence[int], columns: Sequence[int]) -> list[tuple[list[int], list[int]]]:

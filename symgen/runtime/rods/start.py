@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -86,7 +88,7 @@ def _posed(evaluator: Evaluator) -> Starter:
     _check_places(evaluator, drawn)
     starter = Starter(evaluator, ASSEMBLED, drawn)
     if evaluator.has("assembly"):
-        _assemble(evaluator, starter)
+        starter = _assembled(evaluator, starter)
     if evaluator.has("constraints"):
         q = starter.q
         parts = evaluator.blocks("constraints", 0.0, q, zero)
@@ -155,7 +157,8 @@ def _check_directions(evaluator: Evaluator, q: Array) -> None:
             )
 
 
-def _assemble(evaluator: Evaluator, starter: Starter) -> None:
+def _assembled(evaluator: Evaluator, starter: Starter) -> Starter:
+    """Return the start assembled along a path from the drawing, or by closed forms where that fails."""
     q = starter.q
     _check_directions(evaluator, q)
     if evaluator.has("constraints"):  # residuals are over these scales
@@ -174,10 +177,73 @@ def _assemble(evaluator: Evaluator, starter: Starter) -> None:
             f"  Give at most {_start.MOST * wide:.2g} m.",
             where="analysis.assembly_tolerance",
         )
-    if status == _start.UNASSEMBLED:
+    closed = None if status == _start.STARTED else _closed_by_groups(evaluator, q)
+    if status == _start.UNASSEMBLED and closed is None:
         end = np.append(1.0, np.zeros(len(q) - 1))
         residual = evaluator.blocks("assembly", 0.0, starter.q, end)["assembly_residual"]
         raise _unassembled(evaluator, starter.at, residual)
+    return closed or starter
+
+
+class _AtStart:
+    """The conditions of the start: constraints, angles and places of floating parts, each row in metres."""
+
+    def __init__(self, evaluator: Evaluator, drawn: Array) -> None:
+        self.evaluator, self.n, self._drawn = evaluator, evaluator.description.coordinates, drawn
+        self.m = evaluator.info("assembly").blocks[0].shape[0]
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return the errors of the conditions [m], shape (m,)."""
+        return self._rows(q, 1.0)["assembly_residual"]
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return their derivatives by the coordinates [1], shape (m, n)."""
+        return self._rows(q, 1.0)["assembly_jacobian"]
+
+    def as_drawn(self) -> Array:
+        """Return the derivatives of the conditions that the drawing meets."""
+        return self._rows(self._drawn, 0.0)["assembly_jacobian"]
+
+    def length(self, q: Array) -> float:
+        """Return the size of the linkage [m]."""
+        return extent(self.evaluator, q)
+
+    def turned_over(self, q: Array) -> bool:
+        """Return True if a link in the plane points against its angle at the start, as its row allows."""
+        halfway = self._rows(self._drawn, 0.5)["assembly_residual"]
+        for row, miss in zip(_rows(self.evaluator, "assembly"), halfway, strict=True):
+            name, _, word = row.rpartition(" ")
+            if word == "angle" and len(self.evaluator.description.axes) == 2:
+                (x, y), along = self._direction(name, self._drawn), self._direction(name, q)
+                turned = -2 * math.asin(max(-1.0, min(1.0, miss / math.hypot(x, y))))
+                c, s = math.cos(turned), math.sin(turned)
+                if along @ (c * x - s * y, s * x + c * y) < 0:
+                    return True
+        return False
+
+    def _direction(self, link: str, q: Array) -> Array:
+        d = self.evaluator.description
+        places = self.evaluator.blocks("points", 0.0, q, np.zeros(self.n))["positions"]
+        start, end = (places[d.points.index(p)] for p in d.links[link][:2])
+        return np.asarray(end - start)
+
+    def _rows(self, q: Array, fraction: float) -> Mapping[str, Array]:
+        return self.evaluator.blocks("assembly", 0.0, q, np.append(fraction, np.zeros(self.n - 1)))
+
+
+def _closed_by_groups(evaluator: Evaluator, drawn: Array) -> Starter | None:
+    """Return the start on the assembly mode of the drawing; None for linkages without closed forms."""
+    from symgen.runtime.rods.assur import NotInGroups, modes_by_drawing
+
+    conditions = _AtStart(evaluator, drawn)
+    try:
+        for q in modes_by_drawing(conditions, drawn, conditions.as_drawn()):
+            closing = Starter(evaluator, ASSEMBLED, q)
+            if not conditions.turned_over(q) and closing.close() == _start.STARTED:
+                return closing
+    except NotInGroups:
+        pass
+    return None
 
 
 #: Constraints that are missed by less than this fraction of the largest miss are met, up to rounding.
