@@ -18,11 +18,12 @@ ROUNDING = 1e-9
 FLAT = 1e-3
 #: Points of each dyad: its base points and its own point, with the links between them.
 DYADS = {"B": ("A", "C"), "E": ("D", "F")}
+DRIVERS = {"drivers": [{"link": "crank", "angle": "angle + w*t"}]}
 LENGTHS = ("a", "b", "c", "d", "e")
 
 
-def scene(bars, reverse=False):
-    """A driven four-bar or six-bar linkage; drawing, lengths and angle are tunable parameters."""
+def scene(bars, reverse=False, released=False):
+    """A driven or released four-bar or six-bar linkage; drawing, lengths and angle are tunable parameters."""
     names = "OAB" + "C" * (bars > 3) + "EF" * (bars > 4)
     values = {f"{point}{axis}": "1 m" for point in names for axis in "xy"} | dict.fromkeys(LENGTHS, "1 m")
     values |= {"offset": "0.1 m", "angle": "1 rad", "Ax": "0.5 m", "By": "0.8 m", "Ey": "0.3 m", "Fx": "2 m"}
@@ -43,7 +44,7 @@ def scene(bars, reverse=False):
         parameters={"w": "1 rad/s"} | tunable,
         points=points,
         links=links,
-        drivers=[{"link": "crank", "angle": "angle + w*t"}],
+        **({"start": {"angles": {"crank": "angle"}}} if released else DRIVERS),
     )
 
 
@@ -104,10 +105,20 @@ def started(model, numbers, drawn):
     return model.with_parameters(**{k: v for k, v in (numbers | places).items() if k in used}).initial_state()
 
 
-@pytest.mark.parametrize(("bars", "count"), [(4, 40), (6, 40), full(4, 2000), full(6, 2000)])
-def test_driven_linkages_whose_circles_intersect_start(bars, count):
+@pytest.mark.parametrize(
+    ("bars", "count", "released"),
+    [
+        (4, 40, False),
+        (4, 20, True),
+        (6, 40, False),
+        full(4, 2000, False),
+        full(4, 500, True),
+        full(6, 2000, False),
+    ],
+)
+def test_linkages_whose_circles_intersect_start(bars, count, released):
     """On the drawn side of every dyad, or where they do not close so, with fewest dyads on their other side."""
-    model = symgen.build(scene(bars), backend="numpy")
+    model = symgen.build(scene(bars, released=released), backend="numpy")
     for numbers, drawn, closed in cases(bars, count):
         positions = started(model, numbers, drawn).positions
         own = [1 if height(drawn, p) > 0 else -1 for p in list("BE")[: 1 + (bars > 4)]]
@@ -132,6 +143,42 @@ def test_starts_do_not_depend_on_orientation_and_order(bars, count):
             state = started(reordered, moved, {p: axes @ x for p, x in drawn.items()})
             for point, place in positions.items():
                 assert state.positions[point] == pytest.approx(axes @ place, abs=ROUNDING), (numbers, drawn)
+
+
+TRIAD = {"crank": "FE", "third": "PE", "first": "OA", "second": "CB", "ternary": "AB"}
+
+
+def triad(rng):
+    """A ternary link A B P on three links, one of them on the driven crank: lengths and angle of a random pose."""
+    at = dict(zip("OCFABE", rng.uniform(-1, 1, (6, 2)), strict=True))
+    offset, along, crank = rng.uniform(-0.5, 0.5), at["B"] - at["A"], at["E"] - at["F"]
+    at["P"] = (at["A"] + at["B"]) / 2 + offset * turned(along) / np.hypot(*along)
+    lengths = {name: np.hypot(*(at[x] - at[y])) for name, (x, y) in TRIAD.items()}
+    return lengths | {"offset": offset, "angle": np.arctan2(crank[1], crank[0])}, at
+
+
+@pytest.mark.parametrize("count", [20, full(500)])
+def test_driven_triads_start(count):
+    rng = np.random.default_rng(3)
+    numbers, at = triad(rng)
+    numbers |= {f"{p}{axis}": x for p in "OCFABE" for axis, x in zip("xy", at[p], strict=True)}
+    points = {p: {"at": [f"{p}x", f"{p}y"]} | ({"ground": True} if p in "OCF" else {}) for p in "OCFABE"}
+    unit = dict.fromkeys(numbers, "m") | {"angle": "rad"}
+    tunable = {name: {"value": f"{float(x)!r} {unit[name]}", "tunable": True} for name, x in numbers.items()}
+    scene = symgen.Scene(
+        parameters={"w": "1 rad/s"} | tunable,
+        points=points | {"P": {"on": "ternary", "fraction": 0.5, "offset": "offset"}},
+        links={name: {"points": [*ends], "mass": "1 kg", "length": name} for name, ends in TRIAD.items()},
+        **DRIVERS,
+    )
+    model = symgen.build(scene, backend="numpy")
+    for _ in range(count):
+        numbers, at = triad(rng)
+        drawn = {p: at[p] if p in "OCF" else rng.uniform(-1, 1, 2) for p in points}
+        found = started(model, numbers, drawn).positions
+        assert found["E"] == pytest.approx(at["E"], abs=ROUNDING)
+        for name, (x, y) in TRIAD.items():
+            assert np.hypot(*(found[x] - found[y])) == pytest.approx(numbers[name], abs=ROUNDING)
 
 
 def test_variants_start_alone_and_in_one_call_alike():
