@@ -4,7 +4,7 @@ from symgen.runtime._core cimport Memory, kernel_t
 
 cdef extern from "core/start_lanes.h" nogil:
     cdef struct start_kernels:
-        kernel_t assembly, points, constraints, jacobian, drift, rates, mass
+        kernel_t assembly, points, constraints, jacobian, drift, rates, mass, momentum
 
     cdef struct start_sizes:
         Py_ssize_t n, m, rows, prescribed, points, axes, work, out

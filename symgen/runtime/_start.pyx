@@ -39,11 +39,12 @@ cdef class Starter:
         self.functions.jacobian = kernel_of(addresses, "constraint_jacobian")
         self.functions.drift = kernel_of(addresses, "velocity_constraints")
         self.functions.rates, self.functions.mass = kernel_of(addresses, "start_velocity"), kernel_of(addresses, "mass_matrix")
+        self.functions.momentum = kernel_of(addresses, "start_momentum")
         self.sizes.n, self.sizes.m = d.coordinates, len(d.constraints)
         at_least("coordinates", q.shape[0], self.sizes.n)
         self.sizes.tolerance, self.sizes.share = d.assembly_tolerance, share
         for name in ("assembly", "points", "constraints", "constraint_jacobian", "velocity_constraints",
-                     "start_velocity", "mass_matrix"):
+                     "start_velocity", "mass_matrix", "start_momentum"):
             info = evaluator.find(name)
             if info is None:
                 continue

@@ -6,6 +6,7 @@ form [M J^T; J 0] [a; lambda] = [f; gamma] with the middle particle of each rod 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 
 import sympy as sp
@@ -18,6 +19,7 @@ from symgen.models.rods.joint_forces import JointForces
 from symgen.scene.rods.linkage import TIME, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO, chained
 from symgen.symbolic.constants import vanishes
+from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
@@ -189,14 +191,23 @@ class RodsModel(ConstrainedPoints):
     @cached_property
     def applied(self) -> list[sp.Expr]:
         """Force on the free coordinates, minus the force for the acceleration of the ground [N]."""
+        driven = self._of_ground(self.a)
+        return [self.force.get(x.symbol, ZERO) - f for x, f in zip(self.coordinates, driven, strict=True)]
+
+    @cached_property
+    def start_momentum(self) -> list[sp.Expr]:
+        """Momentum on the free coordinates by the velocity of the ground alone [kg m/s]."""
+        return self._of_ground(self.u)
+
+    def _of_ground(self, rates: Mapping[str, tuple[Quantity, ...]]) -> list[sp.Expr]:
+        """Return the rows of the mass matrix of the free coordinates times ``rates`` of the ground."""
         driven = {
-            q.symbol: self.held[a.symbol]
+            q.symbol: self.held[x.symbol]
             for p in self.ground
-            for q, a in zip(self.q[p], self.a[p], strict=True)
+            for q, x in zip(self.q[p], rates[p], strict=True)
         }
         return [
-            self.force.get(x.symbol, ZERO)
-            - sp.Add(*(m * driven[q] for q, m in self.mass_rows.get(x.symbol, {}).items() if q in driven))
+            sp.Add(*(m * driven[q] for q, m in self.mass_rows.get(x.symbol, {}).items() if q in driven))
             for x in self.coordinates
         ]
 

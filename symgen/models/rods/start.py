@@ -23,7 +23,7 @@ def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     ``drawn`` always; ``assembly`` when the constraints or the start's angles may differ from the drawing: its
     argument u[0] runs from 0, the drawing, to 1, the start, and moves the linkage there on its own branch;
     ``start_velocity`` when rates or velocities are prescribed: rows K u = k; ``mass_matrix`` when the
-    velocities may be nonzero.
+    velocities may be nonzero, with ``start_momentum`` where the ground moves.
     """
     matrices, exports = assembly_exports(model)
     start = model.linkage.start
@@ -33,6 +33,11 @@ def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
         exports.append(Export("start_velocity", about, ("start_rates", "start_jacobian")))
     if start.rates or start.velocities or _driven(model):
         exports.append(Export("mass_matrix", "mass matrix", ("mass_matrix",)))
+        if any(model.start_momentum):
+            names = [x.name for x in model.coordinates]
+            about = "momentum of the free points by the velocity of the ground alone"
+            matrices.append(named(model, "start_momentum", model.start_momentum, "kg*m/s", about, rows=names))
+            exports.append(Export("start_momentum", about, ("start_momentum",)))
     return matrices, exports
 
 

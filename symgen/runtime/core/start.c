@@ -178,30 +178,48 @@ static ptrdiff_t rows_of_velocities(struct start *s, const char *dropped) {
     return kept;
 }
 
-/* Velocities u of least kinetic energy: u = L^-T x with x of minimum norm, M = L L^T. */
+/* Solve L^T x = b for the factor L in s->mass; b is overwritten. */
+static void solve_upper(const struct start *s, real *b) {
+    const ptrdiff_t n = s->sizes.n;
+    for (ptrdiff_t i = n - 1; i >= 0; i--) {
+        for (ptrdiff_t j = i + 1; j < n; j++)
+            b[i] -= s->mass[j * n + i] * b[j];
+        b[i] /= s->mass[i * n + i];
+    }
+}
+
+/* Velocities u of least kinetic energy u.M u/2 + b.u, b the momentum by the velocity of the ground:
+   u = L^-T x - M^-1 b with x of minimum norm, M = L L^T. */
 static ptrdiff_t velocities(struct start *s, const char *dropped) {
     const ptrdiff_t n = s->sizes.n;
     call(s, s->kernels.mass, s->q, s->still);
     copy(s->out, n * n, s->mass);
     if (factor_positive(n, s->mass, 0, 0) < n)
         return -1;
+    real *carried = s->change; /* -M^-1 b: the velocities without conditions */
+    memset(carried, 0, (size_t)n * sizeof(real));
+    if (s->kernels.momentum != NULL) {
+        call(s, s->kernels.momentum, s->q, s->still);
+        for (ptrdiff_t j = 0; j < n; j++)
+            carried[j] = -s->out[j];
+        solve_positive(n, s->mass, carried);
+    }
     const ptrdiff_t kept = rows_of_velocities(s, dropped), rows = kept + s->sizes.prescribed;
     real *reduced = s->out, *right = s->right + rows;
-    s->fastest = largest_or_nan(s->right, rows);
+    s->fastest = real_fmax(largest_or_nan(s->right, rows), largest_or_nan(carried, n));
     copy(s->right, rows, right);
     for (ptrdiff_t i = 0; i < rows; i++)
         for (ptrdiff_t j = 0; j < n; j++) {
             real total = s->matrix[i * n + j];
+            right[i] -= total * carried[j];
             for (ptrdiff_t k = 0; k < j; k++)
                 total -= s->mass[j * n + k] * reduced[k * rows + i];
             reduced[j * rows + i] = total / s->mass[j * n + j];
         }
     solve_least(rows, n, reduced, right, DEPENDENT, s->u, s->order, s->beta);
-    for (ptrdiff_t i = n - 1; i >= 0; i--) {
-        for (ptrdiff_t j = i + 1; j < n; j++)
-            s->u[i] -= s->mass[j * n + i] * s->u[j];
-        s->u[i] /= s->mass[i * n + i];
-    }
+    solve_upper(s, s->u);
+    for (ptrdiff_t j = 0; j < n; j++)
+        s->u[j] += carried[j];
     for (ptrdiff_t i = 0; i < rows; i++) {
         real total = -s->right[i];
         for (ptrdiff_t j = 0; j < n; j++)

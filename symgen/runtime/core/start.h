@@ -15,6 +15,7 @@ struct start_kernels {
     kernel drift;       /* dPhi/dt at rest */
     kernel rates;       /* prescribed velocities k, and the K of their rows K u = k */
     kernel mass;        /* mass matrix */
+    kernel momentum;    /* of the free points by the velocity of the ground alone */
 };
 
 struct start_sizes {

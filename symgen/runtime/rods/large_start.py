@@ -24,7 +24,8 @@ def least_velocities(
 ) -> tuple[Array, Array, Array, float] | None:
     """Return the velocities of least kinetic energy that satisfy the constraints and the prescribed start.
 
-    With R the rows of both and r their right-hand sides, M u + R^T multipliers = 0 and R u = r. Each velocity
+    With R the rows of both, r their right-hand sides and b the momentum by the velocity of the ground alone,
+    M u + b + R^T multipliers = 0 and R u = r. Each velocity
     is scaled by the root of its mass and each row to unit norm, so that neither ratios of masses nor
     of lengths worsen the matrix. Rows may depend on each other, such as prescribed velocities that the
     constraints imply: therefore the conditions have a small compliance, and corrections remove its effect.
@@ -58,6 +59,8 @@ def least_velocities(
     masses = matrix("mass_matrix", "mass_matrix")
     if not np.all(masses.diagonal() > 0.0):
         return None
+    has_momentum = evaluator.has("start_momentum")
+    momentum = evaluator("start_momentum", 0.0, q, still) if has_momentum else still
     root = diags_array(1 / np.sqrt(masses.diagonal()))
     masses = (root @ masses @ root).tocsc()
     if not _is_positive(masses):
@@ -70,15 +73,16 @@ def least_velocities(
     compliance = -_COMPLIANCE * eye_array(len(rates))
     factors = splu(block_array([[masses, scaled.T], [scaled, compliance]], format="csc"))
     moved, multipliers, miss, u = np.zeros_like(q), np.zeros_like(rates), -rates, still
+    least = np.inf
     for _ in range(_CORRECTIONS):
-        unbalanced = masses @ moved + scaled.T @ multipliers
+        unbalanced = root @ momentum + masses @ moved + scaled.T @ multipliers
         change = factors.solve(-np.concatenate([unbalanced, weights * miss]))
         moved, multipliers = moved + change[: len(q)], multipliers + change[len(q) :]
         left = conditions @ (root @ moved) - rates
-        if not np.max(np.abs(left)) < np.max(np.abs(miss)):
+        if not np.max(np.abs(left)) < least:
             break
-        miss, u = left, root @ moved
-    size = float(np.max(np.abs(rates), initial=0.0))
+        miss, u, least = left, root @ moved, np.max(np.abs(left))
+    size = float(np.max(np.abs([*rates, *(u if has_momentum else ())]), initial=0.0))
     missed = np.abs(miss)
     return u, missed[:constraints], missed[constraints:], size
 
