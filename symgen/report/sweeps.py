@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,12 +19,13 @@ from symgen.report.page.sweep_plots import (
     plot_front,
     unit_of,
     values_of,
+    written,
 )
-from symgen.runtime.many.dataset import RECORDED
+from symgen.runtime.many.dataset import EARLY, RECORDED
 from symgen.runtime.many.poses import NOTES
 from symgen.runtime.many.reductions import REDUCTIONS
 from symgen.runtime.result.elastic import beyond_linear_theory
-from symgen.runtime.result.records import converters, display_units
+from symgen.runtime.result.records import converters, display_units, key_of, with_unit
 from symgen.runtime.sweeps.stores import DONE
 
 if TYPE_CHECKING:
@@ -38,12 +39,17 @@ _READ = 2**20
 
 
 def summary(runs: xarray.Dataset) -> dict[str, Any]:
-    """Return the numbers of runs and failures, and the extremes of all outputs with their parameters."""
+    """Return the numbers of runs, failures and early ends, and extremes of all outputs with parameters."""
     count, failed, first, beyond, missing = runs.sizes["run"], 0, "", 0, 0
-    recorded: list[Any] = []
+    samples, early, first_early = 0.0, 0, ""
     for part in _parts(runs):
         if RECORDED in runs:
-            recorded.append(np.unique(part[RECORDED].values, return_counts=True))
+            samples = float(np.nanmax(part[RECORDED].values, initial=samples))
+        places: Any = np.flatnonzero(part[EARLY].values) if EARLY in runs else []
+        early += len(places)
+        if len(places) and not first_early:
+            place = in_units(runs, {p: float(part[p].values[places[0]]) for p in parameters_of(runs)})
+            first_early = f"{place}: {part[EARLY].values[places[0]]}"
         missing += int(np.sum(part[DONE].values == 0)) if DONE in runs else 0
         errors = [e for e in part["error"].values if e]
         failed += len(errors)
@@ -51,9 +57,7 @@ def summary(runs: xarray.Dataset) -> dict[str, Any]:
         if NOTES in runs:
             beyond += sum(beyond_linear_theory(str(text).splitlines()) for text in part[NOTES].values)
     content: dict[str, Any] = {"runs": count, "failed": failed, "first_error": first, "outputs": {}}
-    longest = max((np.nanmax(sizes) for sizes, _ in recorded if not np.all(np.isnan(sizes))), default=0.0)
-    content["samples"] = int(longest)
-    content["ended_early"] = int(sum(np.sum(counts[sizes < longest]) for sizes, counts in recorded))
+    content["samples"], content["ended_early"], content["first_early"] = int(samples), early, first_early
     content["beyond_linear_theory"], content["missing"] = beyond, missing
     for name in outputs_of(runs):
         variable = runs[name]
@@ -88,20 +92,19 @@ def _extremes(runs: xarray.Dataset, name: str, component: int | None) -> dict[st
 
 def _rows(runs: xarray.Dataset, about: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
     """Yield the extremes of all outputs and where they occur, of a :func:`summary`, in the scene's units."""
-    shown, places = display_units(runs.attrs), {p: unit_of(runs, p) for p in parameters_of(runs)}
+    shown = display_units(runs.attrs)
     for name, extremes in about["outputs"].items():
         for key in ("least", "greatest"):
             if extremes[key]:
-                at = extremes[key]["parameters"]
-                place = ", ".join(
-                    f"{p} = {_with_unit(at[p] / size, unit)}" for p, (unit, size) in places.items()
-                )
+                place = in_units(runs, extremes[key]["parameters"])
                 unit, size = shown.get(extremes["unit"], (extremes["unit"], 1.0))
                 yield name if key == "least" else "", key, extremes[key]["value"] / size, unit, place
 
 
-def _with_unit(value: float, unit: str) -> str:
-    return f"{value:.6g} {unit}".strip() if unit != "1" else f"{value:.6g}"
+def in_units(runs: xarray.Dataset, at: Mapping[str, float]) -> str:
+    """Return parameters of a run by the scene's keys and in its units."""
+    places = ((p, *unit_of(runs, p)) for p in parameters_of(runs))
+    return ", ".join(f"{written(runs, p)} = {with_unit(at[p] / size, unit)}" for p, unit, size in places)
 
 
 def _notes(about: dict[str, Any]) -> Iterator[str]:
@@ -115,8 +118,8 @@ def _notes(about: dict[str, Any]) -> Iterator[str]:
         yield f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}"
     if about["ended_early"]:
         yield (
-            f"{about['ended_early']} of {about['runs']} runs ended early, at dead centres or events: their "
-            "values are of the part before"
+            f"{about['ended_early']} of {about['runs']} runs ended early, and their values are of the part "
+            f"before; the first, {about['first_early']}"
         )
     beyond = about["beyond_linear_theory"]
     if beyond:
@@ -127,7 +130,7 @@ def sweep_study(runs: xarray.Dataset, about: dict[str, Any]) -> Study:
     """Return a sweep with its :func:`summary`: plots, extremes and where they occur, failures."""
     varied = parameters_of(runs)
     ranges = [
-        f"{values_of(runs, p).min():.6g} to {_with_unit(values_of(runs, p).max(), unit_of(runs, p)[0])}"
+        f"{values_of(runs, p).min():.6g} to {with_unit(values_of(runs, p).max(), unit_of(runs, p)[0])}"
         for p in varied
     ]
     rows = [(n, key, f"{x + 0.0:.6g}", unit, place) for n, key, x, unit, place in _rows(runs, about)]
@@ -138,7 +141,7 @@ def sweep_study(runs: xarray.Dataset, about: dict[str, Any]) -> Study:
         facts=(
             Fact("runs", str(about["runs"])),
             Fact("failed", str(about["failed"])),
-            *(Fact(p, r) for p, r in zip(varied, ranges, strict=True)),
+            *(Fact(written(runs, p), r) for p, r in zip(varied, ranges, strict=True)),
         ),
         texts=(0, 1, 3, 4),
         figures=tuple(_figures(runs, varied)),
@@ -160,10 +163,11 @@ def optimum_study(optimum: Optimum, objective: str) -> Study:
     units = {p.name: p.unit for p in optimum.model.description.tunable} | optimum.units
     quantities = {**optimum.parameters, objective: optimum.objective, **optimum.constraints}
     shown = converters(optimum.model.description.units)
+    keys = {p.name: key_of(p.name, p.about) for p in optimum.model.description.tunable}
     rows = []
     for name, value in quantities.items():
         unit, size = shown.get(units[name], (units[name], 1.0))
-        rows.append((name, f"{value / size + 0.0:.6g}", unit))
+        rows.append((keys.get(name, name), f"{value / size + 0.0:.6g}", unit))
     unmet = () if optimum.converged else ("The method did not meet its tolerance",)
     return Study(
         title=f"{optimum.model.description.title}: least {objective}",

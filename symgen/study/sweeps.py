@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SceneError
 from symgen.pipeline.build import build_selected
+from symgen.runtime.result.records import parameter_of
 from symgen.runtime.sweeps.designs import Normal, Uniform
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.reading import Values
@@ -102,7 +103,7 @@ def _tunable(text: SceneText, key: str) -> tuple[SceneText, str]:
             file=text.file,
             hint="Write the value in the scene, or name a parameter of [parameters].",
         )
-    name = re.sub(r"\W+", "_", key)
+    name = parameter_of(key)
     with_parameter = _with(text, {**parameters, name: {"value": value, "tunable": True, "about": key}})
     return override(with_parameter, {key: name}), name
 

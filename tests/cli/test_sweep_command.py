@@ -208,9 +208,9 @@ def test_plots_of_one_parameter_of_samples_and_of_failures():
     assert line.lines[0].get_xdata().tolist() == [1.0, 2.0, 3.0]
     assert line.get_xlabel() == "x [m]" and line.get_ylabel() == "F.peak [N]"
     early = runs([2.0, 1.0, 3.0], [0.0, 0.0, 0.0], [4.0, 5.0, 6.0]).assign(
-        recorded=("run", [9.0, 7.0, math.nan])
+        ended_early=("run", np.array(["", "dead centre", ""], dtype=object))
     )
-    ring = plot(early).axes[0].lines[1]  # a failed run has no samples
+    ring = plot(early).axes[0].lines[1]
     assert ring.get_xdata().tolist() == [1.0] and ring.get_ydata().tolist() == [5.0]
     cells = plot(runs([1.0, 1.0, 2.0, 2.0], [3.0, 4.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0])).axes[0]
     assert cells.collections[0].get_array().tolist() == [[5.0, 7.0], [6.0, 8.0]]
@@ -261,7 +261,7 @@ def test_the_page_has_extremes_and_a_plot_and_notes_are_of_what_is_there(scene, 
     command(scene, "--page", page)
     text = page.read_text(encoding="utf-8")
     assert f"{3 * 9.81 * 400 / 2:.6g}" in text and "data:image/svg+xml" in text
-    assert "length = 400 mm, links_rod_mass = 3 kg" in text and ">6</dd>" in text
+    assert "length = 400 mm, links.rod.mass = 3 kg" in text and ">6</dd>" in text
     assert "Reductions of 5 samples per run" in text
     assert "reductions of" not in command(scene, "--reduce", "history")
     part = ["--chunk", 4, "--part", "2/2", "--out", tmp_path / "part.zarr"]

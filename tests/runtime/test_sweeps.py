@@ -87,7 +87,9 @@ def test_runs_that_end_at_a_dead_centre_are_counted(model):
     of = {"a": Uniform(0.1, 0.3)}
     with pytest.raises(SimulationError, match="1 of 2 runs ended early"):
         model.tolerances(of, method="worst-case", **OPTIONS)
-    with pytest.raises(SimulationError, match="the optimisation came to a = 0.3: the run ended early"):
+    with pytest.raises(
+        SimulationError, match="the optimisation came to a = 0.3 m: the run ended early: dead centre"
+    ):
         model.optimise(
             {"a": (0.1, 0.3)}, "A.position.peak", {}, "kinematics", start={"a": 0.3}, samples=21, of=["A"]
         )

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from symgen.errors import ResultError, nearest
 from symgen.report.page.plots import save
-from symgen.runtime.many.dataset import RECORDED
+from symgen.runtime.many.dataset import EARLY, RECORDED
 from symgen.runtime.many.poses import FLOQUET
-from symgen.runtime.result.records import display_units
+from symgen.runtime.result.records import display_units, key_of
 
 if TYPE_CHECKING:
     import xarray
@@ -111,9 +111,9 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
 
 
 def _ended_early(runs: xarray.Dataset) -> NDArray[np.bool_]:
-    """Return which runs recorded fewer samples than others; their reductions are of the part before."""
-    sizes = np.nan_to_num(runs[RECORDED].values) if RECORDED in runs else np.zeros(runs.sizes["run"])
-    return (sizes > 0) & (sizes < sizes.max())
+    """Return which runs ended before their range; their reductions are of the part before."""
+    reasons = runs[EARLY].values if EARLY in runs else np.full(runs.sizes["run"], "")
+    return np.array([bool(reason) for reason in reasons])
 
 
 def plot_front(front: xarray.Dataset) -> Figure:
@@ -218,9 +218,15 @@ def values_of(runs: xarray.Dataset, name: str) -> Any:
 
 
 def label_of(runs: xarray.Dataset, name: str) -> str:
-    """Return the name of a variable with the unit in which it is shown."""
+    """Return the name of a variable, or the key of a parameter, with the unit in which it is shown."""
     unit, _ = unit_of(runs, name)
+    name = written(runs, name)
     return f"{name} [{unit}]" if unit not in ("", "1") else name
+
+
+def written(runs: xarray.Dataset, name: str) -> str:
+    """Return the name of a variable, or the key of the scene that a parameter stands for."""
+    return key_of(name, str(runs[name].attrs.get("long_name", "")))
 
 
 def _around_one(values: Any) -> dict[str, Any]:

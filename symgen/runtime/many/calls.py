@@ -105,10 +105,11 @@ class ManyRuns:
     xarray.Dataset
         Outputs over the dimension ``run`` and the coordinate of the analysis, with the parameters as
         coordinates of the runs and the largest drift of each run where it is measured. ``error`` is the
-        message of a run that failed, and empty for all others. Outputs of a failed run are nan, as are
-        samples that a run did not reach. If runs differ in the values of their coordinate, the dimension is
-        ``sample``, and the coordinate has a row per run. Every run has the bits of a single analysis of
-        ``model.with_parameters(...)``.
+        message of a run that failed, and empty for all others. ``ended_early``, of runs that dead centres or
+        events may end, is the reason, and empty where the run covered its range. Outputs of a failed run are
+        nan, as are samples that a run did not reach. If runs differ in the values of their coordinate, the
+        dimension is ``sample``, and the coordinate has a row per run. Every run has the bits of a single
+        analysis of ``model.with_parameters(...)``.
 
     Raises
     ------

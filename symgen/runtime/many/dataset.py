@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from symgen.runtime.kernels.description import Described
 
-#: Name of the number of samples of each run, next to reductions.
-RECORDED = "recorded"
+#: Name of the number of samples of each run, next to reductions; and of the reason why a run ended early.
+RECORDED, EARLY = "recorded", "ended_early"
 #: Most runs that a thread takes at a time: progress is reported in these parts.
 BLOCK = 32
 
@@ -77,13 +77,18 @@ class Keep:
         axes: tuple[str, ...],
         runs: Indices | None = None,
         reduction: Callable[[Variable, str, Array], Variable] = reduced,
+        early: Sequence[str] | None = None,
     ) -> Record:
         """Return the selected outputs of one or more runs, or their reductions, and their drift (runs,).
 
         Outputs are (runs, samples, ...). Where names of reductions are given, the coordinate may be (runs,
-        samples), and ``reduction`` may be one of other values than all samples.
+        samples), and ``reduction`` may be one of other values than all samples. ``early`` has the reason why
+        each run ended before its range, or an empty text; None where none can.
         """
         samples, single = chosen(tuple(variables), self.outputs), _drifts(drift)
+        if early is not None:
+            about = "why the run ended before its range; empty where it did not"
+            single = (*single, Variable(EARLY, "", about, (), np.array(early, dtype=object)))
         if self.reduce is None:
             return Record(along, times, samples, single, axes, runs=runs)
         if callable(self.reduce):
@@ -91,7 +96,6 @@ class Keep:
             return Record(single=(*per_run, *single), axes=axes, runs=runs)
         names, weights = reductions(self.reduce), mean_weights(along.values, times)
         per_run = tuple(reduction(v, name, weights) for name in names if name != HISTORY for v in samples)
-        # It is smaller for runs that end at a dead centre or an event.
         count = np.full(1 if runs is None else len(runs), float(along.values.shape[-1]))
         recorded = Variable(RECORDED, "1", "number of samples that the run recorded", (), count)
         single = (*per_run, *single, recorded)

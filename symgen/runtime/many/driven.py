@@ -132,12 +132,14 @@ class Driven:
         if along.values.ndim == 2 and not np.any(along.values != along.values[0]):
             along = replace(along, values=along.values[0])
         if along.values.ndim == 1 or keep.names:
-            _placed(runs, [keep(sampled, along, of_time, drift, d.axes, first + runs)] * len(runs), results)
+            early = [""] * len(runs)
+            record = keep(sampled, along, of_time, drift, d.axes, first + runs, early=early)
+            _placed(runs, [record] * len(runs), results)
             return results
         for i, run in enumerate(runs.tolist()):
             one = [v.of(v.values[[i]]) for v in sampled]
             angle = replace(along, values=along.values[i])
-            results[run] = keep(one, angle, of_time, {"constraint": missed[[i]]}, d.axes)
+            results[run] = keep(one, angle, of_time, {"constraint": missed[[i]]}, d.axes, early=[""])
         return results
 
     def most(self, keep: Keep) -> int:
@@ -184,7 +186,8 @@ class Driven:
         along = self.nodes[self.recorded]
         if np.any(good):
             drift, numbers = {"constraint": missed[good]}, first + runs[good]
-            record = keep(forces, over_time(along), None, drift, d.axes, numbers, of_extremes)
+            early = [""] * len(numbers)
+            record = keep(forces, over_time(along), None, drift, d.axes, numbers, of_extremes, early)
             _placed(runs[good], [record] * len(numbers), results)
         return runs[is_done & ~steady]
 

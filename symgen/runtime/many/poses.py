@@ -1,8 +1,8 @@
-"""Values of runs that have no samples: equilibria, natural frequencies, stability of steady states, notes."""
+"""Values of runs without samples: equilibria, frequencies, stability of steady states, notes, early ends."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from symgen.runtime.result.modes import ElasticModes, RotorModes
 from symgen.runtime.result.records import Variable
 
 if TYPE_CHECKING:
+    from symgen.runtime.result.result import Result
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
 
@@ -78,6 +79,20 @@ def with_notes(record: Record, notes: Sequence[str]) -> Record:
         np.array("\n".join(notes), object),
     )
     return replace(record, single=(*record.single, *of_one([text])))
+
+
+def ended_early(result: Result, ending: Collection[str]) -> str:
+    """Return why a run did not cover its range, such as an event that ends runs; '' where it did."""
+    if result.events and result.events[-1].name in ending:
+        return f"the event {result.events[-1].name!r} at t = {result.events[-1].time:.9g} s"
+    missed = [*result.statistics.get("unassemblable", ()), *result.statistics.get("out_of_reach", ())]
+    if not missed:
+        return ""
+    ends = result.time[[0, -1]]
+    dead = min(result.dead_centres, key=lambda p: np.min(np.abs(ends - p.t)), default=None)
+    if dead:
+        return dead.describe(result.units)
+    return f"no assembly from t = {missed[0][0]:.9g} s to {missed[0][1]:.9g} s"
 
 
 def with_stability(record: Record, statistics: Mapping[str, Any]) -> Record:

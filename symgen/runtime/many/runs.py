@@ -17,7 +17,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import BLOCK, Keep, Record, of_one
 from symgen.runtime.many.driven import Driven, driven_runs
-from symgen.runtime.many.poses import FLOQUET, at_one_pose, of_modes, with_notes, with_stability
+from symgen.runtime.many.poses import FLOQUET, at_one_pose, ended_early, of_modes, with_notes, with_stability
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -125,10 +125,20 @@ class Runs:
         if periodic and keep.outputs is not None:  # which has it in any case, and no samples of it
             keep = replace(keep, outputs=[name for name in keep.outputs if name != FLOQUET])
         measured = {name: np.array([value]) for name, value in result.drift.measured.items()}
-        record = keep(of_one(result.variables), result.coordinate, result.times, measured, result.axes)
+        early = self._early(result)
+        variables = of_one(result.variables)
+        record = keep(variables, result.coordinate, result.times, measured, result.axes, early=early)
         if periodic:
             record = with_stability(record, result.statistics)
         return with_notes(record, result.notes) if result.NOTED_IN_MANY else record
+
+    def _early(self, result: Any) -> list[str] | None:
+        """Return why a run ended early, None where runs of this kind cannot: see :class:`Keep`."""
+        ending = [e.name for e in getattr(self.model.description, "events", ()) if e.ends_run]
+        if result.KIND not in ("kinematics", "forces"):
+            return [ended_early(result, ending)] if ending else None
+        all_values = self.arguments.get("at") is not None or self.arguments.get("over") == "input"
+        return ["" if all_values else ended_early(result, ())]
 
 
 def carried_out(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
@@ -206,6 +207,31 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
         "Pa": (stress, per_stress),
         "1": ("1", 1.0),
     }
+
+
+def parameter_of(key: str) -> str:
+    """Return the name of the parameter that a key of the scene becomes, such as ``links.crank.length``."""
+    return re.sub(r"\W+", "_", key)
+
+
+def key_of(name: str, about: str) -> str:
+    """Return the key of the scene that a parameter stands for, or the name of one of the scene's own."""
+    return about if re.fullmatch(r"\S+", about) and parameter_of(about) == name else name
+
+
+def in_words(d: Described, values: Mapping[str, float]) -> str:
+    """Return parameters with their values, by the scene's keys and in its units."""
+    shown, parts = converters(d.units), []
+    for p in d.tunable:
+        if p.name in values:
+            unit, size = shown.get(p.unit, (p.unit, 1.0))
+            parts.append(f"{key_of(p.name, p.about)} = {with_unit(values[p.name] / size, unit)}")
+    return ", ".join(parts)
+
+
+def with_unit(value: float, unit: str) -> str:
+    """Return a number of six digits with its unit, if it has one."""
+    return f"{value:.6g} {unit}".strip() if unit != "1" else f"{value:.6g}"
 
 
 def attributes_of(d: Described, title: str) -> dict[str, str]:

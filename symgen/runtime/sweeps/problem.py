@@ -12,10 +12,11 @@ import numpy as np
 
 from symgen.errors import ModelError, SimulationError, SymgenError, nearest
 from symgen.runtime.arrays import Array
-from symgen.runtime.many.dataset import RECORDED
+from symgen.runtime.many.dataset import EARLY, RECORDED
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import REDUCTIONS, mean_weights
 from symgen.runtime.many.runs import FAILURES
+from symgen.runtime.result.records import in_words
 from symgen.runtime.sweeps.designs import Listed
 from symgen.runtime.sweeps.sweep import OF_A_POSE, sweep_of
 
@@ -172,10 +173,7 @@ class Problem:
             raise ModelError(f"{FLOQUET} is one value of a run, without samples: it cannot be optimised")
         failed = [(i, str(e)) for i, e in enumerate(arrays["error"].values) if e]
         if RECORDED in arrays:
-            sizes = arrays[RECORDED].values
-            self._size = self._size or float(s.arguments.get("samples", np.nanmax(sizes)))
-            short = np.flatnonzero(np.isfinite(sizes) & (sizes != self._size)).tolist()
-            failed += [(i, f"the run ended early: {sizes[i]:g} of {self._size:g} samples") for i in short]
+            failed += self._ended_early(arrays)
             along = _along(arrays, self.outputs[0])
             weights = mean_weights(np.broadcast_to(along, (len(points), along.shape[-1])), _times(arrays))
         else:
@@ -197,9 +195,18 @@ class Problem:
             samples_by_name[name] = values if vector else values[..., None]
         return samples_by_name
 
+    def _ended_early(self, runs: xarray.Dataset) -> list[tuple[int, str]]:
+        """Return prescribed motions that ended early, and runs that others outlast, with the reason."""
+        sizes = runs[RECORDED].values
+        self._size = self._size or float(self.search.arguments.get("samples", np.nanmax(sizes)))
+        early = runs[EARLY].values if EARLY in runs else np.full(len(sizes), "")
+        short = (early != "") if self.analysis != "simulate" else np.isfinite(sizes) & (sizes != self._size)
+        reasons = [early[i] or f"{sizes[i]:g} of {self._size:g} samples" for i in range(len(sizes))]
+        return [(i, f"the run ended early: {reasons[i]}") for i in np.flatnonzero(short).tolist()]
+
     def _stopped(self, row: Array, error: str) -> SimulationError:
         """Return the error of an optimisation that comes to parameters with which the run fails."""
-        place = ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.names, row, strict=True))
+        place = in_words(self.model.description, dict(zip(self.names, row.tolist(), strict=True)))
         return SimulationError(f"the optimisation came to {place}: {error}", time=0.0)
 
     def slopes(self, x: Array) -> dict[str, Array]:

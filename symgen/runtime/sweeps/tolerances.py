@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError, check_known, shown
-from symgen.runtime.many.dataset import RECORDED
+from symgen.runtime.many.dataset import EARLY, RECORDED
+from symgen.runtime.result.records import in_words
 from symgen.runtime.sweeps.designs import Distribution, Grid, Listed, design_of
 from symgen.runtime.sweeps.stores import needed
 from symgen.runtime.sweeps.sweep import carry_out, sweep_of
@@ -64,10 +65,12 @@ def tolerances_of(
     if failed:
         count = sum(map(bool, runs["error"].values))
         raise SimulationError(f"{count} of {design.count} runs failed, the first: {failed}", time=0.0)
-    recorded = runs[RECORDED].values if RECORDED in runs else np.zeros(1)
-    if sweep.analysis != "simulate" and np.ptp(recorded):
+    early: Array = np.flatnonzero(runs[EARLY].values) if EARLY in runs else np.zeros(0)
+    if sweep.analysis != "simulate" and len(early):
+        place = in_words(model.description, {name: float(runs[name].values[early[0]]) for name in of})
         raise SimulationError(
-            f"{np.sum(recorded < np.max(recorded))} of {design.count} runs ended early, at a dead centre",
+            f"{len(early)} of {design.count} runs ended early, the first at {place}: "
+            f"{runs[EARLY].values[early[0]]}\n  Give a shorter range, stop, or narrower tolerances.",
             time=0.0,
         )
     values, units = _columns(runs)

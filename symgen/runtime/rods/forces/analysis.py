@@ -302,6 +302,8 @@ def _recorded(
             "worst_at": linkage.at(assembly.times[solution.worst]),
             "residual": solution.residual,
             "singular_poses": [asdict(p) for p in followed.poses],
+            "unassemblable": [list(r) for r in followed.unassemblable],
+            "out_of_reach": [list(r) for r in followed.out_of_reach],
             "wall_s": perf_counter() - began,
         },
         notes=tuple(notes),
