@@ -33,10 +33,12 @@ cdef enum:
 
 #: Corrections that do not decrease are rounding below this part of the size of the unknowns.
 cdef double _ROUNDING = 1e-10
-#: Largest number of corrections in a step; largest ratio of a correction to the previous one, above which they
+#: Largest number of corrections in a step; largest ratio of a correction to the previous two, above which they
 #: diverge.
-cdef int _MOST = 20
+cdef int _MOST = 30
 cdef double _DIVERGING = 2.0
+#: Rounding of places over their sizes; rates have as much over a step.
+cdef double _SPACING = 16 * 2.2e-16
 
 cdef struct states:
     # Rows of times, places, rates, second rates, multipliers, and of prescribed numbers with their rates.
@@ -590,7 +592,7 @@ cdef class Steps:
     scale
         Sizes of the unknowns, (unknowns,).
     close
-        Largest last correction of the unknowns, over their sizes.
+        Largest last correction of the unknowns over their sizes, and of their rates over the largest in the step.
     """
 
     cdef Constrained of
@@ -640,8 +642,6 @@ cdef class Steps:
             re, im = self.factors[k]
             if not self.of.factor(self.eigenvalues[k], re, im):
                 return None
-        if not self.of.factor(0.0, self.metric, None):
-            return None
         second, forces = guess[0].copy(), guess[1].copy()
         at = slice(1, 1 + stages)
         kept = self.of._take(times[at], self.q.base, self.v.base, second, forces, known[at], known_rates[at])
@@ -667,10 +667,14 @@ cdef class Steps:
     cdef bint corrected(self, const double[::1] q, const double[::1] v, double[:, ::1] a, double[:, ::1] multipliers) except *:
         """Correct second rates and multipliers of the stages; False if corrections do not converge."""
         cdef Py_ssize_t i, j, k, n = q.shape[0], m = self.of.at.multipliers
-        cdef double size, before = 0.0, rate = 1.0, place
+        cdef double size, earlier = 0.0, before = 0.0, rate = 1.0, place, speed, fastest = _SPACING / (self.close * self.h)
         cdef int count
         for count in range(_MOST):
             self.move(q, v, a)
+            # Of this step alone: a resumed run has the same bits.
+            for i in range(self.stages):
+                for k in range(n):
+                    fastest = max(fastest, fabs(self.v[i, k]) / self.scale[k])
             self.forces[:, :] = 0.0
             self.rates[:, :] = 0.0
             self.of.evaluate(&self.forces[0, 0], NULL, &self.rates[0, 0])
@@ -678,13 +682,14 @@ cdef class Steps:
             size = 0.0
             for i in range(self.stages):
                 for k in range(n):
-                    place = 0.0
+                    place = speed = 0.0
                     for j in range(self.stages):
                         place += self.aa[i, j] * self.change[j, k]
-                    place = fabs(self.h * self.h * place / self.scale[k])
-                    if not isfinite(place):
+                        speed += self.a[i, j] * self.change[j, k]
+                    place, speed = fabs(self.h * self.h * place / self.scale[k]), fabs(self.h * speed / self.scale[k])
+                    if not isfinite(place + speed):
                         return False
-                    size = max(size, place)
+                    size = max(size, place, speed / fastest)
             for i in range(self.stages):
                 for k in range(n):
                     a[i, k] += self.change[i, k]
@@ -695,11 +700,12 @@ cdef class Steps:
                 rate = size / before if before else 0.0
                 if before < _ROUNDING and rate > 0.5:
                     return True
-                if rate > _DIVERGING and count > 3:
+                # Corrections by slopes in the middle of the step alternate.
+                if size > _DIVERGING * max(before, earlier) and count > 3:
                     return False
             if size == 0.0 or size <= self.close * max(1.0, 1.0 / rate - 1.0):
                 return True
-            before = size
+            earlier, before = before, size
         return False
 
     cdef int solve(self) except -1:
@@ -752,7 +758,7 @@ cdef class Steps:
         return work
 
     cdef object ended(self, times, q, v, double[:, ::1] a, double[:, ::1] multipliers, known, known_rates):
-        """Return the end of a step, on the constraints."""
+        """Return the end of a step, on the constraints; None if it fails."""
         cdef Py_ssize_t i, n = self.of.at.unknowns, stages = self.stages
         cdef double work = 0.0, power
         cdef Part part
@@ -766,6 +772,11 @@ cdef class Steps:
         rate = v + h * (self.b.base @ second)
         if self.of.at.multipliers:
             last = slice(1 + stages, 2 + stages)
+            # Along M^-1 J^T in the middle of the step the order of the projected rates would be lower.
+            kept = self.of._take(times[last], end[None], rate[None], second[stages - 1:], multipliers.base[stages - 1:], known[last], known_rates[last])
+            self.of.refresh()
+            if not self.of.factor(0.0, self.metric, None):
+                return None
             for _ in range(_MOST):
                 errors, _ = self.of.rows(times[last], end[None], rate[None], known[last], known_rates[last])
                 if not self.project(np.ascontiguousarray(errors), end) > self.close:

@@ -13,7 +13,7 @@ from shared.shipped import IN_SPACE
 
 import symgen
 from symgen.errors import SceneError
-from symgen.runtime.beams.methods import GAUSS8
+from symgen.runtime.beams.methods import _gauss
 from symgen.runtime.elastic.large.collocation import moved
 from symgen.runtime.elastic.large.passes import drift_of
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
@@ -78,17 +78,23 @@ def test_imbalance_of_powers_in_space_is_as_reported(scene, rate):
     assert run.drift.energy < 1e-6 * run.drift.energy_exchanged
 
 
+@pytest.mark.parametrize(("stages", "counts"), [(2, (4, 8)), (4, (1, 2))])
 @pytest.mark.parametrize("scene", IN_SPACE)
-def test_imbalance_falls_with_the_fifth_power_of_the_step(scene):
-    """By impulses that put rates on constraints; without their work it would be the fourth."""
+def test_order_of_steps_in_space_is_twice_the_number_of_stages(scene, stages, counts):
+    """Errors of positions and rates, and the imbalance of energies, by halved steps."""
     model, _ = at_rate(scene, "second resonance")
     # Coarse elements have no vibrations that such steps do not resolve.
     linkage, end = LinkageInSpace(model.rigid, elements=1), 0.1 * 2 * np.pi / model.parameters["rate"]
-    times, errors = np.linspace(0.0, end, 6), []
-    for steps in (3, 6):
-        found, _ = moved(linkage, GAUSS8, times, steps, Pace(0.0, end), close=CLOSE)
-        errors.append(drift_of(linkage, found)[1])
-    assert 2**4.5 < errors[0] / errors[1] < 2**6
+    times = np.linspace(0.0, end, 6)
+
+    def run(stages, steps):
+        found, _ = moved(linkage, _gauss("", stages), times, steps, Pace(0.0, end), close=CLOSE)
+        return found[-1].q, found[-1].v, drift_of(linkage, found)[1]
+
+    q, v, _ = run(4, 8)
+    runs = [run(stages, steps) for steps in counts]
+    errors = np.array([[np.max(np.abs(of[0] - q)), np.max(np.abs(of[1] - v)), of[2]] for of in runs])
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * stages, abs=stages / 4)
 
 
 @cache

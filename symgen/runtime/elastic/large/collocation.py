@@ -1,10 +1,10 @@
 """Steps of mechanical systems with constraints by collocation at Gauss points.
 
 The equation of motion M(q) a + ... + J^T lambda = 0 and the rates of the constraints, J v + Phi_t = 0, hold
-at every Gauss point. At the end of a step, places and rates are projected on the constraints in the metric of
-the mass matrix, which keeps the order of both at twice the number of stages: U. M. Ascher, L. R. Petzold,
-Projected implicit Runge-Kutta methods for differential-algebraic equations, SIAM Journal on Numerical
-Analysis 28 (1991). Without constraints the method conserves quadratic invariants, and dissipates nothing.
+at every Gauss point. At the end of a step, places and rates are projected on the constraints along M^-1 J^T
+there, which keeps the order of both at twice the number of stages: U. M. Ascher, L. R. Petzold, Projected
+implicit Runge-Kutta methods for differential-algebraic equations, SIAM Journal on Numerical Analysis 28
+(1991). Without constraints the method conserves quadratic invariants, and dissipates nothing.
 
 In the eigenvectors of the matrix of coefficients the stages of Newton's correction separate: with an
 eigenvalue g one of them solves [M + h g C + (h g)^2 K, J^T; J, 0], with the slopes C and K of the equation by
@@ -28,8 +28,8 @@ from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress
 
-#: Error that corrections leave in the places, over their sizes.
-CLOSE = 1e-10
+#: Error that corrections leave in the places over their sizes, and in the rates over the largest of a step.
+CLOSE = 1e-12
 #: Steps whose prescribed numbers are found together.
 _TOGETHER = 1024
 #: Part of a step over which the rates of the constraints are differentiated in time.
@@ -256,18 +256,18 @@ def moved(
     pace: Pace,
     progress: Progress | None = None,
     at_step: Callable[[Moment, Array, Array, Moment], bool | None] | None = None,
-    close: float = CLOSE,
     at_sample: Callable[[Pause, Steps], None] | None = None,
     resumed: Pause | None = None,
     initial: Moment | None = None,
+    close: float = CLOSE,
 ) -> tuple[list[Moment], Steps]:
     """Return the motion at times, by so many equal steps between two of them, and what counted them.
 
     ``at_step`` receives the motion before each step, second rates and multipliers of its stages, and the end;
     where it returns True, the run ends, and times after this step have no motion.
-    ``close`` is the error that corrections leave in the places, over their sizes. ``at_sample`` receives the
-    run after each sample; ``resumed`` is one to be continued, by a system with its memory. ``initial`` is the
-    motion at the start, by default that of the system.
+    ``at_sample`` receives the run after each sample; ``resumed`` is one to be continued, by a system with its
+    memory. ``initial`` is the motion at the start, by default that of the system. ``close`` is the error that
+    corrections leave, as :data:`CLOSE`.
 
     Raises
     ------

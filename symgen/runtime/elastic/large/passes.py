@@ -15,7 +15,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.checkpoint import Samples
-from symgen.runtime.elastic.large.collocation import CLOSE, Moment, System, moved, stacked
+from symgen.runtime.elastic.large.collocation import Moment, System, moved, stacked
 from symgen.runtime.elastic.large.events import Events
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.outputs import selected
@@ -31,6 +31,8 @@ from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model
 
 #: Error by time steps over the peak stress of a station, where ``rtol`` is not given.
 RTOL = 2e-3
+#: Peak strain below which a link counts as unstrained: round-off of its places.
+_UNSTRAINED = 1e-10
 #: The most steps of a reported run that ``rtol`` adds.
 _MOST = 20_000
 
@@ -74,10 +76,10 @@ class LargeMotion:
     def error(self, coarse: Sequence[Variable], fine: Sequence[Variable]) -> float:
         """Return the difference of stresses of two runs over their peak at a station, the largest of all.
 
-        Lower peaks of strains count as the error that corrections leave in the places: the strains of a link
-        that nothing strains are round-off, which no steps or elements reduce.
+        Lower peaks of strains count as 1e-10: the strains of a link that nothing strains are round-off, which
+        no steps or elements reduce.
         """
-        return mesh_error(coarse, fine, CLOSE * self.modulus)
+        return mesh_error(coarse, fine, _UNSTRAINED * self.modulus)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +177,7 @@ def _refine(
         resumed, at_sample = (record.resumed(), partial(record.look, steps)) if record else (None, None)
         try:
             moments, stepper = moved(
-                of.system, GAUSS8, times, steps, pace, progress, at_step, CLOSE, at_sample, resumed, initial
+                of.system, GAUSS8, times, steps, pace, progress, at_step, at_sample, resumed, initial
             )
         except OutOfTime as stop:
             if not passes:

@@ -29,8 +29,6 @@ from symgen.runtime.linearisation.state_space import derivatives
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.records import Variable
 
-#: Error that corrections leave in the places: stiff links multiply it.
-_CLOSE = 1e-14
 #: Number of solutions for the change of an equilibrium, each for the residual of the previous one, since the
 #: matrix is shifted.
 _REFINED = 3
@@ -63,7 +61,7 @@ def of_run(
     linkage, directions = LinkageInSpace(rigid), [*_directions(rigid, parameters, coordinates)]
     tangents = Tangents(linkage, directions, GAUSS8, float(times[1] - times[0]) / steps)
     pace = Pace(0.0, float(times[-1]))
-    moments, _ = moved(linkage, GAUSS8, times, steps, pace, at_step=tangents.step, close=_CLOSE)
+    moments, _ = moved(linkage, GAUSS8, times, steps, pace, at_step=tangents.step)
     by = [(*x, *tangents.settled(m, *x)) for m, x in zip(moments, tangents.directions[::steps], strict=True)]
 
     def along(j: int) -> list[Variable]:

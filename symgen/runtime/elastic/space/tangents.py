@@ -216,32 +216,30 @@ class Tangents:
         da = solution.reshape(len(a), n + of.multipliers, -1)[:, :n]
         dq = self.q + h * self.v + h * h * np.tensordot(method.b @ method.a, da, 1)
         dv = self.v + h * np.tensordot(method.b, da, 1)
-        ended = before.q + h * before.v + h * h * (method.b @ method.a) @ a, before.v + h * method.b @ a
-        self._project(before, after, *ended, dq, dv)
+        # The end of the step before its projection.
+        q = before.q + h * before.v + h * h * (method.b @ method.a) @ a
+        self._project(replace(after, q=q, v=before.v + h * method.b @ a), after, dq, dv)
         self.directions.append((self.q, self.v))
 
-    def _project(self, before: Moment, after: Moment, q: Array, v: Array, dq: Array, dv: Array) -> None:
-        """Project tangents as places and rates, q and v, at the end of a step: with M and J in its middle."""
-        of, n, half = self._of, self._of.unknowns, self._h / 2
-        middle = replace(before, t=before.t + half, q=before.q + half * before.v)
-        of_middle, dq_middle = self._slopes(middle), self.q + half * self.v
-        jacobian = self._one.matrix(of_middle.jacobian)[n:, :n]
-        metric = of.pattern.factorised(of_middle.mass + of_middle.jacobian)
-        ended = replace(after, v=v)
-        bound = self._slopes(ended).jacobian
+    def _project(self, ended: Moment, after: Moment, dq: Array, dv: Array) -> None:
+        """Project tangents of places and rates as the end of a step: with M and J before the projection."""
+        of, n, still = self._of, self._of.unknowns, np.zeros(self._of.unknowns)
+        slopes, placed = self._slopes(ended), replace(ended, q=after.q)
+        jacobian, bound = self._one.matrix(slopes.jacobian)[n:, :n], self._slopes(placed).jacobian
+        metric = of.pattern.factorised(slopes.mass + slopes.jacobian)
 
         def pushed(change: Array) -> Array:
             right = np.append(np.zeros(n), jacobian @ change)
-            return self._pushed(middle, change, metric(right)[n:], dq_middle)
+            return self._pushed(ended, change, metric(right)[n:], dq)
 
-        opened = self._one.matrix(bound)[n:, :n] @ dq + self._held(ended).errors[0]
-        both = self._one.matrix(of_middle.mass + np.where(self._bound, bound, of_middle.jacobian))
-        self.q = dq - _solved(both, np.vstack([pushed(after.q - q), opened]))[:n]
-        # The rates are corrected once, with the Jacobian of the middle.
-        change, still = after.v - v, np.zeros(n)
-        turned = of.jacobian_rate(replace(middle, v=change)) - of.jacobian_rate(replace(middle, v=still))
-        by, without = self._held(replace(middle, v=change), replace(middle, v=still)).rates
-        rows = by - without + turned @ dq_middle + self._rows(ended, self.q, dv)
+        opened = self._one.matrix(bound)[n:, :n] @ dq + self._held(placed).errors[0]
+        both = self._one.matrix(slopes.mass + np.where(self._bound, bound, slopes.jacobian))
+        self.q = dq - _solved(both, np.vstack([pushed(after.q - ended.q), opened]))[:n]
+        # The rates are corrected once, with the Jacobian before the projection of the places.
+        change = after.v - ended.v
+        turned = of.jacobian_rate(replace(ended, v=change)) - of.jacobian_rate(replace(ended, v=still))
+        by, without = self._held(replace(ended, v=change), replace(ended, v=still)).rates
+        rows = by - without + turned @ dq + self._rows(placed, self.q, dv)
         self.v = dv - metric(np.vstack([pushed(change), rows]))[:n]
 
     def settled(self, at: Moment, dq: Array, dv: Array) -> tuple[Array, Array]:
