@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import sympy as sp
+from shared.commands import call
 from shared.elastic_notation import UNREADABLE, Printed, value
 from shared.elastic_print import (
     ERRATA,
@@ -25,6 +26,7 @@ from shared.elastic_print import (
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, PLACE, shape_functions
 from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices
+from symgen.models import element
 
 L, m, x, C, S = sp.symbols("L m x C S")
 w, a, X, Y, p, r = sp.symbols("w a X Y p r")
@@ -39,6 +41,23 @@ def shapes():
     found = shape_functions(ELEMENTS["beam8"])
     known = {PLACE.symbol: x / L, LENGTH.symbol: L}
     return tuple([sp.expand(e.xreplace(known)) for e in row] for row in (found.axial, found.transverse))
+
+
+def shown_in_thesis_form() -> dict[str, sp.Matrix]:
+    """Return the matrices that ``symgen show element_beam8 thesis_...`` prints, in the letters of the thesis."""
+    system = element("beam8")
+    uniform = {"m0": m, "a0": EA, "b0": EI, "L": L, "omega": w, "omega_rate": a, "c": C, "s": S}
+    uniform |= {"ax": p - w * Y, "ay": r + w * X}
+    known: dict[sp.Symbol, sp.Expr] = {
+        q.symbol: uniform.get(q.name, sp.S.Zero) for group in system.groups for q in group.quantities
+    }
+    for definition in system.definitions:
+        known[definition.quantity.symbol] = sp.expand(definition.expression.xreplace(known))
+    return {
+        of.name.removeprefix("thesis_"): sp.Matrix(of.matrix.xreplace(known))
+        for of in system.matrices
+        if of.name.startswith("thesis_")
+    }
 
 
 @cache
@@ -56,9 +75,8 @@ def derived() -> dict[str, sp.Matrix]:
     T = sp.eye(8)
     for i in (0, 4):
         T[i : i + 2, i : i + 2] = sp.Matrix([[C, -S], [S, C]])
+    shown = shown_in_thesis_form()
     axial = [0, 4]
-    dynamic = stiffness - w**2 * mass - a * turning
-    load = m * (-(p - w * Y) * E - (r + w * X) * G + w**2 * N - a * turn)
     parts = [[w * Y * E[i] + w * X * G[i], p * E[i] + r * G[i], w**2 * N[i] + a * turn[i]] for i in range(8)]
     u, across = shapes()
     stretch = sp.Matrix(8, 8, lambda i, j: mass[i, j] / m if i in axial and j in axial else 0)
@@ -82,15 +100,15 @@ def derived() -> dict[str, sp.Matrix]:
         "D.28": stiffness,
         "F.1": mass,
         "T F.1": T * mass,
-        "F.2": T * mass * T.T,
+        "F.2": shown["mass"],
         "F.3": turning,
         "T F.3": T * turning,
-        "F.4": T * turning * T.T,
-        "F.5": dynamic,
-        "T F.5": T * dynamic,
-        "F.6": T * dynamic * T.T,
+        "F.4": shown["damping"] / (-2 * w),
+        "F.5": shown["local_stiffness"],
+        "T F.5": T * shown["local_stiffness"],
+        "F.6": shown["stiffness"],
         "F.7": sp.Matrix(parts),
-        "F.8": (T * load).T,
+        "F.8": shown["load"].T,
     }
 
 
@@ -162,6 +180,15 @@ def test_the_integrals_follow_from_the_products():
         i, j = (int(n) - 1 for n in name.split())
         ours = derived()["B.14"][i, j] if i in (0, 4) else derived()["B.17"][i, j] / m
         assert same(sp.integrate(value(text), (x, 0, L)), ours)
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [("thesis_local_stiffness", "(F.5)"), ("thesis_stiffness", "(F.6)")]
+)
+def test_a_command_prints_the_dynamic_stiffness(name, number):
+    printed = call("show", "element_beam8", name)
+    assert number in printed and "omega**2" in printed and "N0" not in printed
+    assert "N0" in call("show", "element_beam8", "global_stiffness")
 
 
 def test_counts():

@@ -2,7 +2,8 @@
 
 Displacements of the ends in fixed axes are S, those in link axes s = T^T S, where T(theta) rotates the
 (u, w) of each end. As the link rotates, T has rates, and s' and s'' have more terms than T^T S' and T^T S''.
-The thesis takes T as constant (its Appendices E and F); that form is kept for comparison only.
+The thesis takes T as constant (its Appendices E and F) and has no geometric stiffness; that form is kept for
+comparison only.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import sympy as sp
 
 from symgen.elements.element import Element
 from symgen.mechanics.elastic.beam_matrices import BeamMatrices
-from symgen.mechanics.elastic.weights import substituted, weights
+from symgen.mechanics.elastic.weights import CONSTANTS, substituted, weights
 from symgen.symbolic.quantity import quantity
 
 COSINE = quantity("c", "1", "cosine of the link's direction")
@@ -32,11 +33,14 @@ class Equation:
     load: sp.ImmutableMatrix
 
 
-def local_equation(matrices: BeamMatrices) -> Equation:
-    """Return the equation in link axes: the constant matrices times their weights."""
+def local_equation(matrices: BeamMatrices, geometric: bool = True) -> Equation:
+    """Return the equation in link axes: the constant matrices times their weights.
+
+    Without ``geometric`` stiffness it is that of the thesis, Eqs. (7.24)-(7.27) and (F.5).
+    """
     parts = {"mass": [], "damping": [], "stiffness": [], "load": []}  # type: dict[str, list[sp.MatrixBase]]
     for w in weights():
-        if w.constant in matrices.constants:
+        if w.constant in matrices.constants and (geometric or CONSTANTS[w.constant].part != "geometric"):
             parts[w.into].append(w.value * matrices.constants[w.constant])
     return Equation(*(sp.ImmutableMatrix(sp.Add(*terms).doit()) for terms in parts.values()))
 

@@ -31,9 +31,12 @@ _EQUATION = (
 )
 _FORMS = {
     "local": "in the link's axes",
+    "thesis_local": "in the link's axes, without geometric stiffness as in the thesis",
     "global": "in fixed axes, exact",
-    "thesis": "in fixed axes as the thesis has it, the turn T taken for constant: not exact",
+    "thesis": "in fixed axes as in the thesis: T constant, no geometric stiffness, not exact",
 }
+#: Equations of the thesis by matrix.
+_THESIS = {"mass": "(F.2)", "damping": "-2 omega times (F.4)", "stiffness": "(F.6)", "load": "(F.8)"}
 
 
 def fixed_axes(
@@ -41,22 +44,29 @@ def fixed_axes(
 ) -> tuple[tuple[NamedMatrix, ...], tuple[NamedMatrix, ...]]:
     """Return the matrices of the exact equation and of the constant-transformation form, over ``MOVING``.
 
-    Entries in link axes are named and shared.
+    Entries in link axes are named and shared. The latter form has its dynamic stiffness in link axes too.
     """
-    local = _named(local_equation(matrices), names)
-    exact, thesis = global_equation(element, local), thesis_equation(element, local)
-    return tuple(_turned("global", element, exact)), tuple(_turned("thesis", element, thesis))
+    local, printed = (
+        _named(form, local_equation(matrices, geometric), names)
+        for form, geometric in (("local", True), ("thesis_local", False))
+    )
+    exact, thesis = global_equation(element, local), thesis_equation(element, printed)
+    in_link = NamedMatrix(
+        "thesis_local_stiffness", printed.stiffness, entry_unit("N/m"),
+        f"dynamic stiffness {_FORMS['thesis_local']}: (F.5)", element.dofs, element.dofs,
+    )  # fmt: skip
+    return tuple(_turned("global", element, exact)), (in_link, *_turned("thesis", element, thesis))
 
 
-def _named(equation: Equation, names: Names) -> Equation:
-    """Return an equation with every entry replaced by a name."""
+def _named(form: str, equation: Equation, names: Names) -> Equation:
+    """Return an equation with every entry replaced by a name; entries of several forms have one name."""
     matrices = []
     for name, unit, about in _EQUATION:
         matrix = getattr(equation, name)
         entries = [
             names.scalar(
-                f"local_{name}_{i + 1}_{j + 1}", matrix[i, j], entry_unit(unit),
-                f"{about} {_FORMS['local']}: entry ({i + 1}, {j + 1})",
+                f"{form}_{name}_{i + 1}_{j + 1}", matrix[i, j], entry_unit(unit),
+                f"{about} {_FORMS[form]}: entry ({i + 1}, {j + 1})",
             )
             for i in range(matrix.rows)
             for j in range(matrix.cols)
@@ -69,7 +79,8 @@ def _turned(form: str, element: Element, equation: Equation) -> Iterator[NamedMa
     for name, unit, about in _EQUATION:
         matrix = getattr(equation, name)
         columns = element.dofs if matrix.cols > 1 else ()
+        source = f": {_THESIS[name]}" if form == "thesis" else ""
         yield NamedMatrix(
             f"{form}_{name}", matrix, entry_unit(unit),
-            f"{about} {_FORMS[form]}", element.dofs, columns, name == "mass",
+            f"{about} {_FORMS[form]}{source}", element.dofs, columns, name == "mass",
         )  # fmt: skip
