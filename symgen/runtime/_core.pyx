@@ -1,6 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The binding of the C core: equations and runs of any number type, and single kernels in double."""
 
+from fractions import Fraction
+
 import numpy as np
 
 from cpython.buffer cimport PyBUF_STRIDES, PyBuffer_Release, PyObject_GetBuffer
@@ -228,20 +230,27 @@ cdef const kind *_kind_of(const core_api *api, method) except NULL:
     return found
 
 
-def scheme_of(method):
-    """Return the counts and the numbers of a method, in the order in which the core reads them for its kind."""
+def _exact(method):
+    """Return the counts of a method and its coefficients, in the order in which the core reads them for its kind."""
     cdef const kind *known = _kind_of(&symgen_core, method)
     counts = tuple(int(method.coefficients[name]) for name in known.counts.decode().split())
     arrays = [np.ravel(method.coefficients[name]) for name in known.arrays.decode().split()]
-    return counts, np.concatenate(arrays).astype(float)
+    return counts, np.concatenate(arrays)
+
+
+def scheme_of(method):
+    """Return the counts of a method and its coefficients in doubles, in the same order."""
+    counts, numbers = _exact(method)
+    return counts, numbers.astype(float)
 
 
 cdef class Scheme:
     """The coefficients of a method, in numbers of a core."""
 
     def __init__(self, Core core, method):
-        counts, found = scheme_of(method)
-        cdef const double[::1] numbers = np.append(found, 0.0)
+        counts, exact = _exact(method)
+        cdef const double[::1] numbers = np.append(exact.astype(float), 0.0)
+        cdef const double[::1] rest = np.zeros(numbers.shape[0])
         cdef Py_ssize_t i
         self.filled.kind = _kind_of(core.api, method)
         for i, count in enumerate(counts):
@@ -254,7 +263,9 @@ cdef class Scheme:
             )
         at_least(f"numbers of a method of kind {method.kind!r}", numbers.shape[0], needed)
         self.memory = memory_of(0, numbers.shape[0] * core.api.real_bytes)
-        core.api.widen(numbers.shape[0], &numbers[0], NULL, self.memory.at)
+        if core.api.real_bytes > sizeof(double):  # digits beyond those of a double
+            rest = np.append([float(Fraction(x) - Fraction(float(x))) for x in exact], 0.0)
+        core.api.widen(numbers.shape[0], &numbers[0], &rest[0], self.memory.at)
         self.filled.adaptive, self.filled.error_order = method.adaptive, method.error_order
         self.filled.counts, self.filled.numbers = self.counts, <double *>self.memory.at
 

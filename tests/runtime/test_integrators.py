@@ -52,6 +52,8 @@ def test_every_integrator_says_what_it_is(name):
 @pytest.mark.parametrize("name", EXPLICIT)
 def test_tableau_is_consistent(name):
     m = SimpleNamespace(**INTEGRATORS[name].coefficients)
+    for array in ("a", "b", "c", "error", "dense"):
+        setattr(m, array, np.asarray(getattr(m, array), dtype=float))
     assert m.a.shape == (m.all_stages, m.all_stages)
     assert np.allclose(np.triu(m.a), 0)
     assert np.allclose(m.a.sum(axis=1), m.c, atol=1e-14)

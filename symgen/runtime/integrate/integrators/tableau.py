@@ -1,13 +1,20 @@
-"""Explicit Runge-Kutta methods by their coefficients, as the compiled step loop reads them."""
+"""Explicit Runge-Kutta methods by their coefficients, as the compiled step loop reads them.
+
+The coefficients are fractions, exact or of 40 digits: each number type of the core rounds them once.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from fractions import Fraction
 
 import numpy as np
+from numpy.typing import NDArray
 
-from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.integrators.method import Method
+
+#: Fractions, and whole numbers.
+Exact = NDArray[np.object_]
 
 
 def explicit_runge_kutta(
@@ -16,11 +23,11 @@ def explicit_runge_kutta(
     *,
     order: int,
     error_order: int,
-    a: Array,
-    b: Array,
-    c: Array,
-    error: Array,
-    dense: Array,
+    a: Exact,
+    b: Exact,
+    c: Exact,
+    error: Exact,
+    dense: Exact,
     edge: float = 0.0,
 ) -> Method:
     """Return a method by its coefficients, under the names that ``core/tableau.h`` lists.
@@ -48,7 +55,7 @@ def explicit_runge_kutta(
         looked for.
     """
     stages, degree = len(b), dense.shape[1]
-    coefficients: dict[str, Any] = {
+    coefficients = {
         "stages": stages, "all_stages": len(c), "degree": degree, "estimates": len(error),
         "same_as_last": error.shape[1] > stages, "a": a, "b": b, "c": c, "dense": dense, "edge": edge,
         "error": np.pad(error, ((0, 0), (0, stages + 1 - error.shape[1]))),
@@ -56,22 +63,27 @@ def explicit_runge_kutta(
     return Method(name, about, "explicit", order, degree + 1, error_order, coefficients)
 
 
-def lower_triangle(rows: Any) -> Array:
+def exact(values: Sequence[Fraction | int | str]) -> Exact:
+    """Return fractions from numbers and from text such as ``"3/40"`` or ``"0.25"``."""
+    return np.array([Fraction(value) for value in values], dtype=object)
+
+
+def lower_triangle(rows: Sequence[Exact]) -> Exact:
     """Return the square array of these rows below the diagonal, the first of them empty."""
-    a = np.zeros((len(rows), len(rows)))
+    a = np.zeros((len(rows), len(rows)), dtype=object)
     for i, row in enumerate(rows):
         a[i, : len(row)] = row
     return a
 
 
-def hermite(b: Array) -> Array:
+def hermite(b: Exact) -> Exact:
     """Return the dense weights of the cubic through both ends of a step, for solution weights ``b``.
 
     With dy = h sum b_i k_i, f0 the first stage and f1 the derivative at the end:
     theta^2 (3 - 2 theta) dy + h theta (1 - theta)^2 f0 + h theta^2 (theta - 1) f1.
     """
-    dense = np.zeros((len(b) + 1, 3))
-    dense[:-1] += np.outer(b, [0.0, 3.0, -2.0])
-    dense[0] += [1.0, -2.0, 1.0]
-    dense[-1] += [0.0, -1.0, 1.0]
+    dense = np.zeros((len(b) + 1, 3), dtype=object)
+    dense[:-1] += np.outer(b, [0, 3, -2])
+    dense[0] += [1, -2, 1]
+    dense[-1] += [0, -1, 1]
     return dense
