@@ -3,8 +3,7 @@
 
 import numpy as np
 
-
-
+from symgen.calls import raise_failure
 from symgen.runtime._core cimport (
     Core, Integrable, Memory, Reals, _DONE, at_least, equations, kernel_of, kernel_t, memory_of,
 )
@@ -250,6 +249,7 @@ cdef class RigidMotion:
         cdef int status
         with nogil:
             status = self.api.motion_along(self.core, when.at, count, y.at, a.at, x.at, f.at)
+        raise_failure()
         for made in (y, a, x, f):
             (<Reals>made).back()
         return status, states[:, :2 * rigid.n], solutions, rows, forces

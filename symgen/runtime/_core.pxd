@@ -128,6 +128,7 @@ cdef extern from "core/core.h" nogil:
         long version, real_bytes
         double epsilon
         const char *real_name
+        void (*watch)(int (*)() noexcept nogil) noexcept nogil
         const loops_api *loops
         const elastic_api *elastic
         const kinematics_api *kinematics
@@ -183,6 +184,7 @@ cdef class Memory:
 
 cdef Memory memory_of(size_t structure, size_t bytes)
 cdef kernel_t kernel_of(object addresses, str name)
+cdef int interrupted() noexcept nogil
 cdef int at_least(str what, Py_ssize_t found, Py_ssize_t needed) except -1
 
 

@@ -1,18 +1,23 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The binding of the C core: equations and runs of any number type, and single kernels in double."""
 
+import threading
 from fractions import Fraction
 
 import numpy as np
 
 from cpython.buffer cimport PyBUF_STRIDES, PyBuffer_Release, PyObject_GetBuffer
 from cpython.bytes cimport PyBytes_FromStringAndSize
+from cpython.exc cimport PyErr_CheckSignals
 from libc.math cimport INFINITY
 from libc.stdint cimport uintptr_t
 from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
 
-from symgen.calls import raise_failure
+from symgen.calls import FAILURES, raise_failure
+
+cdef extern from "pythread.h" nogil:
+    unsigned long PyThread_get_thread_ident()
 
 #: Status of a step, a projection or a factorisation.
 DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR = _DONE, _MORE, _NOT_FINITE, _STEP_TOO_SMALL, _SINGULAR
@@ -144,6 +149,24 @@ def address_of(array):
     return address
 
 
+cdef unsigned long MAIN = threading.main_thread().ident
+
+
+cdef int interrupted() noexcept nogil:
+    """Return whether Ctrl-C or another signal raised an exception; the caller of the loop raises it again.
+
+    Python runs the handlers of signals in the main thread only: others are not stopped, and do not wait for the GIL."""
+    if PyThread_get_thread_ident() != MAIN:
+        return 0
+    with gil:
+        try:
+            PyErr_CheckSignals()
+        except BaseException as error:
+            FAILURES.errors.append(error)
+            return 1
+    return 0
+
+
 cdef class Core:
     """The core compiled for one number type.
 
@@ -159,6 +182,7 @@ cdef class Core:
         self.owner, self.schemes = owner, {}
         if self.api.version != CORE_VERSION:
             raise ValueError(f"expected a core of version {CORE_VERSION}, got {self.api.version}")
+        self.api.watch(interrupted)
 
     @property
     def name(self):
@@ -216,6 +240,7 @@ cdef class Core:
                 at_least("bytes of a number", found, self.api.real_bytes)
             self.api.call_rows(<kernel_t>address, y.shape[0], &t[0, 0], &y[0, 0, 0], y.shape[1], n, &p[0, 0],
                                &work[0, 0, 0], work.shape[1], &out[0, 0, 0], out.shape[1])
+            raise_failure()
 
     cdef Scheme scheme(self, method):
         if method not in self.schemes:
@@ -263,7 +288,7 @@ cdef class Scheme:
             )
         at_least(f"numbers of a method of kind {method.kind!r}", numbers.shape[0], needed)
         self.memory = memory_of(0, numbers.shape[0] * core.api.real_bytes)
-        if core.api.real_bytes > sizeof(double):  # digits beyond those of a double
+        if core.api.real_bytes > <Py_ssize_t>sizeof(double):  # digits beyond those of a double
             rest = np.append([float(Fraction(x) - Fraction(float(x))) for x in exact], 0.0)
         core.api.widen(numbers.shape[0], &numbers[0], &rest[0], self.memory.at)
         self.filled.adaptive, self.filled.error_order = method.adaptive, method.error_order
@@ -379,6 +404,7 @@ cdef class Integrable:
         at_least("times", len(t), y.shape[0])
         cdef Reals times = Reals(self.of, t), states = Reals(self.of, y), into = Reals(self.of, found)
         self.of.api.solve_rows(self.core, y.shape[0], times.at, states.at, y.shape[1], into.at, found.shape[1])
+        raise_failure()
         into.back()
         return found
 
@@ -713,6 +739,7 @@ cdef class Run:
         self.of.api.call_rows(<kernel_t>address, self.recorded, self.of.api.run_times(self.core),
                               self.of.api.run_samples(self.core), self.dim, self.equations.n, &p[0], &none, 0,
                               &out[0, 0], size)
+        raise_failure()
         return found
 
     @property

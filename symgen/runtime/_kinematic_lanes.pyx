@@ -3,9 +3,10 @@
 
 import numpy as np
 
-from symgen.runtime._core cimport Core, Memory, kernel_of, kernel_t, memory_of
+from symgen.runtime._core cimport Core, Memory, interrupted, kernel_of, kernel_t, memory_of
 from symgen.runtime._kinematics cimport Blocks, kinematic_groups, kinematics_table
 
+from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
 
 cdef extern from "core/kinematic_lanes.h" nogil:
@@ -150,13 +151,14 @@ cdef class KinematicLanes:
         task.t, task.times, task.count, task.extremes = t, &times[0], count, NULL
         with nogil:
             first = 0
-            while first < padded:
+            while first < padded and not interrupted():
                 task.parameters = &all_parameters[first, 0] if parameter_count else &none
                 task.q, task.lengths = &all_q[first, 0], &all_lengths[first]
                 task.rows, task.forces = &to_states[first * count * 3 * n], &to_joints[first * count * forces]
                 task.reached = &to_reached[first]
                 self.api.follow(self.core, &task)
                 first += w
+        raise_failure()
         return (
             states[:runs * count * 3 * n].reshape(runs, count, 3, n), joints[:runs * count * forces].reshape(runs, count, forces),
             reached[:runs],
@@ -214,10 +216,11 @@ cdef class KinematicLanes:
         e.wanted = &wanted[0] if e.vectors else NULL
         e.links, e.link_count, e.turn = &links[0, 0] if links.shape[0] else NULL, links.shape[0], turn
         with nogil:
-            while first < padded:
+            while first < padded and not interrupted():
                 task.parameters = &all_parameters[first, 0] if parameter_count else &none
                 task.q, task.lengths, task.reached = &all_q[first, 0], &all_lengths[first], &to_reached[first]
                 e.rows, e.closure, e.steady = &to_rows[first, 0, 0], &to_violation[first], &to_steady[first]
                 self.api.follow(self.core, &task)
                 first += w
+        raise_failure()
         return rows[:runs], violation[:runs], reached[:runs] == count, steady[:runs].astype(bool)

@@ -7,6 +7,7 @@ from libc.stdint cimport uintptr_t
 
 from symgen.runtime._core cimport Core, at_least, kernel_of, memory_of
 
+from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
 
 cdef class Blocks:
@@ -108,6 +109,7 @@ cdef class Kinematics:
             return rows[:0].reshape(0, 3, self.n)
         with nogil:
             reached = self.api.follow(self.core, t, &q[0], &times[0], count, &into[0, 0])
+        raise_failure()
         return rows[:reached].reshape(reached, 3, self.n)
 
     def multipliers(self, const double[::1] times, const double[:, :, ::1] states):
@@ -131,6 +133,7 @@ cdef class Kinematics:
                 done = self.api.multipliers(
                     self.core, &times[0], &states[0, 0, 0], count, &into[0], &quality[0, 0]
                 )
+            raise_failure()
         return found[:done * self.m].reshape(done, self.m), sound[:done]
 
 

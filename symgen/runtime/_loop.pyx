@@ -5,9 +5,10 @@ import numpy as np
 
 
 from symgen.runtime._core cimport (
-    Core, Integrable, Memory, Reals, at_least, equations, kernel_of, kernel_t, loops_api, memory_of,
+    Core, Integrable, Memory, Reals, at_least, equations, interrupted, kernel_of, kernel_t, loops_api, memory_of,
 )
 
+from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
 
 cdef extern from "core/loops.h" nogil:
@@ -299,6 +300,7 @@ cdef class LoopEquations(Integrable):
         with nogil:
             status = self.api.follow(<loop *>self.core, &at, state.at, when.at, when.count, longest, rows.at,
                                      states.shape[1], outputs.at, out.shape[1], &diagnosis[0, 0] if diagnosis.shape[0] else NULL, &count)
+        raise_failure()
         state.back()
         rows.back()
         outputs.back()
@@ -328,6 +330,7 @@ cdef class LoopEquations(Integrable):
             with nogil:
                 self.api.undetermined(<loop *>self.core, when.at, rows.at, states.shape[1], when.count, least, part,
                                       &found[0, 0])
+            raise_failure()
         return np.asarray(found).view(bool)
 
 
@@ -414,10 +417,11 @@ cdef class LoopLanes:
         task.values, task.count = &samples[0] if of_input else NULL, count
         task.close, task.longest, task.apart, task.least = close, longest, apart, least
         with nogil:
-            while first < padded:
+            while first < padded and not interrupted():
                 task.parameters = &all_parameters[first, 0] if parameter_count else &none
                 task.times, task.out, task.hold = &to_times[first, 0], &to_out[first, 0, 0], &to_hold[first, 0]
                 task.closure, task.reached = &to_closure[first], &to_reached[first]
                 self.api.follow(self.core, &task)
                 first += w
+        raise_failure()
         return made[:runs], out[:runs], hold[:runs], closure[:runs], reached[:runs] == count

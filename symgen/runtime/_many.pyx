@@ -7,14 +7,15 @@ from libc.math cimport fabs, fmax, fmin
 from libc.string cimport memcpy, memset
 
 from symgen.runtime._core cimport (
-    Core, Equations, Memory, Scheme, _DONE, _MORE, at_least, core_api, equations, kernel_of, kernel_t, kernels,
-    memory_of, report, run, scheme as scheme_t, task,
+    Core, Equations, Memory, Scheme, _DONE, _MORE, at_least, core_api, equations, interrupted, kernel_of,
+    kernel_t, kernels, memory_of, report, run, scheme as scheme_t, task,
 )
 from symgen.runtime._start cimport (
     Starter, start, start_kernels, start_sizes, start_table, _ON_THE_WAY, _STARTED,
 )
 
 
+from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
 
 cdef extern from "core/lane_runs.h" nogil:
@@ -64,6 +65,8 @@ def over_variants(evaluator, str kernel, const double[:, ::1] variants, const do
     cdef Py_ssize_t held = min(n, work_size), k
     with nogil:
         for i in range(runs):
+            if interrupted():
+                break
             if parameters:
                 memcpy(&p[0], &variants[i, 0], parameters * sizeof(double))
             if setup != NULL:
@@ -72,6 +75,7 @@ def over_variants(evaluator, str kernel, const double[:, ::1] variants, const do
                 memcpy(&work[k, 0], &states[i, k, 2, 0], held * sizeof(double))
             api.call_rows(function, count, &times[0], &states[i, 0, 0, 0], 3 * n, n, &p[0], &work[0, 0], work_size + 1,
                           &out[i, 0, 0], size)
+    raise_failure()
     return found
 
 
@@ -210,12 +214,15 @@ cdef class Starts:
         cdef double[::1] to_lengths = lengths
         with nogil:
             for i in range(runs):
+                if interrupted():
+                    break
                 self.renew(&variants[i, 0])
                 self.ahead = &known[i, 0] if is_known[i] else NULL
                 if self.started():
                     regular[i] = 1
                     memcpy(&to_q[i, 0], self.s.q, self.n * sizeof(double))
                     to_lengths[i] = self.extent()
+        raise_failure()
         return found.astype(bool), q, lengths
 
     cdef void renew(self, const double *parameters) noexcept nogil:
@@ -480,13 +487,16 @@ cdef class Runs(Starts):
                 raise ValueError(f"expected states of {2 * self.n} numbers, got {rows.shape[1]}")
         with nogil:
             i = 0
-            while self.width and i < runs:
+            while self.width and i < runs and not interrupted():
                 self.ran_in_lanes(&variants[i, 0], variants.shape[1], &rows[i, 0] if from_states else NULL,
                                   min(self.width, runs - i), &to_found[i * count * out], &to_drifts[i, 0], &to_regular[i])
                 i += self.width
             for i in range(runs):
                 if to_regular[i]:
                     continue
+                if interrupted():
+                    break
                 to_regular[i] = self.ran(&variants[i, 0], &rows[i, 0] if from_states else NULL, &to_found[i * count * out],
                                          &to_turned[i * count * turns], &to_drifts[i, 0])
+        raise_failure()
         return regular.astype(bool), found, turned, drifts

@@ -2,6 +2,10 @@
 
 #include <string.h>
 
+static void watch(int (*interrupted)(void)) {
+    core_interrupted = interrupted;
+}
+
 static void widen(long count, const double *high, const double *low, void *reals) {
     real *to = reals;
     for (long i = 0; i < count; i++)
@@ -20,7 +24,7 @@ static void narrow(long count, const void *reals, double *high, double *low) {
 static void call_rows(kernel function, long rows, const void *t, const void *y, long y_stride, long n, const void *p,
                       void *work, long work_stride, void *out, long out_stride) {
     const real *row = y;
-    for (long i = 0; i < rows; i++, row += y_stride)
+    for (long i = 0; i < rows && !is_interrupted(i); i++, row += y_stride)
         function((const real *)t + i, row, row + n, p, (real *)work + i * work_stride, (real *)out + i * out_stride);
 }
 
@@ -32,7 +36,7 @@ static void set_parameters(struct equations *e, const double *high, const double
 static void solve_rows(struct equations *e, long rows, const void *t, const void *y, long y_stride, void *out,
                        long out_stride) {
     const real *row = y;
-    for (long i = 0; i < rows; i++, row += y_stride) {
+    for (long i = 0; i < rows && !is_interrupted(i); i++, row += y_stride) {
         e->of->accelerate(e, ((const real *)t)[i], row);
         memcpy((real *)out + i * out_stride, e->out, (size_t)(e->n + e->m) * sizeof(real));
     }
@@ -150,6 +154,7 @@ const struct core_api symgen_core = {
     .real_bytes = sizeof(real),
     .epsilon = (double)REAL_EPSILON,
     .real_name = REAL_NAME,
+    .watch = watch,
     .loops = &symgen_loops,
     .elastic = &symgen_elastic,
     .kinematics = &symgen_kinematics,

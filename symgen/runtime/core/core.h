@@ -25,7 +25,7 @@
 #endif
 
 /* The binding refuses a compiled core with another version. */
-#define CORE_VERSION 15L
+#define CORE_VERSION 16L
 
 /* A run in doubles. */
 struct report {
@@ -46,6 +46,8 @@ struct core_api {
     long real_bytes;
     double epsilon;
     const char *real_name;
+    /* Set the function that long loops ask whether to end early; see equations.h. */
+    void (*watch)(int (*interrupted)(void));
 
     const struct loops_api *loops;
     const struct elastic_api *elastic;

@@ -19,7 +19,7 @@ static int along(struct rigid_motion *m, const void *times, long count, void *y,
     const size_t sizes[] = {(size_t)e->dim * sizeof(real), (size_t)m->sizes.links * sizeof(real), (size_t)m->sizes.loads * sizeof(real)};
     const size_t solved = (size_t)(e->n + e->m) * sizeof(real);
     for (long k = 0; k < count; k++) {
-        const int status = motion_at(m, ((const real *)times)[k]);
+        const int status = is_interrupted(k) ? NOT_FINITE : motion_at(m, ((const real *)times)[k]);
         if (status != DONE)
             return status;
         memcpy((char *)y + k * (ptrdiff_t)sizes[0], m->y, sizes[0]);

@@ -8,6 +8,8 @@
 /* Largest constraint rate after a projection, over the tolerance. */
 #define LEFT 1e-3
 
+int (*core_interrupted)(void) = NULL;
+
 const struct behaviour kernel_behaviour = {
     accelerate, derivative, position_error, velocity_error, factorise,
     project, project_places, make_tangent, measure_energy, NULL, NULL, 0.1,

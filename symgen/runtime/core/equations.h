@@ -210,6 +210,15 @@ void measure_energy(struct equations *e, real t, const real *y);
 real *references_of_angles(const struct equations *e);
 int follow_references(struct equations *e);
 
+/* Ctrl-C in long loops: they ask in every ASKED-th turn, and end early if the answer is not zero; the caller then raises
+   the exception. Without a function they do not ask. */
+enum { ASKED = 512 };
+extern int (*core_interrupted)(void);
+
+static inline int is_interrupted(ptrdiff_t turn) {
+    return turn % ASKED == ASKED - 1 && core_interrupted != NULL && core_interrupted();
+}
+
 /* Leave the values of all events in e->gaps. */
 void look_at_events(struct equations *e, real t, const real *y);
 

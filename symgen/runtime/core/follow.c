@@ -69,6 +69,8 @@ static int go(struct loop *l, real *t, real *q, real target, real longest) {
         return NOT_FINITE;
     real seen = *t;
     for (long tries = 1;; tries++) {
+        if (is_interrupted(tries))
+            return NOT_FINITE;
         if (tries % PACE == 0) {
             if (!(real_fabs(target - *t) < CREEP * real_fabs(*t - seen)))
                 return STEP_TOO_SMALL;
@@ -127,7 +129,7 @@ int loop_follow(struct loop *l, real *t, real *q, const real *times, long count,
         return status;
     for (long i = 0; i < count; i++) {
         real *state = states + row * i, *recorded = out + width * i;
-        status = go(l, t, q, times[i], longest);
+        status = is_interrupted(i) ? NOT_FINITE : go(l, t, q, times[i], longest);
         if (status != DONE && status != BLIND)
             return status;
         const real *at = status == BLIND ? l->q : q;

@@ -254,7 +254,7 @@ static void follow(struct kinematic_lanes *k, const struct kinematic_lane_task *
     wide target = k->t, h = all(0), shortest = h;
     if (task->extremes != NULL)
         begin_extremes(k);
-    while (any(alive)) {
+    for (ptrdiff_t turn = 0; any(alive) && !is_interrupted(turn); turn++) {
         if (any(arrived))
             record(k, task, arrived);
         if (any(fresh)) {

@@ -143,7 +143,7 @@ static ptrdiff_t follow(struct kinematics *k, double t, const void *q, const voi
     if (!any(closed(k, 1, k->t, k->q)) || !any(moved(k, &k->t, k->q, k->q + n, k->q + 2 * n, &k->sign)))
         return 0;
     for (ptrdiff_t i = 0; i < count; i++, rows += 3 * n) {
-        if (!go(k, ((const real *)times)[i]))
+        if (is_interrupted(i) || !go(k, ((const real *)times)[i]))
             return i;
         copy(k->q, 3 * n, rows);
     }
@@ -155,7 +155,7 @@ static ptrdiff_t multipliers(struct kinematics *k, const void *times, const void
     const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
     const real *t = times, *rows = poses;
     real *lambda = to, *quality = quality_of;
-    for (ptrdiff_t i = 0; i < count; i++, rows += 3 * n, lambda += m, quality += 2) {
+    for (ptrdiff_t i = 0; i < count && !is_interrupted(i); i++, rows += 3 * n, lambda += m, quality += 2) {
         missed(k, t[i], rows);
         if (!any(factorise_groups(k)))
             return i;

@@ -323,7 +323,7 @@ static void run(struct lane_runs *l, const void *given, const void *y0, const vo
     begin(l, given, y0);
     for (; recorded < l->task.samples && times[recorded] <= t; recorded++)
         record(l, l->y, recorded, samples);
-    while (t < t_end && !all_failed(l)) {
+    for (ptrdiff_t turn = 0; t < t_end && !all_failed(l) && !is_interrupted(turn); turn++) {
         real h = R(l->task.step), t_new = t + (h + t_left);
         if (!(h > R(10) * REAL_EPSILON * real_fmax(real_fabs(t), REAL_EPSILON * t_end)))
             memset(l->failed, 1, (size_t)w);

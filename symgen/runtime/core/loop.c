@@ -328,7 +328,7 @@ void loop_undetermined(struct loop *l, const real *times, const real *states, lo
     const real effect = part * real_fmax(1, l->size);
     real *u = l->u, *p = l->base.p, *work = l->base.work, *plain = l->base.out, *moved = l->loads, wrench[ROWS];
     memset(u, 0, (size_t)n * sizeof(real));
-    for (long i = 0; i < count; i++, found += out_size) {
+    for (long i = 0; i < count && !is_interrupted(i); i++, found += out_size) {
         const real *q = states + row * i;
         long rank = 0;
         real norm = 0;

@@ -464,7 +464,7 @@ static mask followed(struct loop_lanes *l, const struct loop_lane_task *task, ma
     alive &= closed(l, alive, l->t, l->q);
     alive &= moved(l, l->t, l->q);
     mask fresh = alive, arrived = {0};
-    while (any(alive)) {
+    for (ptrdiff_t turn = 0; any(alive) && !is_interrupted(turn); turn++) {
         if (any(arrived))
             alive &= ~arrived | record(l, task, arrived, way, first);
         arrived = (mask){0};

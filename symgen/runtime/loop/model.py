@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.result.result import Result
 
+#: Samples of a range, with some 0.7 GB of results.
+_MOST_SAMPLES = 1_000_000
+
 
 @checked
 class LoopModel(Model):
@@ -151,12 +154,14 @@ class LoopModel(Model):
             if request.through or not (start is stop is request.samples is None):
                 raise ModelError("give values at which to evaluate the loop, or a range of them, not both")
             values = reals(at, "times" if in_time else "values of the input")
+            if len(values) > _MOST_SAMPLES:
+                raise ModelError(f"expected at most 1 million values, got {len(values)}")
         else:
             ends = (0.0, self.description.t_end) if in_time else self.description.span
             low, high = ends[0] if start is None else start, ends[1] if stop is None else stop
             number = 361 if request.samples is None else request.samples
-            if not 2 <= number <= 10_000_000:
-                raise ModelError(f"expected between 2 and 10 million samples, got {number}")
+            if not 2 <= number <= _MOST_SAMPLES:
+                raise ModelError(f"expected between 2 and 1 million samples, got {number}")
             if not low < high:
                 unit = " s" if in_time else ""
                 raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}{unit}")
