@@ -61,8 +61,7 @@ class Position(Measure):
 
     def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
         total = self.fixed(geometry, self.put(geometry, term.total))
-        link = self.link if self.link and self.point in geometry.link_ends(self.link) else ""
-        yield PointForce(self.point, (*total, *[ZERO] * (len(self.value(geometry)) - len(total))), link)
+        yield PointForce(self.point, (*total, *[ZERO] * (len(self.value(geometry)) - len(total))))
 
     def fixed(self, geometry: Geometry, force: Vector) -> Vector:
         return on_fixed_axes(geometry, self.link, force) if self.link else force

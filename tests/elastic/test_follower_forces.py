@@ -146,3 +146,55 @@ def test_what_is_refused():
     with pytest.raises(ModelError, match="forces that rotate with sections\n  Run it in rods"):
         model.large_rotation(elements=4)
     assert model.large_rotation(segments=4, samples=2).variables
+
+
+@pytest.mark.parametrize("load", [2.0, 6.0])
+def test_a_joint_where_a_follower_force_acts_leaves_the_modes(load):
+    """A rod of no weight that hangs on the column adds a mode of zero frequency alone."""
+    points = COLUMN["points"] | {"M": {"on": "beam", "fraction": 0.5}, "Q": {"at": ["0.5 m", "-0.1 m"]}}
+    links = COLUMN["links"] | {"rod": {"points": ["M", "Q"], "mass": "1e-12 kg"}}
+    forced = {"forces": [{"point": "M", "force": ["-P", "0 N"], "link": "beam"}]}
+    alone = symgen.Scene(**COLUMN | forced | {"points": {k: p for k, p in points.items() if k != "Q"}})
+    joined = symgen.Scene(**COLUMN | forced | {"points": points, "links": links})
+    expected, found = (
+        build(scene).with_parameters(P=load).modes(moving=True).frequencies for scene in (alone, joined)
+    )
+    assert found[1:4] == pytest.approx(expected[:3], rel=1e-6)
+    assert abs(found[0]) < 1e-6
+
+
+@pytest.mark.parametrize("point", ["A", "M", "B"])
+@pytest.mark.parametrize("link", ["coupler", "crank"])
+def test_forces_of_a_very_stiff_link_are_those_of_a_rigid_one(point, link):
+    """With the load at any joint of the coupler, rotating with it or with the crank."""
+    coupler = {"points": ["A", "B"], "mass_per_length": "1 kg/m"}
+    section = {"area": "1e-3 m^2", "second_moment": "1e-6 m^4", "fibre": "0.01 m"}
+    scene = {
+        "parameters": {"w": "1 rad/s"},
+        "points": {
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "C": {"at": ["1 m", "0 m"], "ground": True},
+            "G": {"at": ["0 m", "-0.9 m"], "ground": True},
+            "A": {"at": ["0.2 m", "0 m"]},
+            "B": {"at": ["1.1 m", "0.6 m"]},
+            "M": {"on": "coupler", "fraction": 0.4},
+            "D": {"at": ["0.7 m", "-0.7 m"]},
+        },
+        "links": {
+            "crank": {"points": ["O", "A"], "mass": "0.3 kg"},
+            "coupler": coupler,
+            "rocker": {"points": ["B", "C"], "mass": "0.5 kg"},
+            "strut": {"points": ["M", "D"], "mass": "0.2 kg"},
+            "leg": {"points": ["D", "G"], "mass": "0.2 kg"},
+        },
+        "gravity": {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        "forces": [{"point": point, "force": ["7 N", "3 N"], "link": link}],
+    }
+    elastic = {"coupler": coupler | {"section": section, "elastic": {"E": "1e15 Pa", "elements": 2}}}
+    bent = {"links": scene["links"] | elastic, "crank": {"link": "crank", "speed": "1 rad/s"}}
+    found = build(symgen.Scene(**scene | bent)).quasi_static(samples=2)
+    driven = {"drivers": [{"link": "crank", "angle": "w*t"}]}
+    expected = build(symgen.Scene(**scene | driven)).inverse_dynamics(samples=2)
+    for at in "AMB":
+        name = f"coupler.{at}.force"
+        assert found[name].values[0] == pytest.approx(expected[name].values[0], rel=1e-6)

@@ -122,7 +122,7 @@ def motion_system(linkage: Linkage) -> System:
             cosine, sine = (moving[link][q.symbol] for q in (COSINE, SINE))
             if isinstance(acting, CarriedPoint):
                 # Links joined there share its displacements: their force changes the axial force alone.
-                force, omitted = model.joint_forces.on(link, acting.name), _OF_LOADS
+                force, omitted = _from_others(model, link, acting.name), _OF_LOADS
             else:
                 force, omitted = _on_fixed_axes(model, acting), ()
             lump = local(force, cosine, sine)
@@ -184,6 +184,16 @@ def profiles_of(linkage: Linkage, name: str, load: Load) -> Iterator[Profile]:
         yield from term.on.along(name, link.length, places_along(link, term.on), term.total)
 
 
+def _from_others(model: RodsModel, link: str, point: str) -> Vector:
+    """Return the force on an elastic link at a joint without that of loads along it, which rotate with it."""
+    forces = [model.joint_forces.on(link, point)]
+    for _, _, load in model.linkage.placed_loads:
+        for profile in profiles_of(model.linkage, link, load):
+            if profile.on.points == (("point", point),):
+                forces.append(tuple(-c for c in _on_fixed_axes(model, profile)))
+    return tuple(sp.Add(*components) for components in zip(*forces, strict=True))
+
+
 def _on_fixed_axes(model: RodsModel, profile: Profile) -> Vector:
     """Return a force along an elastic link, in its rigid motion."""
     force = profile.on.put(model.loads, model.loads.with_state(profile.force))
@@ -228,7 +238,7 @@ def _motion(model: RodsModel, beam: ElasticLink, names: Names) -> dict[sp.Symbol
         for of in (model.position, model.velocity, model.acceleration)
     )
     felt = zip(model.acceleration(link.start), model.linkage.gravity, strict=True)
-    force = model.joint_forces.on(link.name, link.start)
+    force = _from_others(model, link.name, link.start)
     frame = moving_frame(names, link.name, (d, v, a), tuple(a - g for a, g in felt), force)
     gravity, cosine, sine = model.linkage.gravity, frame[COSINE.symbol], frame[SINE.symbol]
     for of, vector in (((VX, VY), model.velocity(link.start)), ((GX, GY), gravity)):

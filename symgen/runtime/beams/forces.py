@@ -16,6 +16,8 @@ from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
 from symgen.runtime.structure import forces_on_links
 
+#: Selects the weight of the axial force among those of a load.
+_OF_AXIAL_FORCE = np.array([weight == "stiffness_geometric_force" for weight in APPLIED], dtype=float)
 #: Unknowns of a link on its own axes with their rates, (times, n) each.
 States = tuple[Array, Array, Array]
 
@@ -150,14 +152,23 @@ def accelerations_of(motion: ElasticMotion, equations: BeamEquations, run: Motio
 
 
 def _link(motion: ElasticMotion, run: Motion, accelerations: Array, k: int) -> Array:
-    """Return the external forces on a link at each of its unknowns, on its own axes, (times, n)."""
+    """Return the external forces on a link at each of its unknowns, on its own axes, (times, n).
+
+    Those of loads that rotate with it at a joint are among them.
+    """
     beam = motion.beams[k]
     s, v, a = local_motion(motion, run, accelerations, k)
     axes, local_forces = run.axes(k), np.zeros_like(s)
     unknowns = {k for pair in beam.joints for k in pair}
     unknowns |= {j for j, dof in enumerate(beam.dofs) if dof == "theta@0" or dof in beam.info.welded}
     loads_of_link = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
-    loads = [run.loads[:, i] for i in loads_of_link]
+    joints = [beam.info.node(node) * beam.properties.length for node in beam.info.joint_nodes]
+    profiles = motion.profiles(beam.info.link)
+    at_joints = [p.is_point and bool(p.follows) and bool(np.isclose(p.at, joints).any()) for p in profiles]
+    loads = [
+        run.loads[:, i] * (_OF_AXIAL_FORCE if at_joint else 1.0)
+        for i, at_joint in zip(loads_of_link, at_joints, strict=True)
+    ]
     for piece in beam.pieces:
         if unknowns.intersection(piece.at):
             at = list(piece.at)
