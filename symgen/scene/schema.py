@@ -104,8 +104,8 @@ class Link(Table):
     section: Section | None = None
     elastic: Elastic | None = absent("That it bends and stretches; rigid if absent.")
     centre: Value | Vector | None = absent(
-        "Centre of mass: a fraction of the length, or its coordinates as drawn; the middle of a "
-        "rod if absent."
+        "Centre of mass: its coordinates as drawn, or the fraction of the length of a link of two points; "
+        "the middle of such a link if absent."
     )
     inertia: Value | Moments | None = absent(
         "Moment of inertia about the centre of mass; mass*length^2/12 for a rod if absent. Of a "

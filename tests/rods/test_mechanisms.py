@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -347,8 +349,9 @@ def test_bad_drives_and_guides(case):
 
 def test_bad_bodies():
     points = {"O": ground(0.0, 0.0), "A": at(1.0, 0.0), "B": at(0.5, 1.0)}
+    body = {"points": ["O", "A", "B"], "mass": "1 kg", "centre": ["0.5 m", "0.2 m"]}
     with pytest.raises(SceneError, match="needs its moment of inertia"):
-        build(symgen.Scene(points=points, links={"b": {"points": ["O", "A", "B"], "mass": "1 kg"}}))
+        build(symgen.Scene(points=points, links={"b": body}))
     with pytest.raises(SceneError, match="only a rod has a mass per length"):
         build(
             symgen.Scene(points=points, links={"b": {"points": ["O", "A", "B"], "mass_per_length": "1 kg/m"}})
@@ -386,3 +389,34 @@ def test_names_cannot_collide_in_silence():
         build(scene("A_x"))
     with pytest.raises(SceneError, match=r"\[links\] spring_0: .*\n?.*[Cc]hoose another name"):
         build(scene(link="spring_0"))
+
+
+def test_the_place_of_a_body_s_centre_does_not_depend_on_the_order_of_its_points():
+    """A bar with a hole in its middle, its points listed along it: half its weight at the pivot is m g/4."""
+    points = {"O": ground(0.0, 0.0), "M": at(0.3, 0.0), "E": at(1.0, 0.0)}
+    bar = {"mass": "2 kg", "inertia": "0.166666666666667 kg*m^2"}
+    gravity = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
+    outputs = ["O.reaction", "E.acceleration"]
+    for listed in itertools.permutations("OME"):
+        table = bar | {"points": list(listed)}
+        scene = {"points": points, "gravity": gravity, "analysis": {"outputs": outputs}}
+        for centre in ({}, {"centre": 0.5}):
+            with pytest.raises(SceneError, match="position of its centre of mass") as refused:
+                build(symgen.Scene(**scene, links={"bar": table | centre}))
+            assert refused.value.where == "links.bar.centre"
+        body = table | {"centre": ["0.5 m", "0 m"]}
+        run = build(symgen.Scene(**scene, links={"bar": body})).simulate(samples=2)
+        assert run["O.reaction"].values[0] == pytest.approx([0.0, 2 * 9.81 / 4], abs=1e-12)
+        assert run["E.acceleration"].values[0] == pytest.approx([0.0, -1.5 * 9.81], abs=1e-12)
+
+
+def test_a_massless_body_needs_no_centre():
+    points = {"O": ground(0.0, 0.0), "M": at(0.3, 0.0), "E": at(1.0, 0.0)}
+    scene = symgen.Scene(
+        points=points,
+        links={"bar": {"points": ["O", "M", "E"], "mass": "0 kg"}},
+        masses=[{"point": "E", "mass": "1 kg"}],
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        analysis={"outputs": ["E.acceleration"]},
+    )
+    assert build(scene).simulate(samples=2)["E.acceleration"].values[0] == pytest.approx([0, -9.81])

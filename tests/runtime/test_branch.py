@@ -150,7 +150,12 @@ def test_redundant_constraints_are_left_out_and_checked(followed):
         points=points,
         links={
             "crank": rod("O", "A"),
-            "coupler": {"points": ["A", "B", "D"], "mass": "1 kg", "inertia": "0.1 kg*m^2"},
+            "coupler": {
+                "points": ["A", "B", "D"],
+                "mass": "1 kg",
+                "centre": ["0.2 m", "0.1 m"],
+                "inertia": "0.1 kg*m^2",
+            },
             "rocker": rod("C", "B"),
             "middle": rod("E", "D"),
         },

@@ -182,7 +182,12 @@ def test_a_parameter_that_contradicts_redundant_constraints_is_refused():
             | {"B": at(0, 1), "C": at(1, 1), "E": at(2, 1)},
             links={
                 "AB": {"points": ["A", "B"], "mass": "1 kg", "length": "b"},
-                "BE": {"points": ["B", "C", "E"], "mass": "1 kg", "inertia": "1 kg*m^2"},
+                "BE": {
+                    "points": ["B", "C", "E"],
+                    "mass": "1 kg",
+                    "centre": ["1 m", "1 m"],
+                    "inertia": "1 kg*m^2",
+                },
                 "DC": {"points": ["D", "C"], "mass": "1 kg", "length": "b"},
                 "GE": {"points": ["G", "E"], "mass": "1 kg", "length": "a"},
             },

@@ -129,7 +129,10 @@ def _link(made: Written, name: str, near: Mapping[str, str | None]) -> dict:
     points, rng = made.draft.links[name], made.rng
     table = {"points": points, "mass": "1 kg"}
     if len(points) > 2:
-        return {**table, "inertia": "0.3 kg*m^2"}
+        first, second = points[:2]
+        axes = AXES[: made.draft.dimension]
+        centre = [f"({axis}_{first} + {axis}_{second})/2" for axis in axes]
+        return {**table, "centre": centre, "inertia": "0.3 kg*m^2"}
     a, b = points
     if {a, b} & set(made.draft.on) or {a, b} <= set(made.draft.ground):
         return table

@@ -200,6 +200,14 @@ def body(
         mass, centre, inertia = sections.rigid(along, length, rotary)
         return mass, centre, _ZERO, inertia
     mass = link_mass(read, link, length, several, where)
+    if several and mass != 0 and not isinstance(link.centre, list):
+        raise SceneError(
+            "a link of three or more points needs the position of its centre of mass"
+            + ("" if link.centre is None else f", got the fraction {link.centre!r}"),
+            where=f"{where}.centre",
+            hint='Write centre = ["0.2 m", "0.1 m"], as drawn. A rod is named by its two ends, with further '
+            'points on it: P = { on = "link", fraction = 0.5 }.',
+        )
     centre, offset = length / 2, _ZERO
     if isinstance(link.centre, list):
         squared = sp.Add(*(c**2 for c in drawn))
@@ -216,11 +224,11 @@ def body(
         )
     if link.inertia is not None:
         return mass, centre, offset, read.not_negative(link.inertia, units.INERTIA, f"{where}.inertia")
-    if mass != 0 and (several or isinstance(link.centre, list)):
+    if mass != 0 and isinstance(link.centre, list):
         raise SceneError(
             "a body that is not a rod needs its moment of inertia about the centre of mass",
             where=where,
-            hint='Write inertia = "0.02 kg*m^2", and centre = [...] where it is.',
+            hint='Write inertia = "0.02 kg*m^2".',
         )
     return mass, centre, offset, mass * length**2 / 12
 
