@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from symgen.errors import SceneError
-from symgen.scene.loading import NAMED, SceneText, check_scene
+from symgen.scene.loading import NAMED, SceneText, by_name, check_scene
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic.model import ElasticModel
     from symgen.runtime.model.compiled import Compiled
 
 
-def split(text: SceneText, changes: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+def split(text: SceneText, changes: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, Any]]:
     """Divide the changes into those of tunable parameters and those that change the equations."""
+    changes = by_name(text, changes)
     parameters, inputs = (text.data.get(table) or {} for table in NAMED)
     tunable = {}
     for name, value in changes.items():

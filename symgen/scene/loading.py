@@ -114,7 +114,8 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
         A name that ``symgen scenes`` lists, or a path.
     set
         Values to replace, by parameter name or by dotted key: ``{"rho": "2 kg/m"}``,
-        ``{"links.OA.mass": "1 kg"}``.
+        ``{"links.OA.mass": "1 kg"}``. A table replaces that of the scene; ``parameters`` and ``inputs``
+        replace or add the values that they name.
 
     Raises
     ------
@@ -125,7 +126,7 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
 
 
 #: Tables that a scene may leave out.
-_TABLES = ("analysis", "gravity", "start", "inputs")
+_TABLES = ("analysis", "gravity", "start", "inputs", "parameters", "units")
 #: Tables of named values, which are set by the name alone.
 NAMED = ("parameters", "inputs")
 
@@ -135,11 +136,11 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
     if not changes:
         return text
     data = json.loads(json.dumps(text.data, default=str))
-    for key, value in changes.items():
+    for key, value in by_name(text, changes).items():
         named = [table for table in map(data.get, NAMED) if isinstance(table, dict)]
         parameters = next((table for table in named if key in table), None)
         if parameters is not None:
-            if isinstance(parameters[key], dict):
+            if isinstance(parameters[key], dict) and not isinstance(value, Mapping):
                 parameters[key]["value"] = value
             else:
                 parameters[key] = value
@@ -163,6 +164,24 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
                 or nearest(key, [name for table in named for name in table]),
             )
     return SceneText(text.name, text.file, data)
+
+
+def by_name(text: SceneText, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return changes with an entry per named value: a table of them changes those that it names.
+
+    The key is the name of a value that the scene has, TABLE.NAME of another.
+    """
+    result: dict[str, Any] = {}
+    for key, value in changes.items():
+        if key in NAMED and isinstance(value, Mapping):
+            entries = {f"{key}.{name}": entry for name, entry in value.items()}
+        else:
+            entries = {key: value}
+        for path, entry in entries.items():
+            table, _, name = path.partition(".")
+            known = text.data.get(table) if table in NAMED else None
+            result[name if isinstance(known, Mapping) and name in known else path] = entry
+    return result
 
 
 def _is_table(key: str) -> bool:

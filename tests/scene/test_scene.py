@@ -14,7 +14,7 @@ import symgen
 from symgen.errors import SceneError
 from symgen.pipeline.build import derive
 from symgen.scene.faults import tables_in
-from symgen.scene.loading import SHIPPED, SceneText, check_scene, override, read_scene
+from symgen.scene.loading import SHIPPED, SceneText, check_scene, override, read_scene, text_of
 from symgen.scene.resolve import resolve
 from symgen.scene.schema import Scene
 
@@ -73,6 +73,9 @@ def test_overrides():
     assert override(text, {"rho": "2 kg/m"}).data["parameters"]["rho"]["value"] == "2 kg/m"
     assert override(text, {"links.OA.mass": "1 kg"}).data["links"]["OA"]["mass"] == "1 kg"
     assert text.data["parameters"]["rho"]["value"] == "1 kg/m"
+    for key in ("parameters.rho", "parameters.rho.value"):
+        changed = override(text, {key: "2 kg/m"}).data["parameters"]["rho"]
+        assert changed == text.data["parameters"]["rho"] | {"value": "2 kg/m"}
     for key in ("roh", "links.OX.mass", "title.x"):
         with pytest.raises(SceneError, match="no parameter and no key"):
             override(text, {key: "1"})
@@ -83,6 +86,27 @@ def test_overrides():
         override(text, {"t_end": "1 s"})
     for scene in ("peaucellier", "rotating_cantilever"):  # the latter has no table [analysis]
         assert symgen.load_scene(scene, set={"analysis.t_end": "3 s"}).analysis.t_end == "3 s"
+
+
+def test_a_table_of_parameters_keeps_those_that_it_does_not_name():
+    """A law with parameters of its own, beside a tunable one, a constant and an input of the scene."""
+    scene = symgen.Scene(
+        parameters={"m": {"value": "2 kg", "tunable": True}, "g": "9.81 m/s^2"},
+        inputs={"F": {"value": "0 N"}},
+        points={"A": {"at": [0, 0], "ground": True}, "P": {"at": [0, "-1 m"]}},
+        links={"rod": {"points": ["A", "P"], "mass": "m"}},
+        gravity={"acceleration": [0, "-g"]},
+        forces=[{"point": "P", "force": ["F", 0]}],
+        analysis={"outputs": ["A.reaction"]},
+    )
+    law = {"parameters": {"k": "3 N/m", "m": "1 kg"}, "inputs": {"G": {"value": "1 N"}}}
+    model = symgen.build(scene, set=law | {"forces.0.force": ["F - k*P.x", "G"]}, backend="numpy")
+    assert dict(model.parameters) == {"m": 1.0, "F": 0.0, "G": 1.0}
+    assert model.accelerations().reactions["A"] == pytest.approx([0.0, 9.81 - 1.0])
+    more = override(SceneText("a", "a.toml", {"title": "none"}), {"parameters.c": "1 N"})
+    assert more.data["parameters"] == {"c": "1 N"}
+    replaced = {"value": "1 kg", "about": "mass"}
+    assert override(text_of(scene), {"m": replaced}).data["parameters"]["m"] == replaced
 
 
 LEAVES = st.one_of(
