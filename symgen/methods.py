@@ -210,6 +210,7 @@ METHODS = Registry[Method](
                 state="symgen.inspection.state:of_linkage",
                 commands={
                     "simulate": Command("symgen.report.elastic:print_elastic_result"),
+                    "equilibrium": _OF_RODS["equilibrium"],
                     "modes": Command("symgen.report.elastic:print_elastic_modes", f"{_VALUES}:of_pose"),
                     "sensitivity": _OF_RODS["sensitivity"],
                 },

@@ -15,7 +15,7 @@ from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import moved
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.model import outputs
-from symgen.runtime.elastic.space.modes import equilibrium
+from symgen.runtime.elastic.space.statics import equilibrium
 from symgen.runtime.integrate.pace import Pace
 
 SECTION = {"width": "8 mm", "thickness": "4 mm", "width_along": [0, 0, 1]}

@@ -13,7 +13,8 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import Moment
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
-from symgen.runtime.elastic.space.modes import at_rest, equilibrium, modes_of
+from symgen.runtime.elastic.space.modes import modes_of, moved_by_loads
+from symgen.runtime.elastic.space.statics import at_rest, equilibrium, unbalanced
 from symgen.runtime.elastic.static import check_amplitudes, check_modes
 
 #: Poses from the start on by whose differences equilibria and shapes have rates.
@@ -55,7 +56,7 @@ def quasi_static(linkage: LinkageInSpace) -> Moment:
     damping bend the shapes at these times further, to the first order; the rates are those of these shapes.
     """
     start = equilibrium(linkage, 0.0)
-    if linkage.rigid.description.freedom:  # else links bend, by any angle
+    if linkage.rigid.description.freedom and moved_by_loads(linkage):  # else links bend, by any angle
         _check_near(linkage, start, "a quasi-static start, which is")
     before: Moment | None = None
     for k in range(_SHORTER):
@@ -81,11 +82,13 @@ def _slow(linkage: LinkageInSpace, start: Moment, apart: float) -> Moment:
     times = apart * np.arange(_POSES)
     held = [start]
     for t in times[1:].tolist():
-        held.append(at_rest(linkage, replace(held[-1], t=t)))
-    places = np.array([x.q for x in held])
+        now = replace(held[-1], t=t)
+        same = np.array_equal(unbalanced(linkage, now), unbalanced(linkage, held[-1]))
+        held.append(now if same else at_rest(linkage, now))
+    places = np.array([x.q - start.q for x in held])  # exactly zero where nothing moves
     rates, second = (_differences(times, order) @ places for order in (1, 2))
     shapes = [at_rest(linkage, replace(x, v=v, a=a)) for x, v, a in zip(held, rates, second, strict=True)]
-    v = _differences(times, 1)[0] @ np.array([x.q for x in shapes])
+    v = _differences(times, 1)[0] @ np.array([x.q - shapes[0].q for x in shapes])
     still, none = np.zeros(linkage.unknowns), np.zeros(linkage.multipliers)
     return linkage.with_rates(Moment(0.0, shapes[0].q, v, still, none))
 

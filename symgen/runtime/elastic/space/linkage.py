@@ -91,8 +91,10 @@ class LinkageInSpace(System):
         sizes = blocks["constraint_scale"][rows].real if rows else np.zeros(0)
         #: Directors of all nodes, (nodes, 3, 3).
         directors = np.concatenate([k.places[:, 3:] for k in self.links]).reshape(-1, 3, 3)
-        scale = np.full(size, max(link.length.real for link in self.links))
-        scale[directors.ravel()] = 1.0
+        #: Unknowns that are positions.
+        self.translations = np.delete(np.arange(size), directors.ravel())
+        scale = np.ones(size)
+        scale[self.translations] = max(link.length.real for link in self.links)
         # Numbers behind the unknowns: places of all points, and fixed axes.
         self.straight = self._undeformed(size)
         on_directions = [*orthonormal(directors), *self._joined()]

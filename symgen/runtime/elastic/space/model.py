@@ -10,7 +10,7 @@ import numpy as np
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.elastic.large.collocation import Moment
+from symgen.runtime.elastic.large.collocation import Moment, stacked
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.model import ModelOfRigid, initial_state
 from symgen.runtime.elastic.outputs import selected
@@ -24,10 +24,11 @@ from symgen.runtime.model.arguments import RunInSpace, takes
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Variable, over_time
-from symgen.runtime.result.state import State
+from symgen.runtime.result.state import State, state_at
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
+    from symgen.runtime.rods.equilibrium import Equilibrium
 
 #: What runs report as their form.
 _FORM = "elements in space"
@@ -46,7 +47,7 @@ class SpatialModel(ModelOfRigid):
 
     MISSING: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("", "batch"),
-        "its elastic links are in space, whose motion, modes and derivatives alone are computed",
+        "its elastic links are in space, whose motion, equilibrium, modes and derivatives alone are computed",
     )
 
     def with_parameters(self, /, **values: float) -> Self:
@@ -60,6 +61,43 @@ class SpatialModel(ModelOfRigid):
     def __repr__(self) -> str:
         links = ", ".join(b.link for b in self.rigid.description.elastic.beams)  # type: ignore[union-attr]
         return f"<SpatialModel {self.name!r}: {links} elastic>"
+
+    def _refused(self, name: str) -> str | None:
+        from symgen.runtime.rods.equilibrium import never_rests
+
+        refused = super()._refused(name)
+        return never_rests(self.rigid.evaluator) if name == "equilibrium" and not refused else refused
+
+    def _equilibrium(self, at: float | None = None, stable: bool = True) -> Equilibrium:
+        from symgen.runtime.elastic.space.modes import resting
+        from symgen.runtime.rods.equilibrium import Equilibrium, at_rest
+        from symgen.runtime.rods.linear import Linearised
+
+        self._refuse_types("equilibria of elastic links in space are")
+        t, d = 0.0 if at is None else real(at, "the time"), self.rigid.description
+        at_rest(self.rigid._constraints(), self.rigid._stored_start().q, t)
+        linkage = LinkageInSpace(self.rigid)
+        moment, of = resting(linkage, t, stable)
+        times, q, v, a, multipliers = stacked([moment])
+        unbalanced = linkage.residual(times, q, v, a, multipliers)[0]
+        forces = [force for link in linkage.links for force in link.forces(q, v, a).values()]
+        scale, left = (float(np.max(np.abs(x))) for x in (forces, unbalanced[linkage.translations]))
+        on_points = (multipliers[0, : len(linkage.rows)] / linkage.sizes).tolist()
+        matrices = of.basis, of.mass, of.damping, of.stiffness
+        about = Linearised(*matrices, multipliers[0], unbalanced, scale, left)
+        outputs = selected(self._outputs(linkage, [moment]), d)
+        return Equilibrium(
+            state_at(self.rigid.evaluator, t, q[0, : d.coordinates], v[0, : d.coordinates]),
+            about.stability(),
+            freedoms=about.freedoms,
+            residual=left,
+            scale=scale,
+            multipliers=dict(zip([d.constraints[row] for row in linkage.rows], on_points, strict=True)),
+            reactions={},
+            outputs={x.name: x.values[0] for x in outputs},
+            units={x.name: x.unit for x in outputs},
+            linearised=about,
+        )
 
     def _modes(self, at: float | None = None) -> ElasticModes:
         from symgen.runtime.elastic.space.modes import modes_in_space

@@ -1,76 +1,25 @@
-"""Equilibrium of a linkage with elastic links in space with its input held, and small vibrations about it."""
+"""Small vibrations of a linkage with elastic links in space about its equilibrium with its input held."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import Moment
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
+from symgen.runtime.elastic.space.statics import equilibrium, unbalanced
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.modes import ElasticModes, relative
+from symgen.runtime.rods.linear import eigenvalues
 from symgen.runtime.structure import modes_at_rest
 
-#: Corrections of an equilibrium at most, and the last one over the sizes of the unknowns.
-_MOST, _CLOSE = 40, 1e-11
-#: Times by which the input is moved to that of a pose.
-_POSES = 64
-#: Times the mass matrix, with largest entries as those of the stiffness: keeps links from spinning on balls.
-_SHIFT = 1e-9
-
-
-def equilibrium(linkage: LinkageInSpace, t: float) -> Moment:
-    """Return places and multipliers at rest, in equilibrium with the loads at a time [s].
-
-    Raises
-    ------
-    ModelError
-        Where corrections do not converge, as for a linkage that its loads move.
-    """
-    moment = linkage.start()
-    still = np.zeros(linkage.unknowns)
-    end = linkage.rigid.description.t_end
-    for time in np.linspace(0.0, t, 2 + int(_POSES * abs(t / end))):
-        moment = at_rest(linkage, replace(moment, t=float(time), v=still, a=still))
-    return moment
-
-
-def at_rest(linkage: LinkageInSpace, moment: Moment) -> Moment:
-    """Return a motion with the places and multipliers of equilibrium with its rates and second rates.
-
-    Raises
-    ------
-    ModelError
-        As :func:`equilibrium`.
-    """
-    t, q, multipliers, n = np.array([moment.t]), moment.q, moment.multipliers, linkage.unknowns
-    v, a = moment.v[None], moment.a[None]
-    for _ in range(_MOST):
-        solve = held(linkage, replace(moment, q=q, multipliers=multipliers))
-        residual = linkage.residual(t, q[None], v, a, multipliers[None])[0]
-        change = solve(np.concatenate([residual, linkage.errors(moment.t, q)]))
-        q, multipliers = q - change[:n], multipliers - change[n:]
-        size = float(np.max(np.abs(change[:n]) / linkage.scale))
-        if size <= _CLOSE:
-            return replace(moment, q=q, multipliers=multipliers)
-        if not np.isfinite(size):
-            break
-    raise ModelError(
-        f"{linkage.name}: no equilibrium with the input held at t = {moment.t:g} s\n"
-        "  Loads must not move a linkage whose input is held."
-    )
-
-
-def held(linkage: LinkageInSpace, at: Moment) -> Callable[[Array], Array]:
-    """Return the change of places and multipliers at rest by a change of forces and errors of constraints."""
-    slopes = linkage.slopes(at.t, at.q, at.v, at.a, at.multipliers)
-    shift = _SHIFT * np.max(np.abs(slopes.stiffness)) / np.max(np.abs(slopes.mass))
-    return linkage.pattern.factorised(slopes.stiffness + shift * slopes.mass + slopes.jacobian)
+#: Force that leads from an unstable shape, over the largest of the loads.
+_PUSH = 1e-2
+#: Work of loads on a motion, over the sum of sizes of its terms, that is round-off.
+_WORK = 1e-9
 
 
 def modes_in_space(rigid: RodModel, t: float) -> ElasticModes:
@@ -92,27 +41,80 @@ def modes_in_space(rigid: RodModel, t: float) -> ElasticModes:
 
 def modes_of(linkage: LinkageInSpace, t: float) -> ElasticModes:
     """Return the same of the equations of a linkage, without errors of elements."""
-    from scipy.linalg import null_space
-
-    at, n = equilibrium(linkage, t), linkage.unknowns
-    slopes = linkage.slopes(t, at.q, at.v, at.a, at.multipliers)
-    mass, damping, stiffness = (
-        linkage.pattern.matrix(entries + slopes.jacobian).toarray()
-        for entries in (slopes.mass, slopes.damping, slopes.stiffness)
-    )
-    basis = null_space(mass[n:, :n])
-    reduced = (basis.T @ x[:n, :n] @ basis for x in (mass, damping, (stiffness + stiffness.T) / 2))
-    sizes = np.sqrt(np.sum(np.abs(basis) * (np.abs(stiffness[:n, :n]) @ np.abs(basis)), axis=0))
-    of_mass, of_damping, of_stiffness = reduced
-    speeds, shapes, rigid = modes_at_rest(linkage.name, of_mass, of_stiffness, sizes)
-    damped = np.sum(shapes * (of_damping @ shapes), axis=0)
+    of = linearised(linkage, equilibrium(linkage, t))
+    speeds, shapes, rigid = modes_at_rest(linkage.name, of.mass, of.stiffness, of.sizes)
+    damped = np.sum(shapes * (of.damping @ shapes), axis=0)
     return ElasticModes(
         linkage.name,
         math.nan,
         speeds / (2 * math.pi),
-        basis @ shapes,
+        of.basis @ shapes,
         linkage.names,
         rigid=rigid,
         ratios=np.divide(damped, 2 * speeds, out=np.zeros_like(speeds), where=speeds > 0.0),
         t=t,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class AtRest:
+    """M y'' + C y' + K y = 0 about an equilibrium, with changes B y of the unknowns, B the ``basis``.
+
+    ``sizes`` are roots of the sums of sizes of the terms of the diagonal of K.
+    """
+
+    basis: Array
+    mass: Array
+    damping: Array
+    stiffness: Array
+    sizes: Array
+
+
+def linearised(linkage: LinkageInSpace, at: Moment) -> AtRest:
+    """Return the equations about an equilibrium, on the changes that the constraints leave."""
+    from scipy.linalg import null_space
+
+    n, slopes = linkage.unknowns, linkage.slopes(at.t, at.q, at.v, at.a, at.multipliers)
+    mass, damping, stiffness = (
+        linkage.pattern.matrix(entries + slopes.jacobian).toarray()
+        for entries in (slopes.mass, slopes.damping, slopes.stiffness)
+    )
+    basis = null_space(mass[n:, :n])
+    symmetric = (stiffness + stiffness.T) / 2
+    mass, damping, symmetric = (basis.T @ x[:n, :n] @ basis for x in (mass, damping, symmetric))
+    sizes = np.sqrt(np.sum(np.abs(basis) * (np.abs(stiffness[:n, :n]) @ np.abs(basis)), axis=0))
+    return AtRest(basis, mass, damping, symmetric, sizes)
+
+
+def resting(linkage: LinkageInSpace, t: float, stable: bool) -> tuple[Moment, AtRest]:
+    """Return an equilibrium at a time [s] and the equations about it.
+
+    Where loads bend the drawing to an unstable shape, a ``stable`` one is looked for with a force along its
+    lowest mode in addition, a hundredth of the loads, which is removed in the end.
+
+    Raises
+    ------
+    ModelError
+        As :func:`equilibrium`.
+    """
+    from scipy.linalg import eigh
+
+    at = equilibrium(linkage, t)
+    of = linearised(linkage, at)
+    if stable and np.any(eigenvalues(of.mass, of.stiffness, of.damping)[0].real > 0.0):
+        loads = unbalanced(linkage, replace(at, q=linkage.start().q, multipliers=0 * at.multipliers))
+        push = of.basis @ of.mass @ eigh(of.stiffness, of.mass)[1][:, 0]
+        push *= _PUSH * np.max(np.abs(loads[linkage.translations])) / np.max(np.abs(push))
+        at = equilibrium(linkage, t, push)
+        of = linearised(linkage, at)
+    return at, of
+
+
+def moved_by_loads(linkage: LinkageInSpace) -> bool:
+    """Return whether loads do work on motions of the undeformed linkage that do not strain it."""
+    start, n = linkage.start(), linkage.unknowns
+    start = replace(start, v=0 * start.v)
+    of, loads = linearised(linkage, start), unbalanced(linkage, start)[:n]
+    _, shapes, rigid = modes_at_rest(linkage.name, of.mass, of.stiffness, of.sizes)
+    free = of.basis @ shapes[:, :rigid]
+    return bool(np.any(np.abs(loads @ free) > _WORK * (np.abs(loads) @ np.abs(free))))

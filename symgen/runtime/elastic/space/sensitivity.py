@@ -17,8 +17,9 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import Moment, moved
 from symgen.runtime.elastic.space.linkage import Along, LinkageInSpace
-from symgen.runtime.elastic.space.modes import equilibrium, held, modes_in_space
+from symgen.runtime.elastic.space.modes import modes_in_space
 from symgen.runtime.elastic.space.outputs import outputs as outputs_of
+from symgen.runtime.elastic.space.statics import equilibrium, held
 from symgen.runtime.elastic.space.tangents import Tangents, by_parameters, matrices
 from symgen.runtime.integrate.pace import Pace
 from symgen.runtime.kernels.evaluate import UNIT

@@ -1,0 +1,141 @@
+"""Equilibrium of elastic links in space in large displacements, against published shapes and closed forms."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipk
+from shared.commands import call
+from shared.in_numpy import build
+
+import symgen
+from symgen.errors import CapabilityError
+
+#: Tip of a cantilever bent along 45 degrees of a circle of 100 m, section 1 m by 1 m, E = 10 MPa without
+#: contraction, under a force across its plane: K. J. Bathe, S. Bolourchi, International Journal for Numerical
+#: Methods in Engineering 14 (1979); J. C. Simo, L. Vu-Quoc, Computer Methods in Applied Mechanics and
+#: Engineering 58 (1986); eight elements each.
+BEND = {
+    300.0: [(22.5, 59.2, 39.5), (22.33, 58.84, 40.08)],
+    600.0: [(15.9, 47.2, 53.4), (15.79, 47.23, 53.37)],
+}
+#: Section of a column, and its bending stiffness.
+COLUMN = {"width": "10 mm", "thickness": "4 mm", "width_along": [1, 0, 0]}
+EI = 210e9 * 10e-3 * 4e-3**3 / 12
+
+
+def at(*components, **more):
+    return {"at": [f"{float(x)!r} m" for x in components], **more}
+
+
+def link(first, last, section, modulus, poisson, elements):
+    elastic = {"E": modulus, "elements": elements, "shear": {"poisson": poisson}}
+    return {"points": [first, last], "density": "1 kg/m^3", "section": section, "elastic": elastic}
+
+
+def bend(force, count=8):
+    """A bend of so many straight links of one element."""
+    angles = np.linspace(0.0, math.pi / 4, count + 1)
+    points = {
+        f"P{k}": at(100 * (1 - math.cos(x)), 100 * math.sin(x), 0, ground=k == 0)
+        for k, x in enumerate(angles)
+    }
+    square = {"width": "1 m", "thickness": "1 m", "width_along": [0, 0, 1]}
+    links = {f"b{k}": link(f"P{k}", f"P{k + 1}", square, "1e7 Pa", 0.0, 1) for k in range(count)}
+    welds = [{"point": "P0", "links": ["b0"]}]
+    welds += [{"point": f"P{k}", "links": [f"b{k - 1}", f"b{k}"]} for k in range(1, count)]
+    return symgen.Scene(
+        points=points,
+        links=links,
+        welds=welds,
+        forces=[{"point": f"P{count}", "force": ["0 N", "0 N", f"{force} N"]}],
+        analysis={"t_end": "1 s"},
+    )
+
+
+def column(force, elements=16):
+    return symgen.Scene(
+        points={"O": at(0, 0, 0, ground=True), "P": at(0, 0, 1)},
+        links={"beam": link("O", "P", COLUMN, "210 GPa", 0.3, elements)},
+        welds=[{"point": "O", "links": ["beam"]}],
+        forces=[{"point": "P", "force": ["0 N", "0 N", f"-{force} N"]}],
+        analysis={"t_end": "1 s"},
+    )
+
+
+@pytest.mark.parametrize("force", BEND)
+def test_bend_of_45_degrees(force):
+    found = build(bend(force)).equilibrium()
+    for published in BEND[force]:
+        np.testing.assert_allclose(found.state.positions["P8"], published, atol=1.1)
+    assert found.stability == "stable"
+    assert found.residual < 1e-8 * found.scale and found.scale == pytest.approx(force)
+    np.testing.assert_allclose(found.outputs["b0.P0.force"], [0, 0, -force], atol=1e-6)
+
+
+def test_moments_at_the_clamp_are_those_of_the_force_at_the_tip():
+    """In fixed axes: the clamp turns about the width along z, and the force is along it."""
+    found = build(bend(600.0)).equilibrium()
+    x, y, _ = found.state.positions["P8"]
+    along = np.array([math.sin(math.pi / 64), math.cos(math.pi / 64), 0.0])  # of the first straight link
+    axes = np.array([along, [0.0, 0.0, 1.0], np.cross(along, [0.0, 0.0, 1.0])])
+    expected = -axes @ np.cross([x, y, 0.0], [0.0, 0.0, 600.0])
+    np.testing.assert_allclose(found.outputs["b0.P0.moment"], expected, atol=1e-6 * np.max(np.abs(expected)))
+
+
+def test_a_quasi_static_start_far_from_the_drawing_stays_at_rest():
+    model = build(bend(600.0, 4))
+    run = model.simulate(1e-3, samples=3, initial="quasi-static")
+    places = run["P4.position"].values
+    assert places[0, 2] > 50.0
+    assert np.max(np.abs(places - places[0])) < 1e-6
+    np.testing.assert_allclose(places[0], model.equilibrium().state.positions["P4"], atol=1e-8)
+
+
+def test_a_column_beyond_its_buckling_load():
+    """Euler's elastica: K(m)^2 = P L^2/EI, tip at 2 E/K - 1 along the line and 2 sqrt(m)/K across."""
+    model, force = build(column(40.0)), 40.0
+    straight = model.equilibrium(stable=False)
+    assert straight.stability == "unstable"
+    assert abs(straight.state.positions["P"][1]) < 1e-6
+    bent = model.equilibrium()
+    m = brentq(lambda m: ellipk(m) ** 2 - force / EI, 0.01, 0.99)
+    exact = [0.0, 2 * math.sqrt(m) / ellipk(m), 2 * ellipe(m) / ellipk(m) - 1]
+    assert bent.stability == "stable"
+    np.testing.assert_allclose(np.abs(bent.state.positions["P"]), exact, atol=6e-3)
+
+
+def test_a_column_below_it_is_straight_and_stable():
+    found = build(column(0.99 * math.pi**2 * EI / 4)).equilibrium()
+    assert found.stability == "stable" and abs(found.state.positions["P"][1]) < 1e-9
+
+
+def test_a_drive_in_motion_has_no_equilibrium():
+    with pytest.raises(CapabilityError, match="no equilibrium while a drive is in motion"):
+        symgen.build("spatial_four_bar").equilibrium()
+
+
+SCENE = """
+symgen = 1
+points = { O = { at = ["0 m", "0 m", "0 m"], ground = true }, P = { at = ["0 m", "0 m", "1 m"] } }
+welds = [{ point = "O", links = ["beam"] }]
+forces = [{ point = "P", force = ["0 N", "0 N", "-20 N"] }]
+
+[links.beam]
+points = ["O", "P"]
+mass_per_length = "1 kg/m"
+section = { width = "10 mm", thickness = "4 mm", width_along = [1, 0, 0] }
+elastic = { E = "210 GPa", elements = 2, shear = { poisson = 0.3 } }
+"""
+
+
+def test_a_command_prints_it(tmp_path):
+    file = tmp_path / "column.toml"
+    file.write_text(SCENE)
+    assert "stable equilibrium" in call("equilibrium", str(file))
+    found = json.loads(call("equilibrium", str(file), "--json"))
+    assert found["outputs"]["beam.O.force"]["value"] == pytest.approx([0.0, 0.0, 20.0], abs=1e-9)
