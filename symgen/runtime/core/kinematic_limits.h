@@ -8,10 +8,14 @@
 #define ASTRAY R(0.1)
 /* Longest step over the size of the linkage. */
 #define LONGEST R(0.1)
+/* Largest factor by which the determinant of a group changes in a step. */
+#define CHANGE R(4)
 /* Below this ratio of the least pivot to the greatest, following ends and the caller searches for singular poses. */
-#define SOUND R(1e-4)
+#define SOUND R(1e-6)
+/* Shortest step over the whole time. */
+#define SHORTEST R(1e-12)
 /* Round-off of a residual over the coordinates. */
 #define ACCEPT (256 * REAL_EPSILON)
-enum { NEWTON = 12, HALVINGS = 12 };
+enum { NEWTON = 12 };
 
 #endif

@@ -52,6 +52,7 @@ static mask factorise_groups(LINKAGE *k) {
     memset(group, 0, (size_t)g->squares * sizeof(wide));
     for (ptrdiff_t e = 0; e < g->filled; e++, entry += 4)
         group[entry[0]] = closure[entry[1]] * weight[entry[2]];
+    memcpy(k->matrix, group, (size_t)g->squares * sizeof(wide));
     mask regular = ~(mask){0};
     for (ptrdiff_t c = 0; c < g->count; c++) {
         const ptrdiff_t start = g->starts[c], width = g->starts[c + 1] - start;
@@ -62,24 +63,85 @@ static mask factorise_groups(LINKAGE *k) {
     return regular;
 }
 
-/* Lanes with a negative determinant; the least pivot over the greatest. */
-static mask judge(const LINKAGE *k, wide *soundness) {
+/* Write the pivots of a group, whose product is its determinant. */
+static inline void pivots_of(ptrdiff_t width, const wide *group, const mask *swaps, wide *pivots) {
+    for (ptrdiff_t i = 0; i < width; i++) {
+        const wide pivot = group[i * width + i];
+        pivots[i] = chosen(swaps[i] != i, -pivot, pivot);
+    }
+}
+
+/* Write the pivots of all groups. */
+static void read_pivots(const LINKAGE *k, wide *pivots) {
     const struct kinematic_groups *g = &k->groups;
     const wide *group = k->values;
-    wide least = all(REAL_INFINITY), greatest = all(0);
-    mask negative = {0};
     for (ptrdiff_t c = 0; c < g->count; c++) {
         const ptrdiff_t start = g->starts[c], width = g->starts[c + 1] - start;
-        for (ptrdiff_t i = 0; i < width; i++) {
-            const wide pivot = group[i * width + i];
-            least = smaller(least, magnitude(pivot));
-            greatest = larger(greatest, magnitude(pivot));
-            negative ^= (pivot < 0) ^ (k->swaps[start + i] != i);
-        }
+        pivots_of(width, group, k->swaps + start, pivots + start);
         group += width * width;
     }
-    *soundness = least / greatest;
-    return negative;
+}
+
+/* The least pivot over the greatest. */
+static wide soundness(const wide *pivots, ptrdiff_t count) {
+    wide least = all(REAL_INFINITY), greatest = all(0);
+    for (ptrdiff_t i = 0; i < count; i++) {
+        least = smaller(least, magnitude(pivots[i]));
+        greatest = larger(greatest, magnitude(pivots[i]));
+    }
+    return least / greatest;
+}
+
+/* Lanes in which a determinant is at least and at most so many times another one. */
+static inline mask within(wide value, wide other, real least, real most) {
+    const wide product = value * other, square = other * other;
+    return (product >= least * square) & (product <= most * square);
+}
+
+/* The determinant of a group over another one. */
+static inline wide quotient(ptrdiff_t width, const wide *pivots, const wide *others) {
+    wide value = all(1);
+    for (ptrdiff_t i = 0; i < width; i++)
+        value *= pivots[i] / others[i];
+    return value;
+}
+
+/* The determinant of the mean of two matrices of a group over that of the first. */
+static wide quotient_halfway(LINKAGE *k, ptrdiff_t width, const wide *a, const wide *b, const wide *pivots_of_a) {
+    wide *mean = k->mean, *pivots = k->change;
+    for (ptrdiff_t i = 0; i < width * width; i++)
+        mean[i] = (a[i] + b[i]) / 2;
+    factor_dense(width, mean, k->spare);
+    pivots_of(width, mean, k->spare, pivots);
+    return quotient(width, pivots, pivots_of_a);
+}
+
+/* Lanes in which the step stays on its assembly branch: the determinant of every group changes little from the start
+   to the end, also halfway between both poses, and from the predicted pose to the end. Between two assemblies a group
+   is singular halfway, since the constraints are quadratic in the coordinates. */
+static mask same_branch(LINKAGE *k) {
+    const struct kinematic_groups *g = &k->groups;
+    const wide *b = k->matrix, *a = k->matrix_before, *predicted = k->predicted, *pivots = k->pivots;
+    const wide *before = k->pivots_before;
+    mask same = ~(mask){0};
+    for (ptrdiff_t c = 0; c < g->count; c++) {
+        const ptrdiff_t width = g->starts[c + 1] - g->starts[c];
+        wide start = all(1), end, middle, turned = all(1), guessed;
+        if (width == 2) {
+            start = before[0] * before[1], end = pivots[0] * pivots[1];
+            middle = ((a[0] + b[0]) * (a[3] + b[3]) - (a[1] + b[1]) * (a[2] + b[2])) / 4;
+            turned = end, guessed = predicted[0] * predicted[1];
+        } else {
+            end = quotient(width, pivots, before);
+            middle = quotient_halfway(k, width, a, b, before);
+            guessed = quotient(width, predicted, pivots);
+        }
+        same &= within(end, start, 1 / CHANGE, CHANGE);
+        same &= within(middle, start, R(0.5), CHANGE) | within(middle, end, R(0.5), CHANGE);
+        same &= within(guessed, turned, R(0.5), R(2)) | (guessed != guessed); /* without an iteration */
+        a += width * width, b += width * width, before += width, pivots += width, predicted += width;
+    }
+    return same;
 }
 
 /* Solve dPhi/dq x = rows over their scales; rows are results of a kernel for all constraints. */
@@ -145,6 +207,8 @@ static mask closed(LINKAGE *k, mask open, wide t, wide *q) {
         open &= factorise_groups(k);
         if (!any(open)) /* without factors there is no solution */
             break;
+        if (tries == 0)
+            read_pivots(k, k->predicted);
         before = worst;
         solve(k, k->closure, change);
         for (ptrdiff_t j = 0; j < n; j++)
@@ -153,28 +217,48 @@ static mask closed(LINKAGE *k, mask open, wide t, wide *q) {
     return found;
 }
 
-/* Write velocities and accelerations of the pose closed last; return the lanes in which it is neither near a singular
-   pose nor behind one. */
-static mask moved(LINKAGE *k, const wide *t, const wide *q, wide *u, wide *a, mask *sign) {
+/* Write velocities and accelerations of the pose closed last; return the lanes in which it is not near a singular
+   pose. */
+static mask moved(LINKAGE *k, const wide *t, const wide *q, wide *u, wide *a) {
     const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
-    wide soundness;
-    mask good = factorise_groups(k);
-    *sign = (mask){0};
+    const mask good = factorise_groups(k);
+    read_pivots(k, k->pivots);
     if (!any(good))
         return good;
-    *sign = judge(k, &soundness);
     solve(k, k->closure + 2 * m, u);
     for (ptrdiff_t j = 0; j < n; j++)
         u[j] = -u[j];
     call(k->kernels.gamma, t, q, u, k->p, k->work, k->out);
     solve(k, k->out, a);
-    return good & (soundness > SOUND) & finite(largest_in(u, n)) & finite(largest_in(a, n));
+    return good & (soundness(k->pivots, n) > SOUND) & finite(largest_in(u, n)) & finite(largest_in(a, n));
 }
 
 EXTRAPOLATION(wide, wide_parabola, wide_quintic)
 
-/* Move to `next` in one step in the lanes `which`; return those with an accurate prediction. Lanes near a singular
-   pose are removed from `alive`. */
+/* Keep the pose next to the last one as the start of the next step. */
+static void take_matrices(LINKAGE *k, mask which) {
+    const ptrdiff_t n = k->sizes.n, squares = k->groups.squares;
+    if (any(~which)) {
+        copy_where(which, k->pivots, n, k->pivots_before);
+        copy_where(which, k->matrix, squares, k->matrix_before);
+        return;
+    }
+    wide *pivots = k->pivots_before, *matrix = k->matrix_before;
+    k->pivots_before = k->pivots, k->pivots = pivots;
+    k->matrix_before = k->matrix, k->matrix = matrix;
+}
+
+/* Begin at a pose at k->t; return the lanes in which it is closed and regular. */
+static mask begun(LINKAGE *k, mask which) {
+    const ptrdiff_t n = k->sizes.n;
+    const mask found = closed(k, which, k->t, k->q);
+    const mask regular = moved(k, &k->t, k->q, k->q + n, k->q + 2 * n);
+    take_matrices(k, ~(mask){0});
+    return found & regular;
+}
+
+/* Move to `next` in one step in the lanes `which`; return those with an accurate prediction on the same assembly
+   branch. Lanes near a singular pose are removed from `alive`. */
 static mask attempt(LINKAGE *k, mask which, wide next, mask *alive) {
     const ptrdiff_t n = k->sizes.n;
     const wide h = next - k->t, g = k->stride, s = h / g, *q = k->q, *u = q + n, *a = u + n;
@@ -185,6 +269,7 @@ static mask attempt(LINKAGE *k, mask which, wide next, mask *alive) {
         const wide along = wide_parabola(h, u[j], a[j]);
         change[j] = chosen(near, along + wide_quintic(s, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]), along);
         predicted[j] = q[j] + change[j];
+        k->predicted[j] = all(REAL_INFINITY) - all(REAL_INFINITY);
     }
     const wide way = largest_in(change, n);
     which &= way <= LONGEST * k->length;
@@ -197,9 +282,12 @@ static mask attempt(LINKAGE *k, mask which, wide next, mask *alive) {
     which &= largest_in(change, n) <= ASTRAY * way + R(1e-9) * k->length;
     if (!any(which))
         return which;
-    mask sign;
-    const mask sound = moved(k, &next, k->next, k->next + n, k->next + 2 * n, &sign) & ~(sign ^ k->sign);
+    const mask sound = moved(k, &next, k->next, k->next + n, k->next + 2 * n);
+    which &= same_branch(k);
     *alive &= ~which | sound;
+    if (!any(which))
+        return which;
+    take_matrices(k, which);
     if (any(~which)) {
         copy_where(which, k->q, 3 * n, k->past);
         copy_where(which, k->next, 3 * n, k->q);

@@ -10,14 +10,14 @@ struct kinematic_lanes {
     struct kinematic_groups groups;
     wide *p, *p_forces;
     wide t, stride, length;
-    mask sign;                /* sign of the determinant of dPhi/dq: all bits set if negative */
     wide *q, *past, *next;    /* coordinates, rates and second rates: now, a stride before, after the next step */
     wide *change, *still, *phi, *scale, *weight, *solved, *work, *closure, *out, *values, *inverse;
+    wide *matrix, *pivots, *matrix_before, *pivots_before, *predicted, *mean; /* as in struct kinematics */
     wide *extremes, *lengths;      /* rows of forces, and the largest square of the length of each vector of forces */
     wide *here, *before, violation; /* positions and velocities of points now; positions at the previous time */
     wide *rates;                   /* magnitudes of the rates of links at the last time */
     wide passed;                   /* the last time; not a number before the first */
-    mask *swaps, steady;
+    mask *swaps, *spare, steady;
 };
 
 static size_t place(struct kinematic_lanes *k, const struct kinematic_lane_sizes *s, const struct kinematic_groups *g,
@@ -39,7 +39,14 @@ static size_t place(struct kinematic_lanes *k, const struct kinematic_lane_sizes
         ARENA_ARRAY(k->out, s->out),
         ARENA_ARRAY(k->values, g->squares + g->couplings),
         ARENA_ARRAY(k->inverse, s->n),
+        ARENA_ARRAY(k->matrix, g->squares),
+        ARENA_ARRAY(k->matrix_before, g->squares),
+        ARENA_ARRAY(k->mean, g->squares),
+        ARENA_ARRAY(k->pivots, s->n),
+        ARENA_ARRAY(k->pivots_before, s->n),
+        ARENA_ARRAY(k->predicted, s->n),
         ARENA_ARRAY(k->swaps, s->n),
+        ARENA_ARRAY(k->spare, s->n),
         ARENA_ARRAY(k->extremes, 4 * s->joint_forces),
         ARENA_ARRAY(k->lengths, s->joint_forces),
         ARENA_ARRAY(k->here, 2 * s->coordinates),
@@ -230,8 +237,7 @@ static mask begin(struct kinematic_lanes *k, const struct kinematic_lane_task *t
     k->t = all(R(task->t)), k->stride = all(0);
     for (int lane = 0; lane < WIDTH; lane++)
         task->reached[lane] = 0;
-    const mask alive = closed(k, ~(mask){0}, k->t, k->q);
-    return alive & moved(k, &k->t, k->q, k->q + n, k->q + 2 * n, &k->sign);
+    return begun(k, ~(mask){0});
 }
 
 /* Set the next time of lanes that have just arrived; lanes without a next time end. */
@@ -251,7 +257,8 @@ static wide renewed(const struct kinematic_lane_task *task, mask fresh, wide tar
 
 static void follow(struct kinematic_lanes *k, const struct kinematic_lane_task *task) {
     mask alive = begin(k, task), arrived = alive & (k->t == task->times[0]), fresh = alive;
-    wide target = k->t, h = all(0), shortest = h;
+    const wide shortest = all(SHORTEST * real_fabs(task->times[task->count - 1] - R(task->t)));
+    wide target = k->t, h = all(0);
     if (task->extremes != NULL)
         begin_extremes(k);
     for (ptrdiff_t turn = 0; any(alive) && !is_interrupted(turn); turn++) {
@@ -260,7 +267,6 @@ static void follow(struct kinematic_lanes *k, const struct kinematic_lane_task *
         if (any(fresh)) {
             target = renewed(task, fresh, target, &alive);
             h = chosen(fresh, target - k->t, h);
-            shortest = chosen(fresh, magnitude(h) / (1 << HALVINGS), shortest);
         }
         const wide next = chosen(magnitude(target - k->t - h) < R(1e-9) * magnitude(h), target, k->t + h);
         alive &= next != k->t;

@@ -23,7 +23,14 @@ static size_t place(struct kinematics *k, const struct kinematic_sizes *s, const
         ARENA_ARRAY(k->out, s->out + 1),
         ARENA_ARRAY(k->values, g->squares + g->couplings + 1),
         ARENA_ARRAY(k->inverse, s->n + 1),
+        ARENA_ARRAY(k->matrix, g->squares + 1),
+        ARENA_ARRAY(k->matrix_before, g->squares + 1),
+        ARENA_ARRAY(k->mean, g->squares + 1),
+        ARENA_ARRAY(k->pivots, s->n + 1),
+        ARENA_ARRAY(k->pivots_before, s->n + 1),
+        ARENA_ARRAY(k->predicted, s->n + 1),
         ARENA_ARRAY(k->swaps, s->n + 1),
+        ARENA_ARRAY(k->spare, s->n + 1),
     };
     return ARENA_PLACE(arrays, memory);
 }
@@ -112,9 +119,8 @@ static real unbalanced(const struct kinematics *k, const real *lambda, real *for
 }
 
 /* Reach the target in as many steps as accurate predictions need. */
-static int go(struct kinematics *k, real target) {
+static int go(struct kinematics *k, real target, real shortest) {
     real h = target - k->t;
-    const real shortest = real_fabs(h) / (1 << HALVINGS);
     while (k->t != target) {
         const real next = real_fabs(target - k->t - h) < R(1e-9) * real_fabs(h) ? target : k->t + h;
         const real from = k->t;
@@ -140,10 +146,11 @@ static ptrdiff_t follow(struct kinematics *k, double t, const void *q, const voi
     copy(q, n, k->q);
     k->t = R(t);
     k->stride = 0;
-    if (!any(closed(k, 1, k->t, k->q)) || !any(moved(k, &k->t, k->q, k->q + n, k->q + 2 * n, &k->sign)))
+    if (!any(begun(k, 1)))
         return 0;
+    const real shortest = SHORTEST * real_fabs(((const real *)times)[count - 1] - k->t);
     for (ptrdiff_t i = 0; i < count; i++, rows += 3 * n) {
-        if (is_interrupted(i) || !go(k, ((const real *)times)[i]))
+        if (is_interrupted(i) || !go(k, ((const real *)times)[i], shortest))
             return i;
         copy(k->q, 3 * n, rows);
     }
@@ -159,9 +166,8 @@ static ptrdiff_t multipliers(struct kinematics *k, const void *times, const void
         missed(k, t[i], rows);
         if (!any(factorise_groups(k)))
             return i;
-        judge(k, quality);
-        if (n == 0)
-            quality[0] = 1;
+        read_pivots(k, k->pivots);
+        quality[0] = n ? soundness(k->pivots, n) : 1;
         if (!(quality[0] > SOUND))
             return i;
         copy(rows + 2 * n, n, k->work);

@@ -43,11 +43,13 @@ struct kinematics {
     const real *p, *balance_p; /* owned by the caller */
     /* present state */
     real t, stride, length;
-    ptrdiff_t sign;              /* whether the determinant of dPhi/dq is negative */
     real *q, *past, *next;       /* q, u, a: now, a stride before, after the next step */
     real *change, *still, *phi, *scale, *weight, *solved, *work, *closure, *out;
     real *values, *inverse;  /* of dPhi/dq, its groups factorised; 1 / pivots of groups of two */
-    ptrdiff_t *swaps;
+    real *matrix, *pivots;   /* the groups of dPhi/dq and their pivots, evaluated last */
+    real *matrix_before, *pivots_before, *predicted; /* at the present pose; pivots at the predicted pose */
+    real *mean;
+    ptrdiff_t *swaps, *spare;
 };
 
 struct kinematic_lanes_api;

@@ -37,6 +37,10 @@ _ACCEPT, _RANK = 256 * _EPS, 1e-7
 _NEWTON, _HALVINGS = 12, 40
 #: Largest angle between tangents of one step [rad], and the longest step over the size of the linkage.
 _TURN, LONGEST, _FIRST = 0.15, 0.25, 0.02
+#: Largest factor by which the determinant of the slope changes in a step.
+_CHANGE = 4.0
+#: Soundness below which branches count as crossing, and the least step there, from one side to the other.
+_CROSSED, _ACROSS = 10 * _RANK, 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +84,7 @@ class Curve(Generic[Held]):
     def point(self, x: Array, like: Array | None = None) -> CurvePoint:
         """Return the point at x with its tangent: on the side of ``like``, or towards growing t."""
         n = len(x) - 1
-        _, values, right = np.linalg.svd(self.slope(x))
+        values, right = np.linalg.svd(self.slope(x))[1:]
         rank = int(np.count_nonzero(values[:n] > _RANK * values[0]))
         like = np.append(np.zeros(n), 1.0) if like is None else like
         kernel = right[rank:]
@@ -157,6 +161,8 @@ class Curve(Generic[Held]):
         while len(points) < most:
             last = points[-1]
             step = min(step, LONGEST, longest / max(abs(last.speed), 1e-3))
+            if last.soundness < _CROSSED:
+                step = max(step, _ACROSS)
             new = self._step(last, step)
             if new is None:
                 step /= 2
@@ -186,7 +192,21 @@ class Curve(Generic[Held]):
         if corrected is None:
             return None
         new = self.point(corrected, last.tangent)
-        return new if new.tangent @ last.tangent >= np.cos(_TURN) else None
+        if new.tangent @ last.tangent < np.cos(_TURN):
+            return None
+        return new if last.soundness < _CROSSED or self._same_branch(last.x, new.x) else None
+
+    def _same_branch(self, x: Array, to: Array) -> bool:
+        """Return whether the slope stays regular from one point to another, across the tangent of the first.
+
+        Its determinant changes little up to the second point, and halfway. Between two branches the slope is
+        singular halfway, exactly so where Phi is quadratic.
+        """
+        n = len(x) - 1
+        left, values, right = np.linalg.svd(self.slope(x))
+        change = left[:, :n].T @ self.slope(to) @ (right[:n].T / values[:n])
+        end, middle = np.linalg.det(change), np.linalg.det((np.eye(n) + change) / 2)
+        return bool(1 / _CHANGE <= end <= _CHANGE and middle >= min(1.0, end) / 2)
 
     def fold(self, a: CurvePoint, b: CurvePoint) -> CurvePoint:
         """Return the limit point between a and b, where the tangent's t-component changes its sign."""
