@@ -86,16 +86,34 @@ def _gauss(name: str, stages: int) -> BeamMethod:
     polynomial of a degree below the number of stages, up to a node and over the step.
     """
     nodes, weights = np.polynomial.legendre.leggauss(stages)
-    c, powers = (nodes + 1) / 2, np.arange(1, stages + 1)
+    c = (nodes + 1) / 2
+    return BeamMethod(name, 2 * stages, _integrals(c), weights / 2, np.array(c), collocated=True)
+
+
+def _radau(name: str, stages: int) -> BeamMethod:
+    """Return collocation at the nodes of Radau's quadrature with the end of the step.
+
+    E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, IV.5: of order 2 s - 1, and stiffly
+    accurate, so that vibrations much faster than the steps decay in each of them.
+    """
+    last, before = ([0.0] * k + [1.0] for k in (stages, stages - 1))
+    nodes = np.sort(np.polynomial.legendre.legroots(np.subtract(last, [*before, 0.0])).real)
+    c = np.append((nodes[:-1] + 1) / 2, 1.0)
+    a = _integrals(c)
+    return BeamMethod(name, 2 * stages - 1, a, a[-1].copy(), c, collocated=True)
+
+
+def _integrals(c: Array) -> Array:
+    """Return the integrals up to each node of the polynomials that are one at one node and zero at others."""
+    powers = np.arange(1, len(c) + 1)
     up_to = c[:, None] ** powers / powers
-    a = np.linalg.solve((c[:, None] ** (powers - 1)).T, up_to.T).T
-    return BeamMethod(
-        name, 2 * stages, np.array(a, float, order="C"), weights / 2, np.array(c), collocated=True
-    )
+    return np.array(np.linalg.solve((c[:, None] ** (powers - 1)).T, up_to.T).T, float, order="C")
 
 
 #: Of a high order, since a linkage vibrates much faster than its crank revolves.
 GAUSS = _gauss("gauss", 6)
+#: Of shooting: fast vibrations, which steps do not resolve, have no part in the motion of slow ones.
+RADAU = _radau("radau", 6)
 #: Of elements in large rotation.
 GAUSS8 = _gauss("gauss8", 4)
 _METHODS = (

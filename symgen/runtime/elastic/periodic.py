@@ -14,7 +14,8 @@ import numpy as np
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.methods import GAUSS
+from symgen.runtime.beams.methods import GAUSS, RADAU
+from symgen.runtime.elastic.floquet import HeldModes, by_size, held_modes
 from symgen.runtime.elastic.jumps import check_repeats
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import FINER, SAFETY, Counts, Errors, Solution, known, next_factor
@@ -72,13 +73,14 @@ def periodic(
         check_repeats(motion, equations)
     free = motion.layout.unknowns - motion.layout.constraints
     per_turn = first_steps(motion, task, _FIRST)
-    worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
-    compare = partial(_compared, motion, times, slowest)
+    worth = _WORTH / (2 * free + 1) ** 2
+    held = held_modes(motion, task.form == "thesis")
+    compare = partial(_compared, motion, times)
 
     def whole(shot: _Shot) -> list[Solution]:
         return _followed(motion, equations, times, [shot], [step_counts(motion, times, shot.per_turn)], pace)
 
-    shot = _shot(motion, equations, per_turn, pace)
+    shot = _shot(motion, equations, per_turn, pace, held)
     if task.steps is not None:
         passes += whole(shot)
 
@@ -86,7 +88,9 @@ def periodic(
         def errors() -> tuple[float, float | None]:
             # Each pose is found from the one before: equations of its own give the same bits at any time.
             alone, clock = motion.equations(task.form == "thesis", stepping=True), Pace(0.0, motion.period)
-            return compare(alone, shot, _shot(motion, alone, math.ceil(FINER * per_turn), clock), clock)[1:]
+            return compare(
+                alone, shot, _shot(motion, alone, math.ceil(FINER * per_turn), clock, held), clock
+            )[1:]
 
         if wall_left() is not None:
             errors()
@@ -94,13 +98,14 @@ def periodic(
     # While more steps are needed, as a rule, the second run has twice as many and is the next to be compared.
     ratio, more, before, closed = 2.0, 1.0, 0.0, False
     while True:
-        other = _shot(motion, equations, math.ceil(ratio * per_turn), pace)
+        other = _shot(motion, equations, math.ceil(ratio * per_turn), pace, held)
         if wall_left() is not None:
             passes += whole(shot)
         result, error, shift = compare(equations, shot, other, pace)
-        apart = math.inf if shift is None else shift / abs(shot.multipliers[0])
+        largest = max(abs(shot.multipliers[0]), np.finfo(float).tiny)
+        apart = math.inf if shift is None else shift / largest
         sure = apart <= FLOQUET_SETTLED
-        settled = apart <= _CLOSE or (sure and closed) or max(2 * per_turn, slowest) > worth
+        settled = apart <= _CLOSE or (sure and closed) or 2 * per_turn > worth
         if error <= task.rtol and settled:
             passes[:] = [result] if result else whole(shot)
             return replace(passes[0], errors=known(error, shift))
@@ -115,7 +120,7 @@ def periodic(
         if more <= ratio:
             shot, more = other, ratio
         else:
-            shot = _shot(motion, equations, math.ceil(more * per_turn), pace)
+            shot = _shot(motion, equations, math.ceil(more * per_turn), pace, held)
         fallen = more ** (-GAUSS.order / 2)
         last = error * fallen <= task.rtol and (closed or apart * fallen <= FLOQUET_SETTLED)
         per_turn, ratio = shot.per_turn, FINER if last else 2.0
@@ -124,7 +129,6 @@ def periodic(
 def _compared(
     motion: ElasticMotion,
     times: Array,
-    slowest: float,
     equations: _beams.BeamEquations,
     shot: _Shot,
     other: _Shot,
@@ -132,8 +136,7 @@ def _compared(
 ) -> tuple[Solution | None, float, float | None]:
     """Return the steady state of a shot, its error by another, and that of its largest multiplier.
 
-    The first is None where a few of the times are compared; ``slowest`` are the steps per revolution that
-    resolve a vibration.
+    The first is None where a few of the times are compared.
     """
     every = 1 if len(motion.jumps) else len(times) // max(shot.per_turn, _COMPARED)
     at = times[::every] if every > 1 else times
@@ -141,9 +144,8 @@ def _compared(
     counts = [step_counts(motion, at, (x if at is times else shot).per_turn) for x in (shot, other)]
     result, finer = _followed(motion, equations, at, [shot, other], counts, pace)
     parts = Errors(motion, equations, at, GAUSS.order).of(result.displacements, finer.displacements)
-    # Steps longer than half a vibration turn all multipliers to one, and agree on it.
     sizes = abs(shot.multipliers[0]), abs(other.multipliers[0])
-    shift = SAFETY * abs(sizes[1] - sizes[0]) if shot.per_turn >= slowest else None
+    shift = None if shot.error is None else SAFETY * abs(sizes[1] - sizes[0]) + shot.error
     return result if at is times else None, float(np.max(parts)), shift
 
 
@@ -180,13 +182,15 @@ class _Shot:
 
     ``phase`` is absent where the rotation of the shaft is prescribed. A motor leaves the phase of the crank
     open: of the displacements along that, ``phase`` (S, S') at time zero with the multiplier ``unit``, near
-    one, the loads add ``lag`` times in a revolution, which is a small change of the period.
+    one, the loads add ``lag`` times in a revolution, which is a small change of the period. ``error`` is that
+    of the multipliers of fast vibrations, None where some are not resolved.
     """
 
     start: tuple[Array, Array]
     multipliers: tuple[complex, ...]
     per_turn: int
     steps: int
+    error: float | None = 0.0
     phase: tuple[Array, Array] | None = None
     unit: float = 1.0
     lag: float = 0.0
@@ -228,30 +232,42 @@ def _followed(
     return results
 
 
-def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int, pace: Pace) -> _Shot:
+def _shot(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    per_turn: int,
+    pace: Pace,
+    held: HeldModes | None = None,
+) -> _Shot:
     """Step all states over one revolution, and solve for the periodic state."""
     status, *_, basis = equations.matrices(0.0)
     motion.check(equations, status, 0.0)
     n = motion.layout.unknowns
     columns = np.array([np.eye(n), np.zeros((n, n)), np.zeros((n, n))]) if basis is None else basis
     free = columns.shape[2]
-    s = np.hstack([np.zeros((n, 1)), columns[0], np.zeros((n, free))])
-    v = np.hstack([np.zeros((n, 1)), columns[1], columns[0]])
-    steps = _beams.BeamSteps(equations, GAUSS, 2 * free + 1)
+    # Columns of modes, each of the size of its own frequency: slow ones keep their digits.
+    shapes, sizes = (held.shapes, held.frequencies) if held else (np.eye(free), np.ones(free))
+    s = np.hstack([np.zeros((n, 1)), columns[0] @ shapes / sizes, np.zeros((n, free))])
+    v = np.hstack([np.zeros((n, 1)), columns[1] @ shapes / sizes, columns[0] @ shapes])
+    steps = _beams.BeamSteps(equations, RADAU, 2 * free + 1)
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     _turn(motion, equations, steps, step_counts(motion, _ends(motion), per_turn), pace)
     ends_s, ends_v = steps.displacements, steps.rates
     # The free unknowns are those that R copies: one row of R is a unit row for each.
     rows = [int(np.flatnonzero(np.all(columns[0] == np.eye(free)[k], axis=1))[0]) for k in range(free)]
-    end = np.vstack([ends_s[rows], ends_v[rows]])
+    end = np.vstack(
+        [sizes[:, None] * np.linalg.solve(shapes, ends_s[rows]), np.linalg.solve(shapes, ends_v[rows])]
+    )
     if not np.all(np.isfinite(end)):
         raise SimulationError(f"{motion.rigid.name}: the motion grows without bound within one revolution")
     transition, forced = end[:, 1:], end[:, 0]
 
     def state(y: Array) -> tuple[Array, Array]:
-        p, pv = y[:free], y[free:]
+        p, pv = shapes @ (y[:free] / sizes), shapes @ y[free:]
         return (columns[0] @ p)[:, None], (columns[1] @ p + columns[0] @ pv)[:, None]
 
+    raw = np.linalg.eigvals(transition)
+    multipliers, error = held.multipliers(transition, per_turn) if held else (raw, None)
     open_phase = _open_phase(transition) if motion.has_motor else None
     if open_phase is not None:
         unit, right, left = open_phase
@@ -259,21 +275,16 @@ def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int,
         forced = forced - lag * right
         # The phase keeps its place in the sums, far from one, and has no part in the state.
         transition = transition - unit * np.outer(right, left)
-    multipliers = np.linalg.eigvals(transition)
-    multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
-    if open_phase is not None:
-        multipliers = multipliers[:-1]
-    if np.min(np.abs(multipliers - 1.0)) <= _RESONANT * max(1.0, abs(multipliers[0])):
+        raw, multipliers = (np.delete(z, np.argmin(np.abs(z - unit))) for z in (raw, multipliers))
+    if np.min(np.abs(raw - 1.0)) <= _RESONANT * max(1.0, np.max(np.abs(raw))):
         raise SimulationError(
             f"{motion.rigid.name}: no unique steady state: a free vibration repeats itself after each "
             "revolution, so that loads amplify it without bound, or leave its amplitude undetermined\n"
             "  Change the speed, or give the links damping: elastic.damping."
         )
     y = np.asarray(np.linalg.solve(np.eye(2 * free) - transition, forced), dtype=float)
-    eigenvalues = tuple(complex(z) for z in multipliers)
-    if open_phase is None:
-        return _Shot(state(y), eigenvalues, per_turn, steps.steps)
-    return _Shot(state(y), eigenvalues, per_turn, steps.steps, state(right), unit, lag)
+    shot = _Shot(state(y), by_size(multipliers), per_turn, steps.steps, error)
+    return shot if open_phase is None else replace(shot, phase=state(right), unit=unit, lag=lag)
 
 
 def _open_phase(transition: Array) -> tuple[float, Array, Array] | None:
