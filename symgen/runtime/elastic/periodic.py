@@ -37,6 +37,8 @@ _OPEN = 0.2
 _RESONANT = 1e-9
 #: Estimated error of the largest multiplier, over it, for which steps are added once.
 _CLOSE = 1e-6
+#: The least multiplier that errors are compared with.
+_NONE = 1e-300
 #: The most steps times squared states that are spent on the largest multiplier alone: vibrations too fast to
 #: show in a strain have multipliers too.
 _WORTH = 1 << 23
@@ -102,8 +104,7 @@ def periodic(
         if wall_left() is not None:
             passes += whole(shot)
         result, error, shift = compare(equations, shot, other, pace)
-        largest = max(abs(shot.multipliers[0]), np.finfo(float).tiny)
-        apart = math.inf if shift is None else shift / largest
+        apart = math.inf if shift is None else shift / max(abs(shot.multipliers[0]), _NONE)
         sure = apart <= FLOQUET_SETTLED
         settled = apart <= _CLOSE or (sure and closed) or 2 * per_turn > worth
         if error <= task.rtol and settled:
