@@ -28,6 +28,10 @@ Numbers = NDArray[np.complex128]
 _POSES, _NEARBY = 16, 1e-5
 #: Steps that resolve a vibration, and vibrations per revolution from which they are fast.
 _STEPS, _FAST = 3.0, 20.0
+#: How near to one the multiplier of the phase of a crank with a motor is, but for the elastic deflections.
+_OPEN = 0.2
+#: How near to one, over the largest, a multiplier leaves the steady state undetermined.
+RESONANT = 1e-9
 #: Largest exponent of a multiplier that is shown.
 _MOST = 700.0
 
@@ -85,6 +89,21 @@ class HeldModes:
 def by_size(multipliers: Numbers) -> tuple[complex, ...]:
     """Return multipliers, the largest first."""
     return tuple(map(complex, multipliers[np.argsort(-np.abs(multipliers), kind="stable")]))
+
+
+def open_phase_of(transition: Array) -> tuple[float, Array, Array] | None:
+    """Return the real multiplier nearest to one, and its right and left vectors with the product one."""
+    from scipy.linalg import eig
+
+    values, left, right = eig(transition, left=True, right=True)
+    real = np.flatnonzero(values.imag == 0.0)
+    if not len(real):
+        return None
+    k = int(real[np.argmin(np.abs(values[real].real - 1.0))])
+    r, x = np.array(right[:, k].real), np.array(left[:, k].real)
+    if abs(values[k].real - 1.0) > _OPEN or abs(x @ r) < RESONANT:
+        return None
+    return float(values[k].real), r, x / (x @ r)
 
 
 def held_modes(motion: ElasticMotion, thesis: bool) -> HeldModes | None:

@@ -15,7 +15,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS, RADAU
-from symgen.runtime.elastic.floquet import HeldModes, by_size, held_modes
+from symgen.runtime.elastic.floquet import RESONANT, HeldModes, by_size, held_modes, open_phase_of
 from symgen.runtime.elastic.jumps import check_repeats
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import FINER, SAFETY, Counts, Errors, Solution, known, next_factor
@@ -31,10 +31,6 @@ _FIRST, _MOST = 64, 1 << 16
 _COMPARED = 60
 #: The most unknowns for which all states of one revolution are stepped together.
 _SHOOTING = 400
-#: How near to one the multiplier of the phase of a crank with a motor is, but for the elastic deflections.
-_OPEN = 0.2
-#: How near to one, over the largest, a multiplier leaves the steady state undetermined.
-_RESONANT = 1e-9
 #: Estimated error of the largest multiplier, over it, for which steps are added once.
 _CLOSE = 1e-6
 #: The least multiplier that errors are compared with.
@@ -269,7 +265,7 @@ def _shot(
 
     raw = np.linalg.eigvals(transition)
     multipliers, error = held.multipliers(transition, per_turn) if held else (raw, None)
-    open_phase = _open_phase(transition) if motion.has_motor else None
+    open_phase = open_phase_of(transition) if motion.has_motor else None
     if open_phase is not None:
         unit, right, left = open_phase
         lag = float(left @ forced)
@@ -277,7 +273,7 @@ def _shot(
         # The phase keeps its place in the sums, far from one, and has no part in the state.
         transition = transition - unit * np.outer(right, left)
         raw, multipliers = (np.delete(z, np.argmin(np.abs(z - unit))) for z in (raw, multipliers))
-    if np.min(np.abs(raw - 1.0)) <= _RESONANT * max(1.0, np.max(np.abs(raw))):
+    if np.min(np.abs(raw - 1.0)) <= RESONANT * max(1.0, np.max(np.abs(raw))):
         raise SimulationError(
             f"{motion.rigid.name}: no unique steady state: a free vibration repeats itself after each "
             "revolution, so that loads amplify it without bound, or leave its amplitude undetermined\n"
@@ -286,21 +282,6 @@ def _shot(
     y = np.asarray(np.linalg.solve(np.eye(2 * free) - transition, forced), dtype=float)
     shot = _Shot(state(y), by_size(multipliers), per_turn, steps.steps, error)
     return shot if open_phase is None else replace(shot, phase=state(right), unit=unit, lag=lag)
-
-
-def _open_phase(transition: Array) -> tuple[float, Array, Array] | None:
-    """Return the real multiplier nearest to one, and its right and left vectors with the product one."""
-    from scipy.linalg import eig
-
-    values, left, right = eig(transition, left=True, right=True)
-    real = np.flatnonzero(values.imag == 0.0)
-    if not len(real):
-        return None
-    k = int(real[np.argmin(np.abs(values[real].real - 1.0))])
-    r, x = np.array(right[:, k].real), np.array(left[:, k].real)
-    if abs(values[k].real - 1.0) > _OPEN or abs(x @ r) < _RESONANT:
-        return None
-    return float(values[k].real), r, x / (x @ r)
 
 
 def _ends(motion: ElasticMotion) -> Array:
