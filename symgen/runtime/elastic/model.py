@@ -320,7 +320,7 @@ class ElasticModel(ModelOfRigid):
         max_wall: float | None = None,
         progress: Progress | None = None,
     ) -> SpeedResponse:
-        from symgen.runtime.elastic.periodic import speed_response
+        from symgen.runtime.elastic.steady.periodic import speed_response
 
         self._refuse_types("speed responses are")
         with limited(max_wall):

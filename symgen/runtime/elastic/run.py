@@ -29,8 +29,8 @@ from symgen.runtime.elastic.jumps import explicit, jump_times, with_error
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Once, Solution, coordinate_of, outputs, recovered, selected
-from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import held, initial
+from symgen.runtime.elastic.steady.periodic import again, periodic
 from symgen.runtime.elastic.steps import Task, adapted, first_steps, recorded_times, step_counts, stepped
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.pace import (

@@ -15,10 +15,10 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS, RADAU
-from symgen.runtime.elastic.floquet import RESONANT, HeldModes, by_size, held_modes, open_phase_of
 from symgen.runtime.elastic.jumps import check_repeats
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import FINER, SAFETY, Counts, Errors, Solution, known, next_factor
+from symgen.runtime.elastic.steady.floquet import RESONANT, HeldModes, by_size, held_modes, open_phase_of
 from symgen.runtime.elastic.steps import Task, first_steps, step_counts, stepped
 from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, is_spent, wall_left
 from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond_linear_theory

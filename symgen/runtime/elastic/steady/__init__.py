@@ -1,0 +1,1 @@
+"""Steady states of elastic linkages: shooting over a revolution, Floquet multipliers."""
