@@ -42,6 +42,16 @@ class JointForces:
         """
         if link in self.model.idle and all(beam.link != link for beam in self.model.linkage.elastic):
             raise SceneError(f"{link} lies between two ground points: the forces on it are not determined")
+        shared = any((k.name, p.name) == (link, point) for k, p in self.model.shared)
+        if shared and not any((row.link, row.point) == (link, point) for row in self.model.joints):
+            raise SceneError(
+                f"{link} is held without {point}: the force there is not determined",
+                hint="Its other joints hold it: record their forces.",
+            )
+        return self._on(link, point)
+
+    def _on(self, link: str, point: str) -> Vector:
+        """Return the same, zero at a joint that nothing depends on."""
         if (link, point) not in self._joint_forces:
             self._joint_forces[link, point] = self._force(self._parts[link], point)
         return self._joint_forces[link, point]
@@ -52,22 +62,22 @@ class JointForces:
             return _sum([self._on_base(part, p), self.evened(part, p)])
         if p in model.carrier and model.carrier[p][0] == part:
             others = [k for k in model.parts if k != part and k.name not in model.idle]
-            there = [self.on(k.name, p) for k in others if p in (*k.base, *(c.name for c in k.carried))]
+            there = [self._on(k.name, p) for k in others if p in (*k.base, *(c.name for c in k.carried))]
             return _sum([_on_point(model, p), *(_times(-1, x) for x in there)])
-        rows = [f"{part.name}_{p}_{axis}" for axis in model.axes]
-        if any(row not in model.multipliers for row in rows):
-            raise SceneError(f"{part.name} is held without {p}: the force there is not determined")
-        force = tuple(model.multipliers[row].symbol for row in rows)
+        rows = [row for row in model.joints if (row.link, row.point) == (part.name, p)]
+        forces = [_times(model.multipliers[row.constraint.name].symbol, row.direction) for row in rows]
         masses = (
             [m for c, m in model.joint_masses(part) if c.name == p] if isinstance(part, RigidLink) else []
         )
-        return _sum([force, *(_times(mass, model.acceleration(p)) for mass in masses)])
+        return _sum(
+            [(ZERO,) * len(model.axes), *forces, *(_times(mass, model.acceleration(p)) for mass in masses)]
+        )
 
     def _on_base(self, part: Part, p: str) -> Vector:
         """Return the force on a link at a base point, from its own equations."""
         if part.name not in self._part_forces:
             self._part_forces[part.name] = _forces_on_part(self.model, part)
-        carried = [_share(part, c, p, self.on(part.name, c.name)) for c in part.carried]
+        carried = [_share(part, c, p, self._on(part.name, c.name)) for c in part.carried]
         return _sum([self._part_forces[part.name][p], *(_times(-1, x) for x in carried)])
 
     def evened(self, part: Part, p: str) -> Vector:

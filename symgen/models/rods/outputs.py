@@ -34,6 +34,8 @@ def _tension(model: RodsModel, name: str) -> Entries:
         body = name not in model.idle
         reason = "is a body in space" if body else "lies between two ground points"
         raise SceneError(f"{name} {reason}: its tension is not determined")
+    if name in model.implied:
+        raise SceneError(f"{name} lies between points of one body: its tension is not determined")
     return (
         [model.multipliers[name].symbol * rod.length],
         "N",

@@ -103,11 +103,45 @@ class Points:
     @cached_property
     def tree(self) -> Tree:
         """Spanning tree from the ground, and the links that close loops."""
-        ends = {k.name: (k.start, k.end) for k in self.rods}
+        ends = {k.name: (k.start, k.end) for k in self.rods if k.name not in self.implied}
         bars = {bar_name(k, b.start, b.end): (b.start, b.end) for k in self.linkage.bodies for b in k.bars}
         bodies = {bar_name(k, b.start, b.end): k.name for k in self.linkage.bodies for b in k.bars}
         supports = {p: self.supports(p) for p in self.carrier}
         return spanning_tree(self.ground, self.free, {**ends, **bars}, supports, bodies)
+
+    @cached_property
+    def implied(self) -> frozenset[str]:
+        """Rods between points of a body in space, which keeps their length without their help."""
+        of_bodies = [set(_names(body)) for body in self.linkage.bodies]
+        bases = [set(body.base) for body in self.linkage.bodies]
+        return frozenset(
+            k.name
+            for k in self.rods
+            if k.as_drawn
+            and any(points.issuperset(k.base) for points in of_bodies)
+            and not any(base.issuperset(k.base) for base in bases)
+        )
+
+    def common_points(self, joint: int) -> tuple[str, ...]:
+        """Return the points in which the link of a shared joint meets another component of that joint."""
+        link, point = self.shared[joint]
+        if self.linkage.elastic or not _keeps_shape(link):
+            return ()
+        pending = {(k.name, p.name) for k, p in self.shared[joint:]}
+        shift = self._shift(point.name)
+        ground = [p for p in self.ground if self._shift(p) == shift]
+        others = [("", ground), *((k.name, _names(k)) for k in self.parts if k != link and _keeps_shape(k))]
+        found: list[tuple[str, ...]] = [()]
+        for name, points in others:
+            if point.name in points and (name, point.name) not in pending:
+                joined = [p for p in points if (name, p) not in pending and (link.name, p) not in pending]
+                found.append(tuple(p for p in _names(link) if p in joined and p != point.name))
+        return max(found, key=len)
+
+    def _shift(self, point: str) -> Vector:
+        """Return the motion of a point from where it is drawn, which ground points have [m]."""
+        placed = self.linkage.point(point)
+        return tuple(a - b for a, b in zip(placed.motion, placed.at, strict=True))
 
     @cached_property
     def along(self) -> dict[str, Vector]:
@@ -207,6 +241,15 @@ class Points:
 def bar_name(body: SpatialBody, start: str, end: str) -> str:
     """Return the name of the row that keeps two base points of a body apart."""
     return f"{body.name}_{start}_{end}"
+
+
+def _names(part: Part) -> tuple[str, ...]:
+    """Return the points of a link."""
+    return (*part.base, *(c.name for c in part.carried))
+
+
+def _keeps_shape(part: Part) -> bool:
+    return not isinstance(part, RigidLink) or part.as_drawn
 
 
 def _carriers(

@@ -109,11 +109,8 @@ def with_ground(model: RodsModel, definitions: Iterable[Definition]) -> tuple[De
     return tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in definitions)
 
 
-#: Exponents of the pivots that rounding may leave: of one that should vanish for an instant, and of one that
-#: should always vanish, near the instants at which others do too.
-_ROUNDING, _REDUNDANT = 13, 9
-#: The least rank tolerance of a linkage with redundant constraints.
-OF_REDUNDANCY = float(f"1e-{_REDUNDANT}")
+#: Exponent of the pivot that rounding may leave.
+_ROUNDING = 13
 #: The least margin between an assembly error and a lost singular value.
 _MARGIN = 10
 
@@ -125,7 +122,7 @@ def _rank_tolerance(linkage: Linkage) -> str:
         return f"1e-{_ROUNDING}"
     drawn = [[float(linkage.number(c)) for c in p.at] for p in linkage.points]
     size = max(max(axis) - min(axis) for axis in zip(*drawn, strict=True))
-    return f"1e-{max(1, min(_REDUNDANT, math.floor(-2 * math.log10(_MARGIN * tolerance / size))))}"
+    return f"1e-{max(1, min(_ROUNDING, math.floor(-2 * math.log10(_MARGIN * tolerance / size))))}"
 
 
 def _equations(model: RodsModel) -> list[NamedMatrix]:

@@ -155,7 +155,9 @@ class Description(Described):
 
     ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` if a spatial scene moves
     in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
-    ``steady`` are ground points and constraints of drives whose velocity does not depend on the time.
+    ``steady`` are ground points and constraints of drives whose velocity does not depend on the time,
+    ``prescribed`` are the constraints of angles and lengths that depend on it; ``ground_moves``: a ground
+    point does.
     ``inputs`` are the parameters that are external signals, the last of the tunable ones. ``kinematic``: the
     model has no dynamics. ``remarks`` are notes on the scene for results. ``lugs`` are the rigid joints of
     points off the line of elastic links, with their points on the line ("" if the scene names them).
@@ -186,6 +188,8 @@ class Description(Described):
     switches: tuple[str, ...] = ()
     pulses: tuple[int, ...] = ()
     steady: tuple[str, ...] = ()
+    prescribed: tuple[int, ...] = ()
+    ground_moves: bool = False
     remarks: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     lugs: dict[str, str] = field(default_factory=dict)
@@ -242,6 +246,11 @@ class Description(Described):
     def drives(self) -> tuple[int, ...]:
         """Numbers of the constraints that drive a link."""
         return tuple(i for i, label in enumerate(self.labels) if label.startswith("the drive"))
+
+    @property
+    def edges(self) -> tuple[int, ...]:
+        """Numbers of the constraints that keep the shape of a body."""
+        return tuple(i for i, label in enumerate(self.labels) if label.startswith("the shape of link "))
 
     def place(self, constraint: int) -> str:
         """Return the key of the scene that makes a constraint."""
