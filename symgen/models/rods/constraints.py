@@ -69,7 +69,7 @@ def _lengths(model: Points) -> Iterator[Constraint]:
 def _shapes(model: Points) -> Iterator[Constraint]:
     """(d.d - l^2)/2 between the base points of a body in space."""
     for body in model.linkage.bodies:
-        for bar in body.bars:
+        for bar in model.bars[body.name]:
             start, end = (model.position(p) for p in (bar.start, bar.end))
             name, label = bar_name(body, bar.start, bar.end), f"the shape of link {body.name}"
             along = vector_between(model.calculus, name, start, end, model.axes)
@@ -92,12 +92,10 @@ def joint_rows(model: Points) -> Iterator[JointRow]:
     The directions n are the axes. In space, where the link has more points in common with the other
     component, they are those that these leave free: none of the rows then follows from the others.
     """
-    free = {q.symbol for q in model.coordinates}
     for number, (link, point) in enumerate(model.shared):
         carried = model.carried_position(link, point)
         gap = tuple(a - b for a, b in zip(model.position(point.name), carried, strict=True))
-        # Of ground points, or zero in every pose: the row constrains no moving point.
-        gap = tuple(c if free & model.calculus.gradient(c).keys() else ZERO for c in gap)
+        gap = tuple(c if model.varies(c) else ZERO for c in gap)
         label = f"the joint {point.name} of link {link.name}"
         if model.linkage.point(point.name).hidden:
             label = f"a rigid joint of link {link.name}"

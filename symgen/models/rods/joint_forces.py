@@ -119,7 +119,7 @@ def _of_body(model: ConstrainedPoints, body: SpatialBody) -> Forces:
     for row, point, weight in zip(body.masses, body.base, body.centre, strict=True):
         yield point, _sum([_times(m, a) for m, a in zip(row, accelerations, strict=True)])
         yield point, _times(-body.mass * weight, model.linkage.gravity)
-    for bar in body.bars:
+    for bar in model.bars[body.name]:
         name = bar_name(body, bar.start, bar.end)
         ends = (model.position(p) for p in (bar.start, bar.end))
         pull = _times(model.multipliers[name].symbol, tuple(b - a for a, b in zip(*ends, strict=True)))

@@ -12,13 +12,15 @@ from symgen.mechanics.rods import loads
 from symgen.mechanics.rods.hinge import HingeFrame, hinge_frame
 from symgen.mechanics.rods.particles import Vector, end_mass, joint_mass
 from symgen.mechanics.rods.topology import Tree, spanning_tree
-from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
+from symgen.scene.rods.linkage import TIME, Bar, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO, Calculus
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.vectors import cross_in_plane
 
 Part = RigidLink | SpatialBody
 Place = CarriedPoint | WeightedPoint
+#: Slopes below which vectors between points are constant: round-off of the drawing.
+_DRAWN = 1e-9
 
 
 class Points:
@@ -104,10 +106,32 @@ class Points:
     def tree(self) -> Tree:
         """Spanning tree from the ground, and the links that close loops."""
         ends = {k.name: (k.start, k.end) for k in self.rods if k.name not in self.implied}
-        bars = {bar_name(k, b.start, b.end): (b.start, b.end) for k in self.linkage.bodies for b in k.bars}
-        bodies = {bar_name(k, b.start, b.end): k.name for k in self.linkage.bodies for b in k.bars}
+        held = [(k, b) for k in self.linkage.bodies for b in self.bars[k.name]]
+        bars = {bar_name(k, b.start, b.end): (b.start, b.end) for k, b in held}
+        bodies = {bar_name(k, b.start, b.end): k.name for k, b in held}
         supports = {p: self.supports(p) for p in self.carrier}
         return spanning_tree(self.ground, self.free, {**ends, **bars}, supports, bodies)
+
+    def varies(self, component: sp.Expr) -> bool:
+        """Return whether an expression depends on coordinates by more than the digits of the drawing."""
+        slopes = self.calculus.gradient(component)
+        free = (slopes[x.symbol] for x in self.coordinates if x.symbol in slopes)
+        return any(not (k.is_number and abs(k) < _DRAWN) for k in free)
+
+    @cached_property
+    def bars(self) -> dict[str, tuple[Bar, ...]]:
+        """The distances that each body in space keeps, without those that its neighbours keep."""
+        return {
+            body.name: tuple(
+                bar
+                for bar in body.bars
+                if any(
+                    self.varies(b - a)
+                    for a, b in zip(self.position(bar.start), self.position(bar.end), strict=True)
+                )
+            )
+            for body in self.linkage.bodies
+        }
 
     @cached_property
     def implied(self) -> frozenset[str]:

@@ -123,8 +123,9 @@ def _dependent(evaluator: Evaluator, t: float, q: Array, dropped: tuple[int, ...
     """Return how many constraints, without the dropped ones, depend on the others at a pose."""
     jacobian = np.delete(_scaled_jacobian(evaluator, t, q)[0], dropped, axis=0)
     norms = np.linalg.norm(jacobian, axis=1, keepdims=True)
-    values = np.linalg.svd(jacobian / np.where(norms > 0, norms, 1.0), compute_uv=False)
-    return len(jacobian) - int(np.sum(values > _negligible(evaluator, q) * max(values, default=1.0)))
+    least = _negligible(evaluator, q)
+    values = np.linalg.svd(jacobian / np.where(norms > least, norms, 1.0), compute_uv=False)
+    return len(jacobian) - int(np.sum(values > least * max(values, default=1.0)))
 
 
 def _neighbours(evaluator: Evaluator, q: Array, driven: list[int]) -> list[tuple[float, Array]] | None:
