@@ -264,7 +264,7 @@ def _constrained_components(model: Points, start: str, end: str) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class AngleRow:
-    """A row on directions of links, with its derivatives by the vectors along them."""
+    """A row on directions of links, with its derivatives by the vectors along them, or the arms of bodies."""
 
     constraint: Constraint
     by_along: dict[str, Vector]
@@ -272,16 +272,15 @@ class AngleRow:
 
 def turning_rows(model: Points) -> Iterator[AngleRow]:
     """n.d = 0 with n across the prescribed direction of a link; a.d = a.d0 of a revolute joint in space."""
-    for hinge in model.linkage.hinges:
+    rods = [hinge for hinge in model.linkage.hinges if model.linkage.body(hinge.link) is None]
+    for hinge in rods:  # a body has two points on its axis
         hinge_frame, label = model.hinges[hinge.link], f"the revolute joint of {hinge.link} at {hinge.point}"
         row = Constraint(f"{hinge.link}_hinge", label, hinge_frame.error(model.along[hinge.link]), ONE, "m")
         yield AngleRow(row, {hinge.link: hinge_frame.axis})
     for driver in model.linkage.drivers:
         name, frame = driver.link, model.hinges.get(driver.link)
         across = frame.tangent(driver.angle) if frame else (-sp.sin(driver.angle), sp.cos(driver.angle))
-        row = Constraint(
-            f"{name}_drive", f"the drive of link {name}", dot(across, model.along[name]), ONE, "m"
-        )
+        row = Constraint(f"{name}_drive", f"the drive of link {name}", dot(across, model.arm(name)), ONE, "m")
         yield AngleRow(row, {name: across})
 
 

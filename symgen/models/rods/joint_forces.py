@@ -81,7 +81,7 @@ class JointForces:
         return _sum([self._part_forces[part.name][p], *(_times(-1, x) for x in carried)])
 
     def evened(self, part: Part, p: str) -> Vector:
-        """Return the correction of a force at a base point to the minimum norm.
+        """Return the correction of a force at a base point to the minimum norm, or to that of an axis.
 
         For a body in space that is held at two ground points only the sum of the forces along their line is
         determined. Without the correction, the order of its base points would decide their parts.
@@ -90,6 +90,8 @@ class JointForces:
         if not isinstance(part, SpatialBody) or p not in grounded or len(grounded) != 2:
             return (ZERO,) * len(self.model.axes)
         other = grounded[1 - grounded.index(p)]
+        if self.model.linkage.point(other).hidden:  # both are one joint
+            return self._on_base(part, other)
         line = _sum([self.model.position(other), _times(-1, self.model.position(p))])
         less = _sum([self._on_base(part, other), _times(-1, self._on_base(part, p))])
         return _times(dot(line, less) / (2 * dot(line, line)), line)
@@ -125,6 +127,11 @@ def _of_body(model: ConstrainedPoints, body: SpatialBody) -> Forces:
         pull = _times(model.multipliers[name].symbol, tuple(b - a for a, b in zip(*ends, strict=True)))
         yield bar.end, pull
         yield bar.start, _times(-1, pull)
+    for row in model.turned:
+        if body.name in row.by_along:
+            force = _times(model.multipliers[row.constraint.name].symbol, row.by_along[body.name])
+            for end, share in model.arm_ends(body.name).items():
+                yield end, _times(share, force)
     for _, torque in model.loads.couples(body.name):
         for point, (_, force) in zip(
             body.base[1:], model.loads.couple_in_space(body.name, torque), strict=True

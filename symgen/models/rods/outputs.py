@@ -139,9 +139,8 @@ def _force(model: RodsModel, link: str, point: str) -> Entries:
 
 
 def _torque(model: RodsModel, name: str) -> Entries:
-    rod = model.rod(name)
     multiplier = model.multipliers.get(f"{name}_drive")
-    if rod is None or multiplier is None:
+    if multiplier is None:
         raise SceneError(
             f"{name} has no driver, so no drive torque",
             hint="Applied torques are outputs by their number from 0: record torques.0.torque.",
@@ -152,7 +151,8 @@ def _torque(model: RodsModel, name: str) -> Entries:
             "N*m",
             f"torque of the drive on {name} about its axis",
         )
-    return [-multiplier.symbol * rod.length], "N*m", f"torque of the drive on {name}, counter-clockwise"
+    length = model.linkage.link(name).length
+    return [-multiplier.symbol * length], "N*m", f"torque of the drive on {name}, counter-clockwise"
 
 
 def _of_loads(model: RodsModel) -> dict[str, Entries]:

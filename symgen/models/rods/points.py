@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import sympy as sp
 
+from symgen.errors import SceneError
 from symgen.loads.measure import Gradient
 from symgen.mechanics.rods import loads
 from symgen.mechanics.rods.hinge import HingeFrame, hinge_frame
@@ -15,7 +16,7 @@ from symgen.mechanics.rods.topology import Tree, spanning_tree
 from symgen.scene.rods.linkage import TIME, Bar, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO, Calculus
 from symgen.symbolic.quantity import Quantity, quantity
-from symgen.symbolic.vectors import cross_in_plane
+from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 Part = RigidLink | SpatialBody
 Place = CarriedPoint | WeightedPoint
@@ -174,13 +175,50 @@ class Points:
 
     @cached_property
     def hinges(self) -> dict[str, HingeFrame]:
-        """Frame of the revolute joint with the ground of each rod in space that has one."""
-        frames = {}
-        for hinge in self.linkage.hinges:
-            ends = (self.linkage.point(p).at for p in self.linkage.link(hinge.link).base)
-            drawn = tuple(b - a for a, b in zip(*ends, strict=True))
-            frames[hinge.link] = hinge_frame(hinge.axis, drawn)
-        return frames
+        """Frame of the revolute joint with the ground of each link in space that has one."""
+        return {
+            hinge.link: hinge_frame(hinge.axis, self._at_ends(hinge.link, lambda p: self.linkage.point(p).at))
+            for hinge in self.linkage.hinges
+        }
+
+    def arm(self, link: str) -> Vector:
+        """Return the vector by which a drive rotates a link [m], along a rod or across the axis of a body."""
+        return self._at_ends(link, self.position) if self.linkage.body(link) else self.along[link]
+
+    def _at_ends(self, link: str, place: Callable[[str], Vector]) -> Vector:
+        places = [(part, place(point)) for point, part in self.arm_ends(link).items()]
+        return tuple(sp.Add(*(part * there[i] for part, there in places)) for i in range(len(self.axes)))
+
+    def arm_ends(self, link: str) -> dict[str, sp.Expr]:
+        """Return the parts with which points count in the arm of a link.
+
+        The arm of a rod is the vector along it. That of a body runs to a base point from its foot on the axis,
+        which two ground points place: the force of a drive is then a couple about the axis alone.
+        """
+        body = self.linkage.body(link)
+        if body is None:
+            rod = self.linkage.link(link)
+            return {rod.start: sp.Integer(-1), rod.end: sp.Integer(1)}
+        grounded = [p for p in body.base if p in self.ground]
+        if len(grounded) < 2:
+            raise SceneError(
+                f"the ground points of {link} are too near each other for an axis",
+                where=f"links.{link}.points",
+                hint="Move them apart, or write [[joints]] with one of them and the direction of the axis.",
+            )
+        first, second = (self.linkage.point(p).at for p in grounded[:2])
+        axis = tuple(b - a for a, b in zip(first, second, strict=True))
+
+        def along(point: str) -> sp.Expr:
+            arm = (b - a for a, b in zip(first, self.linkage.point(point).at, strict=True))
+            return dot(tuple(arm), axis) / dot(axis, axis)
+
+        def distance(point: str) -> float:
+            arm = tuple(b - a for a, b in zip(first, self.linkage.point(point).at, strict=True))
+            return self.linkage.number(dot(cross(axis, arm), cross(axis, arm)))
+
+        end = max((p for p in body.base if p not in grounded), key=distance)
+        return {grounded[0]: along(end) - 1, grounded[1]: -along(end), end: sp.Integer(1)}
 
     def vector_along(self, link: str) -> Vector:
         """Return the vector along one link, which other links may need before theirs [m]."""

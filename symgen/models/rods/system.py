@@ -210,15 +210,16 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
         rows, lengths = zip(*model.loads.divided, strict=True)
         about = "length of every spring and actuator whose force has a direction"
         positions.append(named(model, "line_lengths", lengths, "m", about, rows=rows))
-    if model.ground:
+    ground = [p for p in model.ground if not model.linkage.point(p).hidden]
+    if ground:
         positions.append(
             named(
                 model,
                 "reactions",
-                [component for p in model.ground for component in model.shown(model.reaction(p))],
+                [component for p in ground for component in model.shown(model.reaction(p))],
                 "N",
                 "force of the ground on the linkage at each ground point",
-                rows=model.ground,
+                rows=ground,
                 columns=model.shown_axes,
             )
         )
