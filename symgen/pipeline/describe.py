@@ -199,7 +199,6 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         turns=turning(linkage),
         steady=_steady(linkage),
         prescribed=_prescribed(linkage, [s.name.removesuffix("_lambda") for s in multipliers]),
-        ground_moves=any(p.motion != p.at for p in linkage.points if p.ground),
         lugs={
             k.name: k.start if linkage.point(k.start).hidden else ""
             for k in (linkage.links if linkage.elastic else ())

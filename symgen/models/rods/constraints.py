@@ -313,7 +313,8 @@ class ConstrainedPoints(Points):
     def constraints(self) -> list[Constraint]:
         """All constraint rows: rod lengths first, in the order of the links."""
         rows = [*_lengths(self), *_shapes(self)]
-        rows += [row.constraint for row in (*self.joints, *self.guides)]
+        rows += [row.constraint for row in self.joints]
+        rows += [row.constraint for row in self.guides]
         rows += [row.constraint for row in self.turned]
         angles = [row.constraint for row in self.welded_angles]
         # At rest hinges determine the pose of a frame as far as they can, and welds the remaining freedoms.

@@ -127,9 +127,9 @@ def _of_body(model: ConstrainedPoints, body: SpatialBody) -> Forces:
         pull = _times(model.multipliers[name].symbol, tuple(b - a for a, b in zip(*ends, strict=True)))
         yield bar.end, pull
         yield bar.start, _times(-1, pull)
-    for row in model.turned:
-        if body.name in row.by_along:
-            force = _times(model.multipliers[row.constraint.name].symbol, row.by_along[body.name])
+    for drive in model.turned:
+        if body.name in drive.by_along:
+            force = _times(model.multipliers[drive.constraint.name].symbol, drive.by_along[body.name])
             for end, share in model.arm_ends(body.name).items():
                 yield end, _times(share, force)
     for _, torque in model.loads.couples(body.name):

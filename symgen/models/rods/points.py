@@ -192,8 +192,8 @@ class Points:
     def arm_ends(self, link: str) -> dict[str, sp.Expr]:
         """Return the parts with which points count in the arm of a link.
 
-        The arm of a rod is the vector along it. That of a body runs to a base point from its foot on the axis,
-        which two ground points place: the force of a drive is then a couple about the axis alone.
+        The arm of a rod is the vector along it. That of a body runs to a base point from its foot on the
+        axis, which two ground points place: the force of a drive is then a couple about the axis alone.
         """
         body = self.linkage.body(link)
         if body is None:

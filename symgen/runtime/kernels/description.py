@@ -155,14 +155,12 @@ class Description(Described):
 
     ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` if a spatial scene moves
     in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
-    ``steady`` are ground points and constraints of drives whose velocity does not depend on the time,
-    ``prescribed`` are the constraints of angles and lengths that depend on it; ``ground_moves``: a ground
-    point does.
-    ``inputs`` are the parameters that are external signals, the last of the tunable ones. ``kinematic``: the
+    ``steady`` are ground points and drives of constant velocity, ``prescribed`` the constraints of prescribed
+    angles and lengths. ``inputs`` are the external signals, the last tunable parameters. ``kinematic``: the
     model has no dynamics. ``remarks`` are notes on the scene for results. ``lugs`` are the rigid joints of
     points off the line of elastic links, with their points on the line ("" if the scene names them).
-    ``start`` holds the coordinates and then the velocities at the scene's own parameters, ``first_pivot`` is
-    the index in ``work`` of the first pivot of the kernel 'factor'.
+    ``start`` are coordinates and velocities at the scene's own parameters, ``first_pivot`` is the place of
+    the first pivot in ``work`` of 'factor'.
     """
 
     axes: tuple[str, ...]
@@ -189,7 +187,6 @@ class Description(Described):
     pulses: tuple[int, ...] = ()
     steady: tuple[str, ...] = ()
     prescribed: tuple[int, ...] = ()
-    ground_moves: bool = False
     remarks: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     lugs: dict[str, str] = field(default_factory=dict)
@@ -246,11 +243,6 @@ class Description(Described):
     def drives(self) -> tuple[int, ...]:
         """Numbers of the constraints that drive a link."""
         return tuple(i for i, label in enumerate(self.labels) if label.startswith("the drive"))
-
-    @property
-    def edges(self) -> tuple[int, ...]:
-        """Numbers of the constraints that keep the shape of a body."""
-        return tuple(i for i, label in enumerate(self.labels) if label.startswith("the shape of link "))
 
     def place(self, constraint: int) -> str:
         """Return the key of the scene that makes a constraint."""

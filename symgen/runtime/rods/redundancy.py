@@ -133,12 +133,12 @@ def _neighbours(evaluator: Evaluator, q: Array, driven: list[int]) -> list[tuple
 
     Where these leave no freedom, moving ground may: then the poses are those of a few later times.
     """
-    d, size = evaluator.description, extent(evaluator, q)
+    size = extent(evaluator, q)
     _, values, right = np.linalg.svd(np.delete(_scaled_jacobian(evaluator, 0.0, q)[0], driven, axis=0))
     rank = int(np.sum(values > _negligible(evaluator, q) * max(values, default=1.0)))
     free = right[rank:]
     if not len(free):
-        return _later(evaluator, q, size) if d.ground_moves else None
+        return _later(evaluator, q, size)
     neighbours = []
     for k in range(_NEIGHBOURS):
         direction = np.random.default_rng(k).standard_normal(len(free)) @ free
@@ -149,10 +149,12 @@ def _neighbours(evaluator: Evaluator, q: Array, driven: list[int]) -> list[tuple
     return neighbours
 
 
-def _later(evaluator: Evaluator, q: Array, size: float) -> list[tuple[float, Array]]:
-    """Return the poses at the first steps of the run."""
+def _later(evaluator: Evaluator, q: Array, size: float) -> list[tuple[float, Array]] | None:
+    """Return times and poses in the first part of the run; None if the linkage stays where it is."""
     times = [_AWAY * evaluator.description.t_end * (k + 1) for k in range(_NEIGHBOURS)]
     poses = [(t, _onto(evaluator, t, q, size, [])) for t in times]
+    if all(pose is not None and np.max(np.abs(pose - q)) <= ASSEMBLED * size for _, pose in poses):
+        return None
     return [(t, pose) for t, pose in poses if pose is not None]
 
 
@@ -227,7 +229,8 @@ class SelfStress:
         slopes = evaluator.many_blocks("constraint_jacobian", times, q, still)["constraint_jacobian"]
         left = np.linalg.svd(slopes.reshape(*self.scale.shape, -1) / self.scale[..., None])[0]
         self.basis = left[..., self.scale.shape[1] - redundant :]
-        self._edges = list(evaluator.description.edges)
+        labels = evaluator.description.labels
+        self._edges = [i for i, label in enumerate(labels) if label.startswith("the shape of link ")]
 
     def least_norm(self, solutions: Array) -> Array:
         """Return solutions (accelerations, multipliers, one number) with the constraint forces of least norm.
