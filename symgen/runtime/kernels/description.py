@@ -153,14 +153,13 @@ class Described(ABC):
 class Description(Described):
     """Runtime data of a linkage of points and links.
 
-    ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` if a spatial scene moves
-    in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
-    ``steady`` are ground points and drives of constant velocity, ``prescribed`` the constraints of prescribed
-    angles and lengths. ``inputs`` are the external signals, the last tunable parameters. ``kinematic``: the
-    model has no dynamics. ``remarks`` are notes on the scene for results. ``lugs`` are the rigid joints of
-    points off the line of elastic links, with their points on the line ("" if the scene names them).
-    ``start`` are coordinates and velocities at the scene's own parameters, ``first_pivot`` is the place of
-    the first pivot in ``work`` of 'factor'.
+    ``free`` are the points with coordinates, along ``axes``: those of ``plane`` if a spatial scene moves in
+    one. ``links`` are the points of each link, ``labels`` the constraints in messages. ``steady`` are ground
+    points and drives of constant velocity, ``prescribed`` the constraints of prescribed angles and lengths.
+    ``inputs`` are the external signals, the last tunable parameters. ``kinematic``: the model has no
+    dynamics. ``remarks`` are notes for results. ``lugs`` are the rigid joints of points off the line of
+    elastic links, with their points on the line ("" if the scene names them). ``start`` are coordinates and
+    velocities at the scene's own parameters, ``first_pivot`` is where pivots begin in ``work`` of 'factor'.
     """
 
     axes: tuple[str, ...]
