@@ -15,7 +15,7 @@ from symgen.errors import SceneError
 
 CASES = Path(__file__).parents[1] / "cases"
 #: Random mechanisms by default, and with all tests.
-FEW, ALL = 12, 300
+FEW, ALL = 6, 300
 
 
 def jacobian(model, state):

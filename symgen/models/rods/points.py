@@ -143,6 +143,7 @@ class Points:
             k.name
             for k in self.rods
             if k.as_drawn
+            and not self.linkage.elastic
             and any(points.issuperset(k.base) for points in of_bodies)
             and not any(base.issuperset(k.base) for base in bases)
         )

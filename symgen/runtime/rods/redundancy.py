@@ -61,7 +61,7 @@ def redundant_constraints(evaluator: Evaluator, q: Array) -> Redundancy:
     if count == 0 and not lost:
         return Redundancy((), d.rank_tolerance)
     found = _separated(evaluator, q, count)
-    lost = found.rows or lost
+    lost = found.rows or lost or (len(d.constraints) - 1,)
     rank = f"{len(d.constraints)} constraints of rank {len(d.constraints) - max(count, 1)}"
     name, place = d.unknown(d.coordinates + lost[-1]), d.place(lost[-1])
     welds = [label for label in d.labels if label.startswith("the weld ")]
