@@ -127,6 +127,8 @@ class Values:
                 "a prescribed motion needs an acceleration at every time: it cannot use abs, sign, min "
                 "or max",
                 where=where,
+                hint='Write a smooth function of t, such as "(1 + tanh((t - t1)/w))/2" for a step of width '
+                "w, or a load in place of the drive: loads may use them.",
             )
         for _ in range(2):
             expression = sp.diff(expression, TIME.symbol)
@@ -310,7 +312,12 @@ class Reader(Values):
         self.known_link(name, where)
         link = self.scene.links[name]
         if not self.is_spatial_body(name) and all(self.known_point(p, where).ground for p in link.points[:2]):
-            raise SceneError(f"{name} lies between two ground points and cannot turn", where=where)
+            raise SceneError(
+                f"{name} lies between two ground points and cannot turn",
+                where=where,
+                hint="Free one of its points. A load on it changes reactions alone: for these, write "
+                "[[forces]] on its ground points, without link.",
+            )
 
 
 def check_count(value: int, least: int, most: int, where: str) -> None:
