@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from libc.math cimport fabs, fmax, fmin
+from libc.math cimport fabs, fmax
 from libc.string cimport memcpy, memset
 
 from symgen.runtime._core cimport (
@@ -242,20 +242,10 @@ cdef class Starts:
         return True
 
     cdef double extent(self) noexcept nogil:
-        """Return the largest spread of the points along an axis [m]; leave their positions in the output of the start.
+        """Return the size of the linkage [m] at the coordinates of the start; leave the positions in its output.
 
         NaN if a position is not finite."""
-        cdef double t = 0.0, low, high, widest = 0.0, none = 0.0
-        cdef Py_ssize_t i, axis
-        self.kernels.points(&t, self.s.q, self.s.still, self.e.p, self.s.work, self.s.out)
-        for axis in range(self.sizes.axes):
-            low = high = self.s.out[axis]
-            for i in range(self.sizes.points):
-                low = fmin(low, self.s.out[i * self.sizes.axes + axis])
-                high = fmax(high, self.s.out[i * self.sizes.axes + axis])
-                none += 0.0 * self.s.out[i * self.sizes.axes + axis]
-            widest = fmax(widest, high - low)
-        return widest + none
+        return self.of_start.extent(self.s, self.s.q)
 
     cdef bint assembled(self) noexcept nogil:
         """Assemble the linkage from its drawing; return whether the start is regular."""

@@ -4,7 +4,7 @@ from symgen.runtime._core cimport Memory, kernel_t
 
 cdef extern from "core/start_lanes.h" nogil:
     cdef struct start_kernels:
-        kernel_t assembly, points, constraints, jacobian, drift, rates, mass, momentum
+        kernel_t assembly, points, constraints, jacobian, drift, rates, mass, metric, momentum
 
     cdef struct start_sizes:
         Py_ssize_t n, m, rows, prescribed, points, axes, work, out
@@ -46,6 +46,7 @@ cdef extern from "core/start_lanes.h" nogil:
         size_t start_struct
         size_t (*bytes)(const start_sizes *) noexcept nogil
         void (*bind)(start *, const start_sizes *, const start_kernels *, const void *, void *) noexcept nogil
+        double (*extent)(start *, const double *) noexcept nogil
         void (*begin)(start *) noexcept nogil
         int (*advance)(start *) noexcept nogil
         Py_ssize_t (*velocities)(start *, const char *) noexcept nogil

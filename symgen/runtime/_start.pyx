@@ -40,11 +40,12 @@ cdef class Starter:
         self.functions.drift = kernel_of(addresses, "velocity_constraints")
         self.functions.rates, self.functions.mass = kernel_of(addresses, "start_velocity"), kernel_of(addresses, "mass_matrix")
         self.functions.momentum = kernel_of(addresses, "start_momentum")
+        self.functions.metric = kernel_of(addresses, "metric")
         self.sizes.n, self.sizes.m = d.coordinates, len(d.constraints)
         at_least("coordinates", q.shape[0], self.sizes.n)
         self.sizes.tolerance, self.sizes.share = d.assembly_tolerance, share
         for name in ("assembly", "points", "constraints", "constraint_jacobian", "velocity_constraints",
-                     "start_velocity", "mass_matrix", "start_momentum"):
+                     "start_velocity", "mass_matrix", "start_momentum", "metric"):
             info = evaluator.find(name)
             if info is None:
                 continue
@@ -54,7 +55,7 @@ cdef class Starter:
             if name == "assembly":
                 self.sizes.rows = rows
             elif name == "points":
-                self.sizes.points, self.sizes.axes = info.blocks[0].shape
+                self.sizes.points, self.sizes.axes = d.drawn, info.blocks[0].shape[1]
             elif name == "start_velocity":
                 self.sizes.prescribed = rows
         self.api = <const start_table *>core.api.start

@@ -12,7 +12,6 @@ import sympy as sp
 from symgen.errors import SceneError, nearest
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
-from symgen.scene.limit import Limit
 from symgen.scene.rods.linkage import TIME, Parameter, PlacedPoint, number, state_symbol
 from symgen.scene.schema import Scene, Units
 from symgen.scene.units import Dimension, Shown, is_quantity, parse_quantity
@@ -57,8 +56,9 @@ class Values:
         self.names: dict[str, tuple[sp.Expr, Dimension]] = {}
         self.parameters: list[Parameter] = []
         self.defaults: dict[sp.Symbol, sp.Expr] = {}
-        #: Values over tunable parameters whose sign is checked again at other values of these.
-        self.limits: list[Limit] = []
+        #: Values over tunable parameters that must stay above zero, and those of at least zero, by place.
+        self.above_zero: dict[str, sp.Expr] = {}
+        self.at_least_zero: dict[str, sp.Expr] = {}
         #: External signals, after :meth:`read_signals`.
         self.signals: dict[str, tuple[sp.Expr, Dimension]] = {}
         self._read_parameters()
@@ -127,8 +127,6 @@ class Values:
                 "a prescribed motion needs an acceleration at every time: it cannot use abs, sign, min "
                 "or max",
                 where=where,
-                hint='Write a smooth function of t, such as "(1 + tanh((t - t1)/w))/2" for a step of width '
-                "w, or a load in place of the drive: loads may use them.",
             )
         for _ in range(2):
             expression = sp.diff(expression, TIME.symbol)
@@ -154,7 +152,8 @@ class Values:
             raise SceneError(
                 f"expected {units.describe(dim)} above zero, got {_got(text, value, dim)}", where=where
             )
-        self.limit(expression, dim, where, strict=True)
+        if expression.free_symbols:
+            self.above_zero[where] = expression
         return expression
 
     def not_negative(self, text: str | int | float, dim: Dimension, where: str) -> sp.Expr:
@@ -165,14 +164,9 @@ class Values:
             raise SceneError(
                 f"expected {units.describe(dim)} of at least zero, got {_got(text, value, dim)}", where=where
             )
-        self.limit(expression, dim, where, strict=False)
+        if expression.free_symbols:
+            self.at_least_zero[where] = expression
         return expression
-
-    def limit(self, value: sp.Expr, dim: Dimension, where: str, *, strict: bool) -> None:
-        """Check a value, of the start of the run, also at other values of the tunable parameters."""
-        at_start = value.xreplace({TIME.symbol: sp.Integer(0)})
-        if at_start.free_symbols:
-            self.limits.append(Limit(where, at_start, dim.unit, strict))
 
     def direction(self, texts: list[str | int | float], where: str) -> tuple[sp.Expr, ...]:
         """Return a vector of plain numbers that is not zero."""
@@ -287,15 +281,6 @@ class Reader(Values):
         written = isinstance(table.centre, list) or isinstance(table.inertia, list)
         return self.dimension == 3 and (len(table.points) > 2 or written)
 
-    @property
-    def has_elastic_links(self) -> bool:
-        """Whether some link is elastic."""
-        return any(link.elastic is not None for link in self.scene.links.values())
-
-    def ground_points(self, link: str) -> list[PlacedPoint]:
-        """Return the ground points that a link names."""
-        return [self.points[p] for p in self.scene.links[link].points if self.points[p].ground]
-
     def turning_link(self, name: str, where: str) -> None:
         """Check that a link is there, and has one angle."""
         self.known_link(name, where)
@@ -312,12 +297,7 @@ class Reader(Values):
         self.known_link(name, where)
         link = self.scene.links[name]
         if not self.is_spatial_body(name) and all(self.known_point(p, where).ground for p in link.points[:2]):
-            raise SceneError(
-                f"{name} lies between two ground points and cannot turn",
-                where=where,
-                hint="Free one of its points. A load on it changes reactions alone: for these, write "
-                "[[forces]] on its ground points, without link.",
-            )
+            raise SceneError(f"{name} lies between two ground points and cannot turn", where=where)
 
 
 def check_count(value: int, least: int, most: int, where: str) -> None:

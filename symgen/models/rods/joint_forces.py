@@ -7,7 +7,8 @@ on the point, and at a joint with rows of its own the force is the multiplier.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import sympy as sp
 
@@ -17,10 +18,27 @@ from symgen.models.rods.constraints import ConstrainedPoints
 from symgen.models.rods.points import Part, Place, bar_name
 from symgen.scene.rods.linkage import RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.constants import rounded
 from symgen.symbolic.vectors import dot
 
 #: Forces on some points of a link, to be added up.
 Forces = Iterator[tuple[str, Vector]]
+#: The ground as a keeper; part of the product of their squares below which lines depend; digits of constants.
+_GROUND, _DEPENDENT, _DIGITS = "", sp.Rational(1, 10**12), 30
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Two points that a body in space has in common with its keeper: the ground, a rod, or another body.
+
+    The force along their line is not determined. The forces on the body are evened by ``pull`` [N/m] times
+    the vector from the first point to the second, against it at the second; the keeper takes the opposite.
+    """
+
+    first: str
+    second: str
+    keeper: str
+    pull: sp.Expr = ZERO
 
 
 class JointForces:
@@ -30,7 +48,8 @@ class JointForces:
         self.model = model
         self._parts = {part.name: part for part in model.parts}
         self._part_forces: dict[str, dict[str, Vector]] = {}
-        self._joint_forces: dict[tuple[str, str], Vector] = {}
+        self._raw: dict[tuple[str, str], Vector] = {}
+        self._evened: dict[str, list[Line]] = {}
 
     def on(self, link: str, point: str) -> Vector:
         """Return the force [N] on a link at one of its points, without weight and loads along it.
@@ -42,59 +61,121 @@ class JointForces:
         """
         if link in self.model.idle and all(beam.link != link for beam in self.model.linkage.elastic):
             raise SceneError(f"{link} lies between two ground points: the forces on it are not determined")
-        shared = any((k.name, p.name) == (link, point) for k, p in self.model.shared)
-        if shared and not any((row.link, row.point) == (link, point) for row in self.model.joints):
-            raise SceneError(
-                f"{link} is held without {point}: the force there is not determined",
-                hint="Its other joints hold it: record their forces.",
-            )
-        return self._on(link, point)
+        part, bodies = self._parts[link], self.model.linkage.bodies
+        given = [_times(-1, self._pulls(body, point, link)) for body in bodies]
+        own = [self._pulls(part, point)] if isinstance(part, SpatialBody) else []
+        return _sum([self._of_point(part, point), *own, *given])
 
-    def _on(self, link: str, point: str) -> Vector:
-        """Return the same, zero at a joint that nothing depends on."""
-        if (link, point) not in self._joint_forces:
-            self._joint_forces[link, point] = self._force(self._parts[link], point)
-        return self._joint_forces[link, point]
+    def by_ground(self, point: str) -> Vector:
+        """Return the part of the force of the ground at a point that lines of bodies leave to it [N]."""
+        bodies = [b for b in self.model.linkage.bodies if any(k.keeper == _GROUND for k in self._lines(b)[0])]
+        return _sum([(ZERO,) * len(self.model.axes), *(self._pulls(b, point, _GROUND) for b in bodies)])
+
+    def tension(self, rod: RigidLink) -> sp.Expr:
+        """Return the part of the multiplier of a rod that bodies on two of its points leave to it [N/m]."""
+        lines = [line for body in self.model.linkage.bodies for line in self._even(body)]
+        return sp.Add(
+            *(k.pull * (rod.along(k.second) - rod.along(k.first)) ** 2 for k in lines if k.keeper == rod.name)
+        )
+
+    def _of_point(self, part: Part, p: str) -> Vector:
+        """Return the force on a link at one of its points, of base points chosen for a body in space."""
+        if (part.name, p) not in self._raw:
+            self._raw[part.name, p] = self._force(part, p)
+        return self._raw[part.name, p]
 
     def _force(self, part: Part, p: str) -> Vector:
         model = self.model
         if p in part.base:
-            return _sum([self._on_base(part, p), self.evened(part, p)])
+            return self._on_base(part, p)
         if p in model.carrier and model.carrier[p][0] == part:
             others = [k for k in model.parts if k != part and k.name not in model.idle]
-            there = [self._on(k.name, p) for k in others if p in (*k.base, *(c.name for c in k.carried))]
+            there = [self._of_point(k, p) for k in others if p in _points(k)]
             return _sum([_on_point(model, p), *(_times(-1, x) for x in there)])
-        rows = [row for row in model.joints if (row.link, row.point) == (part.name, p)]
-        forces = [_times(model.multipliers[row.constraint.name].symbol, row.direction) for row in rows]
+        rows = [f"{part.name}_{p}_{axis}" for axis in model.axes]
+        if any(row not in model.multipliers for row in rows):
+            raise SceneError(f"{part.name} is held without {p}: the force there is not determined")
+        force = tuple(model.multipliers[row].symbol for row in rows)
         masses = (
             [m for c, m in model.joint_masses(part) if c.name == p] if isinstance(part, RigidLink) else []
         )
-        return _sum(
-            [(ZERO,) * len(model.axes), *forces, *(_times(mass, model.acceleration(p)) for mass in masses)]
-        )
+        return _sum([force, *(_times(mass, model.acceleration(p)) for mass in masses)])
 
     def _on_base(self, part: Part, p: str) -> Vector:
         """Return the force on a link at a base point, from its own equations."""
         if part.name not in self._part_forces:
             self._part_forces[part.name] = _forces_on_part(self.model, part)
-        carried = [_share(part, c, p, self._on(part.name, c.name)) for c in part.carried]
+        carried = [_share(part, c, p, self._of_point(part, c.name)) for c in part.carried]
         return _sum([self._part_forces[part.name][p], *(_times(-1, x) for x in carried)])
 
-    def evened(self, part: Part, p: str) -> Vector:
-        """Return the correction of a force at a base point to the minimum norm, or to that of an axis.
+    def _pulls(self, body: SpatialBody, point: str, keeper: str | None = None) -> Vector:
+        """Return what evens the force on a body at a point, along lines of one keeper or of all [N]."""
+        terms = [(ZERO,) * len(self.model.axes)]
+        for line in self._even(body):
+            if point in (line.first, line.second) and keeper in (None, line.keeper):
+                terms.append(_times(line.pull if point == line.first else -line.pull, self._along(line)))
+        return _sum(terms)
 
-        For a body in space that is held at two ground points only the sum of the forces along their line is
-        determined. Without the correction, the order of its base points would decide their parts.
+    def _along(self, line: Line) -> Vector:
+        ends = self.model.position(line.first), self.model.position(line.second)
+        return tuple(b - a for a, b in zip(*ends, strict=True))
+
+    def _even(self, body: SpatialBody) -> list[Line]:
+        """Return the lines of a body with the pulls after which the forces on it are of minimum norm.
+
+        They are equal along a line at both of its points. Without the pulls, the choice of the base points of
+        the body would decide its part and that of the keeper.
         """
-        grounded = [b for b in part.base if b in self.model.ground]
-        if not isinstance(part, SpatialBody) or p not in grounded or len(grounded) != 2:
-            return (ZERO,) * len(self.model.axes)
-        other = grounded[1 - grounded.index(p)]
-        if self.model.linkage.point(other).hidden:  # both are one joint
-            return self._on_base(part, other)
-        line = _sum([self.model.position(other), _times(-1, self.model.position(p))])
-        less = _sum([self._on_base(part, other), _times(-1, self._on_base(part, p))])
-        return _times(dot(line, less) / (2 * dot(line, line)), line)
+        if body.name not in self._evened:
+            lines, products = self._lines(body)
+            uneven = []
+            for line in lines:
+                less = _times(-1, self._of_point(body, line.first))
+                uneven.append(dot(self._along(line), _sum([self._of_point(body, line.second), less])))
+            inverse = products.inv().evalf(_DIGITS) if lines else products
+            pulls = [
+                sp.Add(*(c * x for c, x in zip(inverse.row(i), uneven, strict=True)))
+                for i in range(len(lines))
+            ]
+            self._evened[body.name] = [replace(k, pull=x) for k, x in zip(lines, pulls, strict=True)]
+        return self._evened[body.name]
+
+    def _lines(self, body: SpatialBody) -> tuple[list[Line], sp.Matrix]:
+        """Return the lines of a body with what comes before it, and the products of their stresses.
+
+        Lines that follow from others are left out.
+        """
+        model = self.model
+        bent = {beam.link for beam in model.linkage.elastic}
+        before = [k for k in model.parts[: model.parts.index(body)] if k.name not in bent]
+        held = [(_GROUND, model.ground), *((k.name, _points(k)) for k in before)]
+        lines: list[Line] = []
+        products = sp.zeros(0)
+        for keeper, others in held:
+            shared = [p for p in _points(body) if p in others]
+            if len(shared) != 2 or shared in [[k.first, k.second] for k in lines]:
+                continue
+            more = [*lines, Line(shared[0], shared[1], keeper)]
+            larger = self._products(more)
+            if larger.det() > _DEPENDENT * sp.prod(larger.diagonal()):
+                lines, products = more, larger
+        return lines, products
+
+    def _products(self, lines: Sequence[Line]) -> sp.Matrix:
+        """Return the products of unit stresses along lines between points, as drawn [m^2]."""
+        drawn = {p: self.model.linkage.point(p).at for line in lines for p in (line.first, line.second)}
+        stresses = []
+        for line in lines:
+            ends = zip(drawn[line.first], drawn[line.second], strict=True)
+            along = [rounded(b - a, _DIGITS) for a, b in ends]
+            stresses.append([x * ((p == line.first) - (p == line.second)) for p in drawn for x in along])
+        matrix = sp.Matrix(stresses)
+        return matrix * matrix.T
+
+
+def _points(part: Part) -> tuple[str, ...]:
+    """Return the points of a link."""
+    return (*part.base, *(c.name for c in part.carried))
 
 
 def _share(part: Part, carried: Place, base: str, force: Vector) -> Vector:
@@ -121,17 +202,12 @@ def _of_body(model: ConstrainedPoints, body: SpatialBody) -> Forces:
     for row, point, weight in zip(body.masses, body.base, body.centre, strict=True):
         yield point, _sum([_times(m, a) for m, a in zip(row, accelerations, strict=True)])
         yield point, _times(-body.mass * weight, model.linkage.gravity)
-    for bar in model.bars[body.name]:
+    for bar in body.bars:
         name = bar_name(body, bar.start, bar.end)
         ends = (model.position(p) for p in (bar.start, bar.end))
         pull = _times(model.multipliers[name].symbol, tuple(b - a for a, b in zip(*ends, strict=True)))
         yield bar.end, pull
         yield bar.start, _times(-1, pull)
-    for drive in model.turned:
-        if body.name in drive.by_along:
-            force = _times(model.multipliers[drive.constraint.name].symbol, drive.by_along[body.name])
-            for end, share in model.arm_ends(body.name).items():
-                yield end, _times(share, force)
     for _, torque in model.loads.couples(body.name):
         for point, (_, force) in zip(
             body.base[1:], model.loads.couple_in_space(body.name, torque), strict=True

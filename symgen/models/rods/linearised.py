@@ -18,6 +18,7 @@ import sympy as sp
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linkage import REFERENCE, Gradient, RodsModel
 from symgen.models.rods.matrix import named
+from symgen.models.rods.start import metric_of
 from symgen.models.rods.system import (
     POINTS,
     constraints,
@@ -97,12 +98,13 @@ def statics_system(linkage: Linkage) -> System:
 
     Its kernels: ``force`` (f), ``mass_matrix`` (M), ``stiffness`` (K, which reads the multipliers from
     ``work``), ``damping`` (C). A matrix is the list of its nonzero entries, each called by its row and its
-    column, ``A_x B_y``; a zero matrix is omitted.
+    column, ``A_x B_y``; a zero matrix is omitted. ``metric`` is the whole metric of small motions, unless it
+    is the identity.
     """
     model = RodsModel(linkage)
     names = [x.name for x in model.coordinates]
     matrices = [named(model, "force", model.applied, "N", "applied forces, f", rows=names)]
-    matrices += linearised(model, model.constraints)
+    matrices += [*linearised(model, model.constraints), *metric_of(model)]
     return analysis_of(
         model, "statics", matrices, [Export(m.name, m.description, (m.name,)) for m in matrices]
     )

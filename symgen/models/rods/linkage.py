@@ -252,8 +252,8 @@ class RodsModel(ConstrainedPoints):
 
         For a body held at two ground points the parts along their line are equal: the minimum norm.
         """
-        evened = [self.joint_forces.evened(body, point) for body in self.linkage.bodies if point in body.base]
-        return tuple(sp.Add(*c) for c in zip(self.residual(point), *evened, strict=True))
+        evened = self.joint_forces.by_ground(point) if self.linkage.bodies else (ZERO,) * len(self.axes)
+        return tuple(sp.Add(*c) for c in zip(self.residual(point), evened, strict=True))
 
     def rod(self, name: str) -> RigidLink | None:
         """Return the moving link of this name, if there is one."""

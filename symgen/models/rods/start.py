@@ -54,7 +54,20 @@ def assembly_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]
         matrices += _assembly(model)
         about = "residual and Jacobian of the start's positions; u[0] goes from 0 (drawn) to 1 (start)"
         exports.append(Export("assembly", about, ("assembly_residual", "assembly_jacobian")))
+        metric = metric_of(model)
+        matrices += metric
+        exports += [Export("metric", m.description, (m.name,)) for m in metric]
     return matrices, exports
+
+
+def metric_of(model: RodsModel) -> list[NamedMatrix]:
+    """Return the metric of small motions where it is not the identity."""
+    if not model.has_metric:
+        return []
+    rows = [model.metric.get(x.symbol, {}) for x in model.coordinates]
+    about = "metric of small motions"
+    names = [x.name for x in model.coordinates]
+    return [sparse(model, "metric", rows, "1", about, rows=names, symmetric=True)]
 
 
 def _displaced(model: RodsModel) -> bool:
@@ -87,7 +100,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
             residuals.append(error - (1 - s) * error.xreplace(drawn))
             rows.append(constraint.name)
     for name, angle in angles:
-        x, y = model.hinges[name].components(model.arm(name)) if name in model.hinges else model.along[name]
+        x, y = model.hinges[name].components(model.along[name]) if name in model.hinges else model.along[name]
         drawn_angle = sp.atan2(y.xreplace(drawn), x.xreplace(drawn))
         correction = angle - drawn_angle
         now = drawn_angle + s * sp.atan2(sp.sin(correction), sp.cos(correction))

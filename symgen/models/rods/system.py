@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.elimination import is_open, order_of
 from symgen.models.rods.linkage import REFERENCE, RodsModel
@@ -38,7 +37,6 @@ def linkage_system(linkage: Linkage) -> System:
     )
     residual, refining = refinement(model)
     points, end = _points(model), run_end(model)
-    limits, kernel_of_limits = limits_of(linkage)
     # Zero-crossing functions of events and load switches, and angles: one column each.
     events = [*_events_of_scene(model), *_switches(model), *_windings(model), *_turns(model)]
     derived = {m.name for m in (*equations, *points)}
@@ -54,7 +52,6 @@ def linkage_system(linkage: Linkage) -> System:
             *residual,
             *events,
             *end,
-            *limits,
         ),
         exports=(
             *exports,
@@ -63,7 +60,6 @@ def linkage_system(linkage: Linkage) -> System:
             *refining,
             *_events_kernel(events),
             *run_end_kernel(end),
-            *kernel_of_limits,
         ),
         definitions=definitions(model),
         saddle_point=SaddlePoint(
@@ -113,8 +109,11 @@ def with_ground(model: RodsModel, definitions: Iterable[Definition]) -> tuple[De
     return tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in definitions)
 
 
-#: Exponent of the pivot that rounding may leave.
-_ROUNDING = 13
+#: Exponents of the pivots that rounding may leave: of one that should vanish for an instant, and of one that
+#: should always vanish, near the instants at which others do too.
+_ROUNDING, _REDUNDANT = 13, 9
+#: The least rank tolerance of a linkage with redundant constraints.
+OF_REDUNDANCY = float(f"1e-{_REDUNDANT}")
 #: The least margin between an assembly error and a lost singular value.
 _MARGIN = 10
 
@@ -124,9 +123,10 @@ def _rank_tolerance(linkage: Linkage) -> str:
     tolerance = float(linkage.number(linkage.assembly_tolerance))
     if not tolerance:
         return f"1e-{_ROUNDING}"
-    drawn = [[float(linkage.number(c)) for c in p.at] for p in linkage.points]
-    size = max(max(axis) - min(axis) for axis in zip(*drawn, strict=True))
-    return f"1e-{max(1, min(_ROUNDING, math.floor(-2 * math.log10(_MARGIN * tolerance / size))))}"
+    drawn = [[float(linkage.number(c)) for c in p.at] for p in linkage.points if not p.hidden]
+    mean = [sum(axis) / len(drawn) for axis in zip(*drawn, strict=True)]
+    size = 2 * max(math.dist(p, mean) for p in drawn)
+    return f"1e-{max(1, min(_REDUNDANT, math.floor(-2 * math.log10(_MARGIN * tolerance / size))))}"
 
 
 def _equations(model: RodsModel) -> list[NamedMatrix]:
@@ -214,16 +214,15 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
         rows, lengths = zip(*model.loads.divided, strict=True)
         about = "length of every spring and actuator whose force has a direction"
         positions.append(named(model, "line_lengths", lengths, "m", about, rows=rows))
-    ground = [p for p in model.ground if not model.linkage.point(p).hidden]
-    if ground:
+    if model.ground:
         positions.append(
             named(
                 model,
                 "reactions",
-                [component for p in ground for component in model.shown(model.reaction(p))],
+                [component for p in model.ground for component in model.shown(model.reaction(p))],
                 "N",
                 "force of the ground on the linkage at each ground point",
-                rows=ground,
+                rows=model.ground,
                 columns=model.shown_axes,
             )
         )

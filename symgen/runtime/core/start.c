@@ -52,19 +52,54 @@ static void call(struct start *s, kernel function, const real *q, const real *u)
     function(&t, q, u, s->p, s->work, s->out);
 }
 
-/* The largest spread of the points along an axis. */
 static real extent(struct start *s, const real *q) {
-    real widest = 0;
+    const ptrdiff_t axes = s->sizes.axes;
+    real farthest = 0, mean[3] = {0};
     call(s, s->kernels.points, q, s->still);
-    for (ptrdiff_t axis = 0; axis < s->sizes.axes; axis++) {
-        real low = REAL_INFINITY, high = -REAL_INFINITY;
-        for (ptrdiff_t i = 0; i < s->sizes.points; i++) {
-            low = real_fmin(low, s->out[i * s->sizes.axes + axis]);
-            high = real_fmax(high, s->out[i * s->sizes.axes + axis]);
+    for (ptrdiff_t i = 0; i < s->sizes.points; i++)
+        for (ptrdiff_t axis = 0; axis < axes; axis++)
+            mean[axis] += s->out[i * axes + axis] / (real)s->sizes.points;
+    for (ptrdiff_t i = 0; i < s->sizes.points; i++) {
+        real squared = 0;
+        for (ptrdiff_t axis = 0; axis < axes; axis++) {
+            const real apart = s->out[i * axes + axis] - mean[axis];
+            squared += apart * apart;
         }
-        widest = real_fmax(widest, high - low);
+        farthest = squared <= farthest ? farthest : squared; /* NaN too */
     }
-    return widest;
+    return 2 * real_sqrt(farthest);
+}
+
+/* Overwrite a matrix A of n columns, stored column by column, by A L^-T for the factor L in s->mass. */
+static void divide_columns(const struct start *s, ptrdiff_t rows, real *a) {
+    const ptrdiff_t n = s->sizes.n;
+    for (ptrdiff_t j = 0; j < n; j++) {
+        real *column = a + rows * j;
+        for (ptrdiff_t k = 0; k < j; k++)
+            add_multiple(rows, -s->mass[j * n + k], a + rows * k, column);
+        for (ptrdiff_t i = 0; i < rows; i++)
+            column[i] /= s->mass[j * n + j];
+    }
+}
+
+/* Solve L^T x = b for the factor L in s->mass; b is overwritten. */
+static void solve_upper(const struct start *s, real *b) {
+    const ptrdiff_t n = s->sizes.n;
+    for (ptrdiff_t i = n - 1; i >= 0; i--) {
+        for (ptrdiff_t j = i + 1; j < n; j++)
+            b[i] -= s->mass[j * n + i] * b[j];
+        b[i] /= s->mass[i * n + i];
+    }
+}
+
+/* Factorise the metric of the corrections. */
+static void weigh(struct start *s) {
+    const ptrdiff_t n = s->sizes.n;
+    if (s->kernels.metric != NULL) {
+        call(s, s->kernels.metric, s->q, s->still);
+        copy(s->out, n * n, s->mass);
+    }
+    s->weighted = s->kernels.metric != NULL && factor_positive(n, s->mass, 0, 0) == n;
 }
 
 /* Solve the rows of the assembly for q at a fraction of the path, by Newton's method with minimum-norm corrections:
@@ -92,7 +127,11 @@ static int newton(struct start *s, real at, real *q) {
                 s->matrix[rows * j + i] = s->out[rows + n * i + j];
         }
         /* below the assembly error singular values are numerically zero */
+        if (s->weighted)
+            divide_columns(s, rows, s->matrix);
         solve_least(rows, n, s->matrix, s->right, R(10) * tolerance / wide, s->change, s->order, s->beta);
+        if (s->weighted)
+            solve_upper(s, s->change);
         const real moved = largest_or_nan(s->change, n);
         if (!(moved <= size))
             return UNASSEMBLED;
@@ -130,6 +169,7 @@ static void begin(struct start *s) {
     s->at = 0;
     s->step = LONGEST;
     s->side = side(s, s->at, s->q);
+    weigh(s);
 }
 
 static int advance(struct start *s) {
@@ -178,16 +218,6 @@ static ptrdiff_t rows_of_velocities(struct start *s, const char *dropped) {
     return kept;
 }
 
-/* Solve L^T x = b for the factor L in s->mass; b is overwritten. */
-static void solve_upper(const struct start *s, real *b) {
-    const ptrdiff_t n = s->sizes.n;
-    for (ptrdiff_t i = n - 1; i >= 0; i--) {
-        for (ptrdiff_t j = i + 1; j < n; j++)
-            b[i] -= s->mass[j * n + i] * b[j];
-        b[i] /= s->mass[i * n + i];
-    }
-}
-
 /* Velocities u of least kinetic energy u.M u/2 + b.u, b the momentum by the velocity of the ground:
    u = L^-T x - M^-1 b with x of minimum norm, M = L L^T. */
 static ptrdiff_t velocities(struct start *s, const char *dropped) {
@@ -210,12 +240,10 @@ static ptrdiff_t velocities(struct start *s, const char *dropped) {
     copy(s->right, rows, right);
     for (ptrdiff_t i = 0; i < rows; i++)
         for (ptrdiff_t j = 0; j < n; j++) {
-            real total = s->matrix[i * n + j];
-            right[i] -= total * carried[j];
-            for (ptrdiff_t k = 0; k < j; k++)
-                total -= s->mass[j * n + k] * reduced[k * rows + i];
-            reduced[j * rows + i] = total / s->mass[j * n + j];
+            right[i] -= s->matrix[i * n + j] * carried[j];
+            reduced[j * rows + i] = s->matrix[i * n + j];
         }
+    divide_columns(s, rows, reduced);
     solve_least(rows, n, reduced, right, DEPENDENT, s->u, s->order, s->beta);
     solve_upper(s, s->u);
     for (ptrdiff_t j = 0; j < n; j++)
@@ -233,6 +261,7 @@ const struct start_api symgen_start = {
     .start_struct = sizeof(struct start),
     .bytes = bytes,
     .bind = bind,
+    .extent = extent,
     .begin = begin,
     .advance = advance,
     .velocities = velocities,

@@ -9,12 +9,13 @@
 /* Kernels of a start; absent kernels are NULL. */
 struct start_kernels {
     kernel assembly;    /* residual [m] and its derivative by q, at the fraction u[0] of the path from the drawing */
-    kernel points;      /* positions of all points, and more */
+    kernel points;      /* positions of all points, those that the scene draws first, and more */
     kernel constraints; /* Phi and the scale of each row */
     kernel jacobian;    /* dPhi/dq */
     kernel drift;       /* dPhi/dt at rest */
     kernel rates;       /* prescribed velocities k, and the K of their rows K u = k */
     kernel mass;        /* mass matrix */
+    kernel metric;      /* of corrections; NULL for the identity */
     kernel momentum;    /* of the free points by the velocity of the ground alone */
 };
 
@@ -22,7 +23,7 @@ struct start_sizes {
     ptrdiff_t n, m;         /* coordinates, constraints */
     ptrdiff_t rows;         /* of the assembly */
     ptrdiff_t prescribed;   /* velocities */
-    ptrdiff_t points, axes; /* positions */
+    ptrdiff_t points, axes; /* positions of the points that the scene draws */
     ptrdiff_t work, out;    /* numbers of work memory and of results of the largest kernel */
     double tolerance;       /* assembly tolerance [m], if it exceeds `share` of the size of the linkage */
     double share;
@@ -40,6 +41,7 @@ struct start {
     const real *p; /* owned by the caller */
     real at, step; /* fraction of the path from the drawing; the next step */
     int side;      /* of the drawing */
+    int weighted;  /* whether `mass` holds the factor of the metric */
     real *q, *u, *miss;
     real fastest;  /* the largest right-hand side of the rows of velocities */
     real *trial, *still, *change, *matrix, *right, *beta, *mass, *work, *out;
@@ -54,6 +56,9 @@ struct start_api {
     size_t (*bytes)(const struct start_sizes *sizes);
     void (*bind)(struct start *s, const struct start_sizes *sizes, const struct start_kernels *kernels, const void *p,
                  void *memory);
+    /* The size of the linkage [m] at coordinates: twice the largest distance of the points from their mean, which no
+       rotation changes; NaN if a position is not finite. Positions are left in s->out. */
+    real (*extent)(struct start *s, const real *q);
     /* Begin at the drawn coordinates s->q. */
     void (*begin)(struct start *s);
     /* Move s->q one step along the path from the drawing to the prescribed lengths and angles; STARTED at the end. */

@@ -109,20 +109,23 @@ static mask solve_columns(struct start_lanes *s, wide part) {
     return independent;
 }
 
-/* The largest spread of the points along an axis. */
+/* As `extent` of start.c. */
 static wide extent(struct start_lanes *s, const wide *q) {
-    const ptrdiff_t axes = s->sizes.axes;
-    wide widest = all(0);
+    const ptrdiff_t axes = s->sizes.axes, count = s->sizes.points;
+    wide farthest = all(0), mean[3] = {all(0), all(0), all(0)};
     evaluate(s, s->kernels.points, q, s->still);
-    for (ptrdiff_t axis = 0; axis < axes; axis++) {
-        wide low = s->out[axis], high = low;
-        for (ptrdiff_t i = 1; i < s->sizes.points; i++) {
-            low = smaller(low, s->out[i * axes + axis]);
-            high = larger(high, s->out[i * axes + axis]);
+    for (ptrdiff_t i = 0; i < count; i++)
+        for (ptrdiff_t axis = 0; axis < axes; axis++)
+            mean[axis] += s->out[i * axes + axis] / (real)count;
+    for (ptrdiff_t i = 0; i < count; i++) {
+        wide squared = all(0);
+        for (ptrdiff_t axis = 0; axis < axes; axis++) {
+            const wide apart = s->out[i * axes + axis] - mean[axis];
+            squared += apart * apart;
         }
-        widest = larger(widest, high - low);
+        farthest = larger(farthest, squared);
     }
-    return widest;
+    return 2 * root(farthest);
 }
 
 /* As `newton` of start.c, in the open lanes; returns the converged lanes. */

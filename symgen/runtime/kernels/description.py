@@ -79,8 +79,7 @@ class KernelInfo:
 class Described(ABC):
     """Runtime data of any model, without its code.
 
-    ``units`` are those of tables and plots by ``length``, ``force``, ``angle`` and ``stress``: their names
-    and sizes in SI; SI where one is missing.
+    ``units`` are those of tables by ``length``, ``force``, ``angle`` and ``stress``, with their sizes in SI.
     """
 
     name: str
@@ -153,13 +152,14 @@ class Described(ABC):
 class Description(Described):
     """Runtime data of a linkage of points and links.
 
-    ``free`` are the points with coordinates, along ``axes``: those of ``plane`` if a spatial scene moves in
-    one. ``links`` are the points of each link, ``labels`` the constraints in messages. ``steady`` are ground
-    points and drives of constant velocity, ``prescribed`` the constraints of prescribed angles and lengths.
-    ``inputs`` are the external signals, the last tunable parameters. ``kinematic``: the model has no
-    dynamics. ``remarks`` are notes for results. ``lugs`` are the rigid joints of points off the line of
-    elastic links, with their points on the line ("" if the scene names them). ``start`` are coordinates and
-    velocities at the scene's own parameters, ``first_pivot`` is where pivots begin in ``work`` of 'factor'.
+    ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` if a spatial scene moves
+    in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
+    ``steady`` are ground points and constraints of drives whose velocity does not depend on the time.
+    ``inputs`` are the parameters that are external signals, the last of the tunable ones. ``kinematic``: the
+    model has no dynamics. ``remarks`` are notes on the scene for results. ``lugs`` are the rigid joints of
+    points off the line of elastic links, with their points on the line ("" if the scene names them).
+    ``drawn`` is the number of points of the scene, which come first. ``start`` has coordinates and rates
+    at the scene's own parameters, ``first_pivot`` is the place in ``work`` of the first pivot of 'factor'.
     """
 
     axes: tuple[str, ...]
@@ -185,10 +185,10 @@ class Description(Described):
     switches: tuple[str, ...] = ()
     pulses: tuple[int, ...] = ()
     steady: tuple[str, ...] = ()
-    prescribed: tuple[int, ...] = ()
     remarks: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     lugs: dict[str, str] = field(default_factory=dict)
+    drawn: int = 0
 
     @property
     def method(self) -> str:

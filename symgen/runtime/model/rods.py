@@ -58,19 +58,11 @@ class RodModel(LinkageModel):
         )
 
     def _begun(self) -> Start:
-        begun = start(self._evaluator)
-        if begun.rank_tolerance != self.description.rank_tolerance:
-            self.description = replace(self.description, rank_tolerance=begun.rank_tolerance)
-            del self._evaluator
-        return begun
+        return start(self._evaluator)
 
     def _refused(self, name: str) -> str | None:
         if name == "inverse_dynamics" and (len(self.description.axes) > 2 or self.description.plane):
-            return (
-                "joint forces by rigid elements are for linkages in the plane\n"
-                "  Run it (symgen run, simulate) with LINK.POINT.force, POINT.reaction and LINK.torque among "
-                "the outputs of the scene."
-            )
+            return "joint forces by rigid elements are for linkages in the plane"
         if name in ("equilibrium", "modes") and self._never_rests:
             return self._never_rests
         d = self.description

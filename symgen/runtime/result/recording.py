@@ -135,7 +135,12 @@ class Recording:
 def _of_the_start(
     evaluator: Evaluator, start: tuple[float, Array] | None, t_end: float, redundant: tuple[int, ...]
 ) -> Iterator[str]:
-    """Yield the note on a given start that violates the constraints: the first step of a run projects it."""
+    """Yield the notes on a given start: it has no revolutions, and is projected onto the constraints."""
+    if start is not None and evaluator.description.windings:
+        yield (
+            "the given state has no revolutions: angles of loads and torsion springs count them anew, from "
+            "within 180 degrees at the start"
+        )
     if start is None or not evaluator.description.constraints:
         return
     t, (q, u) = start[0], np.split(start[1], 2)

@@ -80,13 +80,21 @@ def _isolated(constraints: Constraints, q: Array, t: float) -> bool:
     return bool(values[-1] > _SAME * values[0])
 
 
-def polished(constraints: Constraints, q: Array, t: float) -> Array | None:
-    """Return q brought to round-off by Newton's method; None where it does not get there."""
+def polished(constraints: Constraints, q: Array, t: float, root: Array | None = None) -> Array | None:
+    """Return q brought to round-off by Newton's method; None where it does not get there.
+
+    Corrections have the least norm, in the metric L L^T with the factor ``root`` L if one is given.
+    """
     for _ in range(8):
         residual = constraints.residual(q, t)
         if np.max(np.abs(residual), initial=0.0) <= 4e-16 * max(float(np.max(np.abs(q))), 1e-300):
             break
-        q = q - np.linalg.lstsq(constraints.jacobian(q, t), residual, rcond=1e-12)[0]
+        slopes = constraints.jacobian(q, t)
+        if root is None:
+            q = q - np.linalg.lstsq(slopes, residual, rcond=1e-12)[0]
+        else:
+            weighted = np.linalg.solve(root, slopes.T).T
+            q = q - np.linalg.solve(root.T, np.linalg.lstsq(weighted, residual, rcond=1e-12)[0])
     size = max(float(np.max(np.abs(q))), 1e-300)
     return q if np.max(np.abs(constraints.residual(q, t)), initial=0.0) <= _CLOSED * size else None
 

@@ -141,7 +141,8 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
 
     With ``stable`` the linkage is led downhill, by steps within a trust region that use the full second
     derivative, the constraint forces' part included; the measure of a step is the work that the forces do
-    along it, so forces without potential are allowed. Otherwise Newton's method with damping leads to an
+    along it, so forces without potential are allowed. Steps are measured in a metric that depends neither on
+    the axes nor on the points that carry a body. Otherwise Newton's method with damping leads to an
     equilibrium of any kind near the start. A start that is in equilibrium already is handed back.
 
     Raises
@@ -151,7 +152,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     """
     constraints = statics.constraints
     length = constraints.length(q)
-    here = polished(constraints, q, statics.t)
+    here = polished(constraints, q, statics.t, statics.root)
     if here is None:
         raise SimulationError(
             f"the pose to start from cannot be assembled at t = {statics.t:g} s\n  Start from another pose."
@@ -163,8 +164,8 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
         if left <= best.noise or (idle >= 3 and left <= _balanced(best)):
             return here, best
         step = _step(best.stiffness, slope, radius, stable)
-        there = polished(constraints, here + best.basis @ step, statics.t)
-        if there is None or np.linalg.norm(there - here) > 4 * radius:
+        there = polished(constraints, here + best.basis @ step, statics.t, statics.root)
+        if there is None or statics.measured(there - here) > 4 * radius:
             radius /= 4
             idle += radius < 1e-14 * length
             if radius < 1e-15 * length:
@@ -184,12 +185,12 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
             here, best = there, new
         else:
             radius = 0.25 * float(np.linalg.norm(step))
-        if np.max(np.abs(here - q)) > _AWAY * length or radius < 1e-15 * length:
+        if statics.measured(here - q) > _AWAY * length or radius < 1e-15 * length:
             break
     left = float(np.max(np.abs(best.basis.T @ statics.force(here)), initial=0.0))
     if left <= _balanced(best):
         return here, best
-    raise _none(constraints, q, here, best, statics.force(here), length)
+    raise _none(constraints.description, best, statics.measured(here - q) > _AWAY * length)
 
 
 def _balanced(linearised: Linearised) -> float:
@@ -238,14 +239,11 @@ def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
     return vectors @ reached
 
 
-def _none(
-    constraints: Constraints, start: Array, here: Array, best: Linearised, force: Array, length: float
-) -> SimulationError:
-    axes = len(constraints.description.axes)
-    pushed = np.linalg.norm((best.basis @ (best.basis.T @ force)).reshape(-1, axes), axis=1)
+def _none(d: Description, best: Linearised, far: bool) -> SimulationError:
+    pushed = np.linalg.norm(best.unbalanced.reshape(-1, len(d.axes)), axis=1)
     order = [int(i) for i in np.argsort(-pushed, kind="stable")[:3] if pushed[i] > 0]
-    points = ", ".join(f"{constraints.description.free[i]} by {pushed[i]:.3g} N" for i in order)
-    if np.max(np.abs(here - start)) > _AWAY * length:
+    points = ", ".join(f"{d.free[i]} by {pushed[i]:.3g} N" for i in order)
+    if far:
         return SimulationError(
             "there is no equilibrium within reach: nothing holds the linkage, which is still pushed at "
             f"{points}\n  Hold it: ground a point, or add a spring or a drive."

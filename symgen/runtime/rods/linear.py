@@ -26,9 +26,10 @@ _SLOW = 0.1
 class Linearised:
     """M y'' + C y' + K y = 0 with dq = Z y, the columns of ``basis`` Z spanning the free motions.
 
-    ``multipliers`` are those of least norm that balance the forces, ``unbalanced`` is what no multipliers
-    can balance [N], ``scale`` the largest of the forces and constraint forces it is left of [N], ``noise``
-    the round-off of the forces, that of the positions times the stiffness included [N].
+    They are orthonormal in the metric of small motions. ``multipliers`` are those of least norm that balance
+    the forces, ``unbalanced`` is what no multipliers can balance [N], ``scale`` the largest of the forces and
+    constraint forces it is left of [N], ``noise`` the round-off of the forces, that of the positions times
+    the stiffness included [N].
     """
 
     basis: Array
@@ -64,6 +65,15 @@ class Statics:
         self.constraints, self.t, self._statics = constraints, t, statics
         self._rest = np.zeros(constraints.n)
         self._entries: dict[str, tuple[Indices, ...]] = {}
+        metric = np.eye(constraints.n)
+        if statics.has("metric"):
+            metric = statics.blocks("metric", t, self._rest, self._rest)["metric"]
+        #: Factor L of the metric L L^T of small motions, in which steps are measured, corrections least.
+        self.root = np.asarray(np.linalg.cholesky(metric), dtype=float)
+
+    def measured(self, change: Array) -> float:
+        """Return the length of a change of the coordinates in the metric of small motions [m]."""
+        return float(np.linalg.norm(change @ self.root))
 
     def force(self, q: Array) -> Array:
         """Return the applied forces on the coordinates at rest [N]."""
@@ -101,10 +111,11 @@ class Statics:
             else self._rest[:0]
         )
         jacobian = constraints.jacobian(q, self.t)
-        left, values, right = np.linalg.svd(jacobian)
+        # Over the factor of the metric: nothing depends on the points that carry a body.
+        left, values, right = np.linalg.svd(np.linalg.solve(self.root, jacobian.T).T)
         rank = int(np.count_nonzero(values > RANK * values.max(initial=0.0)))
-        basis = right[rank:].T
-        scaled = left[:, :rank] @ ((right[:rank] @ force) / values[:rank])
+        basis = np.linalg.solve(self.root.T, right[rank:].T)
+        scaled = left[:, :rank] @ ((right[:rank] @ np.linalg.solve(self.root, force)) / values[:rank])
         multipliers = scaled / scale  # rows were divided by the scale, so multipliers carry it
         carried = jacobian.T @ scaled
         whole = [self.matrix(name, q, multipliers) for name in ("mass_matrix", "damping", "stiffness")]

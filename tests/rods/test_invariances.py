@@ -1,0 +1,91 @@
+"""Random linkages written differently: turned, mirrored, moved, in other scales, orders and names, and back in time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shared import invariances, invariant_scenes
+from shared.full import full
+from shared.in_numpy import build
+from shared.transformed import TRANSFORMATIONS, Transformed
+
+import symgen
+from symgen.errors import SceneError, SymgenError
+
+#: Analysis, its scenes, their axes, and the largest difference over the size of a result.
+ANALYSES = {
+    "starts": ("start", "moving", 2, 1e-9),
+    "starts in space": ("start", "moving", 3, 1e-9),
+    "runs": ("run", "moving", 2, 1e-9),
+    "runs in space": ("run", "moving", 3, 1e-9),
+    "equilibria and modes": ("equilibrium", "resting", 2, 1e-9),
+    "equilibria and modes in space": ("equilibrium", "resting", 3, 1e-9),
+    "driven": ("driven", "driven", 2, 1e-9),
+    "assemblies": ("assemblies", "driven", 2, 1e-9),
+    "sweeps": ("sweep", "moving", 2, 1e-9),
+}
+#: Analysis, scene and transformation of the default tests; scenes of each analysis in all tests.
+DEFAULT = [
+    ("starts", 3, "turned"),
+    ("equilibria and modes", 9, "turned"),
+    ("equilibria and modes", 0, "reordered"),
+    ("driven", 1, "reordered"),
+]
+SCENES = 12
+
+
+def drawn(maker: str, dimension: int, seed: int) -> dict:
+    return getattr(invariant_scenes, maker)(np.random.default_rng(seed), dimension)
+
+
+def compared(kind: str, seed: int, chosen=tuple(TRANSFORMATIONS)) -> bool | None:
+    """Compare the results of one scene with those of its transformations; None for a scene that is refused."""
+    name, maker, dimension, allowed = ANALYSES[kind]
+    analysis, tables = getattr(invariances, name), drawn(maker, dimension, seed)
+    order = tuple(p for p in tables["points"])
+    try:
+        expected = analysis(tables, Transformed(np.eye(dimension), np.zeros(dimension), order=order))
+    except SymgenError:  # contradictory start rates, lengths that cannot be met, nothing that is free
+        return None
+    if "frequencies" in expected:  # round-off of the forces, over the least stiffness
+        values = expected["frequencies"]
+        allowed = max(allowed, 1e-14 * (np.max(values) / np.min(values)) ** 2)
+    for of in chosen:
+        other, by = TRANSFORMATIONS[of](tables, np.random.default_rng([seed, 1]))
+        by = replace(by, order=order)
+        apart = invariances.differences(expected, analysis(other, by), by)
+        assert max(apart.values()) < allowed, (kind, seed, of, apart)
+    return True
+
+
+@pytest.mark.parametrize(("kind", "seed", "of"), DEFAULT)
+def test_results_do_not_depend_on_how_a_scene_is_written(kind, seed, of):
+    assert compared(kind, seed, (of,))
+
+
+@pytest.mark.parametrize("kind", [full(kind) for kind in ANALYSES])
+def test_results_of_many_scenes_do_not_depend_on_how_they_are_written(kind):
+    assert sum(bool(compared(kind, seed)) for seed in range(SCENES)) >= SCENES / 2
+
+
+@pytest.mark.parametrize(("dimension", "count"), [(2, 2), full(2, 12), full(3, 12)])
+def test_conservative_motions_return_when_time_is_reversed(dimension, count):
+    for seed in range(count):
+        tables = drawn("resting", dimension, seed)
+        for spring in (*tables["springs"], *tables.get("torsion_springs", ())):
+            spring.pop("damping")
+        try:
+            model = build(symgen.Scene(**tables))
+        except SceneError:
+            continue
+        begin = model.initial_state()
+        free = model.description.free
+        ahead = model.simulate(0.1, rtol=1e-12, samples=2).final
+        velocities = {p: -np.asarray(ahead[p]["velocity"]) for p in free}
+        back = model.state({p: ahead[p]["position"] for p in free}, velocities)
+        returned = model.simulate(0.1, rtol=1e-12, samples=2, state=back).final
+        size = max(np.max(np.abs(x)) for x in begin.positions.values())
+        for p in free:
+            np.testing.assert_allclose(returned[p]["position"], begin.positions[p], atol=1e-8 * size)
