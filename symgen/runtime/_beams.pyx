@@ -116,6 +116,8 @@ cdef extern from "core/elastic.h" nogil:
         void *(*beams_constants)(beams *) noexcept nogil
         int (*beams_assemble)(beams *, double, int) noexcept nogil
         void (*beams_view)(const beams *, matrices_view *) noexcept nogil
+        int (*beams_valid)(const beams *) noexcept nogil
+        int (*steps_valid)(const beam_steps *) noexcept nogil
         void (*beams_unbalanced)(beams *, int, const void *, void *) noexcept nogil
         size_t (*steps_bytes)(const beams *, const beam_scheme *, long) noexcept nogil
         void (*steps_bind)(beam_steps *, beams *, const beam_scheme *, long, void *) noexcept nogil
@@ -393,6 +395,8 @@ cdef class BeamEquations(Integrable):
         """Restore the bytes of :meth:`save` for the same equations."""
         self.memory.restore(memory)
         self.motion.restore(memory[self.memory.bytes:])
+        if not self.api.beams_valid(<beams *>self.core):
+            raise ValueError("expected indices of equations within their arrays")
 
     cdef object _array(self, const void *raw, shape):
         return _doubles(self.of, raw, shape)
@@ -569,6 +573,8 @@ cdef class BeamSteps:
         """Restore the bytes of :meth:`save` for the same steps."""
         self.memory.restore(memory)
         self.equations.restore(memory[self.memory.bytes:])
+        if not self.equations.api.steps_valid(self.core):
+            raise ValueError("expected indices of steps within their arrays")
 
     @property
     def displacements(self):

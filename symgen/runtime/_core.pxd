@@ -154,6 +154,7 @@ cdef extern from "core/core.h" nogil:
         size_t (*run_bytes)(const equations *, const scheme *, const task *) noexcept nogil
         void (*run_bind)(run *, equations *, const scheme *, const task *, void *) noexcept nogil
         void (*run_start)(run *, const double *, const double *, const double *, const signed char *, const char *) noexcept nogil
+        int (*run_valid)(const run *) noexcept nogil
         int (*run_begin)(run *) noexcept nogil
         int (*run_advance)(run *, long) noexcept nogil
         void (*run_report)(const run *, report *) noexcept nogil

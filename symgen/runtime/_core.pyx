@@ -644,17 +644,26 @@ cdef class Run:
 
     def restore(self, const unsigned char[::1] equations, const unsigned char[::1] memory):
         """Restore the bytes of :meth:`save` for the same equations and options."""
-        cdef report r
         if <size_t>memory.shape[0] != self.memory.bytes:
             raise ValueError("expected the saved memory of a run of the same sizes")
         self.equations.restore(equations)
         self.memory.restore(memory)
         self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory.at)
-        self.of.api.run_report(self.core, &r)
-        if not (0 <= r.recorded <= self.asked.samples and r.passages == 0 and r.events == 0
-                and -1 <= r.ended_by < len(self.ways)):
+        if not self.of.api.run_valid(self.core):
             raise ValueError("expected the saved counts of a run between two steps")
         self._look()
+
+    def take(self, passages, events, states):
+        """Record passages (t, soundness, weakest), and events (t, number, rising) with states, from before a restored
+        memory was saved."""
+        rows, limits = (np.asarray(passages), np.asarray(events)), (self.equations.n + self.equations.m, len(self.ways))
+        if rows[1].shape != (len(states), 3) or np.shape(states) != (len(states), self.dim):
+            raise ValueError(f"expected events and states of {self.dim} numbers")
+        for found, column, first, limit in ((rows[0], 2, -1, limits[0]), (rows[1], 1, 0, limits[1])):
+            if found.ndim != 2 or found.shape[1] != 3 or not ((found[:, column] >= first) & (found[:, column] < limit)).all():
+                raise ValueError(f"expected numbers of passages and events below {limit}")
+        self.passages.extend((t, sound, int(k)) for t, sound, k in rows[0].tolist())
+        self.events.extend((t, int(i), bool(up), state) for (t, i, up), state in zip(rows[1].tolist(), states))
 
     def begin(self):
         """Project and record the start, estimate the first step; return the status."""

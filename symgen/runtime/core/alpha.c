@@ -200,6 +200,11 @@ static void accept(struct run *run) {
     memcpy(x.motion, x.motion_new, (size_t)run->e->n * sizeof(real));
 }
 
+static int valid(const struct run *run) {
+    return all_below(run->e->n, memory_of(run).swaps, run->e->n);
+}
+
 const struct kind alpha_kind = {
     "alpha", "", "alpha_m alpha_f beta gamma", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    valid,
 };

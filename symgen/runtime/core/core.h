@@ -25,7 +25,7 @@
 #endif
 
 /* The binding refuses a compiled core with another version. */
-#define CORE_VERSION 16L
+#define CORE_VERSION 17L
 
 /* A run in doubles. */
 struct report {
@@ -87,6 +87,7 @@ struct core_api {
     /* Set the start: y0 and times in doubles (low parts or NULL), directions and terminal of the events. */
     void (*run_start)(struct run *run, const double *y0, const double *y0_low, const double *times,
                       const signed char *directions, const char *terminal);
+    int (*run_valid)(const struct run *run);
     int (*run_begin)(struct run *run);
     int (*run_advance)(struct run *run, long most);
     void (*run_report)(const struct run *run, struct report *report);

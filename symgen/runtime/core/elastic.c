@@ -91,6 +91,23 @@ static void *rates_of(struct beam_steps *steps) {
     return steps->v;
 }
 
+static int ordered(const struct bordered *of) {
+    for (ptrdiff_t i = 0; i < of->inner; i++)
+        if (of->pivots[i] < 0 || of->pivots[i] >= of->inner)
+            return 0;
+    return all_below(of->border, of->swaps, of->border);
+}
+
+static int beams_valid(const struct beams *b) {
+    const ptrdiff_t m = b->layout.counts.constraints, joints = b->whole - b->inner, own = m ? b->entries : 0;
+    return ordered(&b->system) && all_below(m, b->dependent, joints) && all_below(joints, b->independent, joints) &&
+           all_below(m, b->swaps, m) && all_below(own, b->own_rows, b->free) && all_below(own, b->own_columns, b->free);
+}
+
+static int steps_valid(const struct beam_steps *steps) {
+    return ordered(&steps->system);
+}
+
 static int factor_envelope(const struct envelope *e, void *values, void *imaginary) {
     return envelope_factor(e, values, imaginary);
 }
@@ -120,6 +137,8 @@ const struct elastic_api symgen_elastic = {
     .steps_bind = beam_steps_bind,
     .steps_start = start_steps,
     .steps_part = part_of_steps,
+    .beams_valid = beams_valid,
+    .steps_valid = steps_valid,
     .steps_displacements = displacements_of,
     .steps_rates = rates_of,
     .envelope_factor = factor_envelope,

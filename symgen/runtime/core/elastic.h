@@ -41,6 +41,9 @@ struct elastic_api {
     void *(*beams_constants)(struct beams *b);
     int (*beams_assemble)(struct beams *b, double t, int analysis);
     void (*beams_view)(const struct beams *b, struct matrices_view *view);
+    /* Whether the indices in a restored memory are within their arrays. */
+    int (*beams_valid)(const struct beams *b);
+    int (*steps_valid)(const struct beam_steps *steps);
     void (*beams_unbalanced)(struct beams *b, int analysis, const void *s, void *out);
 
     size_t (*steps_bytes)(const struct beams *b, const struct beam_scheme *scheme, long columns);

@@ -57,4 +57,12 @@ struct least_pivot {
 int choose_columns(ptrdiff_t rows, ptrdiff_t columns, real *a, ptrdiff_t *chosen, ptrdiff_t *others,
                    struct least_pivot *least);
 
+/* Whether all numbers are from 0 to below a limit: those of a restored memory may be any. */
+static inline int all_below(ptrdiff_t count, const ptrdiff_t *numbers, ptrdiff_t limit) {
+    for (ptrdiff_t i = 0; i < count; i++)
+        if (numbers[i] < 0 || numbers[i] >= limit)
+            return 0;
+    return 1;
+}
+
 #endif

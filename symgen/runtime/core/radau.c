@@ -374,6 +374,12 @@ static void accept(struct run *run) {
         s->h = h;
 }
 
+static int valid(const struct run *run) {
+    const struct radau x = memory_of(run);
+    return all_below(run->e->n, x.swaps, run->e->n) && all_below(run->e->n, x.complex_swaps, run->e->n);
+}
+
 const struct kind radau_kind = {
     "radau", "", "t t_inverse", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    valid,
 };

@@ -333,6 +333,11 @@ static void accept(struct run *run) {
     memcpy(run->f, run->f_new, (size_t)run->dim * sizeof(real));
 }
 
+static int valid(const struct run *run) {
+    return all_below(run->e->m, memory_of(run).swaps, run->e->m);
+}
+
 const struct kind rattle_kind = {
     "rattle", "parts", "side", 1, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    valid,
 };

@@ -62,6 +62,21 @@ void run_bind(struct run *run, struct equations *e, const struct scheme *scheme,
     run->scheme.kind->bind(run);
 }
 
+int run_valid(const struct run *run) {
+    const struct state *s = run->state;
+    const struct sizes *sizes = &run->e->sizes;
+    const struct account *a = run->e->account;
+    const long last[] = {s->ended_by, s->worst, s->slid, s->blind, a->worst, a->weakest};
+    const long ends[] = {sizes->events, sizes->m, sizes->switches, sizes->events, sizes->m, sizes->n + sizes->m};
+    for (size_t i = 0; i < sizeof last / sizeof *last; i++)
+        if (last[i] < -1 || last[i] >= (ends[i] > 0 ? ends[i] : 1))
+            return 0;
+    return 0 <= s->recorded && s->recorded <= run->task.samples && s->passages == 0 && s->events == 0 &&
+           0 <= s->events_before && s->events_before <= run->task.found && s->steps >= 0 &&
+           run->times[run->task.samples] == REAL_INFINITY &&
+           (run->scheme.kind->valid == NULL || run->scheme.kind->valid(run));
+}
+
 void run_reset(struct run *run) {
     struct state *s = run->state;
     memset(s, 0, sizeof *s);

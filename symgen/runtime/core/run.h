@@ -71,6 +71,8 @@ struct kind {
     void (*interpolate)(struct run *run, real h, real theta, real *y);
     /* y_new has become y: carry over the data of the next step, such as f = f_new. */
     void (*accept)(struct run *run);
+    /* Whether the indices in a restored run->own are within their arrays; NULL if there are none. */
+    int (*valid)(const struct run *run);
 };
 
 /* A method: its kind with coefficients. */
@@ -161,6 +163,9 @@ size_t run_bytes(const struct equations *e, const struct scheme *scheme, const s
 /* Set up `run` over memory of that size, aligned for every type, without changes of the memory. */
 void run_bind(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
               void *memory);
+
+/* Whether the counts and indices in a restored memory, of the run and of its equations, are within their arrays. */
+int run_valid(const struct run *run);
 
 /* Set the state of a bound run to its start; y, times, directions and terminal are set by the caller. */
 void run_reset(struct run *run);

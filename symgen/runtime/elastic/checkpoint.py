@@ -27,14 +27,18 @@ class Stages(Checkpoints):
         self._finished: list[Pair] = []
         self._taken = 0
 
-    def next(self) -> Pair | None:
-        """Begin the next run; return its displacements and rates if it is already finished, else None."""
+    def next(self, shape: tuple[int, ...]) -> Pair | None:
+        """Begin the next run; return displacements and rates of this shape if it is finished, else None."""
         self._taken += 1
-        if not self.left or self._taken > len(self.left["displacements"]):
-            return None
-        place = self._taken - 1
-        self._finished.append((self.left["displacements"][place], self.left["rates"][place]))
-        return self._finished[-1]
+        with self.reading():
+            if not self.left or self._taken > len(self.left["displacements"]):
+                return None
+            place = self._taken - 1
+            pair = self.left["displacements"][place], self.left["rates"][place]
+            if not pair[0].shape == pair[1].shape == shape:
+                raise ValueError(f"expected displacements and rates of shape {shape}, got {pair[0].shape}")
+        self._finished.append(pair)
+        return pair
 
     def resumed(self, steps: BeamSteps, displacements: Array, rates: Array) -> tuple[int, int]:
         """Bring a run that has begun to where it was left, if it was.
@@ -46,9 +50,12 @@ class Stages(Checkpoints):
         """
         if not self.left:
             return 0, 0
-        steps.restore(self.left["steps"].tobytes())
-        displacements[:], rates[:] = self.left["now"]
-        reached, taken = (int(k) for k in self.left["place"])
+        with self.reading():
+            steps.restore(self.left["steps"].tobytes())
+            displacements[:], rates[:] = self.left["now"]
+            reached, taken = (int(k) for k in self.left["place"])
+            if not (0 <= reached <= len(displacements) and taken >= 0):
+                raise ValueError(f"expected up to {len(displacements)} times reached, got {reached}")
         self.left = {}
         return reached, taken
 

@@ -180,16 +180,16 @@ def stepped(
     ResultError
         When a checkpoint cannot be written, or is of another run.
     """
-    before = stages.next() if stages else None
+    n, pace = motion.layout.unknowns, pace or Pace(0.0, float(np.max(times)))
+    s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
+    shape = s.shape if s.shape[1] > 1 else (n,)
+    before = stages.next((len(times), *shape)) if stages else None
     if before:
         return before
-    n, pace = motion.layout.unknowns, pace or Pace(0.0, float(np.max(times)))
     pace.restart(0.0)
-    s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
     steps = _beams.BeamSteps(equations, method, s.shape[1])
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     order = np.argsort(times, kind="stable")
-    shape = s.shape if s.shape[1] > 1 else (n,)
     displacements, rates = np.zeros((len(times), *shape)), np.zeros((len(times), *shape))
     reached, steps_done = stages.resumed(steps, displacements, rates) if stages else (0, 0)
     now = float(times[order[reached - 1]]) if reached else 0.0

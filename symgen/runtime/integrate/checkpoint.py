@@ -1,7 +1,8 @@
 """Checkpoints: the whole state of a run in a file; the continued run gives the same bits.
 
 A checkpoint is the memory of the run and of its equations, byte for byte, with the run's records in Python.
-It belongs to one run: equations, parameters, start and options, machine and version must be the same.
+It belongs to one run: equations, parameters, start and options, machine and version must be the same. Counts
+and indices are checked, so that an altered file cannot make the core read or write elsewhere.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import json
 import os
 import platform
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -116,9 +118,17 @@ class Checkpoints:
     """
 
     def __init__(self, mark: str, keeping: Keeping) -> None:
-        self._mark, self._file, self._every = mark, keeping.file, keeping.every
+        self._mark, self._file, self._every, self._from = mark, keeping.file, keeping.every, keeping.resume
         self.left, self.spent = ({}, 0.0) if keeping.resume is None else stored(keeping.resume, mark)
         self._started = self._written = time.perf_counter()
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Report arrays that are missing, or of other sizes than the run, as a fault of the checkpoint."""
+        try:
+            yield
+        except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
+            raise ResultError(f"{self._from} is an incomplete checkpoint: {error}") from error
 
     def due(self, last: bool = False) -> bool:
         """Return whether it is time to write, or the last time to; count from now if it is."""
@@ -140,10 +150,8 @@ class RunCheckpoints(Checkpoints):
     def __init__(self, run: _core.Run, mark: str, keeping: Keeping) -> None:
         super().__init__(mark, keeping)
         if keeping.resume is not None:
-            try:
+            with self.reading():
                 restore(run, self.left)
-            except (KeyError, TypeError, ValueError) as error:
-                raise ResultError(f"{keeping.resume} is an incomplete checkpoint: {error}") from error
 
     def look(self, run: _core.Run, last: bool = False) -> None:
         """Write a checkpoint if it is time, or the last."""
@@ -192,11 +200,7 @@ def memory_of(run: _core.Run) -> dict[str, Array]:
 def restore(run: _core.Run, content: Mapping[str, Any]) -> None:
     """Bring a run that has not begun to where a checkpoint left it; KeyError or ValueError if incomplete."""
     run.restore(content["equations"].tobytes(), content["run"].tobytes())
-    run.passages.extend((t, sound, int(k)) for t, sound, k in content["passages"].tolist())
-    run.events.extend(
-        (t, int(i), bool(rising), state)
-        for (t, i, rising), state in zip(content["events"].tolist(), content["event_states"], strict=True)
-    )
+    run.take(content["passages"], content["events"], content["event_states"])
 
 
 def store(file: Path, mark: str, t: float, wall: float, arrays: Mapping[str, Any]) -> None:

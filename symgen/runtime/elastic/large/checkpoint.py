@@ -8,6 +8,7 @@ import numpy as np
 
 from symgen.runtime._constrained import Steps
 from symgen.runtime.arrays import Array
+from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import Moment, Pause, System
 from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping
 
@@ -27,11 +28,14 @@ class Samples(Checkpoints):
         super().__init__(mark, keeping)
         self._system, self._corrections = system, 0
         self.before: tuple[list[Moment], int, int] | None = None
-        self.steps = int(self.left["steps"]) if self.left else 0
-        if "before" in self.left:
-            steps, corrections = (int(k) for k in self.left["counts_before"])
-            system.restore(_part(self.left, "before_"))
-            self.before = self._unpacked(self.left["before"]), steps, corrections
+        with self.reading():
+            self.steps = int(self.left["steps"]) if self.left else 0
+            if self.left and self.steps < 1:
+                raise ValueError(f"expected one step or more between samples, got {self.steps}")
+            if "before" in self.left:
+                steps, corrections = (int(k) for k in self.left["counts_before"])
+                system.restore(_part(self.left, "before_"))
+                self.before = self._unpacked(self.left["before"]), steps, corrections
         self._latest: tuple[int, Pause, int] | None = None
 
     def resumed(self) -> Pause | None:
@@ -39,11 +43,16 @@ class Samples(Checkpoints):
         content, self.steps = self.left, 0
         if "moments" not in content:
             return None
-        self._system.restore(_part(content, "now_"))
-        (now,) = self._unpacked(content["now"])
-        moments, guess = self._unpacked(content["moments"]), (content["guess"], content["guess_forces"])
-        self.left = {k: v for k, v in content.items() if k.startswith("before") or k == "counts_before"}
-        self._corrections = int(content["corrections"])
+        with self.reading():
+            self._system.restore(_part(content, "now_"))
+            (now,) = self._unpacked(content["now"])
+            moments, guess = self._unpacked(content["moments"]), (content["guess"], content["guess_forces"])
+            sizes = self._system.unknowns, self._system.multipliers
+            for numbers, size in zip(guess, sizes, strict=True):
+                if numbers.shape != (len(GAUSS8.c), size):
+                    raise ValueError(f"expected {size} numbers at each stage, got shape {numbers.shape}")
+            self.left = {k: v for k, v in content.items() if k.startswith("before") or k == "counts_before"}
+            self._corrections = int(content["corrections"])
         return Pause(moments, now, guess, self._corrections)
 
     def finished(self, moments: Sequence[Moment], steps: int, corrections: int) -> None:
@@ -75,7 +84,9 @@ class Samples(Checkpoints):
         self.write(pause.now.t, arrays)
 
     def _unpacked(self, rows: Array) -> list[Moment]:
-        n = self._system.unknowns
+        n, width = self._system.unknowns, 2 + 3 * self._system.unknowns + self._system.multipliers
+        if rows.ndim != 2 or rows.shape[1] != width:
+            raise ValueError(f"expected rows of {width} numbers, got shape {rows.shape}")
         ends = [n, 2 * n, 3 * n]
         parts = ((x, np.split(x[2:], ends)) for x in rows)
         return [Moment(float(x[0]), q, v, a, m, float(x[1])) for x, (q, v, a, m) in parts]

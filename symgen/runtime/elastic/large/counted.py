@@ -56,6 +56,8 @@ class Counted:
     @references.setter
     def references(self, rows: Array) -> None:
         self.restart()
+        if rows.ndim != 2 or rows.shape[1] != 1 + self._count or not len(rows):
+            raise ValueError(f"expected references of {self._count} angles, got shape {rows.shape}")
         self._since, self._references = rows[:, 0].tolist(), list(rows[:, 1:])
 
     def now(self, evaluator: Evaluator) -> Evaluator:
