@@ -76,7 +76,7 @@ def _run(path: Path) -> Any:
         return make()
     except DerivationError as error:
         raise _located(path, error) from None
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit, GeneratorExit) as error:
         raise _failed(path, error) from error
     finally:
         if before is None:

@@ -24,8 +24,14 @@ SpatialVector = Annotated[list[Value], Field(min_length=3, max_length=3)]
 Moments = Annotated[list[Value], Field(min_length=3, max_length=6)]
 
 
-#: Words for people: any characters but control characters, which have no place in generated comments.
-Text = Annotated[str, StringConstraints(pattern=r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f]*$")]
+#: Words for people: any characters but control characters, also those of the direction of writing, which have
+#: no place in generated comments and in terminals.
+Text = Annotated[
+    str,
+    StringConstraints(
+        pattern=r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]*$"
+    ),
+]
 
 
 def absent(description: str) -> Any:

@@ -72,6 +72,8 @@ def _hold(rows: list[_Row], bounds: list[tuple[Any, Any]]) -> bool:
     """Return whether relations hold together, the strict ones by a margin."""
     from scipy.optimize import linprog
 
+    if not rows:
+        return True
     strict = np.array([row.sign == ">" for row in rows])
     equal = np.array([row.sign == "=" for row in rows])
     matrix = np.array([row.coefficients for row in rows])

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from symgen.errors import CacheError
+from symgen.errors import CacheError, shown
 from symgen.toolchain import ownership
 
 _CHECKSUMS = "checksums.json"
@@ -25,7 +25,15 @@ def cache_root() -> Path:
     """Return the cache folder: ``SYMGEN_CACHE``, else the platform's default cache folder."""
     chosen = os.environ.get("SYMGEN_CACHE")
     if chosen:
-        return Path(chosen).absolute()
+        root = Path(chosen).absolute()
+        try:
+            root.exists()
+        except OSError as error:  # such as a name of more than 255 characters
+            raise CacheError(
+                f"SYMGEN_CACHE is no folder: {error.strerror}: {shown(chosen)}\n"
+                "  Point SYMGEN_CACHE to a folder of your own."
+            ) from None
+        return root
     import platformdirs
 
     try:

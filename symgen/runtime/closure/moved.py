@@ -71,7 +71,7 @@ def moved_to(kernels: LoopKernels, begin: Closed, target: Array, t: float, at_on
         ways = np.abs(
             np.concatenate([(target - begin.q)[free] / scale[free], inputs / scale[kernels.inputs]])
         )
-        steps = min(_MOST, max(1, math.ceil(float(np.max(ways)) / _STEP)))
+        steps = max(1, math.ceil(min(_MOST, float(np.max(ways)) / _STEP)))
     q = np.append(target if at_once else begin.q, 0.0)
     for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
         now, before = begin.t + part * (t - begin.t), q.copy()
@@ -79,6 +79,7 @@ def moved_to(kernels: LoopKernels, begin: Closed, target: Array, t: float, at_on
         failed = equations.close(now, q) != _core.DONE
         if failed or (not at_once and np.max(np.abs(q - before)[:-1] / scale) > _JUMP):
             values = ", ".join(f"{d.variables[i].name} = {q[i]:.6g} {d.variables[i].unit}" for i in free)
+            values = values or f"t = {now:g} s"
             reason = "does not close" if failed else "leaves its assembly"
             raise SimulationError(
                 f"{d.name} {reason} at {values}"
