@@ -252,3 +252,20 @@ def _agree(of_run: Coordinate | None, along: Coordinate | None, places: Any) -> 
         return True
     near = 1e-6 * np.ptp(along.values)
     return bool(np.allclose(of_run.values, along.values[places], rtol=0.0, atol=near))
+
+
+def along_samples(runs: xarray.Dataset, output: str) -> Array:
+    """Return the coordinate of the samples, (samples,) or (runs, samples)."""
+    samples = runs[output].dims[1]
+    names = [str(n) for n in runs.coords if samples in runs[n].dims]
+    name = next((n for n in names if n != "time"), "time")
+    return np.asarray(runs[name].values, dtype=float)
+
+
+def times_of_samples(runs: xarray.Dataset) -> Array | None:
+    """Return the times of the samples of a run, if they are the same for all."""
+    if "time" not in runs.variables:
+        return None
+    times = np.asarray(runs["time"].values)
+    rows = times if times.ndim == 2 else times[None]
+    return rows[0] if np.array_equal(rows, np.broadcast_to(rows[0], rows.shape)) else None

@@ -188,7 +188,8 @@ class Sweeps:
             ``SLSQP`` or ``trust-constr`` from a start, to a local minimum; ``differential-evolution`` over
             the whole range, with one call for all runs of a generation.
         start
-            Values to start from; those of the model, within the bounds, when absent.
+            Values to start from; those of the model, within the bounds, when absent, or if their run fails
+            the nearest of some others whose run succeeds.
         tolerance, iterations, seed
             Tolerance and most iterations of the method; seed of differential evolution.
 
@@ -197,7 +198,8 @@ class Sweeps:
         ModelError, CapabilityError
             For names, bounds and arguments that do not fit the model.
         SimulationError, InitialStateError, RangeError
-            When a run fails; differential evolution takes that point as the worst.
+            When the run of a given start fails, or those of all points that are tried; later, steps to such
+            points are shortened, and differential evolution takes them as infeasible.
         """
         from symgen.runtime.sweeps.optimisation import optimum_of
         from symgen.runtime.sweeps.problem import Search

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from symgen.errors import ModelError, check_known, shown
+from symgen.errors import ModelError, SimulationError, check_known, shown
 from symgen.runtime.arrays import Array
 from symgen.runtime.sweeps.problem import Problem, Quantity, Search
 
@@ -18,6 +20,15 @@ _MOST = 10**6
 METHODS = ("SLSQP", "trust-constr", "differential-evolution")
 #: Reductions of which an upper bound is one bound per sample: smooth, where the largest sample changes.
 _LARGEST = ("peak", "greatest")
+#: Signs of the samples whose upper bounds are further variables, of objectives that are their sum.
+_BOUNDS = {"peak": (1.0,), "greatest": (1.0,), "range": (1.0, -1.0)}
+#: Objective where a run fails, over that at the start.
+_FAILED = 1e6
+#: Points that are tried where the run of the default start fails, a power of two; members per variable of a
+#: generation of differential evolution.
+_TRIED, _MEMBERS = 64, 15
+#: Status of trust-constr that its callback has stopped.
+_STOPPED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +96,8 @@ def optimum_of(search: Search, objective: str, measured: Sequence[str] = ()) -> 
     problem = Problem(bounds, [goal, *quantities.values()], search)
     begin = np.array([start.get(name, model.parameters[name]) for name in bounds])
     x = np.clip((begin - problem.low) / (problem.high - problem.low), 0.0, 1.0)
+    if not start and method != "differential-evolution":
+        x = _working(problem, goal, x)
     pairs = [(quantities[name], *limits[name]) for name in limits]
     if method == "differential-evolution":
         optimum = _evolved(problem, goal, pairs)
@@ -125,82 +138,178 @@ def _pair(name: str, pair: Any, *, open_ended: bool) -> tuple[float, float]:
 _Limits = Sequence[tuple[Quantity, float, float]]
 
 
+def _working(problem: Problem, goal: Quantity, x: Array) -> Array:
+    """Return the point if its run succeeds, or the nearest of some others with one; else raise why."""
+    from scipy.stats.qmc import Sobol
+
+    if problem.works(x):
+        return x
+    others = Sobol(len(x), scramble=False).random(_TRIED)[1:]
+    with suppress(SimulationError):
+        runs = np.isfinite(problem.many(goal, others))
+        if np.any(runs):
+            return np.asarray(others[runs][np.argmin(np.linalg.norm(others[runs] - x, axis=1))])
+    problem.at(x)  # raises why
+    return x
+
+
 def _descended(problem: Problem, goal: Quantity, limits: _Limits, x: Array) -> Any:
-    """Minimise by gradients. The largest sample becomes a further variable, an upper bound of all samples."""
-    from scipy.optimize import NonlinearConstraint, minimize
+    """Minimise by gradients, with further variables for the bounds of samples.
+
+    A step that ends where a run fails is shortened, since the objective is large there.
+    """
+    from scipy.optimize import minimize
 
     problem.choose_gradients(x)
-    count = len(x)
-    first = problem.value(goal, x)
-    size = abs(first) or 1.0
-    bounded = goal.reduction in _LARGEST
-    begin = np.append(x, first / size) if bounded else x
+    count, signs, search = len(x), _BOUNDS.get(goal.reduction, ()), problem.search
+    first = problem.of(goal, problem.at(x)[goal.output]) if signs else np.array([problem.value(goal, x)])
+    size = float(np.max(np.abs(first))) or 1.0
+    begin = np.append(x, [np.max(sign * first) / size for sign in signs])
+    linear, last = np.append(np.zeros(count), np.ones(len(signs))), [x]
+
+    def there(y: Array) -> Array:
+        """Return the point if its run succeeds, or the last one whose did."""
+        if problem.works(y[:count]):
+            last[0] = y[:count].copy()
+        return last[0]
 
     def value(y: Array) -> float:
-        return float(y[count]) if bounded else problem.value(goal, y) / size
+        if not problem.works(y[:count]):
+            return _FAILED
+        return float(linear @ y) if signs else problem.value(goal, y) / size
 
     def slope(y: Array) -> Array:
-        if bounded:
-            return np.append(np.zeros(count), 1.0)
-        return problem.slope(goal, y[:count]) / size
+        return linear if signs else problem.slope(goal, there(y)) / size
 
-    rules = []
-    if bounded:
-        rules.append(_below_variable(problem, goal, count, size))
+    rules = [
+        _below_variable(problem, goal, sign, (count, count + k, len(begin)), size, there)
+        for k, sign in enumerate(signs)
+    ]
     for quantity, low, high in limits:
-        rules.append(_between(problem, quantity, low, high, count, len(begin)))
-    constraints = [NonlinearConstraint(f, a, b, jac=j) for f, j, a, b in rules]
-    search = problem.search
-    options = dict.fromkeys(("ftol",) if search.method == "SLSQP" else ("gtol", "xtol"), search.tolerance)
-    return minimize(
-        value,
-        begin,
-        jac=slope,
-        method=search.method,
-        bounds=[(0.0, 1.0)] * count + [(None, None)] * bounded,
-        constraints=constraints,
-        options={"maxiter": search.iterations, **options},
-    )
+        rules.append(_between(problem, quantity, (low, high), x, len(begin), there))
+    options: dict[str, float] = {"maxiter": search.iterations}
+    if search.method == "SLSQP":
+        options["ftol"] = search.tolerance
+    else:  # its own criterion leaves out the barrier parameter, which bounds the error of active constraints
+        options |= {"gtol": 0.0, "xtol": search.tolerance, "barrier_tol": search.tolerance}
+
+    def met(_: Array, state: Any) -> bool:
+        rest = (state.optimality, state.constr_violation, state.barrier_parameter)
+        return max(rest) < search.tolerance
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "delta_grad == 0.0")  # of samples that are linear
+        optimum = minimize(
+            value,
+            begin,
+            jac=slope,
+            method=search.method,
+            bounds=[(0.0, 1.0)] * count + [(None, None)] * len(signs),
+            constraints=[rule.constraint(search.method, len(begin)) for rule in rules],
+            options=options,
+            **({} if search.method == "SLSQP" else {"callback": met, **_hessian(bool(signs), len(begin))}),
+        )
+    if search.method != "SLSQP" and optimum.status == _STOPPED:
+        optimum.success, optimum.message = True, "Optimality, constraints and barrier meet the tolerance"
+    return optimum
 
 
-_Rule = tuple[Callable[[Array], Array], Callable[[Array], Array], Any, Any]
+def _hessian(linear: bool, width: int) -> dict[str, Any]:
+    """Return the option of a function that is linear, or whose second derivatives are approximated.
+
+    The default, BFGS, keeps the approximation positive definite: wrong for constraints, and not even updated
+    where they are linear.
+    """
+    from scipy.optimize import SR1
+
+    return {"hess": (lambda *_: np.zeros((width, width))) if linear else SR1()}
 
 
-def _below_variable(problem: Problem, goal: Quantity, count: int, size: float) -> _Rule:
-    """Return the constraint that no sample exceeds the last variable."""
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """Bounds of a vector of functions, with its derivatives."""
+
+    values: Callable[[Array], Array]
+    slopes: Callable[[Array], Array]
+    low: float
+    high: float
+    linear: bool = False
+
+    def constraint(self, method: str, width: int) -> Any:
+        """Return the constraint for a method of SciPy."""
+        from scipy.optimize import NonlinearConstraint
+
+        hessian = {} if method == "SLSQP" else _hessian(self.linear, width)
+        return NonlinearConstraint(self.values, self.low, self.high, jac=self.slopes, **hessian)
+
+
+def _below_variable(
+    problem: Problem,
+    goal: Quantity,
+    sign: float,
+    places: tuple[int, int, int],
+    size: float,
+    there: Callable[[Array], Array],
+) -> _Rule:
+    """Return the constraint that no sample, times a sign, exceeds a further variable.
+
+    ``places`` are the number of variables, the place of the further one, and the number of all.
+    """
+    count, place, width = places
 
     def rows(y: Array) -> Array:
-        return y[count] - problem.of(goal, problem.at(y[:count])[goal.output]) / size
+        return y[place] - sign * problem.of(goal, problem.at(there(y))[goal.output]) / size
 
     def slopes(y: Array) -> Array:
-        each = problem.quantity(goal, y[:count])[1].T / size
-        return np.hstack([-each, np.ones((len(each), 1))])
+        each = sign * problem.quantity(goal, there(y))[1].T / size
+        whole = np.hstack([-each, np.zeros((len(each), width - count))])
+        whole[:, place] = 1.0
+        return whole
 
-    return rows, slopes, 0.0, np.inf
+    return _Rule(rows, slopes, 0.0, np.inf)
 
 
-def _between(problem: Problem, quantity: Quantity, low: float, high: float, count: int, width: int) -> _Rule:
-    """Return the constraint on a quantity: of each sample, where it bounds the largest from above."""
-    size = max(abs(b) for b in (low, high) if math.isfinite(b)) or 1.0
+def _between(
+    problem: Problem,
+    quantity: Quantity,
+    bounds: tuple[float, float],
+    start: Array,
+    width: int,
+    there: Callable[[Array], Array],
+) -> _Rule:
+    """Return the constraint on a quantity: on each sample, where it bounds the largest or the least."""
+    (low, high), count = bounds, len(start)
+    at_start = problem.of(quantity, problem.at(start)[quantity.output]) if quantity.reduction else np.zeros(1)
+    size = max(float(np.max(np.abs(at_start))), *(abs(b) for b in bounds if math.isfinite(b))) or 1.0
     each = quantity.reduction in _LARGEST and not math.isfinite(low)
+    each |= quantity.reduction == "least" and not math.isfinite(high)
 
     def value(y: Array) -> Array:
-        x = y[:count]
+        if not quantity.reduction:
+            return np.array([problem.value(quantity, y[:count]) / size])
+        x = there(y)
         if each:
             return problem.of(quantity, problem.at(x)[quantity.output]) / size
         return np.array([problem.value(quantity, x) / size])
 
     def slope(y: Array) -> Array:
-        x = y[:count]
+        x = there(y)
         rows = problem.quantity(quantity, x)[1].T if each else problem.slope(quantity, x)[None]
         return np.hstack([rows / size, np.zeros((len(rows), width - count))])
 
-    return value, slope, low / size, high / size
+    return _Rule(value, slope, low / size, high / size, not quantity.reduction)
 
 
 def _evolved(problem: Problem, goal: Quantity, limits: _Limits) -> Any:
     """Minimise by differential evolution: all points of a generation are runs of one call."""
     from scipy.optimize import NonlinearConstraint, differential_evolution
+    from scipy.stats.qmc import LatinHypercube
+
+    random = np.random.default_rng(problem.search.seed)
+    count = len(problem.names)
+    population = LatinHypercube(count, seed=random).random(_MEMBERS * count)
+    if np.all(np.isnan(problem.many(goal, population))):
+        problem.at(population[0])  # raises why
 
     def value(points: Array) -> Array:
         values = problem.many(goal, np.atleast_2d(points.T))
@@ -219,9 +328,10 @@ def _evolved(problem: Problem, goal: Quantity, limits: _Limits) -> Any:
     constraints = tuple(NonlinearConstraint(bounded(q, low), low, high) for q, low, high in limits)
     return differential_evolution(
         value,
-        [(0.0, 1.0)] * len(problem.names),
+        [(0.0, 1.0)] * count,
+        init=population,
         constraints=constraints,
-        seed=np.random.default_rng(problem.search.seed),
+        seed=random,
         tol=problem.search.tolerance,
         maxiter=problem.search.iterations,
         vectorized=True,

@@ -12,7 +12,7 @@ import numpy as np
 
 from symgen.errors import ModelError, SimulationError, SymgenError, nearest
 from symgen.runtime.arrays import Array
-from symgen.runtime.many.dataset import EARLY, RECORDED
+from symgen.runtime.many.dataset import EARLY, RECORDED, along_samples, times_of_samples
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import REDUCTIONS, mean_weights
 from symgen.runtime.many.runs import FAILURES
@@ -119,6 +119,8 @@ class Problem:
         self.analysis = search.analysis
         self.runs, self.exact, self.reason = 0, False, ""
         self._held: dict[bytes, dict[str, Array]] = {}
+        self._many: dict[bytes, dict[str, Array]] = {}
+        self._failed: set[bytes] = set()
         self._slopes: dict[bytes, dict[str, Array]] = {}
         self._components: dict[str, tuple[str, ...]] = {}
         self._units: dict[str, str] = {}
@@ -147,6 +149,16 @@ class Problem:
             self._held = {key: {name: v[0] for name, v in self.samples(x[None], whole=True).items()}}
         return self._held[key]
 
+    def works(self, x: Array) -> bool:
+        """Return whether the run at a point succeeds."""
+        key = np.ascontiguousarray(x).tobytes()
+        if key not in self._failed:
+            try:
+                self.at(x)
+            except SimulationError:
+                self._failed.add(key)
+        return key not in self._failed
+
     def samples(self, points: Array, whole: bool = False) -> dict[str, Array]:
         """Return the samples of all outputs, (points, samples, components); nan where a run fails.
 
@@ -174,14 +186,16 @@ class Problem:
         failed = [(i, str(e)) for i, e in enumerate(arrays["error"].values) if e]
         if RECORDED in arrays:
             failed += self._ended_early(arrays)
-            along = _along(arrays, self.outputs[0])
-            weights = mean_weights(np.broadcast_to(along, (len(points), along.shape[-1])), _times(arrays))
+            along = along_samples(arrays, self.outputs[0])
+            weights = mean_weights(
+                np.broadcast_to(along, (len(points), along.shape[-1])), times_of_samples(arrays)
+            )
         else:
             weights = np.ones((len(points), 1))  # of the one sample of a pose
         if failed and whole:
             raise self._stopped(design.rows[failed[0][0]], failed[0][1])
         if self._times is None and not failed:
-            self._times = _times(arrays)
+            self._times = times_of_samples(arrays)
         weights[[i for i, _ in failed]] = np.nan
         samples_by_name = {_WEIGHTS: weights}
         for name in self.outputs:
@@ -200,7 +214,9 @@ class Problem:
         sizes = runs[RECORDED].values
         self._size = self._size or float(self.search.arguments.get("samples", np.nanmax(sizes)))
         early = runs[EARLY].values if EARLY in runs else np.full(len(sizes), "")
-        short = (early != "") if self.analysis != "simulate" else np.isfinite(sizes) & (sizes != self._size)
+        short = np.isfinite(sizes) & (sizes != self._size)
+        if self.analysis != "simulate":
+            short |= early != ""
         reasons = [early[i] or f"{sizes[i]:g} of {self._size:g} samples" for i in range(len(sizes))]
         return [(i, f"the run ended early: {reasons[i]}") for i in np.flatnonzero(short).tolist()]
 
@@ -213,16 +229,26 @@ class Problem:
         """Return the derivatives of all samples (variables, samples, components) by variables from 0 to 1."""
         key = np.ascontiguousarray(x).tobytes()
         if key not in self._slopes:
-            self._slopes = {key: self._exact(x) if self.exact else self._differences(x)}
+            slopes = None
+            with suppress(*FAILURES):  # of the exact ones next to a singular pose
+                slopes = self._exact(x) if self.exact else None
+            self._slopes = {key: self._differences(x) if slopes is None else slopes}
         return self._slopes[key]
 
     def _differences(self, x: Array) -> dict[str, Array]:
-        """Take differences between two runs for each variable, to one side at the ends of its range."""
-        steps = _STEP * np.eye(len(x))
-        above, below = np.minimum(x + steps, 1.0), np.maximum(x - steps, 0.0)
-        apart = np.sum(above - below, axis=1)[:, None, None]
-        samples = self.samples(np.vstack([above, below]), whole=True)
-        return {name: (samples[name][: len(x)] - samples[name][len(x) :]) / apart for name in self.outputs}
+        """Take differences between two runs for each variable: to one side where the other one has no run."""
+        here, steps, count = self.at(x), _STEP * np.eye(len(x)), len(x)
+        ends = np.vstack([np.minimum(x + steps, 1.0), np.maximum(x - steps, 0.0)])
+        samples = self.samples(ends)
+        failed: Any = np.asarray(np.isnan(samples[_WEIGHTS]).any(axis=1))
+        lost = np.flatnonzero(failed[:count] & failed[count:])
+        if len(lost):
+            self.samples(ends[lost], whole=True)  # raises why
+        ends[failed] = x
+        apart = np.sum(ends[:count] - ends[count:], axis=1)[:, None, None]
+        for name in self.outputs:
+            samples[name][failed] = here[name]
+        return {name: (samples[name][:count] - samples[name][count:]) / apart for name in self.outputs}
 
     def _exact(self, x: Array) -> dict[str, Array]:
         """Return exact derivatives of all samples: of prescribed motions at their times, and along runs."""
@@ -350,31 +376,21 @@ class Problem:
         return float(quantity.value(samples, np.zeros((0, samples.size)), self.weights(x))[0])
 
     def many(self, quantity: Quantity, points: Array) -> Array:
-        """Return a quantity at some points; nan where a run fails."""
-        if not quantity.reduction:
-            return self.parameters(points)[:, self.names.index(quantity.output)]
-        samples_by_name = self.samples(points)
-        samples = self.of(quantity, samples_by_name[quantity.output])
-        pairs = zip(samples, samples_by_name[_WEIGHTS], strict=True)
-        return np.array([quantity.value(s, np.zeros((0, s.size)), w)[0] for s, w in pairs])
+        """Return a quantity at some points; nan where a run fails.
+
+        The runs of one call are kept for the next, which may be of another quantity at some of the points.
+        """
+        keys = [np.ascontiguousarray(x).tobytes() for x in points]
+        if not {*keys} <= {*self._many}:
+            samples = self.samples(points)
+            self._many = {key: {name: v[i] for name, v in samples.items()} for i, key in enumerate(keys)}
+        runs = [self._many[key] for key in keys]
+        if quantity.reduction:
+            each = ((self.of(quantity, run[quantity.output]), run[_WEIGHTS]) for run in runs)
+            return np.array([quantity.value(s, np.zeros((0, s.size)), w)[0] for s, w in each])
+        failed = [np.isnan(run[_WEIGHTS]).any() for run in runs]
+        return np.where(failed, np.nan, self.parameters(points)[:, self.names.index(quantity.output)])
 
     def weights(self, x: Array) -> Array:
         """Return the weights of the samples in a mean."""
         return self.at(x)[_WEIGHTS]
-
-
-def _along(runs: xarray.Dataset, output: str) -> Array:
-    """Return the coordinate of the samples, (samples,) or (runs, samples)."""
-    samples = runs[output].dims[1]
-    names = [str(n) for n in runs.coords if samples in runs[n].dims]
-    name = next((n for n in names if n != "time"), "time")
-    return np.asarray(runs[name].values, dtype=float)
-
-
-def _times(runs: xarray.Dataset) -> Array | None:
-    """Return the times of the samples of a run, if they are the same for all."""
-    if "time" not in runs.variables:
-        return None
-    times = np.asarray(runs["time"].values)
-    rows = times if times.ndim == 2 else times[None]
-    return rows[0] if np.array_equal(rows, np.broadcast_to(rows[0], rows.shape)) else None
