@@ -119,17 +119,6 @@ def director_beam(names: Names) -> DirectorBeam:
         for k, name in enumerate(formulas)
     ]
     strained = _strains(invariants)
-    forces, dissipated = [sp.Integer(0)] * len(invariants), sp.Integer(0)
-    for strain, stiffness in strained:
-        of = [sp.diff(strain, g) for g in invariants]
-        rate = sp.Add(*(d * g for d, g in zip(of, rates, strict=True)))
-        stress = stiffness * (strain + DAMPING.symbol * rate)
-        forces = [f + d * stress for f, d in zip(forces, of, strict=True)]
-        dissipated += DAMPING.symbol * stiffness * rate**2
-    forced = [
-        names.scalar(f"force{k}", f, "N*m", f"derivative of the energy by invariant {k}")
-        for k, f in enumerate(forces)
-    ]
 
     def matrix(word: str, unit: str, entries: Sequence[Sequence[sp.Expr]]) -> sp.Matrix:
         """Return a matrix of named entries, so that products with it are not expanded."""
@@ -143,8 +132,35 @@ def director_beam(names: Names) -> DirectorBeam:
             ]
         )
 
-    damped = matrix("damped", "N*m*s", [[sp.diff(f, g) for g in rates] for f in forces])
-    stiff = matrix("stiff", "N*m", [[sp.diff(f, g) for g in invariants] for f in forces])
+    numbers = range(len(invariants))
+    # Strains, stresses and their slopes by the invariants, without products of long expressions.
+    by = matrix("by", "1", [[sp.diff(strain, g) for g in invariants] for strain, _ in strained])
+    hessians = [
+        matrix(f"hessian{k}_", "1", sp.hessian(strain, invariants).tolist())
+        for k, (strain, _) in enumerate(strained)
+    ]
+    strain_rates = matrix("strain_rate", "1/s", (by * sp.Matrix(rates)).tolist())
+    stresses = matrix(
+        "stress",
+        "N*m",
+        [[k * (strain + DAMPING.symbol * v)] for (strain, k), v in zip(strained, strain_rates, strict=True)],
+    )
+    forced = matrix("force", "N*m", (by.T * stresses).tolist())
+    dissipated = sp.Add(
+        *(DAMPING.symbol * k * v**2 for (_, k), v in zip(strained, strain_rates, strict=True))
+    )
+    stiffened = matrix("stiffened", "N*m", [[k * x for x in by.row(i)] for i, (_, k) in enumerate(strained)])
+    changed = matrix(
+        "changed",
+        "1",
+        [
+            [by[k, j] + DAMPING.symbol * dot(hessians[k].row(j), rates) for j in numbers]
+            for k in range(len(strained))
+        ],
+    )
+    damped = matrix("damped", "N*m*s", (DAMPING.symbol * by.T * stiffened).tolist())
+    bent = sum((s * h for s, h in zip(stresses, hessians, strict=True)), sp.zeros(len(invariants)))
+    stiff = matrix("stiff", "N*m", (stiffened.T * changed + bent).tolist())
     # The rate of an invariant depends on places too; its slope there is that of the second degree.
     turned = sp.Matrix([[dot(row, speeds) for row in h.tolist()] for h in curved])
     by_speeds = matrix("by_speeds", "N*m*s", (damped * slopes).tolist())
@@ -161,7 +177,7 @@ def director_beam(names: Names) -> DirectorBeam:
     weight = [MU.symbol * length * g / 2 for g in gravity]
     leant = [MU.symbol * length**2 * g / 12 for g in gravity]
     loads = sp.Matrix([*weight, *leant, *[0] * 6, *weight, *(-x for x in leant), *[0] * 6])
-    internal = matrix("internal", "N*m", (slopes.T * sp.Matrix(forced)).tolist())
+    internal = matrix("internal", "N*m", (slopes.T * forced).tolist())
     residual = mass * sp.Matrix(_A) + parts.T * internal - loads
     kinetic = (sp.Matrix([_V]) * mass * sp.Matrix(_V))[0] / 2
     energy = sp.Add(*(k * s**2 for s, k in strained)) / 2
@@ -178,16 +194,23 @@ def director_beam(names: Names) -> DirectorBeam:
 def _strains(invariants: Sequence[sp.Expr]) -> list[tuple[sp.Expr, sp.Expr]]:
     """Return strains with the derivatives of their stresses by them.
 
-    They are the mean axial strain; difference and sum of the end rotations about z and about y; the twist.
+    They are the mean axial strain; mean and slope of the curvatures in both planes, as difference and sum of
+    the end rotations; the twist.
     """
     length = LENGTH.symbol
     stretch, z1, z2, y1, y2, twist = invariants
-    angle = [p + p**3 / 6 for p in (z1, z2, y1, y2, twist)]
+    (z1, y1), (z2, y2) = (
+        [p * (1 - stretch + (z**2 + y**2) / 6) for p in (z, y)] for z, y in ((z1, y1), (z2, y2))
+    )
     bowed = sp.Add(*((2 * a**2 - a * b + 2 * b**2) / 30 for a, b in ((z1, z2), (y1, y2))))
+    bent = {BENDING_Z.symbol: (z2 - z1, z1 + z2, y1 - y2), BENDING_Y.symbol: (y2 - y1, y1 + y2, z2 - z1)}
     strained = [(stretch + bowed, AXIAL.symbol * length)]
-    for stiffness, (a, b) in ((BENDING_Z.symbol, angle[:2]), (BENDING_Y.symbol, angle[2:4])):
-        strained += [(b - a, stiffness / length), (a + b, 3 * stiffness / length)]
-    return [*strained, (angle[4], TORSION.symbol / length)]
+    for stiffness, (mean, slope, other) in bent.items():
+        strained += [
+            (mean * (1 + twist**2 / 12), stiffness / length),
+            (slope + twist * other / 3, 3 * stiffness / length),
+        ]
+    return [*strained, (twist + twist**3 / 6 + z1 * y2 - y1 * z2, TORSION.symbol / length)]
 
 
 def _section(names: Names, residual: sp.Matrix, first: Vectors, second: Vectors) -> list[sp.Expr]:
