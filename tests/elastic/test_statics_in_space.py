@@ -7,13 +7,15 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipk
 from shared.commands import call
 from shared.in_numpy import build
 
 import symgen
 from symgen.errors import CapabilityError
+from symgen.runtime.elastic.space.linkage import LinkageInSpace
 
 #: Tip of a cantilever bent along 45 degrees of a circle of 100 m, section 1 m by 1 m, E = 10 MPa without
 #: contraction, under a force across its plane: K. J. Bathe, S. Bolourchi, International Journal for Numerical
@@ -98,15 +100,63 @@ def test_a_quasi_static_start_far_from_the_drawing_stays_at_rest():
 
 def test_a_column_beyond_its_buckling_load():
     """Euler's elastica: K(m)^2 = P L^2/EI, tip at 2 E/K - 1 along the line and 2 sqrt(m)/K across."""
-    model, force = build(column(40.0)), 40.0
-    straight = model.equilibrium(stable=False)
-    assert straight.stability == "unstable"
-    assert abs(straight.state.positions["P"][1]) < 1e-6
-    bent = model.equilibrium()
+    errors, force = [], 40.0
     m = brentq(lambda m: ellipk(m) ** 2 - force / EI, 0.01, 0.99)
     exact = [0.0, 2 * math.sqrt(m) / ellipk(m), 2 * ellipe(m) / ellipk(m) - 1]
-    assert bent.stability == "stable"
-    np.testing.assert_allclose(np.abs(bent.state.positions["P"]), exact, atol=6e-3)
+    for elements in (4, 8):
+        model = build(column(force, elements))
+        straight = model.equilibrium(stable=False)
+        assert straight.stability == "unstable"
+        assert abs(straight.state.positions["P"][1]) < 1e-6
+        bent = model.equilibrium()
+        assert bent.stability == "stable"
+        errors.append(np.max(np.abs(np.abs(bent.state.positions["P"]) - exact)))
+    assert errors[1] < 1.5e-3
+    assert 3.5 < math.log2(errors[0] / errors[1]) < 4.5
+
+
+def rod(force, axial, about_y, about_z, torsion, length):
+    """Return the tip of a clamped rod along x, width along y, by Kirchhoff's equations and shooting."""
+    force, bending = np.asarray(force, float), np.array([torsion, about_y, about_z])
+
+    def slopes(_, state):
+        axes, couple = state[3:12].reshape(3, 3), state[12:]
+        curvature = axes @ couple / bending
+        line = (1 + axes[0] @ force / axial) * axes[0]
+        turned = np.cross(curvature @ axes, axes)
+        return np.concatenate([line, turned.ravel(), -np.cross(line, force)])
+
+    def end(couple):
+        start = np.concatenate([np.zeros(3), np.eye(3).ravel(), couple])
+        return solve_ivp(slopes, (0.0, length), start, "DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
+
+    couple, whole = np.zeros(3), force
+    for part in (0.25, 0.5, 0.75, 1.0):
+        force = part * whole
+        couple = fsolve(lambda c: end(c)[12:], couple, xtol=1e-12)
+    return end(couple)[:3]
+
+
+@pytest.mark.parametrize("section", [("0.2 m", "0.2 m"), ("0.3 m", "0.15 m"), ("0.5 m", "0.1 m")])
+def test_bending_in_both_planes_with_twist_has_the_fourth_order(section):
+    """A tip force across both axes, against Kirchhoff's rod: errors by halved elements."""
+    flat = {"width": section[0], "thickness": section[1], "width_along": [0, 1, 0]}
+    errors = []
+    for elements in (4, 8):
+        scene = symgen.Scene(
+            points={"O": at(0, 0, 0, ground=True), "P": at(10, 0, 0)},
+            links={"beam": link("O", "P", flat, "1e7 Pa", 0.3, elements)},
+            welds=[{"point": "O", "links": ["beam"]}],
+            forces=[{"point": "P", "force": ["-3 N", "12 N", "9 N"]}],
+            analysis={"t_end": "1 s"},
+        )
+        model = build(scene)
+        numbers = LinkageInSpace(model.rigid).links[0].section[4:8].real
+        errors.append(
+            np.max(np.abs(model.equilibrium().state.positions["P"] - rod([-3.0, 12.0, 9.0], *numbers, 10.0)))
+        )
+    assert errors[1] < 3e-3
+    assert 3.4 < math.log2(errors[0] / errors[1]) < 5.0
 
 
 def test_a_column_below_it_is_straight_and_stable():

@@ -6,11 +6,13 @@ centre line is Hermite's cubic through the nodes with the unit tangents d1, the 
 y d2 + z d3, and directors are interpolated linearly: the mass matrix is constant, and every rigid motion has
 its exact kinetic energy.
 
-With c the vector from the first node to the second, the rotation of a node against it has the sine c d2/L in
-one plane and c d3/L in the other, up to stretch; the relative twist of the nodes has the sine
-(d3 d2' - d2 d3')/2. Angles are sines to the third degree, p + p^3/6. The strains are those of the planar
-element in large rotation: mean axial strain with the deflection, here with Green's strain of the line between
-the nodes, and cubic bending in both planes; and the twist. They are invariant under rigid rotations.
+With c the vector from the first node to the second, the rotation of a node against it has the sine c d2/|c|
+in one plane and c d3/|c| in the other; the relative twist of the nodes has the sine (d3 d2' - d2 d3')/2.
+Angles are sines to the third degree. The strains are the mean axial strain with the deflection, here with
+Green's strain of the line between the nodes; curvatures in both planes that are linear along the element,
+in axes that turn with the section; and the twist, which with different bending stiffnesses changes along
+the element. Energies have the fourth order in the length of the element, also in bending in both planes
+with twist, and are invariant under rigid rotations.
 
 Sources: M. A. Crisfield, Computer Methods in Applied Mechanics and Engineering 81 (1990), for the local
 strains; P. Betsch, P. Steinmann, Frame-indifferent beam finite elements based upon the geometrically exact
@@ -19,7 +21,7 @@ beam theory, International Journal for Numerical Methods in Engineering 54 (2002
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -118,7 +120,6 @@ def director_beam(names: Names) -> DirectorBeam:
         names.scalar(f"{name}_rate", dot(slopes.row(k), speeds), "1/s", f"rate of invariant {name}")
         for k, name in enumerate(formulas)
     ]
-    strained = _strains(invariants)
 
     def matrix(word: str, unit: str, entries: Sequence[Sequence[sp.Expr]]) -> sp.Matrix:
         """Return a matrix of named entries, so that products with it are not expanded."""
@@ -132,35 +133,7 @@ def director_beam(names: Names) -> DirectorBeam:
             ]
         )
 
-    numbers = range(len(invariants))
-    # Strains, stresses and their slopes by the invariants, without products of long expressions.
-    by = matrix("by", "1", [[sp.diff(strain, g) for g in invariants] for strain, _ in strained])
-    hessians = [
-        matrix(f"hessian{k}_", "1", sp.hessian(strain, invariants).tolist())
-        for k, (strain, _) in enumerate(strained)
-    ]
-    strain_rates = matrix("strain_rate", "1/s", (by * sp.Matrix(rates)).tolist())
-    stresses = matrix(
-        "stress",
-        "N*m",
-        [[k * (strain + DAMPING.symbol * v)] for (strain, k), v in zip(strained, strain_rates, strict=True)],
-    )
-    forced = matrix("force", "N*m", (by.T * stresses).tolist())
-    dissipated = sp.Add(
-        *(DAMPING.symbol * k * v**2 for (_, k), v in zip(strained, strain_rates, strict=True))
-    )
-    stiffened = matrix("stiffened", "N*m", [[k * x for x in by.row(i)] for i, (_, k) in enumerate(strained)])
-    changed = matrix(
-        "changed",
-        "1",
-        [
-            [by[k, j] + DAMPING.symbol * dot(hessians[k].row(j), rates) for j in numbers]
-            for k in range(len(strained))
-        ],
-    )
-    damped = matrix("damped", "N*m*s", (DAMPING.symbol * by.T * stiffened).tolist())
-    bent = sum((s * h for s, h in zip(stresses, hessians, strict=True)), sp.zeros(len(invariants)))
-    stiff = matrix("stiff", "N*m", (stiffened.T * changed + bent).tolist())
+    forced, damped, stiff, energy, dissipated = _elastic(names, matrix, invariants, rates)
     # The rate of an invariant depends on places too; its slope there is that of the second degree.
     turned = sp.Matrix([[dot(row, speeds) for row in h.tolist()] for h in curved])
     by_speeds = matrix("by_speeds", "N*m*s", (damped * slopes).tolist())
@@ -180,7 +153,6 @@ def director_beam(names: Names) -> DirectorBeam:
     internal = matrix("internal", "N*m", (slopes.T * forced).tolist())
     residual = mass * sp.Matrix(_A) + parts.T * internal - loads
     kinetic = (sp.Matrix([_V]) * mass * sp.Matrix(_V))[0] / 2
-    energy = sp.Add(*(k * s**2 for s, k in strained)) / 2
     return DirectorBeam(
         residual=sp.ImmutableMatrix(residual),
         mass=sp.ImmutableMatrix(mass),
@@ -191,26 +163,93 @@ def director_beam(names: Names) -> DirectorBeam:
     )
 
 
-def _strains(invariants: Sequence[sp.Expr]) -> list[tuple[sp.Expr, sp.Expr]]:
-    """Return strains with the derivatives of their stresses by them.
+def _elastic(
+    names: Names,
+    matrix: Callable[..., sp.Matrix],
+    invariants: Sequence[sp.Expr],
+    rates: Sequence[sp.Expr],
+) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix, sp.Expr, sp.Expr]:
+    """Return forces on the invariants, their slopes by rates and invariants, strain energy, and lost power.
 
-    They are the mean axial strain; mean and slope of the curvatures in both planes, as difference and sum of
-    the end rotations; the twist.
+    By the chain rule over named matrices, without products of long expressions: measures of the invariants,
+    and strains of the measures.
     """
-    length = LENGTH.symbol
+    measures, unknown = _measures(invariants), len(invariants)
+    named = [
+        names.scalar(f"measure{k}", e, "1", f"measure {k} of the strain") for k, e in enumerate(measures)
+    ]
+    strained = _strains(named)
+    tau, stiffnesses = DAMPING.symbol, sp.diag(*(k for _, k in strained))
+    by, curves = _slopes(measures, invariants, "by", matrix)
+    inner, curves_inner = _slopes([e for e, _ in strained], named, "inner", matrix)
+    measure_rates = matrix("measure_rate", "1/s", (by * sp.Matrix(rates)).tolist())
+    strain_rates = matrix("strain_rate", "1/s", (inner * measure_rates).tolist())
+    stresses = stiffnesses * (sp.Matrix([e for e, _ in strained]) + tau * strain_rates)
+    stresses = matrix("stress", "N*m", stresses.tolist())
+    on_measures = matrix("on_measure", "N*m", (inner.T * stresses).tolist())
+    forced = matrix("force", "N*m", (by.T * on_measures).tolist())
+    dissipated = sp.Add(*(tau * k * v**2 for (_, k), v in zip(strained, strain_rates, strict=True)))
+    weighted = matrix("weighted", "N*m", (inner.T * stiffnesses).tolist())
+    damped_inner = matrix("damped_inner", "N*m*s", (tau * weighted * inner).tolist())
+    moved = inner + tau * sp.Matrix.vstack(*((h * measure_rates).T for h in curves_inner))
+    bent = sum((x * h for x, h in zip(stresses, curves_inner, strict=True)), sp.zeros(unknown))
+    stiff_inner = matrix("stiff_inner", "N*m", (weighted * moved + bent).tolist())
+    damped_by = matrix("damped_by", "N*m*s", (damped_inner * by).tolist())
+    turned_by = sp.Matrix.vstack(*((h * sp.Matrix(rates)).T for h in curves))
+    stiff_by = matrix("stiff_by", "N*m", (stiff_inner * by + damped_inner * turned_by).tolist())
+    damped = matrix("damped", "N*m*s", (by.T * damped_by).tolist())
+    bent = sum((x * h for x, h in zip(on_measures, curves, strict=True)), sp.zeros(unknown))
+    stiff = matrix("stiff", "N*m", (by.T * stiff_by + bent).tolist())
+    energy = sp.Add(*(k * e**2 for e, k in strained)) / 2
+    return forced, damped, stiff, energy, dissipated
+
+
+def _slopes(
+    of: Sequence[sp.Expr], by: Sequence[sp.Expr], word: str, named: Callable[..., sp.Matrix]
+) -> tuple[sp.Matrix, list[sp.Matrix]]:
+    """Return first and second slopes of expressions, of named entries."""
+    first = named(word, "1", [[sp.diff(e, x) for x in by] for e in of])
+    return first, [named(f"{word}{k}__", "1", sp.hessian(e, by).tolist()) for k, e in enumerate(of)]
+
+
+def _measures(invariants: Sequence[sp.Expr]) -> list[sp.Expr]:
+    """Return measures of the strain, to the second order in the length of the element.
+
+    They are the mean axial strain; mean and slope of w'' along the element in the plane of d2, in that of d3,
+    as angles; the twist. With the angles b of c against d1 at both nodes, in the axes of each node, and the
+    twist t of the nodes, they are d = b' - b and a = b + b' with d t^2/12 and t/3 (-d3, d2) in addition: the
+    axes turn with the section. The twist has b x b' in addition, by which the line rotates.
+    """
     stretch, z1, z2, y1, y2, twist = invariants
+    # Angles by sines over L: the line between the nodes is shorter than the arc.
     (z1, y1), (z2, y2) = (
         [p * (1 - stretch + (z**2 + y**2) / 6) for p in (z, y)] for z, y in ((z1, y1), (z2, y2))
     )
     bowed = sp.Add(*((2 * a**2 - a * b + 2 * b**2) / 30 for a, b in ((z1, z2), (y1, y2))))
-    bent = {BENDING_Z.symbol: (z2 - z1, z1 + z2, y1 - y2), BENDING_Y.symbol: (y2 - y1, y1 + y2, z2 - z1)}
-    strained = [(stretch + bowed, AXIAL.symbol * length)]
-    for stiffness, (mean, slope, other) in bent.items():
-        strained += [
-            (mean * (1 + twist**2 / 12), stiffness / length),
-            (slope + twist * other / 3, 3 * stiffness / length),
-        ]
-    return [*strained, (twist + twist**3 / 6 + z1 * y2 - y1 * z2, TORSION.symbol / length)]
+    mean = [e * (1 + twist**2 / 12) for e in (z2 - z1, y2 - y1)]
+    slope = [z1 + z2 + twist * (y1 - y2) / 3, y1 + y2 + twist * (z2 - z1) / 3]
+    return [stretch + bowed, mean[0], slope[0], mean[1], slope[1], twist + twist**3 / 6 + z1 * y2 - y1 * z2]
+
+
+def _strains(measures: Sequence[sp.Expr]) -> list[tuple[sp.Expr, sp.Expr]]:
+    """Return strains with the derivatives of their stresses by them.
+
+    With different bending stiffnesses the moment about the line changes along the element, and so does the
+    twist, by e, which minimises the energy, and by which the mean curvatures change: without it the energy
+    has an error of the second order.
+    """
+    length, (in_z, in_y, torsion) = LENGTH.symbol, (q.symbol for q in (BENDING_Z, BENDING_Y, TORSION))
+    stretch, z, slope_z, y, slope_y, twist = measures
+    change = (in_z - in_y) * z * y / (torsion + (in_z * y**2 + in_y * z**2) / 12)
+    return [
+        (stretch, AXIAL.symbol * length),
+        (z - change * y / 12, in_z / length),
+        (slope_z, 3 * in_z / length),
+        (y + change * z / 12, in_y / length),
+        (slope_y, 3 * in_y / length),
+        (twist, torsion / length),
+        (change, torsion / (12 * length)),
+    ]
 
 
 def _section(names: Names, residual: sp.Matrix, first: Vectors, second: Vectors) -> list[sp.Expr]:
