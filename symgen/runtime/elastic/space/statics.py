@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,6 +16,8 @@ from symgen.runtime.elastic.space.linkage import LinkageInSpace
 _MOST, _CLOSE = 40, 1e-11
 #: First correction at most of a part of the loads, over the sizes of the unknowns; the smallest part.
 _LARGEST, _LEAST = 0.3, 2.0**-12
+#: Largest correction over the sizes of the unknowns, beyond which Newton's method has diverged.
+_AWAY = 1e9
 #: Largest part of loads with a push, so that corrections do not leave its path for an unstable shape.
 _PUSHED = 1 / 16
 #: Times by which the input is moved to that of a pose.
@@ -68,7 +69,7 @@ def at_rest(linkage: LinkageInSpace, moment: Moment, push: Array | None = None) 
             now, part, reached = found, min(2 * part, most), then
     if reached < 1.0:
         # A linkage that its loads move may find its pose at once.
-        found = _corrected(linkage, moment, pushed, math.inf)
+        found = _corrected(linkage, moment, pushed, _AWAY)
         if found is None:
             raise ModelError(
                 f"{linkage.name}: no equilibrium with the input held at t = {moment.t:g} s, or none to which "
@@ -91,7 +92,7 @@ def _corrected(linkage: LinkageInSpace, at: Moment, left: Array, largest: float)
     for count in range(_MOST):
         change = held(linkage, at)(unbalanced(linkage, at) - left)
         size = float(np.max(np.abs(change[:n]) / linkage.scale))
-        if not np.isfinite(size) or (count == 0 and size > largest):
+        if not size <= (_AWAY if count else largest):
             return None
         at = replace(at, q=at.q - change[:n], multipliers=at.multipliers - change[n:])
         if size <= _CLOSE:
