@@ -103,7 +103,7 @@ def synthesis_study(synthesis: Any) -> Study:
     return Study(
         title=_title(synthesis),
         table=_table(synthesis),
-        notes=(_units(synthesis), *_faults(synthesis)),
+        notes=(_units(synthesis), *filter(None, [synthesis.search.incomplete]), *_faults(synthesis)),
         texts=(1,),
         keys=2,
         drawings=lambda: (

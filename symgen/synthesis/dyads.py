@@ -102,6 +102,7 @@ def motion(task: Any) -> Solutions:
         sum(s.starts for s in searches),
         min(s.nearest for s in searches),
         sum(s.singular for s in searches),
+        searches[0].incomplete,
     )
     return Solutions(linkages, [task_poses] * len(linkages), total)
 
@@ -142,7 +143,8 @@ def path(task: Any) -> Solutions:
 
     The coupler's rotation is zero at the first point, and unknown at the others. Nine points determine
     the ten quantities of a four-bar's dyads, eight the nine of a slider-crank; fewer, if some are
-    prescribed; more are fitted. Through nine points all four-bars are found, by a homotopy.
+    prescribed; more are fitted. Through nine points four-bars are found by a homotopy, all of them unless
+    paths are lost.
 
     Raises
     ------
@@ -189,9 +191,16 @@ def path(task: Any) -> Solutions:
     else:
         generator = np.random.default_rng(task.seed)
         starts = (_random(generator, places, kinds, unknowns) for _ in range(task.starts))
-    roots = search(equations, starts, fit=not exact)
+    roots = search(equations, starts, fit=not exact, followed=complete)
     if complete:
-        roots = replace(roots, starts=len(nine_points.start()[0]), singular=roots.singular + lost)
+        total, missing = len(nine_points.start()[0]), lost + len(known) - len(roots.roots)
+        incomplete = (
+            f"{missing} of {total} solutions of the homotopy were lost near singular or infinite ones: "
+            "there may be other linkages"
+        )
+        roots = replace(
+            roots, starts=total, singular=roots.singular + lost, incomplete=incomplete if missing else ""
+        )
     linkages, poses = [], []
     for root in roots.roots:
         residual, _ = equations(root)

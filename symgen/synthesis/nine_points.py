@@ -21,10 +21,10 @@ from symgen.mechanics.synthesis.points import cognate, without_rotation
 
 Array = NDArray[np.float64]
 #: Vectors in isotropic coordinates: ground point and joint of crank and rocker, each x + iy and x - iy.
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
-#: First step of a path of length one, and the least.
-_STEP, _LEAST = 0.05, 1e-9
+#: First step of a path of length one, and the least, in doubles and in the widest type.
+_STEP, _LEAST = 0.05, (1e-9, 1e-13)
 #: Largest first correction of a step, and the last, relative to the size of the solution.
 _PREDICTED, _CORRECTED = 1e-4, 1e-8
 #: Steps of one size before it is doubled.
@@ -77,9 +77,22 @@ def follow(solutions: Complex, start: Complex, end: Complex) -> tuple[Complex, N
     """Return solutions (n, 8) after their points (8, 2) have moved from start to end; and which are lost.
 
     Each step is one of Runge and Kutta's method of fourth order, corrected three times by Newton's method.
+    Paths that doubles lose, as of points on a short arc, whose equations are ill-conditioned, are followed on
+    from there in the widest type.
     """
-    x, count = solutions.copy(), len(solutions)
-    progress, step, steady = np.zeros(count), np.full(count, _STEP), np.zeros(count, dtype=int)
+    x, progress, lost = _follow(solutions, start, end, np.zeros(len(solutions)), _LEAST[0])
+    if lost.any():
+        y, first, last = (z.astype(np.clongdouble) for z in (x[lost], start, end))
+        x[lost], _, lost[lost] = _follow(y, first, last, progress[lost].astype(np.longdouble), _LEAST[1])
+    return x, lost
+
+
+def _follow(
+    solutions: Complex, start: Complex, end: Complex, progress: Array, least: float
+) -> tuple[Complex, Array, NDArray[np.bool_]]:
+    """Return solutions, their progress and which are lost, from some progress on, in their own type."""
+    x, count, progress = solutions.copy(), len(solutions), progress.copy()
+    step, steady = np.minimum(_STEP, 1 - progress), np.zeros(count, dtype=int)
     lost = np.zeros(count, dtype=bool)
     move = end - start
 
@@ -109,9 +122,9 @@ def follow(solutions: Complex, start: Complex, end: Complex) -> tuple[Complex, N
             steady[on] += 1
             step[on] *= np.where(steady[on] % _STEADY == 0, 2.0, 1.0)
             step[back], steady[back] = h[~good] / 2, 0
-            lost[back] = step[back] < _LEAST
+            lost[back] = step[back] < least
             active = active[(progress[active] < 1.0) & ~lost[active]]
-    return x, lost
+    return x, progress, lost
 
 
 def cognates(x: Complex) -> Complex:
@@ -145,13 +158,32 @@ def classes(x: Complex) -> NDArray[np.intp]:
 def _solved(slopes: Complex, right: Complex) -> Complex:
     """Return the solutions of linear systems with scaled rows; nan for a singular system."""
     scale = np.abs(slopes).max(axis=2)
+    matrix, right = slopes / scale[:, :, None], right / scale
+    if matrix.dtype == np.clongdouble:
+        return _eliminated(matrix, right)
     try:
-        return np.linalg.solve(slopes / scale[:, :, None], (right / scale)[:, :, None])[:, :, 0]
+        return np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
     except np.linalg.LinAlgError:
         if len(slopes) == 1:
             return np.full(right.shape, np.nan + 0j)
         half = len(slopes) // 2
-        return np.concatenate([_solved(slopes[:half], right[:half]), _solved(slopes[half:], right[half:])])
+        parts = (slice(half), slice(half, None))
+        return np.concatenate([_solved(matrix[part], right[part]) for part in parts])
+
+
+def _eliminated(matrix: Complex, right: Complex) -> Complex:
+    """Return the solutions by Gauss's elimination with partial pivoting, in types that LAPACK has not."""
+    every, n = np.arange(len(matrix)), matrix.shape[1]
+    rows = np.concatenate([matrix, right[:, :, None]], axis=2)
+    for k in range(n):
+        pivot = k + np.abs(rows[:, k:, k]).argmax(axis=1)
+        rows[every, pivot], rows[:, k] = rows[:, k].copy(), rows[every, pivot]
+        factor = rows[:, k + 1 :, k] / rows[:, k, k, None]
+        rows[:, k + 1 :] -= factor[:, :, None] * rows[:, k, None]
+    x = rows[:, :, n]
+    for k in range(n - 1, -1, -1):
+        x[:, k] = (x[:, k] - (rows[:, k, k + 1 : n] * x[:, k + 1 :]).sum(axis=1)) / rows[:, k, k]
+    return x
 
 
 def _equations(x: Complex, points: Complex) -> tuple[Complex, Complex, Complex]:

@@ -24,8 +24,9 @@ _SAME = 1e-6
 _ENDED = (1, 2, 3, 4)
 #: Evaluations of the equations from one start.
 _EVALUATIONS = 300
-#: Largest change of a root that Newton's method still makes, relative to its size: rounding.
-_SETTLED = 1e-11
+#: Largest change of a root that Newton's method still makes, relative to its size: rounding, over the least
+#: singular value of the slopes times this, and at most the second.
+_SETTLED, _ROUNDED, _LOOSE = 1e-11, 10.0, 1e-7
 #: Largest first change by which a start of Newton's method may miss its root, relative to its size.
 _NEAR_ROOT = 1e-3
 #: Corrections of Newton's method: it doubles the digits of a root that least squares have found to three.
@@ -65,23 +66,27 @@ class Search:
     """Roots, and the least residual of the starts that led to none (infinite without such a start).
 
     ``singular`` counts roots that are not isolated: at them the conditions do not determine the unknowns.
+    ``incomplete`` is the reason why there may be other roots, empty if there are none.
     """
 
     roots: tuple[Array, ...]
     starts: int
     nearest: float
     singular: int = 0
+    incomplete: str = ""
 
 
 def search(
     equations: Callable[[Array], tuple[Array, Array]],
     starts: Iterable[Array],
     fit: bool = False,
+    followed: bool = False,
 ) -> Search:
     """Return the distinct roots of residual(x) = 0, or, to ``fit``, the distinct least squares.
 
     Least squares by Levenberg and Marquardt; roots are polished by Newton's method until they change by
-    rounding alone.
+    rounding alone. Starts that were ``followed`` to regular roots may be ill-conditioned: the rounding of
+    their equations, which keeps Newton's method from settling near singular roots, is permitted.
     """
     from scipy.optimize import leastsq
 
@@ -112,7 +117,7 @@ def search(
             sizes = np.linalg.svd(equations(x)[1], compute_uv=False)
             settled, regular = ended in _ENDED, bool(sizes[-1] > _DETERMINED * sizes[0])
         else:
-            polished, regular = _polished(equations, x)
+            polished, regular = _polished(equations, x, _LOOSE if followed else 0.0)
             settled = polished is not None
             x = x if polished is None else polished
         if not settled:
@@ -123,11 +128,17 @@ def search(
             continue
         if all(np.abs(x - other).max() > _SAME * size for other in roots):
             roots.append(x)
-    return Search(tuple(roots), count, nearest, singular)
+    incomplete = f"{count} random starts find some linkages; more starts may find others"
+    return Search(tuple(roots), count, nearest, singular, incomplete)
 
 
-def _polished(equations: Callable[[Array], tuple[Array, Array]], x: Array) -> tuple[Array | None, bool]:
-    """Return the root next to x, None where Newton's method does not settle; and whether it is isolated."""
+def _polished(
+    equations: Callable[[Array], tuple[Array, Array]], x: Array, loose: float
+) -> tuple[Array | None, bool]:
+    """Return the root next to x, None where Newton's method does not settle; and whether it is isolated.
+
+    ``loose`` is the largest relative change that rounding of ill-conditioned equations may make.
+    """
     for _ in range(_CORRECTIONS):
         residual, slopes = equations(x)
         if not (np.isfinite(residual).all() and np.isfinite(slopes).all()):
@@ -140,7 +151,8 @@ def _polished(equations: Callable[[Array], tuple[Array, Array]], x: Array) -> tu
         if np.abs(step).max() > _NEAR_ROOT * size:
             return None, False
         x = x - step
-        if np.abs(step).max() <= _SETTLED * size:
+        rounding = _ROUNDED * np.finfo(float).eps * sizes[0] / max(sizes[-1], _REGULAR * sizes[0])
+        if np.abs(step).max() <= max(_SETTLED, min(rounding, loose)) * size:
             return (x, regular) if _vanishes(residual, slopes, x) else (None, False)
     return None, False
 

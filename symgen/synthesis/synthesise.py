@@ -85,6 +85,7 @@ class Synthesis:
             "kind": self.kind,
             "linkage": self.linkage,
             "starts": self.search.starts,
+            "incomplete": self.search.incomplete,
             "designs": [
                 {
                     "class": d.linkage.grashof,

@@ -92,7 +92,12 @@ def test_four_bars_fit_80_columns():
     ]
     terminals = Terminals()
     print_study(
-        synthesis_study(SimpleNamespace(title="", linkage="four-bar", designs=designs, units={})), terminals
+        synthesis_study(
+            SimpleNamespace(
+                title="", linkage="four-bar", designs=designs, units={}, search=SimpleNamespace(incomplete="")
+            )
+        ),
+        terminals,
     )
     terminals.check()
     assert re.search(r" - +- ", terminals.texts[1]) and "143.24" in terminals.texts[0]

@@ -7,7 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from shared.full import full
+from shared.linkages import circles
 
+import symgen
 from symgen.synthesis import dyads, nine_points
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.tasks import read_task
@@ -54,6 +56,50 @@ def test_linkages_through_nine_points_come_with_their_cognates(every, monkeypatc
             ratio = np.linalg.norm(k.P - end) / k.lengths["coupler"]
             likeness = np.abs(lengths / (ratio * np.array(sorted(k.lengths.values()))) - 1).max(axis=1)
             assert likeness.min() < 1e-7
+
+
+def on_an_arc(degrees):
+    """Nine points of a crank-rocker at equal steps of its crank from 0.4 rad, and its lengths."""
+    angles = 0.4 + np.radians(degrees) * np.arange(9) / 8
+    a = 0.3 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    b = circles(a, [1.0, 0.0], 0.9, 0.7)
+    along = (b - a) / 0.9
+    return a + 0.4 * along + 0.5 * np.stack([-along[:, 1], along[:, 0]], axis=-1)
+
+
+#: Arcs [deg], and numbers of the stored solutions that lead to the crank-rocker on the shorter ones.
+ARCS = [(120, [772]), (90, [1361]), *(full(degrees, None) for degrees in (320, 180, 120, 90))]
+
+
+@pytest.mark.parametrize(("degrees", "which"), ARCS)
+def test_designs_whose_points_span_a_short_arc_are_found(degrees, which, monkeypatch):
+    """The equations of the shortest have a condition of 7e7; all known but lost solutions are named."""
+    solutions, start = nine_points.start()
+    if which:
+        some = solutions[which]
+        monkeypatch.setattr(nine_points, "start", lambda: (some, start))
+    task = {"kind": "path", "points": [[f"{x!r} m" for x in p] for p in on_an_arc(degrees).tolist()]}
+    found = symgen.synthesise(task)
+    lengths = {"crank": 0.3, "coupler": 0.9, "rocker": 0.7, "fixed_link": 1.0}
+    errors = [max(abs(d.linkage.lengths[k] - x) for k, x in lengths.items()) for d in found.designs]
+    assert min(errors) < 1e-5
+    assert not found.designs[int(np.argmin(errors))].faults
+    lost = found.search.singular
+    assert (found.search.incomplete == "") is (lost == 0)
+    assert not lost or found.search.incomplete.startswith(f"{lost} of {found.search.starts} solutions")
+
+
+def test_paths_that_doubles_lose_are_followed_in_the_widest_type(monkeypatch):
+    """Two solutions become ill-conditioned on their way to nine points of an arc of 120 degrees."""
+    solutions, start = nine_points.start()
+    places = on_an_arc(120)
+    places = places / np.linalg.norm(np.ptp(places, axis=0))
+    moves = (places - places[0])[1:] @ np.array([1, 1j])
+    points = np.column_stack([moves, moves.conj()])
+    ends, lost = nine_points.follow(solutions[[272, 947]], start, points)
+    assert not lost.any()
+    residual, slopes, _ = nine_points._equations(ends, points[None])
+    assert np.abs(residual).max() < 1e-12 * np.abs(slopes).max()
 
 
 def test_the_solutions_to_start_from_are_those_of_wampler_morgan_and_sommese():
