@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
@@ -166,11 +167,11 @@ def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
 
 
 def fits(value: Fraction) -> bool:
-    """Return whether a number is zero, or neither too large nor too small for double precision."""
-    try:
-        return (float(value) == 0.0) == (value == 0)
-    except OverflowError:
-        return False
+    """Return whether a number is zero, or neither too large nor too small for double precision.
+
+    Below the least normal number digits are lost, and the inverse overflows.
+    """
+    return value == 0 or sys.float_info.min <= abs(value) <= sys.float_info.max
 
 
 @lru_cache(maxsize=256)
