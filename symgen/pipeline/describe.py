@@ -189,6 +189,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         rank_tolerance=float(program.rank_tolerance),
         plane=PlaneInfo(linkage.plane.across, linkage.number(linkage.plane.level)) if linkage.plane else None,
         kinematic=linkage.kinematic,
+        selects=linkage.outputs is not None,
         remarks=linkage.remarks,
         elastic=_elastic(linkage) if linkage.elastic and not linkage.kinematic else None,
         events=tuple(

@@ -72,7 +72,10 @@ def winch():
                 {"link": "drum", "against": "shaft", "stiffness": "7 N*m", "angle": "-2 rad"},
             ],
             torques=[{"link": "drum", "torque": "c*(drum.angle - shaft.angle)"}],
-            analysis={"t_end": "12 s", "outputs": ["drum.torque", "shaft.torque"]},
+            analysis={
+                "t_end": "12 s",
+                "outputs": ["drum.torque", "shaft.torque", "drum.angle", "B.velocity"],
+            },
         )
     )
 

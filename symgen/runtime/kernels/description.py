@@ -155,11 +155,10 @@ class Description(Described):
     ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` if a spatial scene moves
     in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
     ``steady`` are ground points and constraints of drives whose velocity does not depend on the time.
-    ``inputs`` are the parameters that are external signals, the last of the tunable ones. ``kinematic``: the
-    model has no dynamics. ``remarks`` are notes on the scene for results. ``lugs`` are the rigid joints of
-    points off the line of elastic links, with their points on the line ("" if the scene names them).
-    ``drawn`` is the number of points of the scene, which come first. ``start`` has coordinates and rates
-    at the scene's own parameters, ``first_pivot`` is the place in ``work`` of the first pivot of 'factor'.
+    ``inputs``, external signals, are the last tunable parameters. ``kinematic``: no dynamics; ``selects``:
+    the scene selects outputs. ``lugs`` are the rigid joints of points off elastic links, with points on the
+    line ("" if the scene names them). ``drawn`` is the number of points of the scene, which come first.
+    ``start`` has coordinates and rates, ``first_pivot`` is a place in ``work``, that of 'factor'.
     """
 
     axes: tuple[str, ...]
@@ -178,6 +177,7 @@ class Description(Described):
     rank_tolerance: float
     plane: PlaneInfo | None = None
     kinematic: bool = False
+    selects: bool = False
     elastic: ElasticInfo | None = None
     events: tuple[EventInfo, ...] = ()
     windings: int = 0

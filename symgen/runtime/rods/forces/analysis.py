@@ -17,8 +17,8 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageForces
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.forces import Forces
-from symgen.runtime.result.recorded_motion import coordinate_of
-from symgen.runtime.result.recording import of_points
+from symgen.runtime.result.recorded_motion import Along, coordinate_of
+from symgen.runtime.result.recording import of_points, outputs_by_group
 from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
@@ -248,6 +248,24 @@ def _variables(
                 )
 
 
+def _selected(linkage: _Linkage, poses: Poses, followed: Followed) -> Iterator[Variable]:
+    """Yield the outputs that the scene selects, by the equations of motion at the poses."""
+    constraints = linkage.constraints
+    evaluator, d = constraints.evaluator, constraints.description
+    if not d.selects or not evaluator.find("outputs"):
+        return
+    equations = evaluator.equations(linkage.redundant)
+    rows = np.zeros((len(poses), equations.dim))
+    rows[:, : 2 * constraints.n] = poses.states[:, :2].reshape(len(poses), -1)
+    groups = ((of.parameter_values, numbers) for of, numbers in poses.wound(evaluator))
+    order = np.argsort(followed.samples.times)
+    place = order[np.searchsorted(followed.samples.times, poses.times, sorter=order)]
+    along = Along(d, constraints.moving(followed.path)[0], followed.near[place], followed.start)
+    for v in outputs_by_group(evaluator, equations, groups, poses.times, rows, linkage.redundant):
+        link, _, word = v.name.rpartition(".")
+        yield replace(v, values=along.counted(link, v.values)) if word == "angle" and link in d.links else v
+
+
 def of_drive(name: str, values: Array) -> Variable:
     """Return the direction of a driven link over the poses."""
     return Variable(name, "rad", f"drive {name}", (), values)
@@ -279,7 +297,10 @@ def _recorded(
     d, constraints = linkage.constraints.description, linkage.constraints
     drive = next(iter(linkage.drives(0.0)), "") if over.over == "input" else ""
     times = poses.times
-    coordinate, variables = coordinate_of(times, [*_variables(linkage, assembly, solution, request)], drive)
+    forces = [*_variables(linkage, assembly, solution, request)]
+    known = {v.name for v in forces}
+    forces += (v for v in _selected(linkage, poses, followed) if v.name not in known)
+    coordinate, variables = coordinate_of(times, forces, drive)
     return Forces(
         **of_model(
             d,
