@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import shutil
 import tempfile
+import warnings
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 #: The array that marks finished runs; its chunks are written last.
 DONE = "done"
+#: The array with a digest of the results of each chunk, the same for all of its runs.
+DIGEST = "digest"
 #: Ending of the folders of a store.
 ENDING = ".zarr"
 
@@ -70,46 +75,15 @@ class Zarr:
             self.identity, self.chunk = str(about["identity"]), int(about["chunk"])
         except (OSError, KeyError, ValueError, TypeError) as error:
             raise ResultError(f"{path} is not the store of a sweep: {error}") from None
-        self.path = path
+        self.path, self.names = path, tuple[str, ...]()
 
     @classmethod
     def created(cls, path: Path, layout: Layout, sweep: Any, chunk: int) -> Zarr:
         """Create an empty store, which appears complete; another process may be faster."""
-        import zarr
-        from numcodecs import Zstd
-
         aside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.absolute().parent))
         try:
             aside.chmod(0o755)
-            group = zarr.open_group(aside, mode="w", zarr_format=2)
-            coordinates = " ".join(e.name for e in layout.entries if e.coordinate and " " not in e.name)
-            group.attrs.update({**sweep.attributes, "sweep": {"identity": sweep.identity, "chunk": chunk}})
-            for entry in layout.entries:
-                shape = (sweep.design.count, *entry.sizes)
-                group.create_array(
-                    entry.name,
-                    shape=shape,
-                    chunks=(chunk, *entry.sizes),
-                    dtype=str if entry.text else "<f8",
-                    fill_value=None if entry.text else np.nan,
-                    compressors=Zstd(level=1),  # Blosc orders its blocks by its threads
-                    attributes={**entry.attributes, "_ARRAY_DIMENSIONS": ["run", *entry.dims]},
-                )
-            about = {"long_name": "1 where the run is finished", "coordinates": coordinates}
-            group.create_array(
-                DONE,
-                shape=(sweep.design.count,),
-                chunks=(chunk,),
-                dtype="u1",
-                fill_value=None,
-                compressors=Zstd(level=1),
-                attributes={**about, "_ARRAY_DIMENSIONS": ["run"]},
-            )
-            if layout.axes:
-                axes = group.create_array(
-                    "axis", shape=(len(layout.axes),), dtype=str, attributes={"_ARRAY_DIMENSIONS": ["axis"]}
-                )
-                axes[:] = np.array(layout.axes, dtype=object)
+            cls._described(aside, layout, sweep, chunk)
             with suppress(FileExistsError):
                 _renamed(aside, path)
         except OSError as error:
@@ -118,9 +92,92 @@ class Zarr:
             shutil.rmtree(aside, ignore_errors=True)
         return cls(path)
 
+    def restored(self, layout: Layout, sweep: Any) -> None:
+        """Restore damaged descriptions of arrays, with a warning each."""
+        self.names = tuple(entry.name for entry in layout.entries)
+        with tempfile.TemporaryDirectory() as folder:
+            self._described(Path(folder), layout, sweep, self.chunk)
+            for intact in sorted(Path(folder).rglob(".z*")):
+                name = intact.relative_to(folder)
+                try:
+                    same = json.loads((self.path / name).read_bytes()) == json.loads(intact.read_bytes())
+                except (OSError, ValueError):
+                    same = False
+                if not same:
+                    warnings.warn(f"{self.path / name} is damaged: it is restored", stacklevel=2)
+                    shutil.copyfile(intact, self.path / name)
+
+    @staticmethod
+    def _described(path: Path, layout: Layout, sweep: Any, chunk: int) -> None:
+        """Write the descriptions of all arrays to a folder."""
+        import zarr
+        from numcodecs import Zstd
+
+        group = zarr.open_group(path, mode="w", zarr_format=2)
+        coordinates = " ".join(e.name for e in layout.entries if e.coordinate and " " not in e.name)
+        group.attrs.update({**sweep.attributes, "sweep": {"identity": sweep.identity, "chunk": chunk}})
+        for entry in layout.entries:
+            shape = (sweep.design.count, *entry.sizes)
+            group.create_array(
+                entry.name,
+                shape=shape,
+                chunks=(chunk, *entry.sizes),
+                dtype=str if entry.text else "<f8",
+                fill_value=None if entry.text else np.nan,
+                compressors=Zstd(level=1),  # Blosc orders its blocks by its threads
+                attributes={**entry.attributes, "_ARRAY_DIMENSIONS": ["run", *entry.dims]},
+            )
+        group.create_array(
+            DIGEST,
+            shape=(sweep.design.count,),
+            chunks=(chunk,),
+            dtype="<u8",
+            fill_value=0,
+            compressors=Zstd(level=1),
+            attributes={
+                "long_name": "digest of the results of the chunk of the run",
+                "_ARRAY_DIMENSIONS": ["run"],
+            },
+        )
+        about = {"long_name": "1 where the run is finished", "coordinates": coordinates}
+        group.create_array(
+            DONE,
+            shape=(sweep.design.count,),
+            chunks=(chunk,),
+            dtype="u1",
+            fill_value=None,
+            compressors=Zstd(level=1),
+            attributes={**about, "_ARRAY_DIMENSIONS": ["run"]},
+        )
+        if layout.axes:
+            axes = group.create_array(
+                "axis", shape=(len(layout.axes),), dtype=str, attributes={"_ARRAY_DIMENSIONS": ["axis"]}
+            )
+            axes[:] = np.array(layout.axes, dtype=object)
+
     def is_done(self, first: int) -> bool:
-        """Return whether the chunk that begins with a run is there."""
-        return bool(self.group[DONE][first])
+        """Return whether the chunk that begins with a run is there and intact; warn of a damaged one."""
+        span = slice(first, first + self.chunk)
+        try:
+            if not self.group[DONE][first]:
+                return False
+            stored = {name: self.group[name][span] for name in self.names}
+            if np.all(self.group[DIGEST][span] == _digest(stored)):
+                return True
+            cause = "its digest differs"
+        except Exception as error:  # of zarr, its codecs and the file system alike
+            cause = str(error).partition("\n")[0] or type(error).__name__
+        last, number = min(span.stop, self.group[DONE].shape[0]) - 1, first // self.chunk
+        warnings.warn(
+            f"chunk {number} of {self.path}, runs {first} to {last}, is damaged ({cause}): it is computed "
+            "again",
+            stacklevel=2,
+        )
+        for name in (*self.names, DIGEST, DONE):
+            for file in (self.path / name).glob(f"{number}*"):
+                if file.name.partition(".")[0] == str(number):
+                    file.unlink(missing_ok=True)
+        return False
 
     def write(self, first: int, arrays: Mapping[str, Array]) -> None:
         """Write the chunk that begins with a run."""
@@ -129,6 +186,7 @@ class Zarr:
             for name, values in arrays.items():
                 count = len(values)
                 self.group[name][first : first + count] = values
+            self.group[DIGEST][first : first + count] = _digest(arrays)
             self.group[DONE][first : first + count] = 1
         except OSError as error:
             raise ResultError(f"cannot write {self.path}: {error.strerror or error}") from None
@@ -136,6 +194,19 @@ class Zarr:
     def dataset(self) -> xarray.Dataset:
         """Return the results of all runs, read when they are used."""
         return opened(self.path)
+
+
+def _digest(arrays: Mapping[str, Array]) -> int:
+    """Return 64 bits of SHA-256 of the results of a chunk."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        values = np.asarray(arrays[name])
+        numbers = values.dtype.kind == "f"
+        data = (
+            np.ascontiguousarray(values, "<f8").tobytes() if numbers else repr([*map(str, values)]).encode()
+        )
+        digest.update(repr((name, len(data))).encode() + data)
+    return int.from_bytes(digest.digest()[:8], "little")
 
 
 def _renamed(source: Path, target: Path) -> None:
