@@ -209,7 +209,10 @@ class InitialStateError(ModelError):
 
 
 class RangeError(ModelError):
-    """The motion of an input does not reach a value. Request another one, or another range of time."""
+    """The motion of an input does not reach a value, or parameters give a value of the scene a wrong sign.
+
+    Request another value, or another range of time.
+    """
 
 
 class ResultError(SymgenError):

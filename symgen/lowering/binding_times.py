@@ -29,13 +29,14 @@ from symgen.lowering.nodes import (
     signs,
 )
 from symgen.lowering.straight_line import StraightLine
-from symgen.symbolic.system import Group
+from symgen.symbolic.system import LIMITS, Group
 
 
 def with_setup(kernels: Sequence[Kernel], parameters: Group) -> tuple[Kernel, ...]:
     """Move the terms that depend on per-run parameters only into a setup kernel, and return all kernels.
 
-    The kernels are returned unchanged if no parameter is constant per run or no term qualifies.
+    The kernels are returned unchanged if no parameter is constant per run or no term qualifies. So is the
+    kernel of limits, which is called before a run is set up.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def with_setup(kernels: Sequence[Kernel], parameters: Group) -> tuple[Kernel, ..
     if not (parameters.per_run and parameters.quantities):
         return tuple(kernels)
     setup = _SetUp(parameters)
-    splits = {k.name: _Split(setup, k) for k in kernels}
+    splits = {k.name: _Split(setup, k) for k in kernels if k.name != LIMITS}
     if SETUP in splits:
         raise DerivationError(f"a kernel is called {SETUP!r}, which is reserved for the setup kernel")
     if not setup.places:
@@ -54,6 +55,8 @@ def with_setup(kernels: Sequence[Kernel], parameters: Group) -> tuple[Kernel, ..
     lowered: dict[str, Kernel] = {}
 
     def rest(kernel: Kernel) -> Kernel:
+        if kernel.name == LIMITS:
+            return kernel
         if kernel.name not in lowered:
             first, then = (tuple(map(rest, called)) for called in (kernel.first, kernel.then))
             lowered[kernel.name] = splits[kernel.name].kernel(parameters.name, size, first, then)

@@ -127,6 +127,20 @@ def call_many(uintptr_t address, sizes, const double[::1] t, const double[:, ::1
     raise_failure()
 
 
+def call_at(uintptr_t address, sizes, const double[:, ::1] p, double[:, ::1] out):
+    """Call a kernel of the parameters alone for every row of ``p`` and of ``out``; ``sizes`` as in :func:`call`."""
+    cdef Py_ssize_t i
+    cdef double[::1] none = np.zeros(max(sizes[:3]) + sizes[4] + 1)
+    if p.shape[0] == 0:
+        return
+    _fits(sizes, none.shape[0], none.shape[0], none.shape[0], p.shape[1], none.shape[0], out.shape[1])
+    at_least("rows of out", out.shape[0], p.shape[0])
+    with nogil:
+        for i in range(p.shape[0]):
+            (<kernel_t>address)(&none[0], &none[0], &none[0], &p[i, 0], &none[0], &out[i, 0])
+    raise_failure()
+
+
 def call_repeatedly(uintptr_t address, sizes, Py_ssize_t times, const double[:, ::1] y, Py_ssize_t n,
                     const double[::1] p, double[::1] work, double[:, ::1] out):
     """Call a kernel ``times`` times over all rows of ``y``, for measurements without Python's overhead."""

@@ -19,6 +19,7 @@ from symgen.errors import SceneError, nearest
 from symgen.scene.units import (
     ANGULAR_RATE,
     NUMBER,
+    UNITLESS,
     Dimension,
     describe,
     example,
@@ -138,6 +139,12 @@ def _vanishes(expression: sp.Expr) -> bool:
     return not expression.free_symbols and vanishes(expression)
 
 
+#: A number with a unit in an expression.
+_WITH_UNIT = re.compile(r"(?<![\w.])[0-9.]+\s+[A-Za-zµ]")
+#: Names of outputs that follow from the loads, among those of the state.
+_FOLLOWING = re.compile(
+    r".+\.(force|reaction|tension|torque|couple|acceleration|angular_acceleration)(\.[xyz])?"
+)
 #: Parts of names of outputs, and those of the variables of loads in their place.
 _MEASURED = {".position.": ".", ".velocity.": ".v", ".angular_velocity": ".rate"}
 
@@ -162,6 +169,8 @@ class _Reader:
         try:
             tree = ast.parse(self.text.strip(), mode="eval")
         except (SyntaxError, ValueError, RecursionError, MemoryError):
+            if _WITH_UNIT.search(self.text):
+                raise SceneError(f"expressions contain no units, got {self.shown}", hint=UNITLESS) from None
             raise SceneError(
                 f"cannot read {self.shown}",
                 hint='Write a quantity with a unit ("2 cm") or an expression over parameters ("2*a + b"); '
@@ -242,6 +251,13 @@ class _Reader:
             return sp.pi, NUMBER
         if name not in self.names:
             alike = [known for known in self.names if ("." in known) == ("." in name)]
+            if alike and _FOLLOWING.fullmatch(name):
+                raise SceneError(
+                    f"{self.shown} uses {name!r}: forces and accelerations follow from the loads, which "
+                    "may use positions and velocities alone",
+                    hint="Take a typical force as a parameter, as in a couple mu*radius*load of friction "
+                    "in a joint, or compute the load in a function around model.rhs.",
+                )
             measured = name
             for output, variable in _MEASURED.items():
                 measured = measured.replace(output, variable)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import sympy as sp
 
@@ -41,4 +42,15 @@ def check_real(read: Values, matrix: sp.Matrix, where: str) -> tuple[float, floa
             "no real body has these moments of inertia: the largest exceeds the sum of the others",
             where=where,
         )
+    _limit(read, moments, f"{where}, of a real body")
     return float(extents[0]), float(extents[2])
+
+
+def _limit(read: Values, moments: sp.Matrix, where: str) -> None:
+    """Check the principal minors of second moments also at other values of the tunable parameters."""
+    size = sp.Rational(str(FLAT)) * moments.trace()
+    for count in (1, 2, 3):
+        for rows in combinations(range(3), count):
+            minor = moments.extract(rows, rows)
+            if count == 1 or not minor.is_diagonal():
+                read.limit(minor.det() + size**count, units.INERTIA, where, strict=False)

@@ -6,6 +6,7 @@ import json
 import os
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,11 +82,7 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
         with path.open("rb") as stream:
             content = stream.read(_LARGEST + 1)
     except (FileNotFoundError, NotADirectoryError):
-        beside = [f"{text}.toml"] if Path(f"{text}.toml").is_file() else shipped_scenes()
-        raise SceneError(
-            f"there is no scene and no file called {text!r}",
-            hint=f"{nearest(text, beside)} 'symgen scenes' lists the shipped ones.",
-        ) from None
+        raise SceneError(f"there is no scene and no file called {text!r}", hint=_alike(text)) from None
     except (OSError, ValueError) as error:
         raise SceneError(f"cannot read the scene: {error}", file=text) from None
     if len(content) > _LARGEST:
@@ -102,6 +99,17 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     if _depth(data) > _DEEPEST:
         raise SceneError(f"expected tables nested at most {_DEEPEST} deep", file=path.name)
     return SceneText(_identifier(path.stem), path.name, data)
+
+
+def _alike(text: str) -> str:
+    """Return a hint with the file of the same folder, or the shipped scene, whose name is nearest."""
+    path, files = Path(text), list[str]()
+    with suppress(OSError, ValueError):
+        files = [str(file) for file in path.parent.glob("*.toml")]
+    file = str(path) if path.suffix == ".toml" else f"{path}.toml"
+    hints = [nearest(file, files), nearest(text, shipped_scenes())]
+    close = [hint for hint in hints if hint.startswith("Did you mean")]
+    return " ".join([*close[:1], "'symgen scenes' lists the shipped ones."])
 
 
 @checked

@@ -12,6 +12,7 @@ import sympy as sp
 from symgen.errors import SceneError, nearest
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
+from symgen.scene.limit import Limit
 from symgen.scene.rods.linkage import TIME, Parameter, PlacedPoint, number, state_symbol
 from symgen.scene.schema import Scene, Units
 from symgen.scene.units import Dimension, Shown, is_quantity, parse_quantity
@@ -56,9 +57,8 @@ class Values:
         self.names: dict[str, tuple[sp.Expr, Dimension]] = {}
         self.parameters: list[Parameter] = []
         self.defaults: dict[sp.Symbol, sp.Expr] = {}
-        #: Values over tunable parameters that must stay above zero, and those of at least zero, by place.
-        self.above_zero: dict[str, sp.Expr] = {}
-        self.at_least_zero: dict[str, sp.Expr] = {}
+        #: Values over tunable parameters whose sign is checked again at other values of these.
+        self.limits: list[Limit] = []
         #: External signals, after :meth:`read_signals`.
         self.signals: dict[str, tuple[sp.Expr, Dimension]] = {}
         self._read_parameters()
@@ -127,6 +127,8 @@ class Values:
                 "a prescribed motion needs an acceleration at every time: it cannot use abs, sign, min "
                 "or max",
                 where=where,
+                hint='Write a smooth function of t, such as "(1 + tanh((t - t1)/w))/2" for a step of width '
+                "w, or a load in place of the drive: loads may use them.",
             )
         for _ in range(2):
             expression = sp.diff(expression, TIME.symbol)
@@ -152,8 +154,7 @@ class Values:
             raise SceneError(
                 f"expected {units.describe(dim)} above zero, got {_got(text, value, dim)}", where=where
             )
-        if expression.free_symbols:
-            self.above_zero[where] = expression
+        self.limit(expression, dim, where, strict=True)
         return expression
 
     def not_negative(self, text: str | int | float, dim: Dimension, where: str) -> sp.Expr:
@@ -164,9 +165,14 @@ class Values:
             raise SceneError(
                 f"expected {units.describe(dim)} of at least zero, got {_got(text, value, dim)}", where=where
             )
-        if expression.free_symbols:
-            self.at_least_zero[where] = expression
+        self.limit(expression, dim, where, strict=False)
         return expression
+
+    def limit(self, value: sp.Expr, dim: Dimension, where: str, *, strict: bool) -> None:
+        """Check a value, of the start of the run, also at other values of the tunable parameters."""
+        at_start = value.xreplace({TIME.symbol: sp.Integer(0)})
+        if at_start.free_symbols:
+            self.limits.append(Limit(where, at_start, dim.unit, strict))
 
     def direction(self, texts: list[str | int | float], where: str) -> tuple[sp.Expr, ...]:
         """Return a vector of plain numbers that is not zero."""
@@ -297,7 +303,12 @@ class Reader(Values):
         self.known_link(name, where)
         link = self.scene.links[name]
         if not self.is_spatial_body(name) and all(self.known_point(p, where).ground for p in link.points[:2]):
-            raise SceneError(f"{name} lies between two ground points and cannot turn", where=where)
+            raise SceneError(
+                f"{name} lies between two ground points and cannot turn",
+                where=where,
+                hint="Free one of its points. A load on it changes reactions alone: for these, write "
+                "[[forces]] on its ground points, without link.",
+            )
 
 
 def check_count(value: int, least: int, most: int, where: str) -> None:

@@ -131,7 +131,9 @@ def _linkage(scene: Scene) -> Linkage:
     else:
         linkage = with_welds(read, linkage)
     check_loads(linkage)
-    linkage = replace(linkage, remarks=remarks(scene, linkage))
+    # Arguments of analyses replace the values of [analysis].
+    limits = tuple(limit for limit in read.limits if not limit.where.startswith("analysis."))
+    linkage = replace(linkage, remarks=remarks(scene, linkage), limits=limits)
     if scene.analysis.motion == "space":
         if read.dimension == 2:
             raise SceneError("points with two coordinates do not move in space", where="analysis.motion")

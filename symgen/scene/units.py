@@ -126,6 +126,15 @@ _UNIT = re.compile(rf"(?:1\s*/\s*)?{_PART}(?:\s*[*/]\s*{_PART})*")
 _LONGEST = 200
 
 
+#: Remedy for units in an expression.
+UNITLESS = (
+    'Name each quantity under [parameters], as in stroke = "20 mm" and w = "3 rad/s", and write the '
+    'expression over these names: "rest - stroke*sin(w*t)".'
+)
+#: What is behind the number of an expression that has units in it.
+_EXPRESSION = re.compile(r"[+,]|\s-\s|\w\s*\(|\d\s*[A-Za-zµ]")
+
+
 @lru_cache(maxsize=1)
 def _registry() -> Any:
     import pint
@@ -153,6 +162,8 @@ def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
     if not match or len(text) > _LONGEST:
         raise SceneError(f'expected a quantity such as "2 cm", got {text[:_LONGEST]!r}')
     number, unit = match["number"], match["unit"]
+    if unit and _EXPRESSION.search(unit.strip()) and not _UNIT.fullmatch(unit.strip()):
+        raise SceneError(f"expressions contain no units, got {text!r}", hint=UNITLESS)
     too_large = SceneError(f"expected a number that fits in double precision, got {text!r}")
     if abs(int((re.search(r"[eE]([-+]?\d+)", number) or ["", "0"])[1])) > 400:
         raise too_large

@@ -11,6 +11,9 @@ import sympy as sp
 from symgen.errors import DerivationError, ModelError, check_known, nearest
 from symgen.symbolic.quantity import Quantity
 
+#: Name of the kernel of values with a limit, which checks parameters before a run is set up.
+LIMITS = "limits"
+
 
 @dataclass(frozen=True, slots=True)
 class NamedMatrix:

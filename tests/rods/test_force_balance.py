@@ -9,6 +9,7 @@ from shared.in_numpy import build
 from shared.linkages import at, ground
 
 import symgen
+from symgen.errors import SceneError
 
 SEEDS = 300
 #: Over the largest force of a sample.
@@ -21,7 +22,13 @@ TOLERANCE = 1e-10
 def test_forces_balance_on_every_link(seed):
     """Newton's and Euler's equations, with all loads at once, at the start and in motion."""
     made = random_linkage(seed)
-    run = build(symgen.Scene(**made.tables)).simulate(0.1, samples=2, rtol=1e-5)
+    try:
+        model = build(symgen.Scene(**made.tables))
+    except SceneError as error:  # a loop that holds the driven link
+        assert "is not independent of the others" in error.problem
+        made = random_linkage(seed, driven=False)
+        model = build(symgen.Scene(**made.tables))
+    run = model.simulate(0.1, samples=2, rtol=1e-5)
     for sample in samples(run):
         for name, rest in missing(made, sample):
             assert rest < TOLERANCE, (name, sample.t)

@@ -235,7 +235,7 @@ def test_runs_that_have_no_derivatives_are_refused():
         ),
         ({"t_end": 1.0, "coordinates": []}, "one for each degree of freedom"),
         ({"rtol": 1e-9}, "rtol is for derivatives along a run"),
-        ({"t_eval": [0.0, 1.0]}, "after the start"),
+        ({"t_eval": [-0.1, 1.0]}, "increasing times from 0 s"),
         ({"t_eval": []}, "t_eval, at least one"),
         ({"t_eval": [[[0.1]], [[0.1]]]}, "t_eval"),
         ({"t_end": 1.0, "max_steps": 0}, "max_steps of at least 1"),
@@ -260,3 +260,36 @@ def test_integrals_that_are_not_finite_are_refused():
     model = build(rod(0.0, points={"O": ground(0, 0), "P": at(0.6, 0), "G": ground(0.6, 0)}))
     with pytest.raises(SimulationError, match="not finite"):
         model.sensitivity([], ["l"], coordinates=["rod.angle"], t_end=0.1, integrals=["O.P.G.angle"])
+
+
+@pytest.mark.parametrize("how", [{}, {"method": "rk4", "step": 0.01}, {"method": "radau5"}])
+def test_derivatives_at_the_start_are_among_those_of_the_times(how):
+    """Of a swinging rod: l e and its rates, with theta'' = -3 g cos(theta)/(2 l)."""
+    length, angle, rate, g = 0.5, -0.4, 1.3, 9.81
+    model = symgen.build(
+        symgen.Scene(
+            parameters={"l": {"value": f"{length} m", "tunable": True}},
+            points={"O": {"at": [0, 0], "ground": True}, "P": {"at": ["l", 0]}},
+            links={"rod": {"points": ["O", "P"], "mass": "1 kg", "length": "l"}},
+            gravity={"acceleration": [0, f"-{g} m/s^2"]},
+            start={"angles": {"rod": f"{angle} rad"}, "rates": {"rod": f"{rate} rad/s"}},
+        ),
+        backend="numpy",
+    )
+    by, coordinates = ["l", "rod.angle", "rod.angle'"], ["rod.angle"]
+    names = ["P.position", "P.acceleration"]
+    found = model.sensitivity(names, by, coordinates=coordinates, t_eval=[0, 0.1], **how)
+    e = np.array([np.cos(angle), np.sin(angle)])
+    left = np.array([-e[1], e[0]])
+    twist = -1.5 * g * e[0] / length
+    place = np.column_stack([e, length * left, 0 * e])
+    acceleration = np.column_stack(
+        [
+            -(rate**2) * e,
+            -(rate**2) * length * left - twist * length * e + 1.5 * g * e[1] * left,
+            -2 * rate * length * e,
+        ]
+    )
+    assert found.derivatives[0] == pytest.approx(np.vstack([place, acceleration]), abs=1e-12)
+    later = model.sensitivity(names, by, coordinates=coordinates, t_eval=[0.1], **how)
+    assert np.array_equal(found.derivatives[1], np.reshape(later.derivatives, found.derivatives[1].shape))

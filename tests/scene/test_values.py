@@ -124,9 +124,9 @@ def test_every_function_is_readable():
         ("sin(1, 2)", "2 arguments instead of 1"),
         ("(" * 300 + "1" + ")" * 300, "cannot read"),
         ("-" * 200 + "1", "nested too deeply"),
-        ("2 cm + a", "cannot read|not a unit"),
+        ("2 cm + a", "expressions contain no units, got '2 cm"),
         ("", "cannot read"),
-        ("a + 2 cm", "cannot read .*\n.*a quantity in an expression is a parameter of its own"),
+        ("a + 2 cm", "expressions contain no units, got 'a .*\n.*over these names"),
         ("1" * 3000, "fits in double|at most|quantity such as"),
     ],
 )

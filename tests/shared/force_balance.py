@@ -107,8 +107,8 @@ def texts(values, unit: str) -> list[str]:
     return [f"{x!r} {unit}" for x in np.asarray(values, dtype=float).tolist()]
 
 
-def random_linkage(seed: int) -> Loaded:
-    """A random linkage, in the plane for even seeds and in space for odd ones."""
+def random_linkage(seed: int, driven: bool = True) -> Loaded:
+    """A random linkage, in the plane for even seeds and in space for odd ones; most are ``driven``."""
     rng = np.random.default_rng([3, seed])
     dimension = 2 + seed % 2
     kind = KINDS[int(rng.integers(4))]
@@ -121,7 +121,8 @@ def random_linkage(seed: int) -> Loaded:
         _slider(made)
     for name in list(draft.links):
         _body(made, name)
-    _drive(made)
+    if driven:
+        _drive(made)
     places = {p: at for p, at in draft.at.items() if p not in draft.on}
     made.tables["points"] = {
         p: {"at": texts(at, "m"), "ground": p in draft.ground} for p, at in places.items()

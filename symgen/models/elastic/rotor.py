@@ -8,6 +8,7 @@ import sympy as sp
 
 from symgen.mechanics.elastic.spatial import BODY, SECTION
 from symgen.models.elastic.spatial import REFERENCES
+from symgen.models.limits import limits_of
 from symgen.scene.elastic.rotor import RotorScene
 from symgen.symbolic.quantity import AXES
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
@@ -45,17 +46,15 @@ def rotor_system(rotor: RotorScene) -> System:
         labels = [k.point for k in rotor.masses]
         columns = (*AXES, *(q.name for q in BODY))
         matrices.append(matrix("masses", rows, "places of masses, and their inertia", labels, columns))
-    assumptions = {"above_zero": rotor.above_zero, "at_least_zero": rotor.at_least_zero}
-    limits = [
-        matrix(name, [(x,) for x in values.values()], "values with a limit", list(values), ("value",))
-        for name, values in assumptions.items()
-        if values
-    ]
+    limits, kernel_of_limits = limits_of(rotor)
     return System(
         rotor.name,
         rotor.title,
         (Group("p", "tunable parameters", tuple(p.quantity for p in rotor.parameters)),),
         (*limits, *matrices),
-        (Export("rotor", "numbers of links, masses and axis", tuple(m.name for m in (*limits, *matrices))),),
+        (
+            Export("rotor", "numbers of links, masses and axis", tuple(m.name for m in matrices)),
+            *kernel_of_limits,
+        ),
         references=REFERENCES,
     )

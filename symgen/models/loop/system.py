@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import sympy as sp
 
 from symgen.errors import SceneError
+from symgen.models.limits import limits_of
 from symgen.models.loop import outputs as loop_outputs
 from symgen.models.loop.derivation import REFERENCE, LoopModel, entries, named
 from symgen.scene.loop.loop import ENTRIES, Loop
@@ -41,6 +42,7 @@ def loop_system(loop: Loop) -> System:
     switches = _switches(loop)
     derived = {m.name for m in (*motion, *dynamics)}
     _check_names(model, {*derived, *loop_outputs.OF_THE_WHOLE, *(m.name for m in steps)})
+    limits, kernel_of_limits = limits_of(loop)
     return System(
         name=loop.name,
         title=loop.title,
@@ -51,12 +53,14 @@ def loop_system(loop: Loop) -> System:
             *(m for m in requested if m.name not in derived),
             *steps,
             *([switches] if switches else []),
+            *limits,
         ),
         exports=(
             *exports,
             *kernels,
             Export("outputs", "outputs of the scene", tuple(m.name for m in requested)),
             *([Export("events", switches.description, (switches.name,))] if switches else []),
+            *kernel_of_limits,
         ),
         definitions=model.names.definitions,
         references=(REFERENCE,),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.linearised import driven_motion
 from symgen.models.rods.linkage import REFERENCE, RodsModel
@@ -33,6 +34,7 @@ def driven_system(linkage: Linkage) -> System:
     requested = outputs.requested_outputs(model)
     start, start_kernels = assembly_exports(model)
     moved, following = driven_motion(model)
+    limits, kernel_of_limits = limits_of(linkage)
     derived, end = [*constraints(model), *places(model)], run_end(model)
     # A requested driven angle is that of its drive, which counts revolutions.
     names = {m.name for m in (*derived, *moved)}
@@ -42,12 +44,13 @@ def driven_system(linkage: Linkage) -> System:
         *start_kernels,
         *following,
         *run_end_kernel(end),
+        *kernel_of_limits,
     ]
     return System(
         name=model.linkage.name,
         title=model.linkage.title,
         groups=groups(model),
-        matrices=(*derived, *(m for m in requested if m.name not in names), *start, *moved, *end),
+        matrices=(*derived, *(m for m in requested if m.name not in names), *start, *moved, *end, *limits),
         exports=tuple(exports),
         definitions=definitions(model),
         references=(REFERENCE,),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
+from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.elimination import is_open, order_of
 from symgen.models.rods.linkage import REFERENCE, RodsModel
@@ -37,6 +38,7 @@ def linkage_system(linkage: Linkage) -> System:
     )
     residual, refining = refinement(model)
     points, end = _points(model), run_end(model)
+    limits, kernel_of_limits = limits_of(linkage)
     # Zero-crossing functions of events and load switches, and angles: one column each.
     events = [*_events_of_scene(model), *_switches(model), *_windings(model), *_turns(model)]
     derived = {m.name for m in (*equations, *points)}
@@ -52,6 +54,7 @@ def linkage_system(linkage: Linkage) -> System:
             *residual,
             *events,
             *end,
+            *limits,
         ),
         exports=(
             *exports,
@@ -60,6 +63,7 @@ def linkage_system(linkage: Linkage) -> System:
             *refining,
             *_events_kernel(events),
             *run_end_kernel(end),
+            *kernel_of_limits,
         ),
         definitions=definitions(model),
         saddle_point=SaddlePoint(

@@ -137,8 +137,7 @@ def followed(
             f"derivatives of runs are not available for {chosen.method.name}\n"
             "  Choose dop853, dopri5, rk4, radau5, newmark or generalized-alpha."
         )
-    if recorded_at(times, start.t, chosen.t_end)[0] <= start.t:
-        raise ModelError(f"expected times after the start at t = {start.t:g} s, got {times[0]:g} s")
+    recorded_at(times, start.t, chosen.t_end)
     t: list[Array] = [np.array([start.t])]
     y: list[Array] = []
     references: list[Array] = []

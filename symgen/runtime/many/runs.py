@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, check_known, shown
 from symgen.runtime.arrays import Array
+from symgen.runtime.kernels.limits import refusals
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import BLOCK, Keep, Record, of_one
 from symgen.runtime.many.driven import Driven, driven_runs
@@ -101,6 +102,14 @@ class Runs:
             return self.model
         return self.model.with_parameters(**{name: values[i] for name, values in self.columns.items()})
 
+    def refused(self) -> dict[int, str]:
+        """Return the reasons why parameters of runs are refused, by the number of the run."""
+        if not self.columns:
+            return {}
+        model, count = self.model, len(self)
+        rows = [self.columns.get(name, np.full(count, value)) for name, value in model.parameters.items()]
+        return refusals(model.description, model._library, np.column_stack(rows))
+
     def driven(self) -> Driven | None:
         """Return the runs in lanes, if they are of a driven linkage."""
         if self.analysis not in ("kinematics", "inverse_dynamics"):
@@ -180,10 +189,14 @@ def carried_out(
     results += [Record()] * (count - finished_runs)
     compiled = driven or compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
     ended = Event()
+    refused = runs.refused()
 
     def carry_out(first: int, last: int) -> int:
         blocks = compiled(first, last, keep) if compiled else [None] * (last - first)
         for i, one in enumerate(blocks, first):
+            if i in refused:
+                results[i] = Record(error=f"{runs.model.name}: {refused[i]}")
+                continue
             if one is not None:
                 results[i] = one
                 continue

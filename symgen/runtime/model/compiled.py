@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.display import display
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, RangeError, nearest
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.description import Described
 from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.limits import refusals
 from symgen.runtime.kernels.typed import Typed
 
 if TYPE_CHECKING:
@@ -82,6 +84,24 @@ class Compiled:
         self._equations: Any = None
         #: Names of analyses that are known to be supported.
         self._supported = set[str]()
+
+    def with_parameters(self, /, **values: float) -> Self:
+        """Return the same model with other values of its tunable parameters, in SI units.
+
+        Raises
+        ------
+        ModelError
+            For an unknown name and a value that is not finite.
+        RangeError
+            When a value of the scene, such as a mass, has the wrong sign at these parameters.
+        """
+        changed = {**self.parameters, **values}
+        parts = self.description, self._library, self._derive, changed, self._analyses, self._typed
+        model = type(self)(*parts, **self._more)
+        row = np.array([[*model.parameters.values()]])
+        for reason in refusals(self.description, self._library, row).values():
+            raise RangeError(f"{self.name}: {reason}")
+        return model
 
     @property
     def _more(self) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 from numpy.typing import ArrayLike
 
@@ -41,13 +41,6 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
 
     #: Reasons why analyses are missing, by name; under "" the reason for all others.
     MISSING: ClassVar[Mapping[str, str]]
-
-    @checked
-    def with_parameters(self, /, **values: float) -> Self:
-        """Return the same model with other values of its tunable parameters, in SI units."""
-        changed = {**self.parameters, **values}
-        parts = self.description, self._library, self._derive, changed, self._analyses, self._typed
-        return type(self)(*parts, **self._more)
 
     @property
     def capabilities(self) -> tuple[str, ...]:

@@ -62,7 +62,11 @@ class RodModel(LinkageModel):
 
     def _refused(self, name: str) -> str | None:
         if name == "inverse_dynamics" and (len(self.description.axes) > 2 or self.description.plane):
-            return "joint forces by rigid elements are for linkages in the plane"
+            return (
+                "joint forces by rigid elements are for linkages in the plane\n"
+                "  Run it (symgen run, simulate) with LINK.POINT.force, POINT.reaction and LINK.torque among "
+                "the outputs of the scene."
+            )
         if name in ("equilibrium", "modes") and self._never_rests:
             return self._never_rests
         d = self.description

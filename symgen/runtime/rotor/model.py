@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -60,9 +60,8 @@ class RotorModel(Model):
             None,
         )
         blocks = {b.name: part(out, b) for b in info.blocks}
-        for b in info.blocks:
-            if b.name in ("links", "above_zero", "at_least_zero"):
-                _refuse(self.name, b, blocks[b.name].reshape(b.shape))
+        links = next(b for b in info.blocks if b.name == "links")
+        _refuse(self.name, links, blocks["links"].reshape(links.shape))
         if not all(np.all(np.isfinite(x)) for x in blocks.values()):
             raise ModelError(f"{self.name}: a number of the scene is not finite at these parameters")
         return {"masses": np.zeros(0), **blocks}
@@ -104,16 +103,13 @@ class RotorModel(Model):
         )
 
 
-def _refuse(name: str, block: BlockInfo, values: Array) -> None:
-    """Raise ModelError for values of the scene that are not physical at the tunable parameters."""
-    places: Sequence[str] = block.rows
-    if block.name == "links":
-        values, places = values[:, 9:], [f"links.{row}, {q}" for row in block.rows for q in block.columns[9:]]
-    for place, value in zip(places, values.ravel().tolist(), strict=True):
-        limit = "of at least" if block.name == "at_least_zero" else "above"
-        if not (value > 0.0 or (value == 0.0 and limit == "of at least")):
+def _refuse(name: str, links: BlockInfo, values: Array) -> None:
+    """Raise ModelError for sections of links that are not physical at the tunable parameters."""
+    places = [f"links.{row}, {q}" for row in links.rows for q in links.columns[9:]]
+    for place, value in zip(places, values[:, 9:].ravel().tolist(), strict=True):
+        if not value > 0.0:
             raise ModelError(
-                f"{name}: {place}: expected a value {limit} zero, got {value:g} at these parameters\n"
+                f"{name}: {place}: expected a value above zero, got {value:g} at these parameters\n"
                 "  Give with_parameters other values."
             )
 

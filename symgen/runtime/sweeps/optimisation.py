@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from symgen.errors import ModelError, SimulationError, check_known, shown
+from symgen.errors import ModelError, RangeError, SimulationError, check_known, shown
 from symgen.runtime.arrays import Array
 from symgen.runtime.sweeps.problem import Problem, Quantity, Search
 
 #: Most iterations.
 _MOST = 10**6
+#: Part of a variable's range by which a point is beside a bound: a length may tend to zero.
+_BESIDE = 1e-6
 METHODS = ("SLSQP", "trust-constr", "differential-evolution")
 #: Reductions of which an upper bound is one bound per sample: smooth, where the largest sample changes.
 _LARGEST = ("peak", "greatest")
@@ -96,6 +98,7 @@ def optimum_of(search: Search, objective: str, measured: Sequence[str] = ()) -> 
     problem = Problem(bounds, [goal, *quantities.values()], search)
     begin = np.array([start.get(name, model.parameters[name]) for name in bounds])
     x = np.clip((begin - problem.low) / (problem.high - problem.low), 0.0, 1.0)
+    _check_bounds(problem, x)
     if not start and method != "differential-evolution":
         x = _working(problem, goal, x)
     pairs = [(quantities[name], *limits[name]) for name in limits]
@@ -116,6 +119,17 @@ def optimum_of(search: Search, objective: str, measured: Sequence[str] = ()) -> 
         problem.runs,
         model.with_parameters(**values),
     )
+
+
+def _check_bounds(problem: Problem, x: Array) -> None:
+    """Refuse bounds beside which a value of the scene has the wrong sign; other variables at the start."""
+    for i, name in enumerate(problem.names):
+        for bound, inside in ((problem.low[i], _BESIDE), (problem.high[i], 1.0 - _BESIDE)):
+            at = problem.parameters(np.where(np.arange(len(x)) == i, inside, x))
+            try:
+                problem.model.with_parameters(**dict(zip(problem.names, at.tolist(), strict=True)))
+            except RangeError as error:
+                raise ModelError(f"the bound {bound:g} of {name} is not permitted: {error}") from None
 
 
 def _pair(name: str, pair: Any, *, open_ended: bool) -> tuple[float, float]:

@@ -33,8 +33,9 @@ def crank(read: Reader) -> Crank | None:
             raise SceneError(
                 f"the link {elastic[0]} is elastic, and the motion of the input is not prescribed",
                 where="crank",
-                hint='Write [crank] with link = "..." and speed = "300 rpm"; for a link that nothing drives '
-                'with mode = "free" and speed = "0 rpm".',
+                hint='Write [crank] with link = "..." and speed = "300 rpm". For a cantilever or a frame, '
+                'a link that the ground clamps has speed = "0 rpm"; a link that nothing drives also has '
+                'mode = "free".',
             )
         return None
     if not elastic:

@@ -12,6 +12,7 @@ from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.elastic.schema import Rotor
 from symgen.scene.elastic.spatial_section import section_in_space
+from symgen.scene.limit import Limit
 from symgen.scene.reading import Reader, check_count, shown_units
 from symgen.scene.rods.bodies import points
 from symgen.scene.rods.linkage import Parameter
@@ -57,7 +58,7 @@ class RotorMass:
 class RotorScene:
     """A resolved scene: places [m], links, masses, axis, speed [rad/s] and a point of the axis.
 
-    ``above_zero`` and ``at_least_zero`` are values over tunable parameters, by their place in the scene.
+    ``limits`` are values over tunable parameters whose sign is checked again at other values of these.
     """
 
     method: ClassVar[str] = "rotor"
@@ -73,8 +74,7 @@ class RotorScene:
     axis: tuple[sp.Expr, ...]
     speed: sp.Expr
     through: tuple[sp.Expr, ...]
-    above_zero: dict[str, sp.Expr]
-    at_least_zero: dict[str, sp.Expr]
+    limits: tuple[Limit, ...]
 
 
 def resolved_rotor(scene: Scene) -> RotorScene:
@@ -129,8 +129,7 @@ def resolved_rotor(scene: Scene) -> RotorScene:
         axis=axis,
         speed=read.value(table.speed, units.ANGULAR_RATE, "rotor.speed"),
         through=through,
-        above_zero=read.above_zero,
-        at_least_zero=read.at_least_zero,
+        limits=tuple(read.limits),
     )
 
 

@@ -39,6 +39,9 @@ _ZERO, _HALF = sp.Integer(0), sp.Rational(1, 2)
 _DIGITS = 40
 #: Fewer rods do not resolve the curvature at both ends; more take too long to derive and to compile.
 _FEWEST, _MOST = 3, 200
+#: Remedies for what rods do not have, by linear theory and by elements.
+_OF_SMALL = "  By linear theory, of a crank at rest: symgen run --quasi-static, model.quasi_static()."
+_SECTIONS = f"{_OF_SMALL} In large rotation: elements in place of segments, large_rotation(elements=4)."
 
 Places = Mapping[str, Sequence[float]]
 
@@ -101,13 +104,14 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     ]
     if bent:
         raise ModelError(
-            f"{linkage.name}: a couple acts on a section of {bent[0]}, and rods have no sections"
+            f"{linkage.name}: a couple acts on a section of {bent[0]}, and rods have no sections\n{_SECTIONS}"
         )
     following = {m.follows for k in linkage.loads for m in k.measures(2) if m.points}
     for beam in linkage.elastic:
         if beam.link in following:
             raise ModelError(
-                f"{linkage.name}: a force follows a section of {beam.link}, and rods have no sections"
+                f"{linkage.name}: a force follows a section of {beam.link}, and rods have no sections\n"
+                + _OF_SMALL
             )
     parts = [_segments(linkage, beam, count) for beam in linkage.elastic]
     cut = {part.link.name for part in parts}

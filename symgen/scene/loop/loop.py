@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 
 import sympy as sp
 
+from symgen.scene.limit import Limit
 from symgen.scene.rods.held import Switch
 from symgen.scene.rods.linkage import Parameter, number
 from symgen.scene.units import Shown
@@ -172,6 +173,7 @@ class Loop:
     assembly_tolerance: sp.Expr = sp.S.Zero
     balls: tuple[Ball, ...] = ()
     switches: tuple[Switch, ...] = ()
+    limits: tuple[Limit, ...] = ()
 
     @property
     def unit_of_length(self) -> tuple[str, float]:

@@ -61,6 +61,7 @@ def loop_of(scene: Scene, table: SpatialLoop) -> Loop:
         assembly_tolerance=_assembly_tolerance(read, size),
         units=shown_units(scene.units),
         outputs=None if scene.analysis.outputs is None else tuple(scene.analysis.outputs),
+        limits=tuple(read.limits),
     )
     return with_ball_turns(resolved)
 

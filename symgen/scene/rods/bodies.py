@@ -234,13 +234,14 @@ def body(
 
 
 def link_mass(read: Reader, link: Link, length: sp.Expr, several: bool, where: str) -> sp.Expr:
-    """Return the mass of a link; zero for a rail between ground points, and where kinematics has none."""
+    """Return the mass of a link; zero for a rail, a length that depends on the time, and in kinematics."""
     if several and link.mass_per_length is not None:
         raise SceneError("only a rod has a mass per length", where=f"{where}.mass_per_length")
     match link.mass, link.mass_per_length:
         case None, None:
             ground = all(read.known_point(p, where).ground for p in link.points)
-            if ground or read.scene.analysis.kind == "kinematics":
+            without = TIME.symbol in length.free_symbols or read.scene.analysis.kind == "kinematics"
+            if ground or without:
                 return _ZERO
             raise SceneError(
                 "this link has no mass",

@@ -15,6 +15,7 @@ from symgen.loads import LOADS
 from symgen.loads.load import Load
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
+from symgen.scene.limit import Limit
 from symgen.scene.rods.held import Switch, Winding
 from symgen.scene.rods.hinges import Hinge
 from symgen.scene.units import Shown
@@ -293,6 +294,7 @@ class Linkage:
     leaves_plane: str = ""
     kinematic: bool = False
     remarks: tuple[str, ...] = ()
+    limits: tuple[Limit, ...] = ()
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -361,11 +363,9 @@ class Linkage:
     @property
     def placed_loads(self) -> Iterator[tuple[str, int, Load]]:
         """Every load after its table in the scene and its number there, in the order of ``LOADS``."""
-        by_kind: dict[type[Load], list[Load]] = {kind: [] for kind in LOADS.values()}
-        for load in self.loads:
-            by_kind[type(load)].append(load)
         for table, kind in LOADS.items():
-            yield from ((table, i, load) for i, load in enumerate(by_kind[kind]))
+            of_kind = (load for load in self.loads if type(load) is kind)
+            yield from ((table, i, load) for i, load in enumerate(of_kind))
 
     def body(self, name: str) -> SpatialBody | None:
         """Return the body in space called ``name``, if it is one."""

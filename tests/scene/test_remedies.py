@@ -1,0 +1,158 @@
+"""Messages that state the remedy: what users write first, and what they are told to write instead."""
+
+from __future__ import annotations
+
+import pytest
+from shared.in_numpy import build
+from shared.linkages import GRAVITY, at, ground
+
+import symgen
+from symgen.errors import CapabilityError, ModelError, SceneError
+
+POINTS = {"O": ground(0, 0), "P": at(1, 0)}
+RAIL = {"A": ground(-1, 0), "B": ground(1, 0)}
+
+
+def pendulum(**tables):
+    links = {"rod": {"points": ["O", "P"], "mass": "1 kg"}}
+    return symgen.Scene(**{"points": POINTS, "links": links, "gravity": GRAVITY} | tables)
+
+
+@pytest.mark.parametrize(
+    "name", ["rod.O.force", "rod.O.force.x", "O.reaction.y", "rod.tension", "P.acceleration.x"]
+)
+@pytest.mark.parametrize("table", ["forces", "torques"])
+def test_forces_in_loads(name, table):
+    loads = {
+        "forces": [{"point": "P", "force": [f"mu*{name}", "0 N"]}],
+        "torques": [{"link": "rod", "torque": f"mu*r*{name}"}],
+    }
+    scene = pendulum(parameters={"mu": "0.3", "r": "1 cm"}, **{table: loads[table]})
+    with pytest.raises(
+        SceneError, match=f"{name}.*follow from the loads(.|\n)*a typical force as a parameter"
+    ):
+        build(scene)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "115 mm - 20 mm*sin(3*t/s)",
+        "1 m + 2 m",
+        "3 m*sin(t/(1 s))",
+        "2 m*max(1, t)",
+        "1 m -0.2 m",
+        "1 m*(2 + 1)",
+    ],
+)
+def test_units_in_expressions(text):
+    rod = {"points": ["O", "P"], "mass": "0 kg", "length": text}
+    with pytest.raises(SceneError, match="expressions contain no units(.|\n)*under .parameters.") as refused:
+        build(pendulum(links={"rod": rod}))
+    assert refused.value.where == "links.rod.length"
+
+
+@pytest.mark.parametrize("text", ["1 mm*foo", "3 N-m", "2 kg m"])
+def test_a_mistyped_unit_is_no_expression(text):
+    with pytest.raises(SceneError, match="is not a unit that symgen knows"):
+        build(pendulum(masses=[{"point": "P", "mass": text}]))
+
+
+@pytest.mark.parametrize("angle", ["min(1, w*t)", "max(1, w*t)", "abs(sin(w*t))"])
+def test_jumps_in_drives(angle):
+    scene = pendulum(parameters={"w": "1 rad/s"}, drivers=[{"link": "rod", "angle": angle}])
+    with pytest.raises(SceneError, match="cannot use abs, sign, min or max\n  Write a smooth function of t"):
+        build(scene)
+
+
+def test_loads_on_a_rail():
+    links = {"rail": {"points": ["A", "B"]}, "rod": {"points": ["O", "P"], "mass": "1 kg"}}
+    tables = {"points": RAIL | POINTS, "links": links}
+    for load in (
+        {"forces": [{"point": "A", "force": ["1 N", "0 N"], "link": "rail"}]},
+        {"torques": [{"link": "rail", "torque": "1 N*m"}]},
+        {"distributed_forces": [{"link": "rail", "force": ["1 N/m", "0 N/m"]}]},
+    ):
+        with pytest.raises(
+            SceneError, match="between two ground points(.|\n)*on its ground points, without link"
+        ):
+            build(pendulum(**tables, **load))
+    load = {"forces": [{"point": "A", "force": ["1 N", "2 N"]}], "analysis": {"outputs": ["A.reaction"]}}
+    run = build(pendulum(**tables, **load)).simulate(0.01, samples=2)
+    assert run["A.reaction"].values[0] == pytest.approx([-1.0, -2.0])
+
+
+def test_a_length_that_depends_on_the_time_is_of_a_massless_link():
+    """A rod held by a cylinder that grows by 1 mm/s: the length of the cylinder is that of the scene."""
+    points = POINTS | {"Q": ground(2, 1)}
+    links = {
+        "rod": {"points": ["O", "P"], "mass": "1 kg"},
+        "cylinder": {"points": ["P", "Q"], "length": "l + v*t"},
+    }
+    outputs = {"outputs": ["P.position", "cylinder.tension"]}
+    tables = {
+        "parameters": {"v": "1 mm/s", "l": "1.5 m"},
+        "points": points,
+        "links": links,
+        "analysis": outputs,
+    }
+    run = build(pendulum(**tables)).simulate(0.5, samples=2)
+    x, y = run["P.position"].values[-1]
+    assert (x - 2) ** 2 + (y - 1) ** 2 == pytest.approx(1.5005**2, rel=1e-12)
+
+
+def test_joint_forces_in_space():
+    place = lambda *x: {"at": [f"{c} m" for c in x]}  # noqa: E731
+    scene = symgen.Scene(
+        parameters={"w": "1 rad/s"},
+        points={"O": place(0, 0, 0) | {"ground": True}, "A": place(1, 0, 0), "B": place(1, 1, 0.5)},
+        links={
+            "crank": {"points": ["O", "A"], "mass": "1 kg"},
+            "rod": {"points": ["A", "B"], "mass": "1 kg"},
+        },
+        joints=[{"point": "O", "links": ["crank"], "kind": "revolute", "axis": [0, 0, 1]}],
+        drivers=[{"link": "crank", "angle": "w*t"}],
+    )
+    with pytest.raises(CapabilityError, match="in the plane\n  Run it .*LINK.POINT.force"):
+        build(scene).inverse_dynamics(samples=3)
+
+
+def beam(**tables):
+    """An elastic cantilever."""
+    link = {
+        "points": ["O", "P"],
+        "mass_per_length": "1 kg/m",
+        "section": {"area": "1 m^2", "second_moment": "1e-6 m^4", "fibre": "0.01 m"},
+        "elastic": {"E": "1e6 Pa", "elements": 2},
+    }
+    return symgen.Scene(points=POINTS, links={"beam": link}, analysis={"t_end": "1 s"}, **tables)
+
+
+def test_a_cantilever():
+    with pytest.raises(SceneError, match='the ground clamps has speed = "0 rpm"'):
+        build(beam(gravity=GRAVITY))
+    clamped = beam(crank={"link": "beam", "speed": "0 rpm"}, gravity=GRAVITY)
+    tip = build(clamped).quasi_static(samples=2)["P.displacement"].values[-1, 1]
+    assert tip == pytest.approx(-9.81 / 8, rel=1e-9)
+
+
+def test_a_couple_on_a_section_in_equilibrium():
+    couple = [{"link": "beam", "point": "P", "torque": "0.1 N*m"}]
+    model = build(beam(crank={"link": "beam", "speed": "0 rpm"}, torques=couple))
+    with pytest.raises(ModelError, match="rods have no sections\n  By linear theory.*quasi_static"):
+        model.equilibrium()
+    assert model.quasi_static(samples=2)["P.displacement"].values[-1, 1] == pytest.approx(0.05, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["wiper_good.toml", "wiper_good", "wiper_gut.toml"])
+def test_a_mistyped_file(tmp_path, monkeypatch, name):
+    (tmp_path / "wiper_gud.toml").write_text("symgen = 1\n")
+    monkeypatch.chdir(tmp_path)
+    for folder in ("", "./", f"{tmp_path}/"):
+        with pytest.raises(
+            SceneError, match=r"Did you mean '.*wiper_gud\.toml'\? 'symgen scenes' lists"
+        ) as refused:
+            symgen.build(f"{folder}{name}")
+        assert "four_bar" not in str(refused.value)
+    with pytest.raises(SceneError, match="Did you mean 'four_bar'"):
+        symgen.build("four_bra")
