@@ -37,8 +37,8 @@ def _of(result, names) -> Results:
 
 def run(tables: dict, by: Transformed) -> Results:
     """A run by fixed steps, recorded at the end."""
-    t_end = 0.2 * by.scales[2]
-    result = build(symgen.Scene(**tables)).simulate(t_end, step=t_end / 80, samples=2)
+    t_end = 0.05 * by.scales[2]
+    result = build(symgen.Scene(**tables)).simulate(t_end, step=t_end / 20, samples=2)
     return _of(result, tables["analysis"]["outputs"])
 
 
