@@ -64,7 +64,7 @@ def linkage_sketch(linkage: Linkage, places: dict[str, Array], result: Result | 
 
 def _fixed(linkage: Linkage) -> set[str]:
     """Return the points of the ground that do not move."""
-    ground = [p for p in linkage.points if p.ground]
+    ground = [p for p in linkage.points if p.ground and not p.hidden]
     return {p.name for p in ground if not any(TIME.symbol in c.free_symbols for c in p.motion)}
 
 
@@ -122,7 +122,9 @@ def magnification(linkage: Linkage, result: Result) -> float:
     The largest then has a part ``SEEN`` of the size of the mechanism or less.
     """
     displacements = {name: result.variable(name).values for name in bent_outputs(linkage)}
-    ground = [[[linkage.number(x) for x in p.at]] for p in linkage.as_written.points if p.ground]
+    ground = [
+        [[linkage.number(x) for x in p.at]] for p in linkage.as_written.points if p.ground and not p.hidden
+    ]
     places = np.vstack([*ground, *(x for name, x in displacements.items() if name.endswith(".position"))])
     others = [x for name, x in displacements.items() if not name.endswith(".position")]
     largest = max(float(np.max(np.abs(x), initial=0.0)) for x in others)

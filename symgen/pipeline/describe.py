@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -50,7 +51,6 @@ def with_state(system: System, description: Description, library: Library) -> De
     """Return the description of a linkage with its start; errors as of :func:`with_start`."""
     import numpy as np
 
-    from symgen.models.rods.system import OF_REDUNDANCY
     from symgen.runtime.kernels.evaluate import Evaluator
     from symgen.runtime.rods.start import check_closed, start
     from symgen.symbolic.exact import Exact
@@ -63,11 +63,8 @@ def with_state(system: System, description: Description, library: Library) -> De
         begun = posed(evaluator)
     else:
         begun = start(evaluator)
-        if begun.redundant and description.rank_tolerance < OF_REDUNDANCY:
-            # That constraints are redundant shows at the start only: then the factorisation must expect it.
-            description = replace(description, rank_tolerance=OF_REDUNDANCY)
-            evaluator = Evaluator(description, library, parameters)
-            begun = start(evaluator)
+        # That constraints are redundant shows at the start only: then the factorisation must expect it.
+        description = replace(description, rank_tolerance=begun.rank_tolerance)
     if description.constraints:
         # Evaluated from the derived matrices, so that errors of the lowering show here.
         work = np.zeros(len(system.group("work").quantities))
@@ -202,6 +199,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         windings=len(linkage.windings),
         turns=turning(linkage),
         steady=_steady(linkage),
+        prescribed=_prescribed(linkage, [s.name.removesuffix("_lambda") for s in multipliers]),
         lugs={
             k.name: k.start if linkage.point(k.start).hidden else ""
             for k in (linkage.links if linkage.elastic else ())
@@ -239,6 +237,15 @@ def _steady(linkage: Linkage) -> tuple[str, ...]:
         for name, motion in moved.items()
         if not any(x.diff(TIME.symbol).has(TIME.symbol) for x in motion)
     )
+
+
+def _prescribed(linkage: Linkage, rows: Sequence[str]) -> tuple[int, ...]:
+    """Return the numbers of the constraints of drives, and of lengths that depend on the time."""
+    from symgen.scene.rods.linkage import TIME
+
+    names = {f"{d.link}_drive" for d in linkage.drivers}
+    names |= {k.name for k in linkage.links if TIME.symbol in k.length.free_symbols}
+    return tuple(i for i, name in enumerate(rows) if name in names)
 
 
 def _shaft_alone(linkage: Linkage) -> bool:

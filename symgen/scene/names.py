@@ -97,7 +97,7 @@ def _rows(scene: Scene) -> set[str]:
     for name, point in scene.points.items():
         placed.setdefault(point.on or "", []).append(name)
     for name, link in scene.links.items():
-        rows |= {f"{name}_{p}_{axis}" for p in (*link.points, *placed.get(name, ())) for axis in "xyz"}
+        rows |= {f"{name}_{p}_{axis}" for p in (*link.points, *placed.get(name, ())) for axis in "xyz12"}
         base = [*link.points, *(f"{name}_base{i}" for i in range(1, 4))]
         rows |= {f"{name}_{a}_{b}" for a in base for b in base}
     return rows

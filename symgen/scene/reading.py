@@ -287,6 +287,15 @@ class Reader(Values):
         written = isinstance(table.centre, list) or isinstance(table.inertia, list)
         return self.dimension == 3 and (len(table.points) > 2 or written)
 
+    @property
+    def has_elastic_links(self) -> bool:
+        """Whether some link is elastic."""
+        return any(link.elastic is not None for link in self.scene.links.values())
+
+    def ground_points(self, link: str) -> list[PlacedPoint]:
+        """Return the ground points that a link names."""
+        return [self.points[p] for p in self.scene.links[link].points if self.points[p].ground]
+
     def turning_link(self, name: str, where: str) -> None:
         """Check that a link is there, and has one angle."""
         self.known_link(name, where)

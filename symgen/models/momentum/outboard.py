@@ -56,9 +56,8 @@ class Outboard:
             )
             for body, point in self.tree.cuts
         }
-        joints = {f"{k.name}_{p.name}_{axis}" for k, p in model.shared for axis in model.axes}
         #: Constraints whose forces no cut and no tree takes up: guides and drives.
-        self.forced = [c for c in model.constraints if not c.link and c.name not in joints]
+        self.forced = [c for c in model.constraints if not c.link and not c.carrier]
 
     def unknown_force(self, name: str, description: str) -> tuple[Quantity, ...]:
         """Return the components of an unknown force [N]."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import sympy as sp
 
 from symgen.mechanics.rods.loads import vector_between
@@ -59,6 +60,8 @@ class Constraint:
 def _lengths(model: Points) -> Iterator[Constraint]:
     """(d.d - l^2)/2, Eq. (3a) halved."""
     for rod in model.rods:
+        if rod.name in model.implied:
+            continue
         expression = length_constraint(model.along[rod.name], rod.length)
         yield Constraint(rod.name, f"the length of link {rod.name}", expression, rod.length, "m^2", rod.name)
 
@@ -66,26 +69,114 @@ def _lengths(model: Points) -> Iterator[Constraint]:
 def _shapes(model: Points) -> Iterator[Constraint]:
     """(d.d - l^2)/2 between the base points of a body in space."""
     for body in model.linkage.bodies:
-        for bar in body.bars:
+        for bar in model.bars[body.name]:
             start, end = (model.position(p) for p in (bar.start, bar.end))
             name, label = bar_name(body, bar.start, bar.end), f"the shape of link {body.name}"
             along = vector_between(model.calculus, name, start, end, model.axes)
             yield Constraint(name, label, length_constraint(along, bar.length), bar.length, "m^2", name)
 
 
-def _shared_joints(model: Points) -> Iterator[Constraint]:
-    """r_p = (1 - z) r_i + z r_j where the point p of a link is already placed by another component."""
-    free = {q.symbol for q in model.coordinates}
-    for link, point in model.shared:
+@dataclass(frozen=True, slots=True)
+class JointRow:
+    """A row of a point of a link that is already placed: ``direction`` is that of its force on the link."""
+
+    constraint: Constraint
+    link: str
+    point: str
+    direction: Vector
+
+
+def joint_rows(model: Points) -> Iterator[JointRow]:
+    """Rows n . (r_p - (1 - z) r_i - z r_j) = 0 of points p of links that another component places already.
+
+    The directions n are the axes. In space, where the link has more points in common with the other
+    component, they are those that these leave free: none of the rows then follows from the others.
+    """
+    for number, (link, point) in enumerate(model.shared):
         carried = model.carried_position(link, point)
-        for axis, coordinate, other in zip(model.axes, model.position(point.name), carried, strict=True):
-            name = f"{link.name}_{point.name}_{axis}"
-            if not free & model.calculus.gradient(coordinate - other).keys():
-                continue  # ground on ground: the row constrains no moving point
-            label = f"the joint {point.name} of link {link.name}"
-            if model.linkage.point(point.name).hidden:
-                label = f"a rigid joint of link {link.name}"
-            yield Constraint(name, label, coordinate - other, ONE, "m", carrier=link.name)
+        gap = tuple(a - b for a, b in zip(model.position(point.name), carried, strict=True))
+        gap = tuple(c if model.varies(c) else ZERO for c in gap)
+        label = f"the joint {point.name} of link {link.name}"
+        if model.linkage.point(point.name).hidden:
+            label = f"a rigid joint of link {link.name}"
+        name = f"{link.name}_{point.name}"
+        for suffix, n, scale, moves in _directions(model, number):
+            along = dot(n, gap)
+            if along == 0:
+                continue
+            motion = None
+            if moves:  # the gap is zero, so that n counts as constant
+                slopes = _chained(model, (n, gap))
+                motion = Motion(slopes, dot(n, tuple(model.calculus.rate(c) for c in gap)), ZERO)
+            unit = "m^2" if moves else "m"
+            row = Constraint(f"{name}_{suffix}", label, along, scale, unit, motion=motion, carrier=link.name)
+            yield JointRow(row, link.name, point.name, n)
+
+
+def _directions(model: Points, number: int) -> Iterator[tuple[str, Vector, sp.Expr, bool]]:
+    """Yield name, direction and scale of the rows of a joint, and whether the direction moves."""
+    link, point = model.shared[number]
+    common = model.common_points(number) if len(model.axes) == 3 else ()
+    if not common:
+        for i, axis in enumerate(model.axes):
+            yield axis, tuple(ONE if i == k else ZERO for k in range(len(model.axes))), ONE, False
+        return
+    places = [model.linkage.point(p).at for p in (point.name, *common)]
+    drawn = np.array([[model.linkage.number(c) for c in at] for at in places])
+    arms = drawn[1:] - drawn[0]
+    size, far = np.max(np.linalg.norm(arms, axis=1)), int(np.argmax(np.linalg.norm(arms, axis=1)))
+    spread = np.linalg.svd(arms[np.arange(len(arms)) != far] - arms[far], compute_uv=False)
+    rank = int(np.sum(spread > _APART * size))
+    in_line = int(np.sum(np.linalg.svd(arms, compute_uv=False) > _APART * size)) <= rank
+    if rank >= 2 or in_line:
+        return
+    name, here = f"{link.name}_{point.name}", model.position(point.name)
+
+    def arm(k: int) -> Vector:
+        return tuple(b - a for a, b in zip(here, model.position(common[k]), strict=True))
+
+    length = sp.sqrt(sp.Add(*((b - a) ** 2 for a, b in zip(places[0], places[far + 1], strict=True))))
+    if rank == 0:
+        line = f"the line from {point.name} to {common[far]}"
+        vectors = transverse(model, name, line, arm(far), length**2, length)
+    else:
+        other = int(np.argmax(np.linalg.norm(np.cross(arms, arms[far]), axis=1)))
+        normal = tuple(c / length for c in cross(arm(far), arm(other)))
+        vectors = [named_vector(model, f"{name}_normal", normal, f"the normal of the joints of {link.name}")]
+    for i, n in enumerate(vectors, 1):
+        yield str(i), n, sp.sqrt(dot(n, n)), True
+
+
+#: The part of the distance of joints by which others must be off their line or plane.
+_APART = 1e-6
+
+
+def named_vector(model: Points, name: str, vector: Vector, about: str) -> Vector:
+    """Return a vector [m] by named components."""
+    return tuple(
+        model.calculus.define(f"{name}_{axis}", c, "m", f"{axis} component of {about}")
+        for axis, c in zip(model.axes, vector, strict=True)
+    )
+
+
+def transverse(
+    model: Points, name: str, line: str, d: Vector, squared: sp.Expr, length: sp.Expr
+) -> list[Vector]:
+    """Return two vectors [m] across d, of this length: d x c and (d x c) x d / l.
+
+    c is the axis x or z, whichever is more transverse to d: with a constant c, or one that follows d
+    continuously, both vanish in some direction.
+    """
+    more = (d[0] - d[2]) * (d[0] + d[2]) / squared
+    about = f"1 where {line} is along x more than along z, -1 where less"
+    side = model.calculus.define(f"{name}_side", Sign(more), "1", about)
+    # For a side of zero c is not along d either: its components x and z differ then.
+    first = named_vector(
+        model, f"{name}_across", cross(d, ((1 - side) / 2, ZERO, 1 + side)), f"a vector across {line}"
+    )
+    upright = tuple(x / length for x in cross(first, d))
+    about = f"a vector across {line} and the other one"
+    return [first, named_vector(model, f"{name}_upright", upright, about)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,36 +227,20 @@ def _across_a_turning_rod(
 ) -> Iterator[GuideRow]:
     """Yield n . (r - z d) = 0 for two vectors n across d, with z d the part of r along d.
 
-    n = d x c and (d x c) x d / l, where c is the axis x or z, whichever is more transverse to d: with a
-    constant c, or one that follows d continuously, both vanish in some direction. The rates n . (r' - z d')
-    and n . (r'' - z d'' - 2 z' d') are those of the rows with n held constant. The motion that they allow
-    does not depend on the choice of n, so that it is smooth where c jumps.
+    The rates n . (r' - z d') and n . (r'' - z d'' - 2 z' d') are those of the rows with n held constant. The
+    motion that they allow does not depend on the choice of n, so that it is smooth where that jumps.
     """
     calculus, d, r = model.calculus, model.along[link.name], there
     name = f"{guide}_{point}"
-
-    def named(noun: str, vector: Vector, unit: str, about: str) -> Vector:
-        return tuple(
-            calculus.define(f"{name}_{noun}_{axis}", c, unit, f"{axis} component of {about}")
-            for axis, c in zip(model.axes, vector, strict=True)
-        )
-
-    about = f"1 where {link.name} is along x more than along z, -1 where less"
     squared = dot(d, d) if link.name in model.idle else link.length**2
-    more = (d[0] - d[2]) * (d[0] + d[2]) / squared
-    side = calculus.define(f"{name}_side", Sign(more), "1", about)
-    # For a side of zero c is not along d either: its components x and z differ then.
-    c = ((1 - side) / 2, ZERO, 1 + side)
+    vectors = transverse(model, name, link.name, d, squared, link.length)
     z = calculus.define(f"{name}_place", dot(d, r) / squared, "1", f"place of {point} along {link.name}")
-    first = named("across", cross(d, c), "m", f"a vector across {link.name}")
-    upright = tuple(x / link.length for x in cross(first, d))
-    second = named("upright", upright, "m", f"a vector across {link.name} and the other one")
     rates_of_d, rates_of_r = (tuple(calculus.rate(x) for x in v) for v in (d, r))
     sliding = tuple(a - z * b for a, b in zip(rates_of_r, rates_of_d, strict=True))
     speed = calculus.define(f"{name}_speed", dot(d, sliding) / squared, "1/s", f"rate of {name}_place")
-    scale = sp.sqrt(dot(first, first))
+    scale = sp.sqrt(dot(vectors[0], vectors[0]))
     label = f"the guide of {point} along {link.name}"
-    for i, n in enumerate((first, second), 1):
+    for i, n in enumerate(vectors, 1):
         by_along = tuple(-z * x for x in n)
         motion = Motion(
             _chained(model, (n, r), (by_along, d)), dot(n, sliding), -2 * speed * dot(n, rates_of_d)
@@ -189,7 +264,7 @@ def _constrained_components(model: Points, start: str, end: str) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class AngleRow:
-    """A row on directions of links, with its derivatives by the vectors along them."""
+    """A row on directions of links, with its derivatives by the vectors along them, or the arms of bodies."""
 
     constraint: Constraint
     by_along: dict[str, Vector]
@@ -197,16 +272,15 @@ class AngleRow:
 
 def turning_rows(model: Points) -> Iterator[AngleRow]:
     """n.d = 0 with n across the prescribed direction of a link; a.d = a.d0 of a revolute joint in space."""
-    for hinge in model.linkage.hinges:
+    rods = [hinge for hinge in model.linkage.hinges if model.linkage.body(hinge.link) is None]
+    for hinge in rods:  # a body has two points on its axis
         hinge_frame, label = model.hinges[hinge.link], f"the revolute joint of {hinge.link} at {hinge.point}"
         row = Constraint(f"{hinge.link}_hinge", label, hinge_frame.error(model.along[hinge.link]), ONE, "m")
         yield AngleRow(row, {hinge.link: hinge_frame.axis})
     for driver in model.linkage.drivers:
         name, frame = driver.link, model.hinges.get(driver.link)
         across = frame.tangent(driver.angle) if frame else (-sp.sin(driver.angle), sp.cos(driver.angle))
-        row = Constraint(
-            f"{name}_drive", f"the drive of link {name}", dot(across, model.along[name]), ONE, "m"
-        )
+        row = Constraint(f"{name}_drive", f"the drive of link {name}", dot(across, model.arm(name)), ONE, "m")
         yield AngleRow(row, {name: across})
 
 
@@ -238,7 +312,8 @@ class ConstrainedPoints(Points):
     @cached_property
     def constraints(self) -> list[Constraint]:
         """All constraint rows: rod lengths first, in the order of the links."""
-        rows = [*_lengths(self), *_shapes(self), *_shared_joints(self)]
+        rows = [*_lengths(self), *_shapes(self)]
+        rows += [row.constraint for row in self.joints]
         rows += [row.constraint for row in self.guides]
         rows += [row.constraint for row in self.turned]
         angles = [row.constraint for row in self.welded_angles]
@@ -267,6 +342,11 @@ class ConstrainedPoints(Points):
             for row in rows:
                 owns(row, set())
         return [row for row in angles if owns(row, set())]
+
+    @cached_property
+    def joints(self) -> tuple[JointRow, ...]:
+        """The rows of points of links that are placed already."""
+        return tuple(joint_rows(self))
 
     @cached_property
     def guides(self) -> tuple[GuideRow, ...]:

@@ -61,15 +61,31 @@ class JointForces:
         """
         if link in self.model.idle and all(beam.link != link for beam in self.model.linkage.elastic):
             raise SceneError(f"{link} lies between two ground points: the forces on it are not determined")
+        shared = any((k.name, p.name) == (link, point) for k, p in self.model.shared)
+        if shared and not any((row.link, row.point) == (link, point) for row in self.model.joints):
+            raise SceneError(
+                f"{link} is held without {point}: the force there is not determined",
+                hint="Its other joints hold it: record their forces.",
+            )
         part, bodies = self._parts[link], self.model.linkage.bodies
         given = [_times(-1, self._pulls(body, point, link)) for body in bodies]
-        own = [self._pulls(part, point)] if isinstance(part, SpatialBody) else []
+        own = [self._pulls(part, point), self._at_axis(part, point)] if isinstance(part, SpatialBody) else []
         return _sum([self._of_point(part, point), *own, *given])
 
     def by_ground(self, point: str) -> Vector:
         """Return the part of the force of the ground at a point that lines of bodies leave to it [N]."""
-        bodies = [b for b in self.model.linkage.bodies if any(k.keeper == _GROUND for k in self._lines(b)[0])]
-        return _sum([(ZERO,) * len(self.model.axes), *(self._pulls(b, point, _GROUND) for b in bodies)])
+        bodies = self.model.linkage.bodies
+        held = [b for b in bodies if any(k.keeper == _GROUND for k in self._lines(b)[0])]
+        pulls = [self._pulls(b, point, _GROUND) for b in held]
+        return _sum([(ZERO,) * len(self.model.axes), *pulls, *(self._at_axis(b, point) for b in bodies)])
+
+    def _at_axis(self, body: SpatialBody, point: str) -> Vector:
+        """Return the force at the hidden ground point of a hinged body: both points are one joint."""
+        grounded = [b for b in body.base if b in self.model.ground]
+        hidden = [b for b in grounded if b != point and self.model.linkage.point(b).hidden]
+        if point in grounded and len(grounded) == 2 and hidden:
+            return self._of_point(body, hidden[0])
+        return (ZERO,) * len(self.model.axes)
 
     def tension(self, rod: RigidLink) -> sp.Expr:
         """Return the part of the multiplier of a rod that bodies on two of its points leave to it [N/m]."""
@@ -92,14 +108,14 @@ class JointForces:
             others = [k for k in model.parts if k != part and k.name not in model.idle]
             there = [self._of_point(k, p) for k in others if p in _points(k)]
             return _sum([_on_point(model, p), *(_times(-1, x) for x in there)])
-        rows = [f"{part.name}_{p}_{axis}" for axis in model.axes]
-        if any(row not in model.multipliers for row in rows):
-            raise SceneError(f"{part.name} is held without {p}: the force there is not determined")
-        force = tuple(model.multipliers[row].symbol for row in rows)
+        rows = [row for row in model.joints if (row.link, row.point) == (part.name, p)]
+        forces = [_times(model.multipliers[row.constraint.name].symbol, row.direction) for row in rows]
         masses = (
             [m for c, m in model.joint_masses(part) if c.name == p] if isinstance(part, RigidLink) else []
         )
-        return _sum([force, *(_times(mass, model.acceleration(p)) for mass in masses)])
+        return _sum(
+            [(ZERO,) * len(model.axes), *forces, *(_times(mass, model.acceleration(p)) for mass in masses)]
+        )
 
     def _on_base(self, part: Part, p: str) -> Vector:
         """Return the force on a link at a base point, from its own equations."""
@@ -153,7 +169,11 @@ class JointForces:
         products = sp.zeros(0)
         for keeper, others in held:
             shared = [p for p in _points(body) if p in others]
-            if len(shared) != 2 or shared in [[k.first, k.second] for k in lines]:
+            if (
+                len(shared) != 2
+                or any(model.linkage.point(p).hidden for p in shared)
+                or shared in [[k.first, k.second] for k in lines]
+            ):
                 continue
             more = [*lines, Line(shared[0], shared[1], keeper)]
             larger = self._products(more)
@@ -202,12 +222,17 @@ def _of_body(model: ConstrainedPoints, body: SpatialBody) -> Forces:
     for row, point, weight in zip(body.masses, body.base, body.centre, strict=True):
         yield point, _sum([_times(m, a) for m, a in zip(row, accelerations, strict=True)])
         yield point, _times(-body.mass * weight, model.linkage.gravity)
-    for bar in body.bars:
+    for bar in model.bars[body.name]:
         name = bar_name(body, bar.start, bar.end)
         ends = (model.position(p) for p in (bar.start, bar.end))
         pull = _times(model.multipliers[name].symbol, tuple(b - a for a, b in zip(*ends, strict=True)))
         yield bar.end, pull
         yield bar.start, _times(-1, pull)
+    for drive in model.turned:
+        if body.name in drive.by_along:
+            force = _times(model.multipliers[drive.constraint.name].symbol, drive.by_along[body.name])
+            for end, share in model.arm_ends(body.name).items():
+                yield end, _times(share, force)
     for _, torque in model.loads.couples(body.name):
         for point, (_, force) in zip(
             body.base[1:], model.loads.couple_in_space(body.name, torque), strict=True

@@ -34,6 +34,8 @@ def _tension(model: RodsModel, name: str) -> Entries:
         body = name not in model.idle
         reason = "is a body in space" if body else "lies between two ground points"
         raise SceneError(f"{name} {reason}: its tension is not determined")
+    if name in model.implied:
+        raise SceneError(f"{name} lies between points of one body: its tension is not determined")
     return (
         [(model.multipliers[name].symbol + model.joint_forces.tension(rod)) * rod.length],
         "N",
@@ -137,9 +139,8 @@ def _force(model: RodsModel, link: str, point: str) -> Entries:
 
 
 def _torque(model: RodsModel, name: str) -> Entries:
-    rod = model.rod(name)
     multiplier = model.multipliers.get(f"{name}_drive")
-    if rod is None or multiplier is None:
+    if multiplier is None:
         raise SceneError(
             f"{name} has no driver, so no drive torque",
             hint="Applied torques are outputs by their number from 0: record torques.0.torque.",
@@ -150,7 +151,8 @@ def _torque(model: RodsModel, name: str) -> Entries:
             "N*m",
             f"torque of the drive on {name} about its axis",
         )
-    return [-multiplier.symbol * rod.length], "N*m", f"torque of the drive on {name}, counter-clockwise"
+    length = model.linkage.link(name).length
+    return [-multiplier.symbol * length], "N*m", f"torque of the drive on {name}, counter-clockwise"
 
 
 def _of_loads(model: RodsModel) -> dict[str, Entries]:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import sympy as sp
 
+from symgen.errors import SceneError
 from symgen.loads.measure import Gradient
 from symgen.mechanics.rods import loads
 from symgen.mechanics.rods.hinge import HingeFrame, hinge_frame
 from symgen.mechanics.rods.particles import Vector, end_mass, joint_mass
 from symgen.mechanics.rods.topology import Tree, spanning_tree
-from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
+from symgen.scene.rods.linkage import TIME, Bar, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ONE, ZERO, Calculus
 from symgen.symbolic.quantity import Quantity, quantity
-from symgen.symbolic.vectors import cross_in_plane
+from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 Part = RigidLink | SpatialBody
 Place = CarriedPoint | WeightedPoint
+#: Slopes below which vectors between points are constant: round-off of the drawing.
+_DRAWN = 1e-9
 
 
 class Points:
@@ -103,11 +106,68 @@ class Points:
     @cached_property
     def tree(self) -> Tree:
         """Spanning tree from the ground, and the links that close loops."""
-        ends = {k.name: (k.start, k.end) for k in self.rods}
-        bars = {bar_name(k, b.start, b.end): (b.start, b.end) for k in self.linkage.bodies for b in k.bars}
-        bodies = {bar_name(k, b.start, b.end): k.name for k in self.linkage.bodies for b in k.bars}
+        ends = {k.name: (k.start, k.end) for k in self.rods if k.name not in self.implied}
+        held = [(k, b) for k in self.linkage.bodies for b in self.bars[k.name]]
+        bars = {bar_name(k, b.start, b.end): (b.start, b.end) for k, b in held}
+        bodies = {bar_name(k, b.start, b.end): k.name for k, b in held}
         supports = {p: self.supports(p) for p in self.carrier}
         return spanning_tree(self.ground, self.free, {**ends, **bars}, supports, bodies)
+
+    def varies(self, component: sp.Expr) -> bool:
+        """Return whether an expression depends on coordinates by more than the digits of the drawing."""
+        slopes = self.calculus.gradient(component)
+        free = (slopes[x.symbol] for x in self.coordinates if x.symbol in slopes)
+        return any(not (k.is_number and abs(k) < _DRAWN) for k in free)
+
+    @cached_property
+    def bars(self) -> dict[str, tuple[Bar, ...]]:
+        """The distances that each body in space keeps, without those that its neighbours keep."""
+        return {
+            body.name: tuple(
+                bar
+                for bar in body.bars
+                if any(
+                    self.varies(b - a)
+                    for a, b in zip(self.position(bar.start), self.position(bar.end), strict=True)
+                )
+            )
+            for body in self.linkage.bodies
+        }
+
+    @cached_property
+    def implied(self) -> frozenset[str]:
+        """Rods between points of a body in space, which keeps their length without their help."""
+        of_bodies = [set(_names(body)) for body in self.linkage.bodies]
+        bases = [set(body.base) for body in self.linkage.bodies]
+        return frozenset(
+            k.name
+            for k in self.rods
+            if k.as_drawn
+            and not self.linkage.elastic
+            and any(points.issuperset(k.base) for points in of_bodies)
+            and not any(base.issuperset(k.base) for base in bases)
+        )
+
+    def common_points(self, joint: int) -> tuple[str, ...]:
+        """Return the points in which the link of a shared joint meets another component of that joint."""
+        link, point = self.shared[joint]
+        if self.linkage.elastic or not _keeps_shape(link):
+            return ()
+        pending = {(k.name, p.name) for k, p in self.shared[joint:]}
+        shift = self._shift(point.name)
+        ground = [p for p in self.ground if self._shift(p) == shift]
+        others = [("", ground), *((k.name, _names(k)) for k in self.parts if k != link and _keeps_shape(k))]
+        found: list[tuple[str, ...]] = [()]
+        for name, points in others:
+            if point.name in points and (name, point.name) not in pending:
+                joined = [p for p in points if (name, p) not in pending and (link.name, p) not in pending]
+                found.append(tuple(p for p in _names(link) if p in joined and p != point.name))
+        return max(found, key=len)
+
+    def _shift(self, point: str) -> Vector:
+        """Return the motion of a point from where it is drawn, which ground points have [m]."""
+        placed = self.linkage.point(point)
+        return tuple(a - b for a, b in zip(placed.motion, placed.at, strict=True))
 
     @cached_property
     def along(self) -> dict[str, Vector]:
@@ -116,13 +176,50 @@ class Points:
 
     @cached_property
     def hinges(self) -> dict[str, HingeFrame]:
-        """Frame of the revolute joint with the ground of each rod in space that has one."""
-        frames = {}
-        for hinge in self.linkage.hinges:
-            ends = (self.linkage.point(p).at for p in self.linkage.link(hinge.link).base)
-            drawn = tuple(b - a for a, b in zip(*ends, strict=True))
-            frames[hinge.link] = hinge_frame(hinge.axis, drawn)
-        return frames
+        """Frame of the revolute joint with the ground of each link in space that has one."""
+        return {
+            hinge.link: hinge_frame(hinge.axis, self._at_ends(hinge.link, lambda p: self.linkage.point(p).at))
+            for hinge in self.linkage.hinges
+        }
+
+    def arm(self, link: str) -> Vector:
+        """Return the vector by which a drive rotates a link [m], along a rod or across the axis of a body."""
+        return self._at_ends(link, self.position) if self.linkage.body(link) else self.along[link]
+
+    def _at_ends(self, link: str, place: Callable[[str], Vector]) -> Vector:
+        places = [(part, place(point)) for point, part in self.arm_ends(link).items()]
+        return tuple(sp.Add(*(part * there[i] for part, there in places)) for i in range(len(self.axes)))
+
+    def arm_ends(self, link: str) -> dict[str, sp.Expr]:
+        """Return the parts with which points count in the arm of a link.
+
+        The arm of a rod is the vector along it. That of a body runs to a base point from its foot on the
+        axis, which two ground points place: the force of a drive is then a couple about the axis alone.
+        """
+        body = self.linkage.body(link)
+        if body is None:
+            rod = self.linkage.link(link)
+            return {rod.start: sp.Integer(-1), rod.end: sp.Integer(1)}
+        grounded = [p for p in body.base if p in self.ground]
+        if len(grounded) < 2:
+            raise SceneError(
+                f"the ground points of {link} are too near each other for an axis",
+                where=f"links.{link}.points",
+                hint="Move them apart, or write [[joints]] with one of them and the direction of the axis.",
+            )
+        first, second = (self.linkage.point(p).at for p in grounded[:2])
+        axis = tuple(b - a for a, b in zip(first, second, strict=True))
+
+        def along(point: str) -> sp.Expr:
+            arm = (b - a for a, b in zip(first, self.linkage.point(point).at, strict=True))
+            return dot(tuple(arm), axis) / dot(axis, axis)
+
+        def distance(point: str) -> float:
+            arm = tuple(b - a for a, b in zip(first, self.linkage.point(point).at, strict=True))
+            return self.linkage.number(dot(cross(axis, arm), cross(axis, arm)))
+
+        end = max((p for p in body.base if p not in grounded), key=distance)
+        return {grounded[0]: along(end) - 1, grounded[1]: -along(end), end: sp.Integer(1)}
 
     def vector_along(self, link: str) -> Vector:
         """Return the vector along one link, which other links may need before theirs [m]."""
@@ -237,6 +334,15 @@ class Points:
 def bar_name(body: SpatialBody, start: str, end: str) -> str:
     """Return the name of the row that keeps two base points of a body apart."""
     return f"{body.name}_{start}_{end}"
+
+
+def _names(part: Part) -> tuple[str, ...]:
+    """Return the points of a link."""
+    return (*part.base, *(c.name for c in part.carried))
+
+
+def _keeps_shape(part: Part) -> bool:
+    return not isinstance(part, RigidLink) or part.as_drawn
 
 
 def _carriers(

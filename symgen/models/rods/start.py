@@ -100,7 +100,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
             residuals.append(error - (1 - s) * error.xreplace(drawn))
             rows.append(constraint.name)
     for name, angle in angles:
-        x, y = model.hinges[name].components(model.along[name]) if name in model.hinges else model.along[name]
+        x, y = model.hinges[name].components(model.arm(name)) if name in model.hinges else model.along[name]
         drawn_angle = sp.atan2(y.xreplace(drawn), x.xreplace(drawn))
         correction = angle - drawn_angle
         now = drawn_angle + s * sp.atan2(sp.sin(correction), sp.cos(correction))

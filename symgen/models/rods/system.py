@@ -113,11 +113,8 @@ def with_ground(model: RodsModel, definitions: Iterable[Definition]) -> tuple[De
     return tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in definitions)
 
 
-#: Exponents of the pivots that rounding may leave: of one that should vanish for an instant, and of one that
-#: should always vanish, near the instants at which others do too.
-_ROUNDING, _REDUNDANT = 13, 9
-#: The least rank tolerance of a linkage with redundant constraints.
-OF_REDUNDANCY = float(f"1e-{_REDUNDANT}")
+#: Exponent of the pivot that rounding may leave.
+_ROUNDING = 13
 #: The least margin between an assembly error and a lost singular value.
 _MARGIN = 10
 
@@ -130,7 +127,7 @@ def _rank_tolerance(linkage: Linkage) -> str:
     drawn = [[float(linkage.number(c)) for c in p.at] for p in linkage.points if not p.hidden]
     mean = [sum(axis) / len(drawn) for axis in zip(*drawn, strict=True)]
     size = 2 * max(math.dist(p, mean) for p in drawn)
-    return f"1e-{max(1, min(_REDUNDANT, math.floor(-2 * math.log10(_MARGIN * tolerance / size))))}"
+    return f"1e-{max(1, min(_ROUNDING, math.floor(-2 * math.log10(_MARGIN * tolerance / size))))}"
 
 
 def _equations(model: RodsModel) -> list[NamedMatrix]:
@@ -218,15 +215,16 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
         rows, lengths = zip(*model.loads.divided, strict=True)
         about = "length of every spring and actuator whose force has a direction"
         positions.append(named(model, "line_lengths", lengths, "m", about, rows=rows))
-    if model.ground:
+    ground = [p for p in model.ground if not model.linkage.point(p).hidden]
+    if ground:
         positions.append(
             named(
                 model,
                 "reactions",
-                [component for p in model.ground for component in model.shown(model.reaction(p))],
+                [component for p in ground for component in model.shown(model.reaction(p))],
                 "N",
                 "force of the ground on the linkage at each ground point",
-                rows=model.ground,
+                rows=ground,
                 columns=model.shown_axes,
             )
         )

@@ -152,13 +152,12 @@ class Described(ABC):
 class Description(Described):
     """Runtime data of a linkage of points and links.
 
-    ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` if a spatial scene moves
-    in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
-    ``steady`` are ground points and constraints of drives whose velocity does not depend on the time.
-    ``inputs``, external signals, are the last tunable parameters. ``kinematic``: no dynamics; ``selects``:
-    the scene selects outputs. ``lugs`` are the rigid joints of points off elastic links, with points on the
-    line ("" if the scene names them). ``drawn`` is the number of points of the scene, which come first.
-    ``start`` has coordinates and rates, ``first_pivot`` is a place in ``work``, that of 'factor'.
+    ``free`` are the points with coordinates, along ``axes``: those of ``plane`` if it moves in a plane.
+    ``links`` holds the points of each link, ``labels`` the constraints in messages. ``steady`` are ground
+    points and drives of constant velocity, ``prescribed`` constraints of drives. ``inputs``, external
+    signals, are the last tunable parameters. ``kinematic``: no dynamics; ``selects``: it selects outputs.
+    ``lugs`` are rigid joints of points off elastic links, with points on the line ("" if named). ``drawn`` is
+    the number of points of the scene, the first. ``first_pivot`` is a place in ``work`` of 'factor'.
     """
 
     axes: tuple[str, ...]
@@ -185,6 +184,7 @@ class Description(Described):
     switches: tuple[str, ...] = ()
     pulses: tuple[int, ...] = ()
     steady: tuple[str, ...] = ()
+    prescribed: tuple[int, ...] = ()
     remarks: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     lugs: dict[str, str] = field(default_factory=dict)

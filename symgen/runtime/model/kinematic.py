@@ -48,4 +48,4 @@ def posed(evaluator: Evaluator) -> Start:
     """
     q, constraints = pose(evaluator), Constraints(evaluator, evaluator)
     solved = np.linalg.lstsq(constraints.jacobian(q, 0.0), -constraints.drift(q, 0.0), rcond=None)[0]
-    return Start(q, np.asarray(solved, dtype=float), ())
+    return Start(q, np.asarray(solved, dtype=float), (), evaluator.description.rank_tolerance)

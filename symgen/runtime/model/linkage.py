@@ -73,7 +73,7 @@ class LinkageModel(Model):
             self._start = self._begun()
         elif self._start is None:
             q, u = np.split(np.array(d.start), 2)
-            self._start = Start(q, u, d.redundant)
+            self._start = Start(q, u, d.redundant, d.rank_tolerance)
         return self._start
 
     def initial_state(self) -> State:

@@ -58,7 +58,11 @@ class RodModel(LinkageModel):
         )
 
     def _begun(self) -> Start:
-        return start(self._evaluator)
+        begun = start(self._evaluator)
+        if begun.rank_tolerance != self.description.rank_tolerance:
+            self.description = replace(self.description, rank_tolerance=begun.rank_tolerance)
+            del self._evaluator
+        return begun
 
     def _refused(self, name: str) -> str | None:
         if name == "inverse_dynamics" and (len(self.description.axes) > 2 or self.description.plane):

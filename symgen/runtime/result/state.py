@@ -63,7 +63,7 @@ def reactions_at(evaluator: Evaluator, t: float, q: Array, u: Array, work: Array
     if not evaluator.has("reactions"):
         return {}
     reactions = evaluator.blocks("reactions", t, q, u, work)["reactions"]
-    return dict(zip(evaluator.description.ground, reactions, strict=True))
+    return dict(zip(evaluator.info("reactions").blocks[0].rows, reactions, strict=True))
 
 
 class AssemblyModes(tuple[Pose, ...]):

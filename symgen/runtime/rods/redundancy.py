@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 
 from symgen.errors import InitialStateError
@@ -12,14 +15,30 @@ from symgen.runtime.kernels.evaluate import Evaluator
 #: The share of the linkage's size that an assembly error may have unstated, and how it may grow on the way.
 ASSEMBLED, _SLACK = 1e-8, 10.0
 _NEIGHBOURS, _AWAY, _NEWTON = 3, 1e-2, 50
+#: Singular values below this part of the largest are lost, without an assembly error; a margin above its own.
+_NEGLIGIBLE, _MARGIN = 3e-7, 10.0
+#: Constraints of larger pivots are independent without a look at singular values.
+_SOUND = 1e-3
+#: The least rank tolerance with redundant constraints, whose pivots are round-off; the factors to try on it.
+_REDUNDANT, _WIDER = 1e-9, (1.0, 10.0, 100.0, 1e3, 0.1, 1e-2, 1e-3)
 #: The part of the linkage's size, and of the speeds within reach, by which a state may violate constraints.
 CLOSED = 1e-6
 #: A row with a smaller part in every self-stress has a multiplier that is unique.
 _TAKES_PART = 1e-6
 
 
-def redundant_constraints(evaluator: Evaluator, q: Array) -> tuple[int, ...]:
-    """Return the indices of the constraints that follow from previous constraints in every pose.
+class Redundancy(NamedTuple):
+    """The constraints that follow from previous ones in every pose, and a rank tolerance that shows them."""
+
+    rows: tuple[int, ...]
+    rank_tolerance: float
+
+
+def redundant_constraints(evaluator: Evaluator, q: Array) -> Redundancy:
+    """Return the constraints that follow from previous constraints in every pose.
+
+    Singular values of the Jacobian, with rows of unit norm, give their number. The pivots of the equations of
+    motion give the rows, at the first rank tolerance that finds this number of them.
 
     Parameters
     ----------
@@ -34,62 +53,109 @@ def redundant_constraints(evaluator: Evaluator, q: Array) -> tuple[int, ...]:
         When constraints are dependent at q alone, and not where the linkage can go from there: q is a dead
         centre or a branching point, where the motion is not determined. Also when a point carries no mass.
     """
-    lost = _lost(evaluator, q)
-    if not lost:
-        return lost
     d = evaluator.description
-    rank = f"{len(d.constraints)} constraints of rank {len(d.constraints) - len(lost)}"
+    lost, sound = _pivots(evaluator, q, d.rank_tolerance)
+    if not lost and sound > _SOUND:
+        return Redundancy((), d.rank_tolerance)
+    count = _dependent(evaluator, 0.0, q)
+    if count == 0 and not lost:
+        return Redundancy((), d.rank_tolerance)
+    found = _separated(evaluator, q, count)
+    lost = found.rows or lost or (len(d.constraints) - 1,)
+    rank = f"{len(d.constraints)} constraints of rank {len(d.constraints) - max(count, 1)}"
     name, place = d.unknown(d.coordinates + lost[-1]), d.place(lost[-1])
-    drives = d.drives
     welds = [label for label in d.labels if label.startswith("the weld ")]
-    for row in set(drives) & set(not_unique(evaluator, 0.0, q, len(lost))):
+    stressed = set(not_unique(evaluator, 0.0, q, max(count, 1)))
+    for row in stressed.intersection(d.drives):
         weld = f" Weld no links whose angle changes as they move: {', '.join(welds)}." if welds else ""
         raise InitialStateError(
             f"the constraints are singular at the start: {rank}; {d.labels[row]} is not independent of the "
             f"others\n  Drive each freedom of the linkage once, and start away from its dead centres.{weld}",
             where=d.place(row),
         )
-    near = _neighbours(evaluator, q, drives)
+    near = _neighbours(evaluator, q, [row for row in d.prescribed if row not in stressed])
     if near is None:
         raise InitialStateError(
             f"the constraints leave no freedom and are redundant: {rank}; {name} is not independent of the "
             "others\n  Remove a redundant link.",
             where=place,
         )
-    if any(len(_lost(evaluator, other)) < len(lost) for other in near):
+    if not count or any(_dependent(evaluator, t, other) < count for t, other in near):
         raise InitialStateError(
             f"the constraints are singular at the start: {rank} there, and of a higher one nearby; {name} is "
             "not independent of the others\n  Start away from the dead centre.",
             where=place,
         )
-    return lost
+    if not found.rows:
+        raise InitialStateError(
+            f"{count} of {len(d.constraints)} constraints are redundant, and round-off hides which\n"
+            "  Remove redundant links, or place the points of each body farther apart.",
+            where=place,
+        )
+    return found
 
 
-def _lost(evaluator: Evaluator, q: Array) -> tuple[int, ...]:
-    equations = evaluator.equations()
-    n = evaluator.description.coordinates
-    status = equations.check(0.0, np.concatenate([q, np.zeros(n + 2)]))
-    if status == _core.NOT_FINITE or (status == _core.SINGULAR and equations.weakest < n):
+def _separated(evaluator: Evaluator, q: Array, count: int) -> Redundancy:
+    """Return ``count`` rows of vanishing pivots without which the others are independent; none if unclear."""
+    least = max(_REDUNDANT, evaluator.description.rank_tolerance)
+    for factor in _WIDER if count else ():
+        lost, _ = _pivots(evaluator, q, factor * least)
+        if len(lost) == count and not _dependent(evaluator, 0.0, q, lost):
+            return Redundancy(lost, factor * least)
+    return Redundancy((), least)
+
+
+def _pivots(evaluator: Evaluator, q: Array, tolerance: float) -> tuple[tuple[int, ...], float]:
+    """Return the rows whose pivots vanish at a rank tolerance, and the least part left of any other pivot."""
+    d = evaluator.description
+    if tolerance != d.rank_tolerance:
+        evaluator = Evaluator(
+            replace(d, rank_tolerance=tolerance), evaluator.library, evaluator.parameter_values
+        )
+    equations = evaluator.equations(len(d.constraints))
+    status = equations.check(0.0, np.concatenate([q, np.zeros(d.coordinates + 2)]))
+    if status == _core.NOT_FINITE or (status == _core.SINGULAR and 0 <= equations.weakest < d.coordinates):
         raise not_positive(evaluator)
-    return tuple(equations.lost_rows())
+    return tuple(equations.lost_rows()), equations.soundness
 
 
-def _neighbours(evaluator: Evaluator, q: Array, drives: tuple[int, ...]) -> list[Array] | None:
-    """Return configurations near q that all constraints but the drives allow; None when nothing can move."""
-    jacobian = np.delete(_scaled_jacobian(evaluator, 0.0, q)[0], drives, axis=0)
-    _, values, right = np.linalg.svd(jacobian)
-    rank = int(np.sum(values > _rank(evaluator) * max(values[0], 1e-300)))
+def _dependent(evaluator: Evaluator, t: float, q: Array, dropped: tuple[int, ...] = ()) -> int:
+    """Return how many constraints, without the dropped ones, depend on the others at a pose."""
+    jacobian = np.delete(_scaled_jacobian(evaluator, t, q)[0], dropped, axis=0)
+    norms = np.linalg.norm(jacobian, axis=1, keepdims=True)
+    least = _negligible(evaluator, q)
+    values = np.linalg.svd(jacobian / np.where(norms > least, norms, 1.0), compute_uv=False)
+    return len(jacobian) - int(np.sum(values > least * max(values, default=1.0)))
+
+
+def _neighbours(evaluator: Evaluator, q: Array, driven: list[int]) -> list[tuple[float, Array]] | None:
+    """Return times and poses near q that the constraints but the driven ones allow; None if nothing can move.
+
+    Where these leave no freedom, moving ground may: then the poses are those of a few later times.
+    """
+    size = extent(evaluator, q)
+    _, values, right = np.linalg.svd(np.delete(_scaled_jacobian(evaluator, 0.0, q)[0], driven, axis=0))
+    rank = int(np.sum(values > _negligible(evaluator, q) * max(values, default=1.0)))
     free = right[rank:]
     if not len(free):
-        return None
-    size = extent(evaluator, q)
+        return _later(evaluator, q, size)
     neighbours = []
     for k in range(_NEIGHBOURS):
         direction = np.random.default_rng(k).standard_normal(len(free)) @ free
-        near = _onto(evaluator, q + _AWAY * size * direction / np.max(np.abs(direction)), size, drives)
+        start = q + _AWAY * size * direction / np.max(np.abs(direction))
+        near = _onto(evaluator, 0.0, start, size, driven)
         if near is not None:
-            neighbours.append(near)
+            neighbours.append((0.0, near))
     return neighbours
+
+
+def _later(evaluator: Evaluator, q: Array, size: float) -> list[tuple[float, Array]] | None:
+    """Return times and poses in the first part of the run; None if the linkage stays where it is."""
+    times = [_AWAY * evaluator.description.t_end * (k + 1) for k in range(_NEIGHBOURS)]
+    poses = [(t, _onto(evaluator, t, q, size, [])) for t in times]
+    if all(pose is not None and np.max(np.abs(pose - q)) <= ASSEMBLED * size for _, pose in poses):
+        return None
+    return [(t, pose) for t, pose in poses if pose is not None]
 
 
 def extent(evaluator: Evaluator, q: Array) -> float:
@@ -117,18 +183,18 @@ def slack(evaluator: Evaluator, q: Array) -> float:
     return _SLACK * assembly_tolerance(evaluator, q)
 
 
-def _rank(evaluator: Evaluator) -> float:
-    """Return the relative singular value below which rank is lost: the root of the tolerance of pivots."""
-    return float(evaluator.description.rank_tolerance**0.5)
+def _negligible(evaluator: Evaluator, q: Array) -> float:
+    """Return the relative singular value below which rank is lost."""
+    return max(_NEGLIGIBLE, _MARGIN * evaluator.description.assembly_tolerance / extent(evaluator, q))
 
 
-def _onto(evaluator: Evaluator, q: Array, size: float, drives: tuple[int, ...]) -> Array | None:
-    """Bring coordinates onto the constraints but the drives, as well as these allow if they contradict."""
+def _onto(evaluator: Evaluator, t: float, q: Array, size: float, but: list[int]) -> Array | None:
+    """Bring coordinates onto the constraints but some, as well as these allow if they contradict."""
+    least = _negligible(evaluator, q)
     for _ in range(_NEWTON):
-        jacobian, scale = _scaled_jacobian(evaluator, 0.0, q)
-        error = evaluator.blocks("constraints", 0.0, q, np.zeros_like(q))["constraints"] / scale
-        without_drives = np.delete(jacobian, drives, axis=0), np.delete(-error, drives)
-        step = np.linalg.lstsq(*without_drives, rcond=_rank(evaluator))[0]
+        jacobian, scale = _scaled_jacobian(evaluator, t, q)
+        error = evaluator.blocks("constraints", t, q, np.zeros_like(q))["constraints"] / scale
+        step = np.linalg.lstsq(np.delete(jacobian, but, axis=0), np.delete(-error, but), rcond=least)[0]
         q = q + step
         if not np.max(np.abs(step)) <= size:
             return None
@@ -164,15 +230,25 @@ class SelfStress:
         slopes = evaluator.many_blocks("constraint_jacobian", times, q, still)["constraint_jacobian"]
         left = np.linalg.svd(slopes.reshape(*self.scale.shape, -1) / self.scale[..., None])[0]
         self.basis = left[..., self.scale.shape[1] - redundant :]
+        labels = evaluator.description.labels
+        self._edges = [i for i, label in enumerate(labels) if label.startswith("the shape of link ")]
 
     def least_norm(self, solutions: Array) -> Array:
         """Return solutions (accelerations, multipliers, one number) with the constraint forces of least norm.
 
-        These do not depend on how a constraint is written.
+        These do not depend on how a constraint is written. Forces that keep the shape of a body are internal:
+        they count among solutions with equal forces elsewhere only.
         """
         n = solutions.shape[1] - self.scale.shape[1] - 1
         forces = (solutions[:, n:-1] * self.scale)[..., None]
-        forces = forces - self.basis @ (self.basis.swapaxes(1, 2) @ forces)
+        outside = self.basis.copy()
+        outside[:, self._edges] = 0.0
+        left, values, right = np.linalg.svd(outside, full_matrices=False)
+        turned = self.basis @ right.swapaxes(1, 2)  # each changes forces outside of bodies, or none
+        inside = values <= _TAKES_PART
+        parts = np.where(inside[..., None], turned.swapaxes(1, 2), left.swapaxes(1, 2)) @ forces
+        changes = parts / np.where(inside, 1.0, values)[..., None]
+        forces = forces - turned @ changes
         return np.hstack([solutions[:, :n], forces[..., 0] / self.scale, solutions[:, -1:]])
 
     def not_unique(self, pose: int = 0) -> tuple[int, ...]:

@@ -18,6 +18,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.large_start import LARGE, least_velocities
 from symgen.runtime.rods.redundancy import (
     ASSEMBLED,
+    Redundancy,
     assembly_tolerance,
     extent,
     not_positive,
@@ -32,12 +33,14 @@ ROUNDING, CONSISTENT = 1e-14, 1e-9
 class Start:
     """Coordinates [m] and velocities [m/s] at the start, and the numbers of the redundant constraints.
 
-    ``y`` holds both, one behind the other.
+    ``rank_tolerance`` is that of the pivots which show these; ``y`` holds coordinates and velocities, one
+    behind the other.
     """
 
     q: Array
     u: Array
     redundant: tuple[int, ...]
+    rank_tolerance: float
     y: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -62,12 +65,12 @@ def start(evaluator: Evaluator) -> Start:
     d, moves = evaluator.description, evaluator.has("mass_matrix")
     # Elastic links in space hold a structure at rest, which rigid links would overdetermine.
     held = d.elastic is not None and len(d.axes) == 3 and not moves
-    redundant = () if held else redundant_constraints(evaluator, q)
-    u = _velocities(evaluator, starter, redundant) if moves else np.zeros(len(q))
+    redundant = Redundancy((), d.rank_tolerance) if held else redundant_constraints(evaluator, q)
+    u = _velocities(evaluator, starter, redundant.rows) if moves else np.zeros(len(q))
     line = without_direction(evaluator, 0.0, q, u)
     if line:
         raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
-    return Start(q, u, redundant)
+    return Start(q, u, *redundant)
 
 
 def pose(evaluator: Evaluator) -> Array:

@@ -50,7 +50,10 @@ def is_hinge(scene: Scene, joint: Joint | Weld) -> bool:
 
 
 def hinges(read: Reader) -> Iterator[Hinge]:
-    """Yield the revolute joints between rods in space and the ground: one at most for each link."""
+    """Yield the revolute joints between links in space and the ground: one at most for each link.
+
+    A driven body on two ground points has one about the line from the first to the second.
+    """
     seen: set[str] = set()
     for i, joint in enumerate(read.scene.joints):
         where, name = f"joints.{i}", joint.links[0]
@@ -67,7 +70,7 @@ def hinges(read: Reader) -> Iterator[Hinge]:
                 "alone is with the ground",
                 where=f"{where}.point",
             )
-        if read.is_spatial_body(name) or link.length is not None:
+        if link.length is not None or (read.is_spatial_body(name) and read.has_elastic_links):
             raise SceneError(
                 f"expected a rod of two points with its drawn length, got {name}",
                 where=f"{where}.links",
@@ -76,12 +79,20 @@ def hinges(read: Reader) -> Iterator[Hinge]:
         if name in seen:
             raise SceneError(f"{name} has two revolute joints with the ground", where=where)
         seen.add(name)
+        if read.is_spatial_body(name):
+            yield Hinge(name, joint.point, read.direction(joint.axis, f"{where}.axis"))
+            continue
         axis = read.vector(joint.axis, units.NUMBER, f"{where}.axis")
         if read.is_along(name, axis):
             raise SceneError(
                 f"expected an axis across {name}, got one along it, or zero", where=f"{where}.axis"
             )
         yield Hinge(name, joint.point, axis)
+    for driver in read.scene.drivers if read.dimension == 3 else ():
+        grounded = read.ground_points(driver.link) if read.is_spatial_body(driver.link) else []
+        if driver.link not in seen and len(grounded) > 1:
+            start, end = grounded[:2]
+            yield Hinge(driver.link, start.name, tuple(b - a for a, b in zip(start.at, end.at, strict=True)))
 
 
 def _check_driven(read: Reader, name: str, where: str) -> None:
@@ -90,7 +101,15 @@ def _check_driven(read: Reader, name: str, where: str) -> None:
         read.turning_link(name, where)
         return
     read.known_link(name, where)
-    if not any(is_hinge(read.scene, joint) and joint.links == [name] for joint in read.scene.joints):
+    body = read.is_spatial_body(name)
+    if body and read.has_elastic_links:
+        raise SceneError(
+            f"{name} is a body: with elastic links in space, drives rotate rods",
+            where=where,
+            hint=f"Drive a massless rod from the axis of {name} to one of its points.",
+        )
+    hinged = any(is_hinge(read.scene, joint) and joint.links == [name] for joint in read.scene.joints)
+    if not hinged and not (body and len(read.ground_points(name)) > 1):
         raise SceneError(
             f"{name} has no revolute joint with the ground, about whose axis it could be driven",
             where=where,

@@ -1,4 +1,4 @@
-"""Revolute joints between rods in space and the ground."""
+"""Revolute joints between links in space and the ground."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sympy as sp
 
 @dataclass(frozen=True, slots=True)
 class Hinge:
-    """A revolute joint at a ground point of a rod in space; ``axis`` is its direction, of any length."""
+    """A revolute joint at a ground point of a link in space; ``axis`` is its direction, of any length."""
 
     link: str
     point: str

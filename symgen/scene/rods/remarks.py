@@ -101,7 +101,7 @@ def _of_reactions(linkage: Linkage) -> Iterator[str]:
     """Yield the reactions that statics does not determine."""
     ground = {p.name for p in linkage.points if p.ground}
     for body in linkage.bodies:
-        grounded = [p for p in body.base if p in ground]
+        grounded = [p for p in body.base if p in ground and not linkage.point(p).hidden]
         if len(grounded) > 1:
             shares = (
                 "equal parts are reported"

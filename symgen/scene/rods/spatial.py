@@ -8,7 +8,7 @@ the four as drawn and P the second moments of [1; r] by mass, its matrix is T^-1
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import sympy as sp
@@ -18,13 +18,17 @@ from symgen.scene import units
 from symgen.scene.inertia import FLAT, check_real, inertia_matrix, spread
 from symgen.scene.reading import Reader
 from symgen.scene.rods import bodies
+from symgen.scene.rods.constraints import is_hinge
 from symgen.scene.rods.linkage import Bar, PlacedPoint, RigidLink, SpatialBody, Vector, WeightedPoint
 from symgen.scene.schema import Link
 from symgen.symbolic.constants import rounded
+from symgen.symbolic.vectors import cross, dot
 
 _DIGITS = 40
 #: Shares of a body's size: how far a point must be out of the span of the others to be a base point.
 _SHARED, _ONE_LINK = 1e-3, 0.3
+#: Square of the sine of the angle between an axis and the line of ground points on it, up to rounding.
+_OFF_AXIS = 1e-12
 
 Pairs = set[frozenset[str]]
 Floats = list[float]
@@ -34,21 +38,58 @@ def spatial_bodies(read: Reader, links: Sequence[RigidLink]) -> tuple[SpatialBod
     """Return the bodies in space of a scene, and add their hidden points to those of the reader."""
     if not any(map(read.is_spatial_body, read.scene.links)):
         return ()
+    named = {
+        name: [*bodies.points_of_body(read, link, f"links.{name}"), *_on_axis(read, name)]
+        for name, link in read.scene.links.items()
+        if read.is_spatial_body(name)
+    }
     rigid: Pairs = set()
     for link in links:
         if link.as_drawn:
             rigid |= _pairs([link.start, link.end, *(p.name for p in link.carried)])
     rigid |= _pairs([p.name for p in read.points.values() if p.ground])
     bodies_in_space = []
-    for name, written in read.scene.links.items():
-        if read.is_spatial_body(name):
-            bodies_in_space.append(_body(read, name, written, rigid))
+    for name, points in named.items():
+        bodies_in_space.append(_body(read, name, read.scene.links[name], points, rigid))
     return tuple(bodies_in_space)
 
 
-def _body(read: Reader, name: str, link: Link, rigid: Pairs) -> SpatialBody:
+def _on_axis(read: Reader, name: str) -> Iterator[PlacedPoint]:
+    """Yield a second ground point, hidden, on the axis of a body's revolute joint, where it has none."""
+    joints = [
+        (i, k) for i, k in enumerate(read.scene.joints) if is_hinge(read.scene, k) and k.links == [name]
+    ]
+    grounded = read.ground_points(name)
+    for i, joint in joints[:1] if not read.has_elastic_links else ():
+        start = next((p for p in grounded if p.name == joint.point), None)
+        if start is None:
+            return  # refused where joints are read
+        axis = read.direction(joint.axis, f"joints.{i}.axis")
+        for other in grounded:
+            arm = tuple(b - a for a, b in zip(start.at, other.at, strict=True))
+            if read.number(
+                dot(cross(arm, axis), cross(arm, axis)) / dot(axis, axis)
+            ) > _OFF_AXIS * read.number(dot(arm, arm)):
+                raise SceneError(
+                    f"{other.name} is a ground point of {name}, and not on the axis of its revolute joint",
+                    where=f"joints.{i}.axis",
+                    hint=f"Move it to the axis through {joint.point}, or make it no ground point.",
+                )
+        if len(grounded) == 1:
+            points = (read.points[p].at for p in read.scene.links[name].points)
+            reach = max(
+                math.dist([read.number(c) for c in at], [read.number(c) for c in start.at]) for at in points
+            )
+            size = sp.Rational(f"{reach:.3g}") / sp.sqrt(dot(axis, axis))
+            at, motion = (
+                tuple(c + size * a for c, a in zip(x, axis, strict=True)) for x in (start.at, start.motion)
+            )
+            read.points[f"{name}_base1"] = PlacedPoint(f"{name}_base1", at, True, motion, hidden=True)
+            yield read.points[f"{name}_base1"]
+
+
+def _body(read: Reader, name: str, link: Link, points: Sequence[PlacedPoint], rigid: Pairs) -> SpatialBody:
     where = f"links.{name}"
-    points = bodies.points_of_body(read, link, where)
     for key in ("length", "mass_per_length", "density", "section", "elastic"):
         if getattr(link, key) is not None:
             raise SceneError("only a rod has this", where=f"{where}.{key}")
