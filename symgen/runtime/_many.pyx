@@ -268,7 +268,7 @@ cdef class Starts:
             self.of_start.begin(self.s)
             if self.ahead != NULL:
                 memcpy(self.s.q, self.ahead, self.n * sizeof(double))
-                self.s.at = 1.0
+                status = self.of_start.outcome(self.s)
             while status == _ON_THE_WAY:
                 status = self.of_start.advance(self.s)
             if status != _STARTED:

@@ -49,6 +49,7 @@ cdef extern from "core/start_lanes.h" nogil:
         double (*extent)(start *, const double *) noexcept nogil
         void (*begin)(start *) noexcept nogil
         int (*advance)(start *) noexcept nogil
+        int (*outcome)(start *) noexcept nogil
         Py_ssize_t (*velocities)(start *, const char *) noexcept nogil
         const start_lanes_table *(*lanes)(Py_ssize_t) noexcept nogil
 

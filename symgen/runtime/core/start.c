@@ -172,6 +172,10 @@ static void begin(struct start *s) {
     weigh(s);
 }
 
+static int outcome(struct start *s) {
+    return s->side && s->side * side(s, 1, s->q) < 0 ? OTHER_SIDE : STARTED;
+}
+
 static int advance(struct start *s) {
     const real target = real_fmin(R(1), s->at + s->step);
     copy(s->q, s->sizes.n, s->trial);
@@ -180,9 +184,7 @@ static int advance(struct start *s) {
         copy(s->trial, s->sizes.n, s->q);
         s->at = target;
         s->step = real_fmin(2 * s->step, LONGEST);
-        if (target < 1)
-            return ON_THE_WAY;
-        return s->side && s->side * side(s, s->at, s->q) < 0 ? OTHER_SIDE : STARTED;
+        return target < 1 ? ON_THE_WAY : outcome(s);
     }
     s->step /= 2;
     return status == TOO_TOLERANT || s->step < SHORTEST ? status : ON_THE_WAY;
@@ -264,6 +266,7 @@ const struct start_api symgen_start = {
     .extent = extent,
     .begin = begin,
     .advance = advance,
+    .outcome = outcome,
     .velocities = velocities,
     .lanes = start_lanes_of,
 };

@@ -63,6 +63,8 @@ struct start_api {
     void (*begin)(struct start *s);
     /* Move s->q one step along the path from the drawing to the prescribed lengths and angles; STARTED at the end. */
     int (*advance)(struct start *s);
+    /* The outcome at the end of the path, at s->q: STARTED or OTHER_SIDE. */
+    int (*outcome)(struct start *s);
     /* Write to s->u the velocities of least kinetic energy that satisfy the prescribed velocities and the constraints
        without the dropped ones, and to s->miss the error [m/s] of each row. Return the number of rows of constraints,
        or -1 if the mass matrix is not positive definite. */
