@@ -47,12 +47,27 @@ class Linearised:
         return self.basis.shape[1]
 
     def eigenvalues(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the eigenvalues [1/s], one per mode, and the motions y of unit modal mass as columns."""
+        """Return the eigenvalues [1/s], one per mode, and the motions y of unit modal mass as columns.
+
+        Raises
+        ------
+        ModelError
+            If a force has no slope by velocities at rest.
+        """
+        if not np.all(np.isfinite(self.damping)):
+            raise ModelError(
+                "expected forces that have a slope by velocities at rest, got one that has none, such as one "
+                "with the root of a squared speed: it has no modes\n  Write the force by abs or sign."
+            )
         return eigenvalues(self.mass, self.stiffness, self.damping)
 
     def stability(self) -> str:
-        """Return ``unstable`` if a mode grows, ``neutral`` if no force drives one back, or ``stable``."""
-        values = self.eigenvalues()[0]
+        """Return ``unstable`` if a mode grows, ``neutral`` if no force drives one back, or ``stable``.
+
+        Forces without a slope by velocities at rest count as undamped.
+        """
+        damping = self.damping if np.all(np.isfinite(self.damping)) else np.zeros_like(self.damping)
+        values = eigenvalues(self.mass, self.stiffness, damping)[0]
         if np.any(values.real > 0.0):
             return "unstable"
         return "neutral" if np.any(values == 0.0) else "stable"
