@@ -148,6 +148,5 @@ def test_a_large_start_without_mass_is_refused(monkeypatch):
         start={"rates": {"a": "1 rad/s"}},
     )
     monkeypatch.setattr(start, "LARGE", 0)
-    for mass in (0.0, -1.0):
-        with pytest.raises(InitialStateError, match=f"not positive definite with x = {mass:g} kg"):
-            symgen.build(scene).with_parameters(x=mass).initial_state()
+    with pytest.raises(InitialStateError, match="not positive definite with x = 0 kg"):
+        symgen.build(scene).with_parameters(x=0.0).initial_state()
