@@ -167,6 +167,10 @@ def test_gravity_is_a_distributed_force():
     for link in ("coupler", "rocker"):
         for what in ("bending_strain", "axial_strain"):
             a, b, unloaded = (r[f"{link}.{what}"] for r in (*runs, free))
+            if (link, what) == ("rocker", "bending_strain"):
+                # Loads between the ends of a reduced link do not bend it.
+                assert max(np.max(np.abs(a)), np.max(np.abs(b))) < 1e-12
+                continue
             assert np.max(np.abs(a - unloaded)) > 0.05 * np.max(np.abs(a))
             assert np.max(np.abs(a - b)) < 1e-9 * np.max(np.abs(a))
 
