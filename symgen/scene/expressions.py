@@ -253,8 +253,8 @@ class _Reader:
             alike = [known for known in self.names if ("." in known) == ("." in name)]
             if alike and _FOLLOWING.fullmatch(name):
                 raise SceneError(
-                    f"{self.shown} uses {name!r}: forces and accelerations follow from the loads, which "
-                    "may use positions and velocities alone",
+                    f"{self.shown} uses {name!r}, a force or an acceleration: it may use positions and "
+                    "velocities alone",
                     hint="Take a typical force as a parameter, as in a couple mu*radius*load of friction "
                     "in a joint, or compute the load in a function around model.rhs.",
                 )

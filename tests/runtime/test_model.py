@@ -12,8 +12,8 @@ from shared.full import full
 
 import symgen
 from symgen.errors import (
-    InitialStateError,
     ModelError,
+    RangeError,
     ResultError,
     SceneError,
     SimulationError,
@@ -145,8 +145,8 @@ def test_parameters_are_checked():
         model.with_parameters(roh=1.0)
     with pytest.raises(ModelError, match="finite number for rho"):
         model.with_parameters(rho=float("nan"))
-    with pytest.raises(InitialStateError, match="not positive definite with rho = -1 kg/m"):
-        model.with_parameters(rho=-1.0).simulate(0.1)
+    with pytest.raises(RangeError, match="mass_per_length: expected a value of at least zero, got -1 kg/m"):
+        model.with_parameters(rho=-1.0)
     with pytest.raises(SceneError, match="a mass per length such as .*, got '2 kg', a mass$"):
         symgen.build("peaucellier", set={"rho": "2 kg"})
 

@@ -8,7 +8,7 @@ from shared.linkages import at, ground
 from shared.variants import crank_rocker_with_lengths, pins
 
 import symgen
-from symgen.errors import InitialStateError, ModelError
+from symgen.errors import InitialStateError, ModelError, RangeError
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +33,8 @@ def test_a_variant_that_cannot_be_assembled_names_the_gap(model):
     with pytest.raises(InitialStateError, match="cannot be assembled") as caught:
         model.with_parameters(b=0.05, c=0.1).initial_state()
     assert caught.value.where.startswith("links.")
-    with pytest.raises(InitialStateError, match="needs a length above zero, got -0.1 m"):
-        model.with_parameters(b=-0.1).initial_state()
+    with pytest.raises(RangeError, match="coupler.length: expected a value above zero, got -0.1 m"):
+        model.with_parameters(b=-0.1)
 
 
 def test_points_without_a_place_end_their_run_alone():

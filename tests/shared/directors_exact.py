@@ -1,18 +1,20 @@
 """Shipped linkages with elastic links in space from the energies of their elements, in 40 digits.
 
 Nothing is of symgen. A node has a position r and directors d1, d2, d3. An element of length L has the chord
-c = (r' - r)/L, its sines c.d2, c.d3 at both nodes, the sine of twist (d3.d2' - d2.d3')/2, and with angles
-p + p^3/6 of the sines p the energy of
+c = (r' - r)/L, its sines c.d2, c.d3 at both nodes, and the sine t of twist (d3.d2' - d2.d3')/2. A sine p of a node
+with the sines p, s has the angle p (1 - (c.c - 1)/2 + (p^2 + s^2)/6). With the angles z, z' and y, y' of both planes,
+m = (z' - z)(1 + t^2/12), n = (y' - y)(1 + t^2/12) and w = (EI_z - EI_y) m n/(GJ + (EI_z n^2 + EI_y m^2)/12), the
+energy is that of
 
-    strain      (c.c - 1)/2 + sum of (2 a^2 - a b + 2 b^2)/30 over both planes    EA L
-    bending     difference and sum of the end angles of a plane                   EI/L, 3 EI/L
-    twist       its angle                                                         GJ/L
+    strain      (c.c - 1)/2 + sum of (2 a^2 - a b + 2 b^2)/30 over both planes                   EA L
+    bending     m - w n/12, n + w m/12; z + z' + t (y - y')/3, y + y' + t (z' - z)/3             EI/L; 3 EI/L
+    twist       t + t^3/6 + z y' - y z'; w                                                       GJ/L; GJ/(12 L)
 
 each over two, with stresses by strains and by their rates times ``tau``. The kinetic energy is that of Hermite's
 cubic through r and d1, and of fibres on linear d2 and d3. Joints and directors are constraints.
 
 A run takes the steps of Gauss' method with four stages, M a + F(q, v) + J^T lambda = 0 and J v + Phi_t = 0 at
-the stages, and projects places and rates on the constraints with M and with J at q + h v/2: the time
+the stages, and projects places and rates on the constraints with M and with J at the end: the time
 discretisation is that of symgen, in decimal numbers of ``DIGITS`` digits. Derivatives are differences of two
 runs, a parameter apart by ``CHANGE`` of its value.
 """
@@ -165,6 +167,59 @@ class Linkage:
             self.across(node, normal, axis, other)
 
 
+@dataclass(frozen=True)
+class Slope:
+    """A number with its slopes by the six invariants of an element."""
+
+    value: Any
+    by: list[Any]
+
+    def __add__(self, other: Any) -> Slope:
+        if not isinstance(other, Slope):
+            return Slope(self.value + other, self.by)
+        return Slope(self.value + other.value, [x + y for x, y in zip(self.by, other.by, strict=True)])
+
+    def __mul__(self, other: Any) -> Slope:
+        if not isinstance(other, Slope):
+            return Slope(self.value * other, [x * other for x in self.by])
+        pairs = zip(self.by, other.by, strict=True)
+        return Slope(self.value * other.value, [x * other.value + self.value * y for x, y in pairs])
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __sub__(self, other: Any) -> Slope:
+        return self + other * -1
+
+    def __truediv__(self, other: Any) -> Slope:
+        if not isinstance(other, Slope):
+            return Slope(self.value / other, [x / other for x in self.by])
+        ratio = self.value / other.value
+        pairs = zip(self.by, other.by, strict=True)
+        return Slope(ratio, [(x - ratio * y) / other.value for x, y in pairs])
+
+
+def strains(
+    invariants: list[Slope], length: Any, axial: Any, about_z: Any, about_y: Any, torsion: Any
+) -> list[tuple[Slope, Any]]:
+    """Strains of an element by its stretch, four sines and sine of twist, with their stiffnesses."""
+    stretch, z1, z2, y1, y2, t = invariants
+    first, last = (stretch * -1 + 1 + (z * z + y * y) / 6 for z, y in ((z1, y1), (z2, y2)))
+    z1, y1, z2, y2 = z1 * first, y1 * first, z2 * last, y2 * last
+    bows = ((a * a * 2 - a * b + b * b * 2) / 30 for a, b in ((z1, z2), (y1, y2)))
+    turned = t * t / 12 + 1
+    z, y = (z2 - z1) * turned, (y2 - y1) * turned
+    of_twist = z * y * (about_z - about_y) / ((y * y * about_z + z * z * about_y) / 12 + torsion)
+    return [
+        (stretch + sum(bows, stretch * 0), axial * length),
+        (z - of_twist * y / 12, about_z / length),
+        (z1 + z2 + t * (y1 - y2) / 3, 3 * about_z / length),
+        (y + of_twist * z / 12, about_y / length),
+        (y1 + y2 + t * (z2 - z1) / 3, 3 * about_y / length),
+        (t + t * t * t / 6 + z1 * y2 - y1 * z2, torsion / length),
+        (of_twist, torsion / (12 * length)),
+    ]
+
+
 class Numbers:
     """The same equations for arrays of floats, complex numbers or decimal numbers."""
 
@@ -213,31 +268,19 @@ class Numbers:
         def dot(a: Array, b: Array) -> Array:
             return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
-        one, two, six, thirty = (self.number(mp.mpf(x)) for x in (1, 2, 6, 30))
-        stretch = (dot(c, c) - one) / two
-        sines = [dot(c, d2), dot(c, e2), dot(c, d3), dot(c, e3), (dot(e2, d3) - dot(e3, d2)) / two]
+        two = self.number(mp.mpf(2))
+        places = [(dot(c, c) - 1) / two, dot(c, d2), dot(c, e2), dot(c, d3), dot(c, e3)]
+        places.append((dot(e2, d3) - dot(e3, d2)) / two)
         rates = [dot(vc, x) + dot(c, y) for x, y in ((d2, v2), (e2, w2), (d3, v3), (e3, w3))]
-        rates.append((dot(w2, d3) + dot(e2, v3) - dot(w3, d2) - dot(e3, v2)) / two)
-        of_stretch = dot(c, vc)
-        angles = [p + p * p * p / six for p in sines]
-        by_sine = [one + p * p / two for p in sines]
-        turned = [d * x for d, x in zip(by_sine, rates, strict=True)]
-        tau = self.tau
-        # Of every plane the bowing and its slopes by both sines.
-        strain, strained, bows = stretch, of_stretch, []
-        for i in (0, 2):
-            a, b = sines[i : i + 2]
-            strain = strain + (two * a * a - a * b + two * b * b) / thirty
-            bows += [(4 * a - b) / thirty, (4 * b - a) / thirty]
-        for bow, x in zip(bows, rates, strict=False):
-            strained = strained + bow * x
-        normal = axial * length * (strain + tau * strained)
-        on = [normal * bow for bow in bows]
-        for i, stiffness in ((0, about_z / length), (2, about_y / length)):
-            a, b = (x + tau * y for x, y in zip(angles[i : i + 2], turned[i : i + 2], strict=True))
-            on[i] = on[i] + stiffness * by_sine[i] * (a - b + 3 * (a + b))
-            on[i + 1] = on[i + 1] + stiffness * by_sine[i + 1] * (b - a + 3 * (a + b))
-        on.append(torsion / length * (angles[4] + tau * turned[4]) * by_sine[4])
+        rates = [dot(c, vc), *rates, (dot(w2, d3) + dot(e2, v3) - dot(w3, d2) - dot(e3, v2)) / two]
+        one, zero = places[0] * 0 + 1, places[0] * 0
+        given = [Slope(x, [one if k == i else zero for k in range(6)]) for i, x in enumerate(places)]
+        on = [zero] * 6
+        for strain, stiffness in strains(given, length, axial, about_z, about_y, torsion):
+            rate = sum((s * x for s, x in zip(strain.by, rates, strict=True)), zero)
+            stress = stiffness * (strain.value + self.tau * rate)
+            on = [x + stress * s for x, s in zip(on, strain.by, strict=True)]
+        normal, on = on[0], on[1:]
         f1, f2, f3, f4, half = (x[..., None] for x in (*on[:4], on[4] / two))
         on_chord = (normal[..., None] * c + f1 * d2 + f2 * e2 + f3 * d3 + f4 * e3) / length[:, None]
         none = on_chord * 0
@@ -335,7 +378,6 @@ def run(of: Linkage) -> Array:
     for k in range(STEPS):
         times = [k * step + step * x for x in weights[2]]
         rates = [exact.given(t)[1] for t in times]
-        metric = saddle(exact.jacobian(q + h / 2 * v), exact.mass)
 
         def moved(a: Array, h: Any, x: Array, q: Array, v: Array) -> tuple[Array, Array]:
             own, shape = x.reshape(4, -1)[:, :n], a.sum(axis=1)
@@ -357,7 +399,7 @@ def run(of: Linkage) -> Array:
         start = np.array([Decimal(x) for x in stages.ravel().tolist()], object)
         found = _refined(whole, lambda x: residual(x, exact, a, h, q, v, rates), start).reshape(4, -1)  # noqa: B023
         q, v = q + h * v + h * h * ((b @ a) @ found[:, :n]), v + h * (b @ found[:, :n])
-        given = exact.given((k + 1) * step)
+        given, metric = exact.given((k + 1) * step), saddle(exact.jacobian(q), exact.mass)
         while True:
             change = projected(metric, np.concatenate([zeros, exact.errors(q, given[0])]))
             q = q - change

@@ -66,8 +66,9 @@ int run_valid(const struct run *run) {
     const struct state *s = run->state;
     const struct sizes *sizes = &run->e->sizes;
     const struct account *a = run->e->account;
+    const long rows = sizes->m > 12 ? sizes->m : 12; /* the worst entry of a loop is one of 3 x 4 */
     const long last[] = {s->ended_by, s->worst, s->slid, s->blind, a->worst, a->weakest};
-    const long ends[] = {sizes->events, sizes->m, sizes->switches, sizes->events, sizes->m, sizes->n + sizes->m};
+    const long ends[] = {sizes->events, rows, sizes->switches, sizes->events, rows, sizes->n + sizes->m};
     for (size_t i = 0; i < sizeof last / sizeof *last; i++)
         if (last[i] < -1 || last[i] >= (ends[i] > 0 ? ends[i] : 1))
             return 0;

@@ -89,7 +89,7 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
         When the curve cannot be followed from its beginning.
     """
     constraints = LoopConstraints(kernels, begin.q)
-    curve = Curve(constraints, constraints.size, abs(stop - begin.t))
+    curve = Curve(constraints, constraints.size, abs(stop - begin.t), poles=True)
     if (
         np.max(np.abs(constraints.residual(constraints.unknowns(begin.q), begin.t)))
         > _EXACT * constraints.size
