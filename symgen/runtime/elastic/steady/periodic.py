@@ -246,7 +246,8 @@ def _shot(
     shapes, sizes = (held.shapes, held.frequencies) if held else (np.eye(free), np.ones(free))
     s = np.hstack([np.zeros((n, 1)), columns[0] @ shapes / sizes, np.zeros((n, free))])
     v = np.hstack([np.zeros((n, 1)), columns[1] @ shapes / sizes, columns[0] @ shapes])
-    steps = _beams.BeamSteps(equations, RADAU, 2 * free + 1)
+    # The phase of a crank with a motor is that of the steps which follow from the start.
+    steps = _beams.BeamSteps(equations, GAUSS if motion.has_motor else RADAU, 2 * free + 1)
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     _turn(motion, equations, steps, step_counts(motion, _ends(motion), per_turn), pace)
     ends_s, ends_v = steps.displacements, steps.rates
