@@ -23,7 +23,7 @@ class Limited(Protocol):
 def limits_of(scene: Limited) -> tuple[list[NamedMatrix], list[Export]]:
     """Return the values that must be above zero, and those of at least zero, with their kernel.
 
-    Rows are keys of the scene, and units those of the rows. Positive factors are left out, and of values that
+    Rows are keys of the scene, and units those of the rows. Positive factors are omitted, and of values that
     occur twice the first is checked.
     """
     matrices, names = [], {True: "above_zero", False: "at_least_zero"}

@@ -159,7 +159,7 @@ class JointForces:
     def _lines(self, body: SpatialBody) -> tuple[list[Line], sp.Matrix]:
         """Return the lines of a body with what comes before it, and the products of their stresses.
 
-        Lines that follow from others are left out.
+        Lines that follow from others are omitted.
         """
         model = self.model
         bent = {beam.link for beam in model.linkage.elastic}

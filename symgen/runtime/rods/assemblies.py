@@ -83,7 +83,7 @@ def _isolated(constraints: Constraints, q: Array, t: float) -> bool:
 def polished(constraints: Constraints, q: Array, t: float, root: Array | None = None) -> Array | None:
     """Return q brought to round-off by Newton's method; None where it does not get there.
 
-    Corrections have the least norm, in the metric L L^T with the factor ``root`` L if one is given.
+    Corrections have the minimum norm, in the metric L L^T with the factor ``root`` L if one is given.
     """
     for _ in range(8):
         residual = constraints.residual(q, t)

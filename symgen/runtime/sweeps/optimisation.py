@@ -17,7 +17,7 @@ from symgen.runtime.sweeps.problem import Problem, Quantity, Search
 
 #: Most iterations.
 _MOST = 10**6
-#: Part of a variable's range by which a point is beside a bound: a length may tend to zero.
+#: Part of a variable's range by which a point is next to a bound: a length may tend to zero.
 _BESIDE = 1e-6
 METHODS = ("SLSQP", "trust-constr", "differential-evolution")
 #: Reductions of which an upper bound is one bound per sample: smooth, where the largest sample changes.
@@ -122,7 +122,7 @@ def optimum_of(search: Search, objective: str, measured: Sequence[str] = ()) -> 
 
 
 def _check_bounds(problem: Problem, x: Array) -> None:
-    """Refuse bounds beside which a value of the scene has the wrong sign; other variables at the start."""
+    """Refuse bounds next to which a value of the scene has the wrong sign; other variables at the start."""
     for i, name in enumerate(problem.names):
         for bound, inside in ((problem.low[i], _BESIDE), (problem.high[i], 1.0 - _BESIDE)):
             at = problem.parameters(np.where(np.arange(len(x)) == i, inside, x))
