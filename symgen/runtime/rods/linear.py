@@ -27,9 +27,9 @@ class Linearised:
     """M y'' + C y' + K y = 0 with dq = Z y, the columns of ``basis`` Z spanning the free motions.
 
     They are orthonormal in the metric of small motions. ``multipliers`` are those of minimum norm that
-    balance the forces, ``unbalanced`` is the rest that they cannot [N], ``scale`` the largest of the forces and
-    constraint forces it is left of [N], ``noise`` the round-off of the forces, that of the positions times
-    the stiffness included [N].
+    balance the forces, ``unbalanced`` is the rest that they cannot [N], ``scale`` the largest of the forces
+    and constraint forces it is left of [N], ``noise`` the round-off of the forces, that of the positions
+    times the stiffness included [N].
     """
 
     basis: Array
