@@ -17,7 +17,6 @@ from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.loop.driven import moving
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.model.rods import RodModel
-from symgen.runtime.result.state import State
 from symgen.scene.units import NUMBER, TIME, parse_quantity
 from symgen.symbolic.system import System
 
@@ -81,19 +80,14 @@ def of_elastic(model: ElasticModel, at: str | None) -> Values:
 def of_linkage(model: RodModel, at: str | None) -> Values:
     """Return the arguments of a linkage at a time, reached by a run."""
     t = _seconds(at)
-    state: State = model.initial_state()
-    if t > 0:
-        final = model.simulate(t, samples=2).final
-        places, rates = ({p: m[k] for p, m in final.items()} for k in ("position", "velocity"))
-        free = model.description.free
-        state = model.state({p: places[p] for p in free}, {p: rates[p] for p in free}, t)
+    state = model.reached(t)
     accelerations = model.accelerations(state)
     work = [x for p in model.description.free for x in accelerations.points[p].tolist()]
     arrays = {
         "t": [state.t],
         "q": state.q.tolist(),
         "u": state.u.tolist(),
-        "p": model.parameter_values,
+        "p": model.counting(state).evaluator.parameter_values.tolist(),
         "work": work + list(accelerations.multipliers.values()),
     }
     return Values(f"at t = {t:g} s" if t > 0 else "at the start", arrays)

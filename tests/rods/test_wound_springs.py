@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from shared.in_numpy import build
 from shared.linkages import GRAVITY, at, ground, rod
 
@@ -110,3 +111,64 @@ def test_revolutions_before_the_start(winch):
     assert motion["drum.angle"].values == pytest.approx(0.5 + 2.0 * found.time, abs=1e-12)
     several = winch.kinematics_many({"w": [2.0, 3.0]}, start=-5.0, stop=5.0, samples=21)
     assert several["shaft.angle"].values[0] == pytest.approx(motion["shaft.angle"].values, abs=1e-12)
+
+
+def test_derivatives_and_linearisation_at_a_time_of_the_motion(opened):
+    slopes = opened.sensitivity(["door.torque"], ["k"], at=1.0)
+    assert slopes.values == pytest.approx([torque_of_door(1.0)], abs=1e-11)
+    assert slopes.derivatives == pytest.approx(np.radians([[240]]), abs=1e-12)
+    multiplier = opened.accelerations(opened.reached(1.0)).multipliers["door_drive"]
+    assert multiplier == pytest.approx(-torque_of_door(1.0), abs=1e-11)
+
+
+def test_motions_from_a_state_go_on_with_its_revolutions(opened):
+    begin = opened.reached(0.7)
+    times = np.array([0.7, 1.1, 1.3])
+    run = opened.simulate(1.3, t_eval=times, state=begin)
+    assert run["door.torque"].values == pytest.approx(torque_of_door(times), abs=1e-6)
+    assert not any("revolutions" in note for note in run.notes)
+    forces = opened.inverse_dynamics(at=times, over="time", state=begin)
+    assert forces["door.torque"].values == pytest.approx(torque_of_door(times), abs=1e-11)
+
+
+def test_an_equilibrium_held_by_a_drive_counts_its_revolutions():
+    """A drive that comes to rest after two and a half revolutions."""
+    scene = symgen.Scene(
+        parameters={"q": "900 deg", "T": "1 s"},
+        points={"O": ground(0, 0), "A": at(1, 0)},
+        links={"door": rod("O", "A", 20.0)},
+        drivers=[{"link": "door", "angle": "q*(10*(t/T)**3 - 15*(t/T)**4 + 6*(t/T)**5)"}],
+        torsion_springs=[{"link": "door", "stiffness": "10 N*m", "angle": "-150 deg"}],
+        analysis={"t_end": "1 s", "outputs": ["door.torque"]},
+    )
+    rest = build(scene).equilibrium(at=1.0)
+    assert rest.outputs["door.torque"] == pytest.approx(10 * np.radians(1050), rel=1e-12)
+
+
+def test_the_way_to_an_equilibrium_counts_revolutions():
+    """A rod of 40 kg pushed up, m g/2 cos(a) = k (a + 170 deg): the spring is wound by 247 degrees there."""
+    scene = symgen.Scene(
+        parameters={"k": {"value": "10 N*m", "tunable": True}},
+        points={"O": ground(0, 0), "A": at(1, 0)},
+        links={"door": rod("O", "A", 40.0)},
+        torsion_springs=[{"link": "door", "stiffness": "k", "angle": "-170 deg"}],
+        gravity={"acceleration": ["0 m/s^2", "9.81 m/s^2"]},
+        analysis={"t_end": "1 s", "outputs": ["energy"]},
+    )
+    model, weight = build(scene), 40 * 9.81 / 2
+    angle = brentq(lambda a: weight * np.cos(a) - 10 * (a + np.radians(170)), 0.0, np.pi / 2, xtol=1e-14)
+    wound, stiffness = angle + np.radians(170), 10 + weight * np.sin(angle)
+    rest = model.equilibrium()
+    assert rest.stability == "stable"
+    assert rest.state.positions["A"] == pytest.approx([np.cos(angle), np.sin(angle)], abs=1e-12)
+    assert rest.outputs["energy"] == pytest.approx(5 * wound**2 - weight * np.sin(angle), rel=1e-12)
+    frequency = np.sqrt(stiffness / (40 / 3)) / (2 * np.pi)
+    assert model.modes(rest).frequencies == pytest.approx([frequency], rel=1e-12)
+    slopes = model.sensitivity(["door.angle", "frequencies"], at=rest)
+    by_k = -wound / stiffness
+    of_frequency = frequency / (2 * stiffness) * (1 + weight * np.cos(angle) * by_k)
+    assert slopes.derivatives[:, 0] == pytest.approx([by_k, of_frequency], rel=1e-9)
+    assert model.linearise(rest).rates == pytest.approx(np.zeros(4), abs=1e-10)
+    assert model.simulate(0.1, state=rest.state, samples=2).final["A"]["position"] == pytest.approx(
+        [np.cos(angle), np.sin(angle)], abs=1e-10
+    )

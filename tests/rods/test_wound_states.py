@@ -1,10 +1,13 @@
-"""Runs from given states: angles in loads count revolutions from there, which a note says."""
+"""States with and without revolutions: runs from them, and the motion linearised there."""
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
 from shared.in_numpy import build
 
 import symgen
+from symgen.errors import SimulationError
 
 DOOR = {
     "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
@@ -33,3 +36,51 @@ def test_a_run_from_a_given_state_without_angles_in_loads_has_no_such_note():
     assert "revolutions" not in notes_of_a_restart(
         **{k: v for k, v in DOOR.items() if k != "torsion_springs"}
     )
+
+
+def angle_of_door(t):
+    """I a'' = -k (a - free) with I = 1/3 kg m^2, from a = 0 and a' = -20 rad/s, and its two rates."""
+    free, rate, w = np.radians(170), -20.0, np.sqrt(30.0)
+    cos, sin = np.cos(w * t), np.sin(w * t)
+    away = -free * cos + rate / w * sin
+    return free + away, free * w * sin + rate * cos, -(w**2) * away
+
+
+@pytest.fixture(scope="module")
+def wound():
+    return build(symgen.Scene(**DOOR))
+
+
+def test_a_time_of_a_run_has_its_revolutions(wound):
+    angle, rate, second = angle_of_door(0.2)
+    line, across = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    assert angle - np.radians(170) < -np.pi  # beyond half a revolution
+    state = wound.reached(0.2)
+    expected = second * across - rate**2 * line
+    assert wound.accelerations(state)["A"] == pytest.approx(expected, rel=1e-6)
+    assert wound.linearise(at=0.2).rates[2:] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_run_from_a_state_with_revolutions_is_the_rest_of_the_run(wound):
+    run = wound.simulate(0.6, samples=2, state=wound.reached(0.2))
+    angle = angle_of_door(0.6)[0]
+    assert run.final["A"]["position"] == pytest.approx([np.cos(angle), np.sin(angle)], abs=1e-6)
+    assert not any("revolutions" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("angle", [-0.3, 2.0])
+def test_a_state_by_its_angle_counts_from_the_start(wound, angle):
+    """The free angle is 170 deg: at -0.3 rad the spring is wound by more than half a revolution."""
+    second = wound.accelerations(wound.state({"door.angle": angle}))["A"]
+    expected = 30.0 * (np.radians(170) - angle)
+    assert second == pytest.approx([-expected * np.sin(angle), expected * np.cos(angle)], abs=1e-9)
+
+
+def test_a_time_after_the_event_that_ends_the_run_is_refused():
+    model = build(
+        symgen.Scene(
+            **DOOR, events=[{"name": "edge", "of": "A.position.y", "value": "-0.5 m", "ends_run": True}]
+        )
+    )
+    with pytest.raises(SimulationError, match="the event 'edge' ends the run at t = "):
+        model.linearise(at=0.2)

@@ -21,6 +21,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed, library_of_runs
 from symgen.runtime.result.recording import Recording
 from symgen.runtime.result.result import Result
+from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import slack
 
 #: Recorded times up to this number are cached for the next run.
@@ -56,13 +57,13 @@ def run(
     keeping: Keeping | None = None,
     tangent: Evaluator | None = None,
     t_eval: ArrayLike | None = None,
-    has_state: bool = False,
+    given: State | None = None,
 ) -> Result:
     """Integrate from y = (q, u) and return the result; ``redundant`` constraints follow from the others.
 
     ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
     kernels of the analysis of that name, for methods that need it; ``t_eval`` the times to record instead of
-    equally spaced ones. ``has_state``: y is a state of the caller, which may violate the constraints.
+    equally spaced ones. ``given`` is the state of the caller that y is of, which may violate the constraints.
 
     Raises
     ------
@@ -101,8 +102,7 @@ def run(
     if evaluator.description.switches or evaluator.description.windings:
         # Samples are evaluated with the loads' own branches.
         equations.set_parameters(evaluator.parameter_values)
-    start = (t0, y) if has_state else None
-    result = Result._later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library, start))
+    result = Result._later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library, given))
     if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(

@@ -80,6 +80,14 @@ class Evaluator(Kernels):
 
     description: Description
 
+    def holding(self, values: Array) -> Evaluator:
+        """Return the kernels with values of the first of the parameters that runs set."""
+        parameters, first = self.parameter_values.copy(), self.description.of_held.start
+        parameters[first : first + len(values)] = values
+        if np.array_equal(parameters, self.parameter_values):
+            return self
+        return Evaluator(self.description, self.library, parameters)
+
     @cached_property
     def outputs_by_places(self) -> bool:
         """Whether the places of the points are all that the scene's outputs depend on."""

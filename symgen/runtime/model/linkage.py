@@ -85,12 +85,12 @@ class LinkageModel(Model):
             When the state cannot be assembled, is contradictory, or is singular.
         """
         start = self._stored_start()
-        return self._state(0.0, start.q, start.u)
+        return self._state(0.0, start.q, start.u, np.zeros(self.description.windings))
 
-    def _state(self, t: float, q: Array, u: Array) -> State:
+    def _state(self, t: float, q: Array, u: Array, references: Array | None = None) -> State:
         if not np.isfinite(t):
             raise ModelError(f"expected a finite time of the state, got {t!r}")
-        return state_at(self._evaluator, t, q, u)
+        return state_at(self._evaluator, t, q, u, references)
 
     def state(
         self,
@@ -123,8 +123,8 @@ class LinkageModel(Model):
 
     def _placed(
         self, values: Mapping[str, ArrayLike], rates: Mapping[str, ArrayLike], t: float
-    ) -> tuple[Array, Array]:
-        """Return coordinates and velocities at given independent coordinates."""
+    ) -> tuple[Array, Array, Array]:
+        """Return coordinates, velocities and references of angles in loads at given coordinates."""
         raise ModelError(
             f"{self.name} has no independent coordinates: expected points, got {', '.join(values)}"
         )

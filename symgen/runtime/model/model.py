@@ -266,7 +266,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         state
             Initial pose; by default that of the scene. Its velocities have no effect.
         at
-            Time [s] at which forces and drives are held; by default that of ``state``.
+            Time [s] at which forces and drives are held, by default that of ``state``. Drives that alone
+            determine the pose lead to it from ``state``.
         stable
             Find a stable equilibrium, or, if false, a nearby one of any kind. A start that is already an
             equilibrium is returned in both cases.

@@ -18,7 +18,6 @@ from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
 from symgen.runtime.kernels.arguments import out_of_range, real
-from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
@@ -123,6 +122,8 @@ class RodModel(LinkageModel):
         return stress.least_norm(work)[0], stress.not_unique()
 
     def _accelerations(self, state: State | None = None) -> Accelerations:
+        if (counting := self.counting(state)) is not self:
+            return counting._accelerations(state)
         d, begin = self.description, self._stored_start()
         at = (0.0, begin.q, begin.u) if state is None else (state.t, state.q, state.u)
         work, open_rows = self._solution(*at, typed=True)
@@ -161,6 +162,8 @@ class RodModel(LinkageModel):
         """
         from symgen.runtime.linearisation.state_space import Tangents
 
+        if (counting := self.counting(at)) is not self:
+            return counting._tangents(at, names, kind)
         d = self.description
         if at is None or isinstance(at, State):
             state = self.initial_state() if at is None else at
@@ -179,7 +182,7 @@ class RodModel(LinkageModel):
 
     def _placed(
         self, values: Mapping[str, ArrayLike], rates: Mapping[str, ArrayLike], t: float
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array, Array]:
         from symgen.runtime.linearisation.state_space import Tangents, derivatives
         from symgen.runtime.rods.following.placing import placed
 
@@ -226,7 +229,7 @@ class RodModel(LinkageModel):
         for name in chosen:
             check_known(name, d.inputs, f"{self.name} has no input")
         if isinstance(at, float | int):
-            at = self._at_time(at)
+            at = self.reached(at)
         positions = [f"{p}.position.{axis}" for p in d.free for axis in d.axes]
         names = positions if coordinates is None else list(coordinates)
         requested = dict.fromkeys([*derivatives(d, names), *(outputs or ())])
@@ -264,7 +267,7 @@ class RodModel(LinkageModel):
                     "alone do not determine the motion\n  Give t_end for derivatives along the run, or "
                     "model.linearise for a state-space model at this time."
                 )
-            at = self._at_time(at)
+            at = self.reached(at)
         if along:
             start = self.initial_state() if at is None else at if isinstance(at, State) else at.state
             if not outputs and not request.integrals:
@@ -278,24 +281,42 @@ class RodModel(LinkageModel):
         if at is None or isinstance(at, State):
             return at_pose(self._tangents(at, names, "sensitivity"), outputs, by, coordinates)
         tangents = self._tangents(at, names, "sensitivity")
-        return at_equilibrium(tangents, outputs, by, spectra, lambda: self.analysis("vibration"))
+        return at_equilibrium(tangents, outputs, by, spectra, lambda: self.counting(at).analysis("vibration"))
 
-    def _at_time(self, t: float) -> State:
-        """Return the state at a time [s] of the motion that drives determine, or of a run from the start."""
-        d = self.description
-        if t == 0:
-            return self.initial_state()
-        if d.freedom:
-            if not t > 0:
-                raise out_of_range("at", t)
-            final = self.simulate(t, samples=2).final
-            places, rates = ({p: final[p][word] for p in d.free} for word in ("position", "velocity"))
-        else:
-            driven = self.kinematics(at=[t], over="time")
-            places, rates = (
-                {p: driven[f"{p}.{word}"].values[0] for p in d.free} for word in ("position", "velocity")
-            )
-        return self.state(places, rates, float(t))
+    def reached(self, t: float, begin: State | None = None) -> State:
+        """Return the state at a time [s] of the motion that drives determine, or of a run, from a state.
+
+        Raises
+        ------
+        SimulationError
+            When the time is not reached.
+        """
+        begin, d = self.initial_state() if begin is None else begin, self.description
+        if t == begin.t:
+            return begin
+        from symgen.runtime.rods.following import reached
+
+        if not d.freedom:
+            return self._state(t, *reached.by_drives(self._constraints(), begin, t))
+        if not t > begin.t:
+            raise out_of_range("at", t)
+        run = LinkageDerivatives(outputs=(), t_end=t).run()
+        kernels = self.counting(begin)._evaluator
+        return self._state(t, *reached.by_run(kernels, len(self.redundant), begin, *run))
+
+    def counting(self, at: State | Equilibrium | None) -> RodModel:
+        """Return the model whose angles in loads count the revolutions of a state."""
+        state = at if at is None or isinstance(at, State) else at.state
+        return self if state is None or state.references is None else self._holding(state.references)
+
+    def _holding(self, values: Array) -> RodModel:
+        """Return the model with values of the parameters that runs set, references of angles first."""
+        evaluator = self._evaluator.holding(values)
+        if evaluator is self._evaluator:
+            return self
+        model = self.with_parameters()
+        model._start, model._evaluator = self._stored_start(), evaluator
+        return model
 
     def _along_run(
         self,
@@ -310,14 +331,11 @@ class RodModel(LinkageModel):
 
         times, chosen = request.run()
         tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
-        path = follow(self._evaluator, tangent, len(self.redundant), start, chosen, times)
+        kernels = self.counting(start)._evaluator
+        path = follow(kernels, tangent, len(self.redundant), start, chosen, times)
 
         def tangents(state: State, references: Array) -> Tangents:
-            parameters_of_model, values = self.with_parameters(), self._evaluator.parameter_values.copy()
-            parameters_of_model._start = self._stored_start()
-            values[self.description.of_held] = references
-            parameters_of_model._evaluator = Evaluator(self.description, self._library, values)
-            return parameters_of_model._tangents(state, names, "sensitivity")
+            return self._holding(references)._tangents(state, names, "sensitivity")
 
         kernels = self.analysis("variation", outputs=tuple(request.integrals))
         return at_run(path, tangents, self._evaluator, kernels, outputs, by, request.coordinates, chosen)
@@ -336,12 +354,13 @@ class RodModel(LinkageModel):
         from symgen.runtime.rods.equilibrium import at_rest, describe, find
         from symgen.runtime.rods.linear import Statics
 
-        begin, q = (0.0, self._stored_start().q) if state is None else (state.t, state.q)
-        when = begin if at is None else float(at)
-        constraints = self._constraints()
-        at_rest(constraints, q, when)
-        statics = Statics(constraints, self.analysis("statics"), when)
-        return describe(statics, *find(statics, q, stable))
+        begin, constraints = self.initial_state() if state is None else state, self._constraints()
+        when = begin.t if at is None else float(at)
+        at_rest(constraints, begin.q, when)
+        if not self.description.freedom:
+            begin = self.reached(when, begin)
+        statics = Statics(constraints, self.analysis("statics"), when, begin.references)
+        return describe(statics, *find(statics, begin.q, stable))
 
     def _modes(self, at: Equilibrium | float | None = None) -> Modes:
         from symgen.runtime.rods.equilibrium import Equilibrium
@@ -367,6 +386,6 @@ class RodModel(LinkageModel):
                 keeping,
                 tangent,
                 request.t_eval,
-                request.state is not None,
+                request.state,
             )
-            return run(self._evaluator, t, y, start.redundant, *arguments)
+            return run(self.counting(request.state)._evaluator, t, y, start.redundant, *arguments)

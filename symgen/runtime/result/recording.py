@@ -15,6 +15,7 @@ from symgen.runtime.kernels.description import Description, KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, converters, over_time
+from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import CLOSED, SelfStress, extent, not_unique, slack, violation
 
 #: Largest number of passages whose times are reported; of more, only the number is.
@@ -28,7 +29,7 @@ class Recording:
     """A run that has ended, complete or not; its methods return the fields of its :class:`Result`.
 
     ``library`` has the kernels of the run, ``wall`` is its wall time [s], ``initial`` the initial time and
-    state (q, u) if the caller gave them.
+    state if the caller gave them.
     """
 
     evaluator: Evaluator
@@ -38,7 +39,7 @@ class Recording:
     chosen: Options
     wall: float
     library: Library
-    initial: tuple[float, Array] | None
+    initial: State | None
 
     def name(self) -> str:
         """Return the scene's name."""
@@ -70,7 +71,8 @@ class Recording:
         if info is None or not run.recorded:
             return ()
         in_doubles = self.equations.core_type is _core.DOUBLE
-        plain = not (evaluator.description.windings and run.references.any())
+        groups = [*wound(evaluator, run.references)] if evaluator.description.windings else []
+        plain = len(groups) <= 1 and all(of is evaluator.parameter_values for of, _ in groups)
         if in_doubles and not info.work_size and plain:
             sizes = (*evaluator.description.sizes, info.work_size, info.out_size)
             out = run.called(evaluator.library.addresses["outputs"], sizes, evaluator.parameters)
@@ -79,7 +81,6 @@ class Recording:
         solver = self.equations if in_doubles else evaluator.equations(lost)
         if plain:
             return self._continued(outputs(evaluator, solver, run.sampled, run.result, lost))
-        groups = wound(evaluator, run.references)
         return self._continued(outputs_by_group(evaluator, solver, groups, run.sampled, run.result, lost))
 
     def _continued(self, variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
@@ -133,17 +134,17 @@ class Recording:
 
 
 def _of_the_start(
-    evaluator: Evaluator, start: tuple[float, Array] | None, t_end: float, redundant: tuple[int, ...]
+    evaluator: Evaluator, start: State | None, t_end: float, redundant: tuple[int, ...]
 ) -> Iterator[str]:
     """Yield the notes on a given start: it has no revolutions, and is projected onto the constraints."""
-    if start is not None and evaluator.description.windings:
+    if start is not None and start.references is None and evaluator.description.windings:
         yield (
             "the given state has no revolutions: angles of loads and torsion springs count them anew, from "
-            "within 180 degrees at the start"
+            "within 180 degrees at the start; those of model.reached(t) have revolutions"
         )
     if start is None or not evaluator.description.constraints:
         return
-    t, (q, u) = start[0], np.split(start[1], 2)
+    t, q, u = start.t, start.q, start.u
     size = extent(evaluator, q)
     allowed = max(CLOSED * size, slack(evaluator, q) if redundant else 0.0)
     error, rate = violation(evaluator, t, q, u)
@@ -263,11 +264,11 @@ def continued(variables: tuple[Variable, ...], links: Sequence[str], turns: Arra
 
 def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, Indices]]:
     """Yield parameters with the references of angles in loads, and the rows that have these references."""
-    d, parameters = evaluator.description, evaluator.parameter_values
-    if not references.any():
+    parameters, first = evaluator.parameter_values, evaluator.description.of_held.start
+    if np.all(references == parameters[first : first + references.shape[1]]):
         yield parameters, np.arange(len(references))
         return
-    yield from grouped(parameters, d.of_held.start, references)
+    yield from grouped(parameters, first, references)
 
 
 def grouped(parameters: Array, first: int, values: Array) -> Iterator[tuple[Array, Indices]]:

@@ -27,6 +27,8 @@ class State:
     """A state of a model: time [s], coordinates [m] and velocities [m/s] of the moving points in order.
 
     ``positions`` and ``velocities`` hold every point, ground included, each an array of its components.
+    ``references`` count the revolutions of a motion: angles of loads and torsion springs are those nearest to
+    them [rad]. None where the revolutions are unknown; the angles are then within 180 degrees.
     """
 
     t: float
@@ -34,6 +36,7 @@ class State:
     u: Array
     positions: dict[str, Array]
     velocities: dict[str, Array]
+    references: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("q", "u"):
@@ -48,11 +51,11 @@ class State:
         return f"<State at t = {self.t:g} s: positions and velocities of {', '.join(self.positions)}>"
 
 
-def state_at(evaluator: Evaluator, t: float, q: Array, u: Array) -> State:
-    """Return the state of a linkage by its coordinates and their rates."""
+def state_at(evaluator: Evaluator, t: float, q: Array, u: Array, references: Array | None = None) -> State:
+    """Return the state of a linkage by its coordinates and their rates, and references of angles in loads."""
     parts, points = evaluator.blocks("points", t, q, u), evaluator.description.points
-    named = [dict(zip(points, parts[k], strict=True)) for k in ("positions", "velocities")]
-    return State(t, q.copy(), u.copy(), *named)
+    positions, velocities = (dict(zip(points, parts[k], strict=True)) for k in ("positions", "velocities"))
+    return State(t, q.copy(), u.copy(), positions, velocities, references)
 
 
 def reactions_at(evaluator: Evaluator, t: float, q: Array, u: Array, work: Array) -> dict[str, Array]:

@@ -157,6 +157,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
         raise SimulationError(
             f"the pose to start from cannot be assembled at t = {statics.t:g} s\n  Start from another pose."
         )
+    statics.count(here)
     radius, best, idle = 0.1 * length, statics.at(here), 0
     for _ in range(_STEPS):
         slope = -best.basis.T @ statics.force(here)
@@ -165,7 +166,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
             return here, best
         step = _step(best.stiffness, slope, radius, stable)
         there = polished(constraints, here + best.basis @ step, statics.t, statics.root)
-        if there is None or statics.measured(there - here) > 4 * radius:
+        if there is None or statics.measured(there - here) > 4 * radius or statics.revolves(here, there):
             radius /= 4
             idle += radius < 1e-14 * length
             if radius < 1e-15 * length:
@@ -182,6 +183,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
             full = np.linalg.norm(step) > 0.8 * radius
             wide = (fallen > 0.5 * promised) if stable else gain > 0
             radius = 2 * radius if full and wide else radius
+            statics.count(there)
             here, best = there, new
         else:
             radius = 0.25 * float(np.linalg.norm(step))
@@ -256,13 +258,13 @@ def _none(d: Description, best: Linearised, far: bool) -> SimulationError:
 def describe(statics: Statics, q: Array, linearised: Linearised) -> Equilibrium:
     """Return the equilibrium with its reactions and the outputs that the scene selects."""
     constraints, t = statics.constraints, statics.t
-    d, evaluator, rest = constraints.description, constraints.evaluator, np.zeros(constraints.n)
+    d, evaluator, rest = constraints.description, statics.evaluator, np.zeros(constraints.n)
     work = np.zeros(evaluator.work_size + constraints.n + constraints.m + 1)
     work[constraints.n : constraints.n + constraints.m] = linearised.multipliers
     info = d.kernel("outputs")
     outputs = evaluator.blocks("outputs", t, q, rest, work) if info else {}
     return Equilibrium(
-        state=state_at(evaluator, t, q, rest),
+        state=state_at(evaluator, t, q, rest, statics.references),
         stability=linearised.stability(),
         freedoms=linearised.freedoms,
         residual=float(np.max(np.abs(linearised.unbalanced), initial=0.0)),

@@ -16,17 +16,16 @@ from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
 from symgen.runtime.result.recording import nearest_turn
 from symgen.runtime.result.records import converters
+from symgen.runtime.result.state import State
 from symgen.runtime.rods.assemblies import assemblies
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import along_branch
 from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
 from symgen.runtime.rods.instants import Instants
-from symgen.runtime.rods.poses import Poses, continuous
+from symgen.runtime.rods.poses import Poses, angles_in_loads, counted, references_of
 
 _STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
-#: References of angles in loads are multiples of it [rad], so that samples share few of them.
-_QUARTER = math.pi / 2
 
 
 def driven(constraints: Constraints, q: Array, t: float) -> None:
@@ -109,7 +108,7 @@ def analyse(
         )
     samples, near = followed.samples, followed.near
     if instants.at is not None:
-        order = _order_of(followed, times, shown)
+        order = order_of(followed, times, shown)
         samples, near = samples[order], near[order]
     return recorded(
         constraints,
@@ -125,7 +124,7 @@ def analyse(
     )
 
 
-def _order_of(followed: Followed, times: Array, shown: Mapping[str, tuple[str, float]]) -> Indices:
+def order_of(followed: Followed, times: Array, shown: Mapping[str, tuple[str, float]]) -> Indices:
     """Return the samples at given times, in their order; raise SimulationError if one is missing."""
     places = {t: i for i, t in enumerate(followed.samples.times.tolist())}
     for t in times.tolist():
@@ -191,18 +190,14 @@ def follow(
     return Followed(_poses(rows, constraints.n), nearest, along, start, poses, gaps, apart)
 
 
-def counted(constraints: Constraints, followed: Followed) -> Poses:
-    """Return the samples with the references of angles in loads, counted over revolutions from the start."""
+def with_references(constraints: Constraints, followed: Followed, begin: State) -> Poses:
+    """Return the samples with the references of angles in loads, counted over revolutions from a state."""
     if not constraints.description.windings:
         return followed.samples
-
-    def angles(poses: Poses) -> Array:
-        out = constraints.evaluator.many_blocks("events", poses.times, poses.q, poses.u)
-        return out["windings"].reshape(len(poses), -1).T
-
-    whole = continuous(angles(followed.path), followed.start)[:, followed.near]
-    references = np.round(nearest_turn(angles(followed.samples), whole) / _QUARTER) * _QUARTER
-    return replace(followed.samples, references=references.T)
+    evaluator, samples = constraints.evaluator, followed.samples
+    whole = counted(evaluator, followed.path, followed.start, begin.references)[:, followed.near]
+    references = references_of(nearest_turn(angles_in_loads(evaluator, samples), whole))
+    return replace(samples, references=references.T)
 
 
 def _poses(rows: Sequence[tuple[float, Array, Array, Array]], n: int) -> Poses:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.result.recording import nearest_turn
 from symgen.runtime.rods.constraints import Constraints
+from symgen.runtime.rods.poses import Poses, angles_in_loads, references_of
 
 _EPS = float(np.finfo(float).eps)
 #: Rank tolerance of the constraints, above the error with which poses meet them.
@@ -76,8 +79,11 @@ class Linearised:
 class Statics:
     """Forces, stiffness and damping of a model at rest at one time."""
 
-    def __init__(self, constraints: Constraints, statics: Evaluator, t: float) -> None:
-        self.constraints, self.t, self._statics = constraints, t, statics
+    def __init__(
+        self, constraints: Constraints, statics: Evaluator, t: float, references: Array | None
+    ) -> None:
+        self.constraints, self.t = constraints, t
+        self._hold(statics, np.zeros(statics.description.windings) if references is None else references)
         self._rest = np.zeros(constraints.n)
         self._entries: dict[str, tuple[Indices, ...]] = {}
         metric = np.eye(constraints.n)
@@ -89,6 +95,25 @@ class Statics:
     def measured(self, change: Array) -> float:
         """Return the length of a change of the coordinates in the metric of small motions [m]."""
         return float(np.linalg.norm(change @ self.root))
+
+    def turned(self, q: Array) -> Array:
+        """Return the angles in loads [rad] at a pose, nearest to the references."""
+        pose = Poses(np.array([self.t]), np.array([[q, self._rest, self._rest]]))
+        return nearest_turn(angles_in_loads(self.constraints.evaluator, pose)[:, 0], self.references)
+
+    def revolves(self, here: Array, there: Array) -> bool:
+        """Return whether an angle in loads changes by more than a quarter revolution between two poses."""
+        change = np.abs(self.turned(there) - self.turned(here))
+        return bool(np.any(np.minimum(change, math.tau - change) > math.pi / 2))
+
+    def count(self, q: Array) -> None:
+        """Move the references of angles in loads along to a pose."""
+        self._hold(self._statics, references_of(self.turned(q)))
+
+    def _hold(self, statics: Evaluator, references: Array) -> None:
+        self.references, self._statics = references, statics.holding(references)
+        #: Kernels of the equations of motion.
+        self.evaluator = self.constraints.evaluator.holding(references)
 
     def force(self, q: Array) -> Array:
         """Return the applied forces on the coordinates at rest [N]."""

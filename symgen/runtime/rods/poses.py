@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -9,7 +10,10 @@ import numpy as np
 
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.result.recording import wound
+from symgen.runtime.result.recording import nearest_turn, wound
+
+#: References of angles in loads are multiples of it [rad], so that samples share few of them.
+_QUARTER = math.pi / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +73,29 @@ class Poses:
             memory = None if work is None else work[rows]
             out[rows] = of.many(kernel, self.times[rows], self.q[rows], self.u[rows], memory)
         return out
+
+
+def counted(evaluator: Evaluator, path: Poses, start: int, references: Array | None) -> Array:
+    """Return the angles in loads [rad] along a path over its revolutions, shape (angles, poses).
+
+    At the pose number ``start`` they are those nearest to ``references``, by default within 180 degrees.
+    """
+    angles = angles_in_loads(evaluator, path)
+    first = angles[:, start] if references is None else nearest_turn(angles[:, start], references)
+    return continuous(angles, start) + (first - angles[:, start])[:, None]
+
+
+def angles_in_loads(evaluator: Evaluator, poses: Poses) -> Array:
+    """Return the angles in loads [rad] at poses, known up to a revolution, shape (angles, poses)."""
+    if not evaluator.description.windings:
+        return np.zeros((0, len(poses)))
+    blocks = evaluator.many_blocks("events", poses.times, poses.q, poses.u)
+    return np.asarray(blocks["windings"].reshape(len(poses), -1).T)
+
+
+def references_of(angles: Array) -> Array:
+    """Return references of angles in loads over revolutions [rad]."""
+    return np.asarray(np.round(angles / _QUARTER) * _QUARTER)
 
 
 def continuous(angles: Array, start: int) -> Array:

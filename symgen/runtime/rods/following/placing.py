@@ -11,6 +11,7 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.linearisation.state_space import Tangents
 from symgen.runtime.result.state import State
+from symgen.runtime.rods.poses import Poses, counted, references_of
 from symgen.runtime.rods.redundancy import extent
 
 #: Largest change of a coordinate or drive in a step [rad], of lengths relative to the linkage's size.
@@ -31,8 +32,8 @@ def placed(
     t: float,
     drives: Callable[[float], Mapping[str, float]],
     angular: Collection[str],
-) -> tuple[Array, Array]:
-    """Return coordinates [m] and velocities [m/s] of the state of given independent coordinates.
+) -> tuple[Array, Array, Array]:
+    """Return coordinates [m], velocities [m/s] and references of angles in loads at given coordinates.
 
     The linkage is led from a closed state in steps of the coordinates and of the drives, so that it stays on
     its assembly branch. Angles are reached by less than half a revolution.
@@ -65,7 +66,7 @@ def placed(
     scale = np.array([1.0 if name.endswith(".angle") else size for name in names])
     way = _difference(names, target, first)
     part, step, q = 0.0, _STEP / max(_STEP, float(np.max(np.abs(way / scale), initial=0.0))), begin.q
-    before, least = drives(begin.t), _LEAST
+    before, least, path = drives(begin.t), _LEAST, [(begin.t, q)]
     while part < 1.0:
         to = min(1.0, part + step)
         when = begin.t + to * (t - begin.t)
@@ -91,6 +92,7 @@ def placed(
                 "  Choose coordinates within its range, or others."
             )
         part, q, before = to, moved, after
+        path.append((when, q))
     tangents = at(t, q, rest)
     rows = tangents.slopes.rows(names)[:, tangents.by_q]
     unit = tangents.free @ np.linalg.inv(tangents.directions(names))
@@ -98,7 +100,9 @@ def placed(
     u = -tangents.bound @ (drift / tangents.scale)
     # A moving ground changes coordinates, such as the angle of a link on it, while the points rest.
     moving = np.array([tangents.slopes.values[f"{name}'"] for name in names])
-    return q, u + unit @ (np.array([rates.get(name, 0.0) for name in names]) - moving - rows @ u)
+    poses = Poses(np.array([t for t, _ in path]), np.array([(q, rest, rest) for _, q in path]))
+    references = references_of(counted(tangents.model, poses, 0, begin.references)[:, -1])
+    return q, u + unit @ (np.array([rates.get(name, 0.0) for name in names]) - moving - rows @ u), references
 
 
 def _turned(

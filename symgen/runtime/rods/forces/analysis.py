@@ -25,7 +25,7 @@ from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, Unknown, solve
 from symgen.runtime.rods.forces.multipliers import by_multipliers
 from symgen.runtime.rods.instants import Instants
-from symgen.runtime.rods.kinematics import Followed, counted, driven, follow
+from symgen.runtime.rods.kinematics import Followed, driven, follow, with_references
 from symgen.runtime.rods.poses import Poses
 
 _MOST_ELEMENTS, _MOST_SAMPLES = 1000, 100_000
@@ -89,7 +89,7 @@ def analyse(
     driven(constraints, begin.q, begin.t)
     times = over.times(d.name, linkage.driving)
     followed = follow(constraints, begin.q, begin.t, over, times)
-    followed = replace(followed, samples=counted(constraints, followed))
+    followed = replace(followed, samples=with_references(constraints, followed, begin))
     poses = _poses(linkage, followed, times, over.at is not None)
     assembly = Assembly(constraints, loads, poses, request.elements)
     solution = by_multipliers(constraints, loads, poses, assembly) or solve(assembly)
