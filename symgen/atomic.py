@@ -9,50 +9,56 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from symgen.errors import ResultError
+from symgen.errors import OutputError, ResultError
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path; rename it to ``path`` when the block ends well, remove it otherwise."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+def replacing(path: Path, noun: str = "") -> Iterator[Path]:
+    """Give a temporary path; rename it to ``path`` when the block ends well, remove it otherwise.
+
+    ``noun`` names the content in the message of an OutputError, which replaces errors of the system.
+    """
+    with _reported(path, noun):
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            yield temporary
+            temporary.chmod(0o666 & ~_umask())
+            temporary.replace(path)
+        finally:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _reported(path: Path, noun: str) -> Iterator[None]:
     try:
-        yield temporary
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
+        yield
+    except OSError as error:
+        raise OutputError.of(f"the {noun} to {path}" if noun else path, error) from None
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text with LF line ends, whole or not at all; raise ResultError where it cannot be."""
-    try:
-        with replacing(path) as temporary:
-            temporary.write_bytes(text.encode("utf-8"))
-    except OSError as error:
-        raise ResultError(f"cannot write {path}: {error.strerror or error}") from None
+    """Write UTF-8 text with LF line ends, whole or not at all; raise OutputError where it cannot be."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(text.encode("utf-8"))
 
 
 def write_folder(folder: Path, files: Mapping[str, bytes], content: str, removed: Iterable[str] = ()) -> None:
     """Write files by their names in a folder; after a failure the folder is unchanged.
 
     A new folder appears complete. In an existing folder, files named in ``removed`` are deleted, each new
-    file replaces its predecessor, in the order of ``files``, and other files remain. ``what`` names the
+    file replaces its predecessor, in the order of ``files``, and other files remain. ``content`` names the
     files in messages.
 
     Raises
     ------
-    ResultError
+    OutputError
         When it cannot be written.
     """
-    try:
+    with _reported(folder, content):
         _write_folder(folder, files, removed)
-    except OSError as error:
-        raise ResultError(f"cannot write the {content} to {folder}: {error.strerror or error}") from None
 
 
 def _write_folder(folder: Path, files: Mapping[str, bytes], removed: Iterable[str]) -> None:

@@ -219,6 +219,15 @@ class ResultError(SymgenError):
     """A result file cannot be read or written, or a result has no such quantity. Correct the name."""
 
 
+class OutputError(ResultError):
+    """A file or standard output cannot be written. Free space, correct permissions, or write elsewhere."""
+
+    @classmethod
+    def of(cls, target: object, error: OSError) -> OutputError:
+        """Return the error of the system for a target, such as ``the result to run.nc``."""
+        return cls(f"cannot write {target}: {error.strerror or error}")
+
+
 class SimulationError(SymgenError):
     """A run ended prematurely. ``time`` is the time reached [s], ``partial`` the result up to then.
 

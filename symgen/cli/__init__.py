@@ -7,7 +7,6 @@ import errno
 import gc
 import inspect
 import logging
-import os
 import re
 import sys
 import warnings
@@ -27,7 +26,8 @@ from symgen.cli import (
     reporting,
     studying,
 )
-from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app, console
+from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app, tell
+from symgen.cli.streams import Ends, discard, open_streams
 from symgen.errors import (
     ArgumentError,
     BuildError,
@@ -35,6 +35,7 @@ from symgen.errors import (
     DerivationError,
     GenerationError,
     InitialStateError,
+    OutputError,
     SceneError,
     SimulationError,
     StaleBinaryError,
@@ -84,21 +85,24 @@ _EXIT_CODES: dict[type[SymgenError], int] = {
     InitialStateError: SCENE,
     DerivationError: SCENE,
     SimulationError: RUN,
+    OutputError: FAULT,
     GenerationError: FAULT,
     BuildError: FAULT,
     CacheError: FAULT,
     StaleBinaryError: FAULT,
 }
 
-#: Errors of a full device or an exhausted quota.
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+#: Errors of standard output: a full device, an exhausted quota, a closed stream.
+_UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 
 def main() -> None:
     """Run the command line: every error becomes one message and an exit code."""
     gc.disable()  # a short process: garbage collection would only delay its start and its end
     atexit.register(gc.freeze)
-    warnings.showwarning = lambda message, *_, **__: console(stderr=True).print(f"symgen: {message}")
+    open_streams()
+    Ends.catch()
+    warnings.showwarning = lambda message, *_, **__: tell(str(message))
     if sys.stderr.isatty():
         logger = logging.getLogger("symgen")
         logger.addHandler(_Progress())
@@ -110,7 +114,7 @@ class _Progress(logging.Handler):
     """Prints what takes time, such as a first build, where somebody waits for it."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        print(f"symgen: {record.getMessage()}", file=sys.stderr)
+        tell(record.getMessage())
 
 
 def _ended() -> int:
@@ -131,16 +135,20 @@ def _ended() -> int:
         return _failed(
             str(error), next((_EXIT_CODES[c] for c in type(error).__mro__ if c in _EXIT_CODES), USAGE)
         )
-    except (KeyboardInterrupt, typer.Abort):
-        return _failed("interrupted", INTERRUPTED)
+    except typer.Abort as error:
+        if isinstance(error.__cause__, EOFError):  # Typer takes it for the end of an input
+            raise error.__cause__ from None
+        return _failed(Ends.message(), 128 + Ends.number)
+    except KeyboardInterrupt:
+        return _failed(Ends.message(), 128 + Ends.number)
     except BrokenPipeError:
-        sys.stderr.close()
+        discard(sys.stdout)
         return FAULT
     except OSError as error:
-        if error.errno not in _FULL:
+        if error.errno not in _UNWRITABLE:
             raise
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # discard the rest of the buffer
-        return _failed(f"cannot write the output: {error.strerror}", FAULT)
+        discard(sys.stdout)
+        return _failed(str(OutputError.of("the output", error)), FAULT)
 
 
 #: The class of usage errors; Typer has it under different names in its versions.
@@ -150,7 +158,7 @@ _WrongUsage: type[Exception] = typer.BadParameter.__mro__[1]
 def _failed(message: str, code: int) -> int:
     """Print an error and return its exit code."""
     if message:
-        console(stderr=True).print(f"symgen: {message}")
+        tell(message)
     return code
 
 

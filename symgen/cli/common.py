@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
+from symgen.cli.streams import discard
 from symgen.errors import ModelError, SimulationError
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 FAULT, USAGE, SCENE, RUN, INTERRUPTED = 1, 2, 3, 4, 130
 _CODES = (
     "Exit codes: 0 success; 1 internal fault, or a failed check; 2 wrong usage; 3 invalid scene; "
-    "4 a run that cannot continue; 130 interrupted by Ctrl-C."
+    "4 a run that cannot continue; 130 interrupted by Ctrl-C; 143 ended by SIGTERM."
 )
 
 app = typer.Typer(
@@ -61,6 +62,14 @@ def console(*, stderr: bool = False) -> Console:
     return Console(stderr=stderr, soft_wrap=not terminal, markup=False, emoji=False, highlight=False)
 
 
+def tell(message: str) -> None:
+    """Print a message on standard error, unless that is closed or full."""
+    try:
+        console(stderr=True).print(f"symgen: {message}")
+    except OSError:
+        discard(sys.stderr)
+
+
 def changes(options: list[str] | None) -> dict[str, Any]:
     """Return the values of --set by key: integers, booleans, TOML lists and tables, else text."""
     result: dict[str, Any] = {}
@@ -94,7 +103,7 @@ def saved_on_failure(out: Path | None) -> Iterator[None]:
     except SimulationError as error:
         if out and error.partial is not None:
             error.partial.save(out)
-            console(stderr=True).print(f"symgen: the samples recorded before the failure are in {out}")
+            tell(f"the samples recorded before the failure are in {out}")
         raise
 
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -140,7 +141,9 @@ def _as_derived(names: Iterable[str], folder: Path) -> Iterator[str]:
             stdout=subprocess.PIPE,
             stderr=said,
             text=True,
+            start_new_session=True,
         ) as process,
+        _interrupting(process),
     ):
         failed = []
         for line in process.stdout or ():
@@ -153,6 +156,20 @@ def _as_derived(names: Iterable[str], folder: Path) -> Iterator[str]:
         raise _failed(failed[0], folder / f"{failed[0]}{_SAID}")
     if process.returncode:
         raise _failed("the remaining models", folder / _SAID)
+
+
+@contextmanager
+def _interrupting(process: subprocess.Popen[str]) -> Iterator[None]:
+    """Interrupt the group of a process where the block is left before the process has ended."""
+    try:
+        yield
+    except BaseException:
+        with suppress(ProcessLookupError):
+            if os.name == "nt":
+                process.kill()
+            else:
+                os.killpg(process.pid, signal.SIGINT)
+        raise
 
 
 def _failed(subject: str, output: Path) -> GenerationError:

@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from subprocess import CalledProcessError
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.atomic import replacing, writable, write_text
-from symgen.errors import ModelError, ResultError
+from symgen.errors import ModelError
 from symgen.report.page.animation import Film, animation, curves_of, forces_of, nodes_of, traces_of
 from symgen.report.page.drawing import Paper, Shape, Sketch
 from symgen.report.page.page import LIGHT
@@ -91,7 +92,7 @@ def movie(film: Film, file: Path, progress: Callable[[str], None] | None = None)
 
     Raises
     ------
-    ResultError
+    OutputError
         When the file cannot be written.
     """
     count = film.result.count
@@ -100,11 +101,8 @@ def movie(film: Film, file: Path, progress: Callable[[str], None] | None = None)
     shown = np.unique(np.linspace(0, count - 1, min(count, round(_RATE * seconds) + 1)).round().astype(int))
     shown = shown[: max(1, len(shown) - 1)]  # the last is the first of the next round
     write = _write_gif if file.suffix.lower() == ".gif" else _write_mp4
-    try:
-        with replacing(file) as temporary:
-            write(temporary, _drawn(film, shown, progress), len(shown) / seconds)
-    except OSError as error:
-        raise ResultError(f"cannot write the film to {file}: {error.strerror or error}") from None
+    with replacing(file, "film") as temporary:
+        write(temporary, _drawn(film, shown, progress), len(shown) / seconds)
 
 
 def _drawn(film: Film, shown: NDArray[np.int_], progress: Callable[[str], None] | None) -> Iterator[Figure]:
@@ -155,10 +153,14 @@ def _write_mp4(file: Path, figures: Iterator[Figure], rate: float) -> None:
     from matplotlib.animation import FFMpegWriter
 
     writer, first = FFMpegWriter(fps=cast("int", rate)), next(figures)
-    with writer.saving(first, str(file), first.dpi):
-        writer.grab_frame()
-        for _ in figures:
+    try:
+        with writer.saving(first, str(file), first.dpi):
             writer.grab_frame()
+            for _ in figures:
+                writer.grab_frame()
+    except CalledProcessError as error:
+        said = error.stderr.decode("utf-8", "replace").strip() or f"exit code {error.returncode}"
+        raise OSError(error.returncode, f"ffmpeg: {said.splitlines()[-1]}") from None
 
 
 @dataclass(frozen=True, slots=True)

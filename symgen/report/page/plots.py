@@ -161,9 +161,9 @@ def save(figure: Any, file: str | os.PathLike[str], **options: Any) -> None:
 
     path = writable(file, DRAWN_AS, "plot")
     try:
-        with replacing(path) as temporary:
+        with replacing(path, "plot") as temporary:
             figure.savefig(temporary, **{"dpi": 150, **options})
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise ResultError(f"cannot write the plot to {path}: {error}") from None
 
 

@@ -208,7 +208,7 @@ def store(file: Path, mark: str, t: float, wall: float, arrays: Mapping[str, Any
 
     Raises
     ------
-    ResultError
+    OutputError
         When the file cannot be written.
     """
     header = {
@@ -218,11 +218,8 @@ def store(file: Path, mark: str, t: float, wall: float, arrays: Mapping[str, Any
         "wall_s": wall,
         "digest": _digest(arrays),
     }
-    try:
-        with replacing(file) as temporary, temporary.open("wb") as stream:
-            np.savez(stream, header=np.array(json.dumps(header)), **arrays)
-    except OSError as error:
-        raise ResultError(f"cannot write the checkpoint {file}: {error.strerror or error}") from None
+    with replacing(file, "checkpoint") as temporary, temporary.open("wb") as stream:
+        np.savez(stream, header=np.array(json.dumps(header)), **arrays)
 
 
 def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], float]:

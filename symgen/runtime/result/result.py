@@ -309,11 +309,8 @@ class Result(Findings, Pictures):
         from symgen.atomic import replacing, writable
 
         path = writable(file, SAVED_AS, "result")
-        try:
-            with replacing(path) as temporary:
-                _WRITERS[path.suffix.lower()](self, temporary)
-        except OSError as error:
-            raise ResultError(f"cannot write the result to {path}: {error.strerror or error}") from None
+        with replacing(path, "result") as temporary:
+            _WRITERS[path.suffix.lower()](self, temporary)
         return path
 
     def meta(self) -> str:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, ResultError
+from symgen.errors import ModelError, OutputError, ResultError
 from symgen.runtime.sweeps.layout import Layout
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class Zarr:
             with suppress(FileExistsError):
                 _renamed(aside, path)
         except OSError as error:
-            raise ResultError(f"cannot write {path}: {error.strerror or error}") from None
+            raise OutputError.of(path, error) from None
         finally:
             shutil.rmtree(aside, ignore_errors=True)
         return cls(path)
@@ -189,7 +189,7 @@ class Zarr:
             self.group[DIGEST][first : first + count] = _digest(arrays)
             self.group[DONE][first : first + count] = 1
         except OSError as error:
-            raise ResultError(f"cannot write {self.path}: {error.strerror or error}") from None
+            raise OutputError.of(self.path, error) from None
 
     def dataset(self) -> xarray.Dataset:
         """Return the results of all runs, read when they are used."""
