@@ -10,6 +10,9 @@ from collections.abc import Collection, Iterable, Sequence
 from functools import partial
 from typing import Any
 
+#: Characters without a place in terminals and generated comments, as in a class of a regular expression:
+#: control characters, also those of the direction of writing.
+CONTROL = r"\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"
 #: Maximum number of characters of one part of a message; texts in a scene may be of any length.
 _LONGEST = 1000
 

@@ -16,7 +16,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symgen.errors import DerivationError
+from symgen.errors import CONTROL, DerivationError, shown
 from symgen.toolchain import dependencies as graph
 
 if TYPE_CHECKING:
@@ -125,9 +125,23 @@ def _checked(path: Path, system: Any) -> System:
         raise DerivationError(
             f"{path}: there is an argument group {unknown[0]!r}; kernels have {', '.join(_ARRAYS)}"
         )
+    for text in _texts(system):
+        if not isinstance(text, str) or re.search(f"[{CONTROL}]", text):
+            raise DerivationError(f"{path}: expected a text without control characters, got {shown(text)}")
     if not any(e.matrices for e in system.exports) and system.saddle_point is None:
         raise DerivationError(f"{path}: the system exports no kernel: name the matrices of one in 'exports'")
     return system
+
+
+def _texts(system: System) -> Iterator[str]:
+    """Yield the texts of a system that tables, comments and messages show."""
+    yield from (system.title, *system.references, *system.left_out)
+    yield from (group.description for group in system.groups)
+    yield from (kernel.description for kernel in system.exports)
+    for quantity in system.quantities():
+        yield from (quantity.name, quantity.unit, quantity.description)
+    for matrix in system.matrices:
+        yield from (matrix.name, matrix.unit, matrix.description, *matrix.rows, *matrix.columns)
 
 
 #: Package folders of installers: of an environment, of the system, of the user.

@@ -14,6 +14,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
+from symgen.errors import CONTROL
+
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
 Value = Annotated[
     str | int | float,
@@ -24,14 +26,8 @@ SpatialVector = Annotated[list[Value], Field(min_length=3, max_length=3)]
 Moments = Annotated[list[Value], Field(min_length=3, max_length=6)]
 
 
-#: Words for people: any characters but control characters, also those of the direction of writing, which have
-#: no place in generated comments and in terminals.
-Text = Annotated[
-    str,
-    StringConstraints(
-        pattern=r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]*$"
-    ),
-]
+#: Words for people.
+Text = Annotated[str, StringConstraints(pattern=f"^[^{CONTROL}]*$")]
 
 
 def absent(description: str) -> Any:

@@ -222,6 +222,14 @@ def test_what_needs_a_scene_says_so(model):
         (MODEL.replace('Group("p"', 'Group("k"'), r"an argument group 'k'; kernels have t, q, u, p, work"),
         (MODEL.replace("(*p,)", "(m, l)"), r"my_pendulum\.py: .*holds undeclared symbols: g"),
         (MODEL[: MODEL.index("exports=(")] + "exports=())\n", "exports no kernel"),
+        *(
+            (
+                MODEL.replace(f'"{text}"', f'"{text}\\u202e"'),
+                rf"without control characters, got '{text}.u202e'",
+            )
+            for text in ("Pendulum by hand", "length", "rad/s", "about the pivot", "inertia and moment")
+        ),
+        (MODEL.replace('"Pendulum by hand"', "3"), "expected a text without control characters, got 3"),
     ],
 )
 def test_a_faulty_file_is_one_clear_error(model, text, message):

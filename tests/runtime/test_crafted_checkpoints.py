@@ -13,7 +13,7 @@ from shared.full import full
 
 import symgen
 from symgen.errors import ResultError
-from symgen.runtime.integrate import checkpoint
+from symgen.runtime.digest import digest
 
 #: Resumes runs from altered checkpoints: arguments are the scene, options of the run, a folder, and the trials.
 PROGRAM = """
@@ -21,7 +21,7 @@ import json, sys
 import numpy as np
 import symgen
 from symgen.errors import SymgenError
-from symgen.runtime.integrate import checkpoint
+from symgen.runtime.digest import digest
 
 scene, options, folder, first, last = sys.argv[1], json.loads(sys.argv[2]), sys.argv[3], *map(int, sys.argv[4:])
 model = symgen.build(scene)
@@ -53,7 +53,7 @@ for trial in range(first, last):
         words[at] = rng.integers(-(2**62), 2**62, len(at))
     else:
         altered[name] = altered[name][: rng.integers(0, len(altered[name]) + 1)] if altered[name].ndim else altered[name]
-    np.savez(path + ".npz", header=np.array(json.dumps(header | {"digest": checkpoint._digest(altered)})), **altered)
+    np.savez(path + ".npz", header=np.array(json.dumps(header | {"digest": digest(altered)})), **altered)
     try:
         getattr(model, names)(**options, resume=path + ".npz", max_wall=3.0)
         ended["completed"] += 1
@@ -88,7 +88,7 @@ def altered(path: Path, **changes) -> Path:
     with np.load(path) as archive:
         header = json.loads(str(archive["header"]))
         arrays = {k: archive[k] for k in archive.files if k != "header"} | changes
-    header["digest"] = checkpoint._digest(arrays)
+    header["digest"] = digest(arrays)
     np.savez(path.with_suffix(".npz"), header=np.array(json.dumps(header)), **arrays)
     return path.with_suffix(".npz")
 

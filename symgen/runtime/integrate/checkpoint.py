@@ -25,6 +25,7 @@ from symgen.atomic import replacing
 from symgen.errors import ModelError, ResultError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
+from symgen.runtime.digest import digest
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.arguments import is_real
 from symgen.runtime.kernels.library import Library
@@ -216,7 +217,7 @@ def store(file: Path, mark: str, t: float, wall: float, arrays: Mapping[str, Any
         "mark": mark,
         "t": t,
         "wall_s": wall,
-        "digest": _digest(arrays),
+        "digest": digest(arrays),
     }
     with replacing(file, "checkpoint") as temporary, temporary.open("wb") as stream:
         np.savez(stream, header=np.array(json.dumps(header)), **arrays)
@@ -237,7 +238,7 @@ def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], flo
             arrays = {name: archive[name] for name in archive.files if name != "header"}
         known, theirs = header["symgen_checkpoint"], header["mark"]
         stopped, spent = float(header["t"]), float(header["wall_s"])
-        if known == FORMAT and header["digest"] != _digest(arrays):
+        if known == FORMAT and header["digest"] != digest(arrays):
             raise ValueError("its content differs from the content written")
     except FileNotFoundError:
         raise ResultError(f"there is no checkpoint {path}") from None
@@ -251,12 +252,3 @@ def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], flo
             "  Resume with the scene, parameters, options, machine and version of symgen it was begun with."
         )
     return arrays, spent
-
-
-def _digest(arrays: Mapping[str, Any]) -> str:
-    """Return a hash of the arrays of a checkpoint."""
-    digest = hashlib.sha256()
-    for name in sorted(arrays):
-        digest.update(name.encode())
-        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
-    return digest.hexdigest()

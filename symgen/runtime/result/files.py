@@ -12,12 +12,14 @@ from numpy.lib.npyio import NpzFile
 from symgen.calls import checked
 from symgen.errors import ResultError
 from symgen.runtime.arrays import Array
+from symgen.runtime.digest import digest
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable
-from symgen.runtime.result.result import FORMAT, Result
+from symgen.runtime.result.result import DIGEST, FORMAT, Result
 from symgen.runtime.result.speed_response import SpeedResponse
+from symgen.runtime.result.stored import check_arrays, fields
 from symgen.runtime.result.turn import Turn
 
 #: Classes of results by their kind in files.
@@ -33,16 +35,21 @@ def load_result(file: str | os.PathLike[str]) -> Result:
     Raises
     ------
     ResultError
-        When the file is missing, broken, or not a result.
+        When the file is missing, altered or inconsistent, or not a result; the message names the field.
     """
     path = Path(file)
     if path.suffix.lower() not in _READ:
         raise ResultError(f"expected a file ending in {' or '.join(_READ)}, got {path.name!r}")
     try:
-        arrays, meta = (_read_netcdf if path.suffix.lower() == ".nc" else _read_npz)(path)
-        data = json.loads(meta)
-        if data["symgen_result"] != FORMAT:
-            raise ResultError(f"{path} has result format {data['symgen_result']}, this symgen reads {FORMAT}")
+        arrays, meta, written = (_read_netcdf if path.suffix.lower() == ".nc" else _read_npz)(path)
+        known = json.loads(meta)["symgen_result"]
+        if known != FORMAT:
+            raise ResultError(f"{path} has result format {known}, this symgen reads {FORMAT}")
+        if written not in ("", digest(arrays, meta)):  # files of earlier versions have none
+            raise ValueError("its content differs from the content written")
+        data = fields(meta)
+        check_arrays(data, arrays)
+        arrays = {n: array.astype(float, copy=False) for n, array in arrays.items()}
         name, unit, about = data["coordinate"]
         return _KINDS[data["kind"]](
             name=data["name"],
@@ -54,8 +61,8 @@ def load_result(file: str | os.PathLike[str]) -> Result:
             final=data["final"],
             statistics=data["statistics"],
             provenance=data["provenance"],
-            notes=tuple(data.get("notes", ())),
-            events=tuple(Event(**e) for e in data.get("events", ())),
+            notes=tuple(data["notes"]),
+            events=tuple(Event(**e) for e in data["events"]),
             times=arrays.get("time") if name != "time" else None,
             units={of: (shown, size) for of, (shown, size) in data["units"].items()},
         )
@@ -67,14 +74,17 @@ def load_result(file: str | os.PathLike[str]) -> Result:
         raise ResultError(f"{path} is not a result of symgen, or is broken: {error}") from error
 
 
-def _read_netcdf(path: Path) -> tuple[dict[str, Array], str]:
+def _read_netcdf(path: Path) -> tuple[dict[str, Array], str, str]:
+    """Return the arrays of a file, its fields in JSON, and its digest."""
     import xarray
 
-    with xarray.open_dataset(path, engine="scipy") as dataset:
-        names = [name for name in dataset.variables if name != "axis"]
-        return {str(n): np.array(dataset[n].values, dtype=float) for n in names}, dataset.attrs["symgen"]
+    with xarray.open_dataset(path, engine="scipy", decode_cf=False) as dataset:
+        arrays = {str(n): np.array(dataset[n].values) for n in dataset.variables if n != "axis"}
+        return arrays, dataset.attrs["symgen"], dataset.attrs.get(DIGEST, "")
 
 
-def _read_npz(path: Path) -> tuple[dict[str, Array], str]:
+def _read_npz(path: Path) -> tuple[dict[str, Array], str, str]:
+    """Return the same."""
     with path.open("rb") as stream, NpzFile(stream, allow_pickle=False) as stored:
-        return {n: stored[n] for n in stored.files if n != "symgen"}, str(stored["symgen"])
+        arrays = {n: stored[n] for n in stored.files}
+        return arrays, str(arrays.pop("symgen")), str(arrays.pop(DIGEST, ""))

@@ -18,6 +18,7 @@ from symgen.calls import checked
 from symgen.display import seconds
 from symgen.errors import ResultError, nearest
 from symgen.runtime.arrays import Array
+from symgen.runtime.digest import digest
 from symgen.runtime.result.findings import Findings, Pictures
 from symgen.runtime.result.records import (
     Coordinate,
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     import xarray
 
 FORMAT = 2
+#: Name of the digest of a file.
+DIGEST = "symgen_digest"
 #: Version of the summary that the command line prints as JSON.
 SUMMARY = 1
 
@@ -338,18 +341,23 @@ class Result(Findings, Pictures):
 
 
 def _write_netcdf(result: Result, path: Path) -> None:
-    dataset = result.dataset.copy()
-    dataset.attrs["symgen"] = result.meta()
+    dataset, meta = result.dataset.copy(), result.meta()
+    dataset.attrs |= {"symgen": meta, DIGEST: digest(_arrays(result), meta)}
     dataset.to_netcdf(path, engine="scipy")
 
 
 def _write_npz(result: Result, path: Path) -> None:
-    arrays: dict[str, Any] = {v.name: v.values for v in result.variables}
-    if result.times is not None:
-        arrays["time"] = result.times
-    arrays[result.coordinate.name] = result.coordinate.values
+    arrays, meta = _arrays(result), result.meta()
+    texts: dict[str, Any] = {"symgen": np.array(meta), DIGEST: np.array(digest(arrays, meta))}
     with path.open("wb") as stream:
-        np.savez_compressed(stream, symgen=np.array(result.meta()), **arrays)
+        np.savez_compressed(stream, **texts, **arrays)
+
+
+def _arrays(result: Result) -> dict[str, Any]:
+    """Return the arrays of a result by their names in files."""
+    times = {} if result.times is None else {"time": result.times}
+    outputs = {v.name: v.values for v in result.variables}
+    return {**outputs, **times, result.coordinate.name: result.coordinate.values}
 
 
 def _write_csv(result: Result, path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, OutputError, ResultError
+from symgen.runtime.digest import digest
 from symgen.runtime.sweeps.layout import Layout
 
 if TYPE_CHECKING:
@@ -197,16 +197,8 @@ class Zarr:
 
 
 def _digest(arrays: Mapping[str, Array]) -> int:
-    """Return 64 bits of SHA-256 of the results of a chunk."""
-    digest = hashlib.sha256()
-    for name in sorted(arrays):
-        values = np.asarray(arrays[name])
-        numbers = values.dtype.kind == "f"
-        data = (
-            np.ascontiguousarray(values, "<f8").tobytes() if numbers else repr([*map(str, values)]).encode()
-        )
-        digest.update(repr((name, len(data))).encode() + data)
-    return int.from_bytes(digest.digest()[:8], "little")
+    """Return 64 bits of the digest of the results of a chunk."""
+    return int(digest(arrays)[:16], 16)
 
 
 def _renamed(source: Path, target: Path) -> None:
