@@ -89,8 +89,6 @@ class Request:
 
     def carry_out(self, verb: str, **more: Any) -> None:
         """Carry out an analysis with its options and ``more``; save, plot and print its result."""
-        from symgen.runtime.result.files import load_result
-
         out, plot, film = (self.common.get(name) for name in ("out", "plot", "film"))
         names, path, over, files = (self.common.get(name) for name in _OF_PLOTS)
         selected = self.shown(name for name in _OF_PLOTS if self.common.get(name))
@@ -99,9 +97,11 @@ class Request:
         if path and (names or over):
             raise ModelError("give --xy, or --of and --over, not both")
         stems = [file.stem for file in files or ()]
-        others = {
-            str(file) if stems.count(file.stem) > 1 else file.stem: load_result(file) for file in files or ()
-        }
+        others = {}
+        for file in files or ():
+            from symgen.runtime.result.files import load_result
+
+            others[str(file) if stems.count(file.stem) > 1 else file.stem] = load_result(file)
         with saved_on_failure(out):
             result = self.result(verb, **self.arguments(verb), **more)
         if out:
