@@ -167,3 +167,14 @@ def test_the_default_start_is_moved_where_its_run_fails():
         model.optimise({"a": (0.2, 0.28)}, "A.position.peak", start={"a": 0.28}, **OPTIONS)
     with pytest.raises(SimulationError, match=r"came to a = 0\.3 m: the run ended early"):
         model.optimise({"a": (0.26, 0.3)}, "A.position.peak", **OPTIONS)
+
+
+@pytest.mark.parametrize(("bounds", "start"), [((0.2499999, 0.35), 0.2499999), ((0.2, 0.2500001), 0.2)])
+def test_a_start_on_a_bound_next_to_a_dead_centre(model, bounds, start):
+    """Cranks above 25 cm do not turn: at the first bound no difference can be taken, at the second one can."""
+    if start == 0.2:
+        found = model.optimise({"a": bounds}, "A.position.peak", start={"a": start}, **OPTIONS)
+        assert found.parameters["a"] == pytest.approx(0.2, abs=1e-9)
+    else:
+        with pytest.raises(SimulationError, match=r"came to a = 0\.250\d* m: the run ended early: dead centre"):
+            model.optimise({"a": bounds}, "A.position.least.x", start={"a": start}, **OPTIONS)

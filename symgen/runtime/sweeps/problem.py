@@ -236,14 +236,18 @@ class Problem:
         return self._slopes[key]
 
     def _differences(self, x: Array) -> dict[str, Array]:
-        """Take differences between two runs for each variable: to one side where the other one has no run."""
+        """Take differences between two runs for each variable: to one side where the other one has no run.
+
+        On a bound of the variable the outer side is the point itself.
+        """
         here, steps, count = self.at(x), _STEP * np.eye(len(x)), len(x)
         ends = np.vstack([np.minimum(x + steps, 1.0), np.maximum(x - steps, 0.0)])
         samples = self.samples(ends)
         failed: Any = np.asarray(np.isnan(samples[_WEIGHTS]).any(axis=1))
-        lost = np.flatnonzero(failed[:count] & failed[count:])
-        if len(lost):
-            self.samples(ends[lost], whole=True)  # raises why
+        unusable = failed | (ends == x).all(axis=1)
+        lost = unusable[:count] & unusable[count:]
+        if lost.any():
+            self.samples(ends[failed & np.tile(lost, 2)], whole=True)  # raises why
         ends[failed] = x
         apart = np.sum(ends[:count] - ends[count:], axis=1)[:, None, None]
         for name in self.outputs:
