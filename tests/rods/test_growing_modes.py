@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from shared.in_numpy import build
-from shared.linkages import GRAVITY, G, at, ground
+from shared.linkages import GRAVITY, G, at, ground, rod
 
 import symgen
+from symgen.errors import ModelError
 
 
 def pendulum(torque):
@@ -144,3 +145,23 @@ def test_a_damped_motion_without_stiffness_is_neutral():
     equilibrium = model.equilibrium()
     assert equilibrium.stability == "neutral"
     assert [mode.s for mode in model.modes(equilibrium)] == pytest.approx([0, -1e5], rel=1e-9)
+
+
+def test_a_force_without_damping_at_rest_leaves_that_of_others():
+    """Two pendulums, one in a quadratic drag by the root of its squared speed, one with negative damping."""
+    drag = "-d*P.v{}*sqrt(P.vx**2 + P.vy**2)"
+    tables = {
+        "points": {"O": ground(0, 0), "P": at(0, -1), "C": ground(1, 0), "Q": at(1, -1)},
+        "links": {"first": rod("O", "P", 3.0), "second": rod("C", "Q", 3.0)},
+        "forces": [{"point": "P", "force": [drag.format("x"), drag.format("y")]}],
+        "gravity": GRAVITY,
+    }
+    for torque, stability in (("0.2 N*m*s", "unstable"), ("-0.2 N*m*s", "stable")):
+        parameters = {"c": torque, "d": "0.3 N*s^2/m^2"}
+        scene = symgen.Scene(
+            **tables, parameters=parameters, torques=[{"link": "second", "torque": "c*this.rate"}]
+        )
+        model = build(scene)
+        assert model.equilibrium().stability == stability
+        with pytest.raises(ModelError, match="the damping of a force is not defined at rest"):
+            model.modes()

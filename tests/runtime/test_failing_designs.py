@@ -176,5 +176,7 @@ def test_a_start_on_a_bound_next_to_a_dead_centre(model, bounds, start):
         found = model.optimise({"a": bounds}, "A.position.peak", start={"a": start}, **OPTIONS)
         assert found.parameters["a"] == pytest.approx(0.2, abs=1e-9)
     else:
-        with pytest.raises(SimulationError, match=r"came to a = 0\.250\d* m: the run ended early: dead centre"):
+        with pytest.raises(
+            SimulationError, match=r"came to a = 0\.250\d* m: the run ended early: dead centre"
+        ):
             model.optimise({"a": bounds}, "A.position.least.x", start={"a": start}, **OPTIONS)

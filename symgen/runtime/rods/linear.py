@@ -32,7 +32,8 @@ class Linearised:
     They are orthonormal in the metric of small motions. ``multipliers`` are those of minimum norm that
     balance the forces, ``unbalanced`` is the rest that they cannot [N], ``scale`` the largest of the forces
     and constraint forces it is left of [N], ``noise`` the round-off of the forces, that of the positions
-    times the stiffness included [N].
+    times the stiffness included [N]. ``damped`` tells whether the damping of every force exists: forces
+    without a slope by velocities at rest, such as with the root of a squared speed, have none in ``damping``.
     """
 
     basis: Array
@@ -43,6 +44,7 @@ class Linearised:
     unbalanced: Array
     scale: float
     noise: float
+    damped: bool = True
 
     @property
     def freedoms(self) -> int:
@@ -57,20 +59,16 @@ class Linearised:
         ModelError
             If a force has no slope by velocities at rest.
         """
-        if not np.all(np.isfinite(self.damping)):
+        if not self.damped:
             raise ModelError(
-                "expected forces that have a slope by velocities at rest, got one that has none, such as one "
-                "with the root of a squared speed: it has no modes\n  Write the force by abs or sign."
+                "there are no modes: the damping of a force is not defined at rest, such as that of a force "
+                "with sqrt(speed^2)\n  Write the force with abs(speed) or sign(speed)."
             )
         return eigenvalues(self.mass, self.stiffness, self.damping)
 
     def stability(self) -> str:
-        """Return ``unstable`` if a mode grows, ``neutral`` if no force drives one back, or ``stable``.
-
-        Forces without a slope by velocities at rest count as undamped.
-        """
-        damping = self.damping if np.all(np.isfinite(self.damping)) else np.zeros_like(self.damping)
-        values = eigenvalues(self.mass, self.stiffness, damping)[0]
+        """Return ``unstable`` if a mode grows, ``neutral`` if no force drives one back, or ``stable``."""
+        values = eigenvalues(self.mass, self.stiffness, self.damping)[0]
         if np.any(values.real > 0.0):
             return "unstable"
         return "neutral" if np.any(values == 0.0) else "stable"
@@ -159,12 +157,16 @@ class Statics:
         multipliers = scaled / scale  # rows were divided by the scale, so multipliers carry it
         carried = jacobian.T @ scaled
         whole = [self.matrix(name, q, multipliers) for name in ("mass_matrix", "damping", "stiffness")]
+        damped = np.isfinite(whole[1])
+        whole[1][~damped] = 0.0
         mass, damping, stiffness = (basis.T @ matrix @ basis for matrix in whole)
         stiffness[np.abs(stiffness) <= 16 * _EPS * np.max(np.abs(whole[2]), initial=0.0)] = 0.0
         size = float(max(np.max(np.abs(force), initial=0.0), np.max(np.abs(scaled), initial=0.0)))
         noise = 16 * _EPS * (size + float(np.max(np.abs(whole[2])) * np.max(np.abs(q))))
         unbalanced = force - carried
-        return Linearised(basis, mass, damping, stiffness, multipliers, unbalanced, size, noise)
+        return Linearised(
+            basis, mass, damping, stiffness, multipliers, unbalanced, size, noise, bool(np.all(damped))
+        )
 
 
 def eigenvalues(mass: Array, stiffness: Array, damping: Array) -> tuple[NDArray[Any], NDArray[Any]]:
