@@ -46,6 +46,7 @@ cdef extern from "core/start_lanes.h" nogil:
         size_t start_struct
         size_t (*bytes)(const start_sizes *) noexcept nogil
         void (*bind)(start *, const start_sizes *, const start_kernels *, const void *, void *) noexcept nogil
+        double (*size)(Py_ssize_t, Py_ssize_t, const double *) noexcept nogil
         double (*extent)(start *, const double *) noexcept nogil
         void (*begin)(start *) noexcept nogil
         int (*advance)(start *) noexcept nogil

@@ -16,6 +16,8 @@ TOO_TOLERANT: int
 OTHER_SIDE: int
 MOST: float
 
+def size_of_points(positions: Array) -> float: ...
+
 class Starter:
     at: float
     q: Array

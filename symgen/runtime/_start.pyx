@@ -16,6 +16,17 @@ OTHER_SIDE = _OTHER_SIDE
 MOST = MOST_TOLERANCE
 
 
+def size_of_points(const double[:, ::1] positions):
+    """Return the size of a linkage [m] by the positions of its points, (points, axes).
+
+    It is twice their largest distance from their mean, which no rotation changes; NaN if a position is not finite.
+    """
+    cdef const start_table *api = <const start_table *>(<Core>DOUBLE).api.start
+    if not positions.shape[0] or not 0 < positions.shape[1] <= 3:
+        raise ValueError(f"expected positions with 1 to 3 axes, got {positions.shape[0]} with {positions.shape[1]}")
+    return api.size(positions.shape[0], positions.shape[1], &positions[0, 0])
+
+
 cdef class Starter:
     """The assembly of one linkage with scratch memory; one object per thread.
 

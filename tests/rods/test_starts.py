@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from shared.linkages import at, ground, rod
 
 import symgen
 from symgen.errors import InitialStateError, RangeError, SceneError
 from symgen.lowering import straight_line
+from symgen.runtime._start import size_of_points
 
 CASES = Path(__file__).parents[1] / "cases"
 
@@ -110,3 +113,38 @@ angle = "w*t"
     model = symgen.build(scene, backend="numpy")
     with pytest.raises(RangeError, match="links.crank.length: expected a value above zero, got 0 m"):
         model.with_parameters(l=0.0)
+
+
+@pytest.mark.parametrize("length", [1e-6, 100.0, 1e3, 1e6])
+def test_a_length_far_from_the_drawing_is_reached(length):
+    model = symgen.build(
+        symgen.Scene(
+            parameters={"l": {"value": "1 m", "tunable": True}},
+            points={"O": ground(0, 0), "A": at(0.6, -0.8)},
+            links={"rod": rod("O", "A", length="l")},
+        ),
+        backend="numpy",
+    )
+    place = model.with_parameters(l=length).initial_state().positions["A"]
+    assert place == pytest.approx([0.6 * length, -0.8 * length], rel=1e-12)
+
+
+@pytest.mark.parametrize("length", [1e-3, 100.0, 1e3])
+def test_one_of_two_lengths_far_from_the_drawing_is_reached(length):
+    model = symgen.build(
+        symgen.Scene(
+            parameters={"l": {"value": "1 m", "tunable": True}},
+            points={"O": ground(0, 0), "A": at(0.6, -0.8), "B": at(0.6, -1.8)},
+            links={"upper": rod("O", "A", length="l"), "lower": rod("A", "B")},
+        ),
+        backend="numpy",
+    )
+    places = model.with_parameters(l=length).initial_state().positions
+    assert np.linalg.norm(places["A"]) == pytest.approx(length, rel=1e-13)
+    assert np.linalg.norm(places["B"] - places["A"]) == pytest.approx(1.0, rel=1e-13 * max(1.0, length))
+
+
+def test_the_size_of_a_linkage_is_undefined_where_a_point_is_not_finite():
+    assert size_of_points(np.array([[0.0, 0.0], [3.0, 4.0], [1.5, 2.0]])) == 5.0
+    for order in itertools.permutations(([0.0, 0.0], [np.inf, 0.0], [1.0, 2.0])):
+        assert math.isnan(size_of_points(np.array(order)))

@@ -52,22 +52,14 @@ static void call(struct start *s, kernel function, const real *q, const real *u)
     function(&t, q, u, s->p, s->work, s->out);
 }
 
+#define NUMBER real
+#define ROOT real_sqrt
+#define LARGEST largest_or_nan
+#include "start_extent.h"
+
 static real extent(struct start *s, const real *q) {
-    const ptrdiff_t axes = s->sizes.axes;
-    real farthest = 0, mean[3] = {0};
     call(s, s->kernels.points, q, s->still);
-    for (ptrdiff_t i = 0; i < s->sizes.points; i++)
-        for (ptrdiff_t axis = 0; axis < axes; axis++)
-            mean[axis] += s->out[i * axes + axis] / (real)s->sizes.points;
-    for (ptrdiff_t i = 0; i < s->sizes.points; i++) {
-        real squared = 0;
-        for (ptrdiff_t axis = 0; axis < axes; axis++) {
-            const real apart = s->out[i * axes + axis] - mean[axis];
-            squared += apart * apart;
-        }
-        farthest = squared <= farthest ? farthest : squared; /* NaN too */
-    }
-    return 2 * real_sqrt(farthest);
+    return size_of_points(s->sizes.points, s->sizes.axes, s->out);
 }
 
 /* Overwrite a matrix A of n columns, stored column by column, by A L^-T for the factor L in s->mass. */
@@ -187,7 +179,7 @@ static int advance(struct start *s) {
         return target < 1 ? ON_THE_WAY : outcome(s);
     }
     s->step /= 2;
-    return status == TOO_TOLERANT || s->step < SHORTEST ? status : ON_THE_WAY;
+    return status == TOO_TOLERANT || s->step < real_fmax(SHORTEST * s->at, FIRST) ? status : ON_THE_WAY;
 }
 
 /* Write to s->matrix, row by row, the scaled constraints without the dropped ones, then the rows of prescribed
@@ -263,6 +255,7 @@ const struct start_api symgen_start = {
     .start_struct = sizeof(struct start),
     .bytes = bytes,
     .bind = bind,
+    .size = size_of_points,
     .extent = extent,
     .begin = begin,
     .advance = advance,

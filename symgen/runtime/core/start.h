@@ -56,8 +56,10 @@ struct start_api {
     size_t (*bytes)(const struct start_sizes *sizes);
     void (*bind)(struct start *s, const struct start_sizes *sizes, const struct start_kernels *kernels, const void *p,
                  void *memory);
-    /* The size of the linkage [m] at coordinates: twice the largest distance of the points from their mean, which no
-       rotation changes; NaN if a position is not finite. Positions are left in s->out. */
+    /* The size of a linkage [m] by the positions of its points: twice their largest distance from their mean, which no
+       rotation changes; NaN if a position is not finite. */
+    real (*size)(ptrdiff_t count, ptrdiff_t axes, const real *positions);
+    /* The size of the linkage [m] at coordinates. Positions are left in s->out. */
     real (*extent)(struct start *s, const real *q);
     /* Begin at the drawn coordinates s->q. */
     void (*begin)(struct start *s);

@@ -2,9 +2,11 @@
 #ifndef SYMGEN_START_LIMITS_H
 #define SYMGEN_START_LIMITS_H
 
-/* First and longest step along the path from the drawing, and the shortest, below which the assembly fails. */
+/* First and longest step along the path from the drawing, and the shortest over the part that is done, below which the
+   assembly fails. Squares of lengths grow along the path: its first step is tiny where they grow by orders of magnitude. */
 #define LONGEST (R(1) / 32)
 #define SHORTEST (R(1) / 4096)
+#define FIRST R(1e-15)
 /* Round-off over the size of the linkage. */
 #define ROUNDING R(1e-14)
 enum { NEWTON = 30 };

@@ -109,23 +109,15 @@ static mask solve_columns(struct start_lanes *s, wide part) {
     return independent;
 }
 
+#define NUMBER wide
+#define ROOT root
+#define LARGEST largest_in
+#include "start_extent.h"
+
 /* As `extent` of start.c. */
 static wide extent(struct start_lanes *s, const wide *q) {
-    const ptrdiff_t axes = s->sizes.axes, count = s->sizes.points;
-    wide farthest = all(0), mean[3] = {all(0), all(0), all(0)};
     evaluate(s, s->kernels.points, q, s->still);
-    for (ptrdiff_t i = 0; i < count; i++)
-        for (ptrdiff_t axis = 0; axis < axes; axis++)
-            mean[axis] += s->out[i * axes + axis] / (real)count;
-    for (ptrdiff_t i = 0; i < count; i++) {
-        wide squared = all(0);
-        for (ptrdiff_t axis = 0; axis < axes; axis++) {
-            const wide apart = s->out[i * axes + axis] - mean[axis];
-            squared += apart * apart;
-        }
-        farthest = larger(farthest, squared);
-    }
-    return 2 * root(farthest);
+    return size_of_points(s->sizes.points, s->sizes.axes, s->out);
 }
 
 /* As `newton` of start.c, in the open lanes; returns the converged lanes. */

@@ -9,6 +9,7 @@ import numpy as np
 
 from symgen.errors import InitialStateError
 from symgen.runtime import _core
+from symgen.runtime._start import size_of_points
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 
@@ -161,8 +162,7 @@ def _later(evaluator: Evaluator, q: Array, size: float) -> list[tuple[float, Arr
 def extent(evaluator: Evaluator, q: Array) -> float:
     """Return the size of the linkage [m]: twice the largest distance of its points from their mean."""
     positions = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
-    drawn = positions[: evaluator.description.drawn]
-    return float(2 * np.max(np.linalg.norm(drawn - np.mean(drawn, axis=0), axis=1)))
+    return float(size_of_points(positions[: evaluator.description.drawn]))
 
 
 def violation(evaluator: Evaluator, t: float, q: Array, u: Array) -> tuple[float, float]:
