@@ -52,6 +52,43 @@ def test_moment_on_a_cantilever(point, arm):
     assert found["beam.torque"].values[-1] == pytest.approx(-5, rel=1e-9)
 
 
+@pytest.mark.parametrize("point, arm", [("T", LENGTH), ("C", 0.6 * LENGTH)])
+def test_a_couple_bends_a_cantilever_to_an_arc_in_equilibrium(point, arm):
+    """By 1.2 rad, and straight beyond the section; rods have errors of second order in their length."""
+    curvature = 1.2 / LENGTH
+    couple = {"link": "beam", "point": point, "torque": f"{curvature * BENDING!r} N*m"}
+    model = build(cantilever(torques=[couple]))
+    turned, beyond = curvature * arm, LENGTH - arm
+    exact = np.array([np.sin(turned), 1 - np.cos(turned)]) / curvature
+    exact += beyond * np.array([np.cos(turned), np.sin(turned)])
+    for rods in (8, 20):
+        tip = model.equilibrium(segments=rods).state.positions["T"]
+        assert tip == pytest.approx(exact, abs=0.25 * LENGTH / rods**2)
+        if point == "T":  # rods of the directions at their middles
+            h = LENGTH / (rods - 0.5)
+            angles = curvature * h * np.arange(1, rods)
+            chords = [h / 2 + h * np.sum(np.cos(angles)), h * np.sum(np.sin(angles))]
+            assert tip == pytest.approx(chords, abs=1e-9)
+
+
+def test_a_couple_between_links_in_equilibrium():
+    """A four-bar at rest with a couple so small that linear theory holds, between coupler and rocker."""
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "A": {"at": ["0.1 m", "0.4 m"]},
+        "B": {"at": ["0.7 m", "0.5 m"]},
+        "D": {"at": ["0.8 m", "0 m"], "ground": True},
+    }
+    links = {"beam": ["O", "A"], "coupler": ["A", "B"], "rocker": ["D", "B"]}
+    couple = {"link": "coupler", "against": "rocker", "point": "B", "torque": "0.2 N*m"}
+    model = build(symgen.Scene(**beams(points, links, torques=[couple])))
+    rest, small = model.equilibrium(segments=20), model.quasi_static(samples=2)
+    for point, drawn in (("A", [0.1, 0.4]), ("B", [0.7, 0.5])):
+        expected = small[f"{point}.displacement"].values[-1]
+        moved = rest.state.positions[point] - drawn
+        assert moved == pytest.approx(expected, abs=5e-3 * np.max(np.abs(expected)))
+
+
 def test_an_abrupt_couple_stresses_the_first_sample_of_coarse_elements():
     """Large rotation takes strains from end moments with inertia, as the page on it says.
 
@@ -177,6 +214,6 @@ def test_refused(case):
 
 
 def test_rods_have_no_sections():
-    model = build(cantilever(torques=[{"link": "beam", "point": "T", "torque": "1 N*m"}]))
-    with pytest.raises(ModelError, match="couple"):
+    model = build(cantilever(torsion_springs=[{"link": "beam", "point": "T", "stiffness": "1 N*m"}]))
+    with pytest.raises(ModelError, match="a couple at T depends on the rotation of the section"):
         model.large_rotation(segments=5)

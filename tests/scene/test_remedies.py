@@ -134,9 +134,10 @@ def test_a_cantilever():
     assert tip == pytest.approx(-9.81 / 8, rel=1e-9)
 
 
-def test_a_couple_on_a_section_in_equilibrium():
-    couple = [{"link": "beam", "point": "P", "torque": "0.1 N*m"}]
-    model = build(beam(crank={"link": "beam", "speed": "0 rpm"}, torques=couple))
+def test_a_couple_by_the_rotation_of_a_section_in_equilibrium():
+    couple = [{"link": "beam", "point": "P", "torque": "c*(1 - 1e-9*this.angle)"}]
+    crank = {"link": "beam", "speed": "0 rpm"}
+    model = build(beam(crank=crank, torques=couple, parameters={"c": "0.1 N*m"}))
     with pytest.raises(ModelError, match="rods have no sections\n  By linear theory.*quasi_static"):
         model.equilibrium()
     assert model.quasi_static(samples=2)["P.displacement"].values[-1, 1] == pytest.approx(0.05, rel=1e-9)

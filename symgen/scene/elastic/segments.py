@@ -98,14 +98,14 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
                 f"{linkage.name}: {kind}, and segments are joined by hinges alone\n"
                 "  Use elements in place of segments: large_rotation(elements=4), --elements 4."
             )
-    measures = [m for load in linkage.loads for m in load.measures(2) if m.section]
-    bent = [
-        beam.link for beam in linkage.elastic if any(beam.link in dict(m.links).values() for m in measures)
-    ]
-    if bent:
-        raise ModelError(
-            f"{linkage.name}: a couple acts on a section of {bent[0]}, and rods have no sections\n{_SECTIONS}"
-        )
+    bent = [load for load in linkage.loads if any(m.section for m in load.measures(2))]
+    for load in bent:
+        if not isinstance(load, AppliedTorque) or load.uses_own_angle:
+            (section,) = {m.section for m in load.measures(2)}
+            raise ModelError(
+                f"{linkage.name}: a couple at {section} depends on the rotation of the section, and rods "
+                f"have no sections\n{_SECTIONS}"
+            )
     following = {m.follows for k in linkage.loads for m in k.measures(2) if m.points}
     for beam in linkage.elastic:
         if beam.link in following:
@@ -253,10 +253,33 @@ def _springs(part: Segments) -> Iterator[AngularSpring]:
 
 def _loads(linkage: Linkage, parts: Sequence[Segments]) -> list[Load]:
     """Return the loads of the linkage, those on its elastic links as loads on their rods."""
-    loads = list(linkage.loads)
+    loads = [x for load in linkage.loads for x in _couples(linkage, parts, load)]
     for part in parts:
         loads = [x for load in loads for x in load.on_segments(part.link.name, part.rods, part.nodes)]
     return loads
+
+
+def _couples(linkage: Linkage, parts: Sequence[Segments], load: Load) -> Iterator[Load]:
+    """Yield a couple on a section as couples on the two rods whose directions are next to it; others as is.
+
+    The direction of the section is interpolated between theirs, and the couple does the same work.
+    """
+    if not isinstance(load, AppliedTorque) or not load.section:
+        yield load
+        return
+    of = {part.link.name: part for part in parts}
+    for link, sign in ((load.link, 1), (load.against, -1)):
+        if not link:
+            continue
+        part = of[link]
+        first, last = part.nodes[1] - part.spacing / 2, len(part.rods) - 1
+        place = (part.link.along(load.section) - first) / part.spacing
+        k = min(max(int(linkage.number(place) // 1), 0), last)
+        share = place - k if linkage.number(place) > 0 and k < last else _ZERO
+        for rod, part_of_couple in ((k, 1 - share), (k + 1, share)):
+            if part_of_couple != 0:
+                torque = tuple(sign * part_of_couple * c for c in load.torque)
+                yield AppliedTorque(f"{load.name}__{part.rods[rod]}", part.rods[rod], torque)
 
 
 def _inner_points(part: Segments, places: Places) -> Iterator[PlacedPoint]:
