@@ -82,11 +82,11 @@ def test_a_couple_between_links_in_equilibrium():
     links = {"beam": ["O", "A"], "coupler": ["A", "B"], "rocker": ["D", "B"]}
     couple = {"link": "coupler", "against": "rocker", "point": "B", "torque": "0.2 N*m"}
     model = build(symgen.Scene(**beams(points, links, torques=[couple])))
-    rest, small = model.equilibrium(segments=20), model.quasi_static(samples=2)
+    rest, small = model.equilibrium(segments=8), model.quasi_static(samples=2)
     for point, drawn in (("A", [0.1, 0.4]), ("B", [0.7, 0.5])):
         expected = small[f"{point}.displacement"].values[-1]
         moved = rest.state.positions[point] - drawn
-        assert moved == pytest.approx(expected, abs=5e-3 * np.max(np.abs(expected)))
+        assert moved == pytest.approx(expected, abs=0.02 * np.max(np.abs(expected)))
 
 
 def test_an_abrupt_couple_stresses_the_first_sample_of_coarse_elements():
