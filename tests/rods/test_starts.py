@@ -72,24 +72,28 @@ def test_ends_of_a_link_at_one_place_are_named():
 
 
 @pytest.mark.parametrize("length", [None, "2.5 m"])
-def test_the_base_of_a_floating_part_stays_where_it_is_drawn(length):
-    """The part turns about the first point of its first link; what hangs on that link follows."""
+@pytest.mark.parametrize("order", ["ABC", "CBA", "BAC"])
+def test_the_mean_of_a_floating_part_stays_where_it_is_drawn(length, order):
+    """In any order of its points and links."""
     data = tomllib.loads((CASES / "floating_start.toml").read_text())
-    data["points"] = {
-        "A": {"at": ["0.3 m", "-0.2 m"]},
-        "B": {"at": ["1.3 m", "-0.2 m"]},
-        "C": {"at": ["1.3 m", "0.5 m"]},
-    }
+    drawn = {"A": (0.3, -0.2), "B": (1.3, -0.2), "C": (1.3, 0.5)}
+    data["points"] = {p: {"at": [f"{x} m" for x in drawn[p]]} for p in order}
     data["links"]["tail"] = {"points": ["B", "C"], "mass": "1 kg"}
     data["start"]["angles"]["tail"] = "0 deg"
     if length:
         data["links"]["rod"]["length"] = length
+    if order != "ABC":
+        data["links"] = dict(reversed(data["links"].items()))
+        data["start"]["angles"]["tail"] = "180 deg"
+        data["links"]["tail"]["points"] = ["C", "B"]
     places = symgen.build(symgen.Scene(**data), backend="numpy").initial_state().positions
     reach = float(length.split()[0]) if length else 1.0
-    for point, place in {"A": (0.3, -0.2), "B": (0.3, reach - 0.2), "C": (1.0, reach - 0.2)}.items():
-        np.testing.assert_allclose(places[point], place, atol=1e-14)
+    shape = {"A": np.zeros(2), "B": np.array([0, reach]), "C": np.array([0.7, reach])}
+    mean, of_shape = (sum(np.array(x) for x in at.values()) / 3 for at in (drawn, shape))
+    for point, place in shape.items():
+        np.testing.assert_allclose(places[point], place - of_shape + mean, atol=1e-14)
     alone = symgen.build(CASES / "floating_start.toml", backend="numpy").initial_state().positions["A"]
-    np.testing.assert_allclose(alone, [0, 0], atol=1e-15)
+    np.testing.assert_allclose(alone, [0.5, -0.5], atol=1e-15)
 
 
 def test_a_length_that_a_parameter_makes_zero_is_named(tmp_path):
@@ -148,3 +152,14 @@ def test_the_size_of_a_linkage_is_undefined_where_a_point_is_not_finite():
     assert size_of_points(np.array([[0.0, 0.0], [3.0, 4.0], [1.5, 2.0]])) == 5.0
     for order in itertools.permutations(([0.0, 0.0], [np.inf, 0.0], [1.0, 2.0])):
         assert math.isnan(size_of_points(np.array(order)))
+
+
+@pytest.mark.parametrize("name", ["universal_joint.toml", "guide_direction.toml", "lift_table.toml"])
+def test_places_of_constraints_are_keys_of_the_scene(name):
+    scene = symgen.load_scene(CASES / name)
+    d = symgen.build(scene, backend="numpy").description
+    for i, label in enumerate(d.labels):
+        table = scene.model_dump()
+        for key in d.place(i).split("."):
+            table = table[int(key) if isinstance(table, list) else key]
+        assert table, label

@@ -181,3 +181,20 @@ def driven(rng: np.random.Generator, dimension: int = 2) -> dict:
         outputs += [f"{name}.{p}.force" for p in link["points"]] + [f"{name}.angle"]
     tables["analysis"] = {"outputs": outputs}
     return tables
+
+
+#: Rods between six points that no angle and no dyads place one after the other: each of A, C, E joins each of B, D, F.
+ENTANGLED = ("TA", "GC", "HE", "AB", "BC", "CD", "DE", "EF", "FA", "AD", "BE", "CF")
+
+
+def entangled(rng: np.random.Generator, dimension: int = 2) -> dict:
+    """Return a driven crank O T with rods whose assembly modes are searched from many poses."""
+    at = {p: rng.uniform(-1, 1, 2) for p in "OTGHABCDEF"}
+    start = float(np.arctan2(*(at["T"] - at["O"])[::-1]))
+    links = {rod: {"points": [*rod], "mass": "1.0 kg"} for rod in ("OT", *ENTANGLED)}
+    return {
+        "parameters": {"w": "1.0 rad/s", "start": in_unit(start, "rad")},
+        "points": {p: {"at": texts(x, "m"), "ground": p in "OGH"} for p, x in at.items()},
+        "links": links,
+        "drivers": [{"link": "OT", "angle": "start + w*t"}],
+    }

@@ -8,8 +8,11 @@ on the point, and at a joint with rows of its own the force is the multiplier.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
 
+import numpy as np
 import sympy as sp
 
 from symgen.errors import SceneError
@@ -23,22 +26,33 @@ from symgen.symbolic.vectors import dot
 
 #: Forces on some points of a link, to be added up.
 Forces = Iterator[tuple[str, Vector]]
-#: The ground as a keeper; part of the product of their squares below which lines depend; digits of constants.
-_GROUND, _DEPENDENT, _DIGITS = "", sp.Rational(1, 10**12), 30
+#: The ground as one of two links; part of a stress that others must leave over; digits of constants.
+_GROUND, _DEPENDENT, _DIGITS = "", 1e-6, 30
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Two points that a body in space has in common with its keeper: the ground, a rod, or another body.
+    """Two points that a link has in common with another link or the ground, one link a body in space.
 
-    The force along their line is not determined. The forces on the body are evened by ``pull`` [N/m] times
-    the vector from the first point to the second, against it at the second; the keeper takes the opposite.
+    The force along their line is not determined: ``link`` may push ``other`` at one of the points as much as
+    it pulls at the other one.
     """
 
+    link: str
+    other: str
     first: str
     second: str
-    keeper: str
-    pull: sp.Expr = ZERO
+
+    def at(self, link: str, point: str) -> int:
+        """Return the sign of the vector from the first point to the second in the force at a point."""
+        of_link = (link == self.link) - (link == self.other)
+        return of_link * ((point == self.first) - (point == self.second))
+
+    @property
+    def places(self) -> list[tuple[str, str]]:
+        """Links and points at which it has a force."""
+        links = [k for k in (self.link, self.other) if k != _GROUND]
+        return [(k, p) for k in links for p in (self.first, self.second)]
 
 
 class JointForces:
@@ -49,7 +63,7 @@ class JointForces:
         self._parts = {part.name: part for part in model.parts}
         self._part_forces: dict[str, dict[str, Vector]] = {}
         self._raw: dict[tuple[str, str], Vector] = {}
-        self._evened: dict[str, list[Line]] = {}
+        self._pulls: dict[Line, sp.Expr] = {}
 
     def on(self, link: str, point: str) -> Vector:
         """Return the force [N] on a link at one of its points, without weight and loads along it.
@@ -61,23 +75,25 @@ class JointForces:
         """
         if link in self.model.idle and all(beam.link != link for beam in self.model.linkage.elastic):
             raise SceneError(f"{link} lies between two ground points: the forces on it are not determined")
-        shared = any((k.name, p.name) == (link, point) for k, p in self.model.shared)
-        if shared and not any((row.link, row.point) == (link, point) for row in self.model.joints):
+        if self._is_held_without(link, point):
             raise SceneError(
                 f"{link} is held without {point}: the force there is not determined",
                 hint="Its other joints hold it: record their forces.",
             )
-        part, bodies = self._parts[link], self.model.linkage.bodies
-        given = [_times(-1, self._pulls(body, point, link)) for body in bodies]
-        own = [self._pulls(part, point), self._at_axis(part, point)] if isinstance(part, SpatialBody) else []
-        return _sum([self._of_point(part, point), *own, *given])
+        part = self._parts[link]
+        own = [self._at_axis(part, point)] if isinstance(part, SpatialBody) else []
+        return _sum([self._of_point(part, point), *own, *self._along_lines(link, point)])
+
+    def _is_held_without(self, link: str, point: str) -> bool:
+        """Return whether other joints of a link leave the force at a point of it open."""
+        shared = any((k.name, p.name) == (link, point) for k, p in self.model.shared)
+        return shared and not any((row.link, row.point) == (link, point) for row in self.model.joints)
 
     def by_ground(self, point: str) -> Vector:
         """Return the part of the force of the ground at a point that lines of bodies leave to it [N]."""
-        bodies = self.model.linkage.bodies
-        held = [b for b in bodies if any(k.keeper == _GROUND for k in self._lines(b)[0])]
-        pulls = [self._pulls(b, point, _GROUND) for b in held]
-        return _sum([(ZERO,) * len(self.model.axes), *pulls, *(self._at_axis(b, point) for b in bodies)])
+        pulls = [x for k in self._lines if k.other == _GROUND for x in self._along_lines(k.link, point, [k])]
+        at_axes = (self._at_axis(b, point) for b in self.model.linkage.bodies)
+        return _sum([(ZERO,) * len(self.model.axes), *pulls, *at_axes])
 
     def _at_axis(self, body: SpatialBody, point: str) -> Vector:
         """Return the force at the hidden ground point of a hinged body: both points are one joint."""
@@ -89,9 +105,13 @@ class JointForces:
 
     def tension(self, rod: RigidLink) -> sp.Expr:
         """Return the part of the multiplier of a rod that bodies on two of its points leave to it [N/m]."""
-        lines = [line for body in self.model.linkage.bodies for line in self._even(body)]
+        lines = [k for k in self._lines if rod.name in (k.link, k.other)]
+        parts = [rod.along(k.second) - rod.along(k.first) for k in lines]
         return sp.Add(
-            *(k.pull * (rod.along(k.second) - rod.along(k.first)) ** 2 for k in lines if k.keeper == rod.name)
+            *(
+                -k.at(rod.name, k.first) * self._pull(k) * part**2
+                for k, part in zip(lines, parts, strict=True)
+            )
         )
 
     def _of_point(self, part: Part, p: str) -> Vector:
@@ -124,73 +144,81 @@ class JointForces:
         carried = [_share(part, c, p, self._of_point(part, c.name)) for c in part.carried]
         return _sum([self._part_forces[part.name][p], *(_times(-1, x) for x in carried)])
 
-    def _pulls(self, body: SpatialBody, point: str, keeper: str | None = None) -> Vector:
-        """Return what evens the force on a body at a point, along lines of one keeper or of all [N]."""
-        terms = [(ZERO,) * len(self.model.axes)]
-        for line in self._even(body):
-            if point in (line.first, line.second) and keeper in (None, line.keeper):
-                terms.append(_times(line.pull if point == line.first else -line.pull, self._along(line)))
-        return _sum(terms)
+    def _along_lines(self, link: str, point: str, lines: Sequence[Line] | None = None) -> Iterator[Vector]:
+        """Yield the forces on a link at a point that its lines add to those of its own equations [N]."""
+        for line in self._lines if lines is None else lines:
+            if line.at(link, point):
+                yield _times(line.at(link, point) * self._pull(line), self._along(line))
 
     def _along(self, line: Line) -> Vector:
         ends = self.model.position(line.first), self.model.position(line.second)
         return tuple(b - a for a, b in zip(*ends, strict=True))
 
-    def _even(self, body: SpatialBody) -> list[Line]:
-        """Return the lines of a body with the pulls after which the forces on it are of minimum norm.
+    def _pull(self, line: Line) -> sp.Expr:
+        """Return the stress along a line over its length [N/m].
 
-        They are equal along a line at both of its points. Without the pulls, the choice of the base points of
-        the body would decide its part and that of the keeper.
+        With it the sum of the squares of the forces on all links is least, which does not depend on the order
+        of links and points, nor on the base points of bodies.
         """
-        if body.name not in self._evened:
-            lines, products = self._lines(body)
-            uneven = []
-            for line in lines:
-                less = _times(-1, self._of_point(body, line.first))
-                uneven.append(dot(self._along(line), _sum([self._of_point(body, line.second), less])))
-            inverse = products.inv().evalf(_DIGITS) if lines else products
-            pulls = [
-                sp.Add(*(c * x for c, x in zip(inverse.row(i), uneven, strict=True)))
-                for i in range(len(lines))
+        if line not in self._pulls:
+            coupled = [line]
+            for other in coupled:  # which grows
+                coupled += [k for k in self._lines if k not in coupled and {*k.places} & {*other.places}]
+            uneven = [
+                sp.Add(
+                    *(
+                        k.at(*place) * dot(self._along(k), self._of_point(self._parts[place[0]], place[1]))
+                        for place in k.places
+                    )
+                )
+                for k in coupled
             ]
-            self._evened[body.name] = [replace(k, pull=x) for k, x in zip(lines, pulls, strict=True)]
-        return self._evened[body.name]
+            stresses = sp.Matrix([self._stress(k, coupled) for k in coupled])
+            inverse = (stresses * stresses.T).inv().evalf(_DIGITS)
+            for i, k in enumerate(coupled):
+                self._pulls[k] = -sp.Add(*(c * x for c, x in zip(inverse.row(i), uneven, strict=True)))
+        return self._pulls[line]
 
-    def _lines(self, body: SpatialBody) -> tuple[list[Line], sp.Matrix]:
-        """Return the lines of a body with what comes before it, and the products of their stresses.
-
-        Lines that follow from others are omitted.
-        """
+    @cached_property
+    def _lines(self) -> list[Line]:
+        """The lines along which forces are not determined, without those that follow from others."""
         model = self.model
         bent = {beam.link for beam in model.linkage.elastic}
-        before = [k for k in model.parts[: model.parts.index(body)] if k.name not in bent]
-        held = [(_GROUND, model.ground), *((k.name, _points(k)) for k in before)]
+        parts = [k for k in model.parts if k.name not in {*bent, *model.idle}]
+        bodies = [k for k in parts if isinstance(k, SpatialBody)]
+        of_part = {
+            k.name: [
+                p
+                for p in _points(k)
+                if not model.linkage.point(p).hidden and not self._is_held_without(k.name, p)
+            ]
+            for k in (parts if bodies else [])
+        }
+        pairs = [(k.name, _GROUND) for k in bodies]
+        pairs += [(a.name, b.name) for a, b in combinations(parts, 2) if a in bodies or b in bodies]
+        places = {(k, p): i for i, (k, p) in enumerate((k, p) for k, named in of_part.items() for p in named)}
         lines: list[Line] = []
-        products = sp.zeros(0)
-        for keeper, others in held:
-            shared = [p for p in _points(body) if p in others]
-            if (
-                len(shared) != 2
-                or any(model.linkage.point(p).hidden for p in shared)
-                or shared in [[k.first, k.second] for k in lines]
-            ):
-                continue
-            more = [*lines, Line(shared[0], shared[1], keeper)]
-            larger = self._products(more)
-            if larger.det() > _DEPENDENT * sp.prod(larger.diagonal()):
-                lines, products = more, larger
-        return lines, products
+        spanned = np.zeros((0, len(places) * len(model.axes)))
+        for link, other in pairs:
+            of_other = of_part[other] if other else model.ground
+            for ends in combinations([p for p in of_part[link] if p in of_other], 2):
+                line = Line(link, other, *ends)
+                drawn = self._stress(line, [line])
+                stress = np.zeros((len(places), len(model.axes)))
+                for place, force in zip(line.places, np.reshape(drawn, (-1, len(model.axes))), strict=True):
+                    stress[places[place]] = force
+                rest = stress.ravel() - spanned.T @ (spanned @ stress.ravel())
+                if np.linalg.norm(rest) > _DEPENDENT * np.linalg.norm(stress):
+                    spanned = np.vstack([spanned, rest / np.linalg.norm(rest)])
+                    lines.append(line)
+        return lines
 
-    def _products(self, lines: Sequence[Line]) -> sp.Matrix:
-        """Return the products of unit stresses along lines between points, as drawn [m^2]."""
-        drawn = {p: self.model.linkage.point(p).at for line in lines for p in (line.first, line.second)}
-        stresses = []
-        for line in lines:
-            ends = zip(drawn[line.first], drawn[line.second], strict=True)
-            along = [rounded(b - a, _DIGITS) for a, b in ends]
-            stresses.append([x * ((p == line.first) - (p == line.second)) for p in drawn for x in along])
-        matrix = sp.Matrix(stresses)
-        return matrix * matrix.T
+    def _stress(self, line: Line, among: Sequence[Line]) -> list[sp.Expr]:
+        """Return the forces of a line at all places of some lines, with the vector along it as drawn [m]."""
+        ends = (self.model.linkage.point(p).at for p in (line.first, line.second))
+        along = [rounded(b - a, _DIGITS) for a, b in zip(*ends, strict=True)]
+        places = dict.fromkeys(place for k in among for place in k.places)
+        return [line.at(*place) * x for place in places for x in along]
 
 
 def _points(part: Part) -> tuple[str, ...]:

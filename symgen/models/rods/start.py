@@ -106,10 +106,11 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
         now = drawn_angle + s * sp.atan2(sp.sin(correction), sp.cos(correction))
         residuals.append(y * sp.cos(now) - x * sp.sin(now))
         rows.append(f"{name} angle")
-    for point in _bases(model):
-        for axis, there in zip(model.axes, model.position(point), strict=True):
-            residuals.append(there - there.xreplace(drawn))
-            rows.append(f"{point} drawn {axis}")
+    for part in _floating(model):
+        for axis, places in zip(model.axes, zip(*map(model.position, part), strict=True), strict=True):
+            mean = sp.Add(*places) / len(part)
+            residuals.append(mean - mean.xreplace(drawn))
+            rows.append(f"the mean {axis} of the part of {part[0]}")
     gradients = [model.calculus.gradient(r) for r in residuals]
     about = "derivative of the assembly residual"
     return [
@@ -125,19 +126,22 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
     ]
 
 
-def _bases(model: RodsModel) -> Iterator[str]:
-    """Yield the first point of every part without constraint to the ground."""
+def _floating(model: RodsModel) -> Iterator[list[str]]:
+    """Yield the points of every part without constraint to the ground.
+
+    Together they stay where they are drawn: of one of them this would depend on the order of the scene.
+    """
     owner = {x.symbol: point for point, group in model.q.items() for x in group}
     tied = {point: {point} for point in model.q}
     for constraint in model.constraints:
         together = set[str]().union(*(tied[owner[q]] for q in model.calculus.gradient(constraint.expression)))
         tied.update(dict.fromkeys(together, together))
-    based: set[str] = set(model.ground)
-    for link in model.parts:
-        part = set[str]().union(*(tied[p] for p in model.supports(link.base[0])))
-        if not part & based:
-            yield link.base[0]
-        based |= part
+    parts: dict[frozenset[str], list[str]] = {}
+    for point in model.linkage.points:
+        if not point.hidden:
+            part = set[str]().union(*(tied[p] for p in model.supports(point.name)))
+            parts.setdefault(frozenset(part), []).append(point.name)
+    yield from (points for part, points in parts.items() if not part.intersection(model.ground))
 
 
 def _as_drawn(model: RodsModel) -> dict[sp.Symbol, sp.Expr]:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
 
 from symgen.runtime.kernels.elastic_description import ElasticInfo
+from symgen.runtime.kernels.places import key_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,8 +246,7 @@ class Description(Described):
 
     def place(self, constraint: int) -> str:
         """Return the key of the scene that makes a constraint."""
-        name = self.constraints[constraint].removesuffix("_drive")
-        return self.driver(name) if constraint in self.drives else f"links.{name}"
+        return key_of(self.constraints[constraint], self.labels[constraint], self.driver)
 
     def driver(self, link: str) -> str:
         """Return the key of the scene that drives a link."""

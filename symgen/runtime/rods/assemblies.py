@@ -59,20 +59,26 @@ def _search(constraints: Constraints, near: Array, t: float, tries: int) -> Iter
     """Yield poses that nearly meet the constraints, from many starting poses."""
     from scipy.optimize import least_squares
 
-    length = constraints.length(near)
-    for start in _poses(constraints, near, length, tries):
+    length, places = constraints.length(near), constraints.places(near, 0.0)[: constraints.description.drawn]
+    centre = np.tile(places.mean(axis=0), constraints.n // places.shape[1])
+    axes = _axes((places - places.mean(axis=0)) / length)
+
+    def placed(x: Array) -> Array:
+        return np.asarray(centre + length * x)
+
+    for start in _poses((near - centre) / length, axes, tries):
         solved = least_squares(
-            constraints.residual,
+            lambda x: constraints.residual(placed(x), t) / length,
             start,
-            constraints.jacobian,
+            lambda x: constraints.jacobian(placed(x), t),
             method="lm",
-            args=(t,),
+            x_scale=1.0,  # scales of their own would depend on the axes
             xtol=1e-12,
             ftol=1e-12,
             max_nfev=100,
         )
-        if np.max(np.abs(solved.fun)) < 1e-6 * length:
-            yield solved.x
+        if np.max(np.abs(solved.fun)) < 1e-6:
+            yield placed(solved.x)
 
 
 def _isolated(constraints: Constraints, q: Array, t: float) -> bool:
@@ -99,13 +105,26 @@ def polished(constraints: Constraints, q: Array, t: float, root: Array | None = 
     return q if np.max(np.abs(constraints.residual(q, t)), initial=0.0) <= _CLOSED * size else None
 
 
-def _poses(constraints: Constraints, near: Array, length: float, tries: int) -> list[Array]:
-    axes = len(constraints.description.axes)
-    centre = np.tile(constraints.places(near, 0.0).mean(axis=0), constraints.n // axes)
-    mirrored = [2 * centre - near]
-    for axis in range(axes):
-        other = near.copy()
-        other[axis::axes] = 2 * centre[axis::axes] - near[axis::axes]
-        mirrored.append(other)
-    random = np.random.default_rng(_SEED)
-    return [near, *mirrored, *(centre + length * random.uniform(-1, 1, constraints.n) for _ in range(tries))]
+def _poses(drawn: Array, axes: Array, tries: int) -> list[Array]:
+    """Return a pose, from its centre and over its size, its mirror images, and random poses.
+
+    They rotate and mirror with ``axes``, and depend on the order of the points only if two of them are alike.
+    """
+    arms = drawn.reshape(-1, len(axes)) @ axes.T
+    mirrored = [arms * (1 - 2 * unit) for unit in np.eye(len(axes))]
+    order = np.lexsort(np.round(arms, 9).T)
+    random = np.random.default_rng(_SEED).uniform(-1, 1, (tries, *arms.shape))
+    poses = np.array([arms, -arms, *mirrored, *random[:, np.argsort(order)]])
+    return list((poses @ axes).reshape(len(poses), -1))
+
+
+def _axes(arms: Array) -> Array:
+    """Return orthonormal axes, row by row, each towards the farthest point from those before it."""
+    axes = np.zeros((0, arms.shape[1]))
+    while len(axes) < arms.shape[1]:
+        out = arms - arms @ axes.T @ axes
+        far = out[np.argmax(np.linalg.norm(out, axis=1))]
+        if np.linalg.norm(far) < _SAME:  # all points are on a line or plane: it has no sides
+            return np.vstack([axes, np.linalg.svd(axes)[2][len(axes) :]])
+        axes = np.vstack([axes, far / np.linalg.norm(far)])
+    return axes

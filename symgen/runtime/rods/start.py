@@ -287,16 +287,16 @@ def _label(evaluator: Evaluator, row: str) -> str:
 
 def _place(evaluator: Evaluator, row: str) -> str:
     """Return the key of the scene that asks for a row of the start."""
-    constraint, _, link = row.rpartition(" link ")
-    if constraint.startswith("the "):
-        return evaluator.description.driver(link) if "drive" in constraint else f"links.{link}"
-    if row.startswith("the guide"):
-        return "guides"
+    d = evaluator.description
+    if row in d.labels:
+        return d.place(d.labels.index(row))
     name, _, word = row.partition(" ")
-    if word == "angle" and f"{name}_drive" in evaluator.description.constraints:
-        return evaluator.description.driver(name)
-    tables = {"": "links", "angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
-    return f"{tables.get(word.partition(' ')[0], 'links')}.{name}"
+    if name == "the":  # mean of a floating part
+        return f"points.{row.rpartition(' ')[2]}"
+    if word == "angle" and f"{name}_drive" in d.constraints:
+        return d.driver(name)
+    tables = {"angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
+    return f"{tables[word.partition(' ')[0]]}.{name}"
 
 
 def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ...]) -> Array:

@@ -103,14 +103,10 @@ def _of_reactions(linkage: Linkage) -> Iterator[str]:
     for body in linkage.bodies:
         grounded = [p for p in body.base if p in ground and not linkage.point(p).hidden]
         if len(grounded) > 1:
-            shares = (
-                "equal parts are reported"
-                if len(grounded) == 2
-                else "the reported parts are one choice of many"
-            )
+            shares = "equal parts" if len(grounded) == 2 else "those of least norm"
             yield (
                 f"body {body.name} is held at the ground points {' and '.join(grounded)}: of the reactions "
-                f"along the line between them only the sum is determined; {shares}"
+                f"along the line between them only the sum is determined; {shares} are reported"
             )
     for link in linkage.links:
         if link.mass != 0 and ground.issuperset(link.base):
@@ -125,5 +121,5 @@ def _of_reactions(linkage: Linkage) -> Iterator[str]:
         if len(shared) > 1 and not ground.issuperset(shared) and any(f in requested for f in forces):
             yield (
                 f"links {a.name} and {b.name} share the points {' and '.join(shared)}: of the forces along "
-                "the line between them only the sum is determined; the reported parts are one choice of many"
+                "the line between them only the sum is determined; those of least norm are reported"
             )
