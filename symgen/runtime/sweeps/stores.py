@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.atomic import write_text
 from symgen.errors import ModelError, OutputError, ResultError
 from symgen.runtime.digest import digest
 from symgen.runtime.sweeps.layout import Layout
@@ -67,15 +68,19 @@ class Zarr:
     """
 
     def __init__(self, path: Path) -> None:
-        import zarr
-
+        described = path / ".zattrs"
         try:
-            self.group: Any = zarr.open_group(path, mode="r+", zarr_format=2)
-            about: Any = self.group.attrs["sweep"]
+            about = json.loads(described.read_bytes())["sweep"]
             self.identity, self.chunk = str(about["identity"]), int(about["chunk"])
-        except (OSError, KeyError, ValueError, TypeError) as error:
-            raise ResultError(f"{path} is not the store of a sweep: {error}") from None
+        except (OSError, KeyError, ValueError, TypeError):
+            if not (path / DONE).is_dir():
+                raise ResultError(f"{path} is not the store of a sweep") from None
+            raise ResultError(
+                f"{described} is damaged: it names the sweep that the results in {path} are of\n"
+                "  Restore the file from a copy, or remove the store, so that the sweep is computed again."
+            ) from None
         self.path, self.names = path, tuple[str, ...]()
+        self.group: Any = None  # until descriptions are restored
 
     @classmethod
     def created(cls, path: Path, layout: Layout, sweep: Any, chunk: int) -> Zarr:
@@ -93,19 +98,29 @@ class Zarr:
         return cls(path)
 
     def restored(self, layout: Layout, sweep: Any) -> None:
-        """Restore damaged descriptions of arrays, with a warning each."""
+        """Restore damaged descriptions and names of axes, with a warning each, and open the store."""
+        import zarr
+
         self.names = tuple(entry.name for entry in layout.entries)
         with tempfile.TemporaryDirectory() as folder:
             self._described(Path(folder), layout, sweep, self.chunk)
             for intact in sorted(Path(folder).rglob(".z*")):
-                name = intact.relative_to(folder)
-                try:
-                    same = json.loads((self.path / name).read_bytes()) == json.loads(intact.read_bytes())
-                except (OSError, ValueError):
-                    same = False
-                if not same:
-                    warnings.warn(f"{self.path / name} is damaged: it is restored", stacklevel=2)
-                    shutil.copyfile(intact, self.path / name)
+                file = self.path / intact.relative_to(folder)
+                if not _agrees(file, json.loads(intact.read_bytes())):
+                    warnings.warn(f"{file} is damaged: it is restored", stacklevel=2)
+                    file.parent.mkdir(exist_ok=True)
+                    write_text(file, intact.read_text(encoding="utf-8"))
+        self.group = zarr.open_group(self.path, mode="r+", zarr_format=2)
+        if layout.axes and self._axes() != layout.axes:
+            warnings.warn(f"{self.path / 'axis'} is damaged: it is restored", stacklevel=2)
+            self.group["axis"][:] = np.array(layout.axes, dtype=object)
+
+    def _axes(self) -> tuple[str, ...]:
+        """Return the names of axes in the store; none if they cannot be read."""
+        try:
+            return tuple(map(str, self.group["axis"][:]))
+        except Exception:  # of zarr, its codecs and the file system alike
+            return ()
 
     @staticmethod
     def _described(path: Path, layout: Layout, sweep: Any, chunk: int) -> None:
@@ -124,7 +139,7 @@ class Zarr:
                 chunks=(chunk, *entry.sizes),
                 dtype=str if entry.text else "<f8",
                 fill_value=None if entry.text else np.nan,
-                compressors=Zstd(level=1),  # Blosc orders its blocks by its threads
+                compressors=Zstd(level=1, checksum=True),  # Blosc orders its blocks by its threads
                 attributes={**entry.attributes, "_ARRAY_DIMENSIONS": ["run", *entry.dims]},
             )
         group.create_array(
@@ -133,7 +148,7 @@ class Zarr:
             chunks=(chunk,),
             dtype="<u8",
             fill_value=0,
-            compressors=Zstd(level=1),
+            compressors=Zstd(level=1, checksum=True),
             attributes={
                 "long_name": "digest of the results of the chunk of the run",
                 "_ARRAY_DIMENSIONS": ["run"],
@@ -146,7 +161,7 @@ class Zarr:
             chunks=(chunk,),
             dtype="u1",
             fill_value=None,
-            compressors=Zstd(level=1),
+            compressors=Zstd(level=1, checksum=True),
             attributes={**about, "_ARRAY_DIMENSIONS": ["run"]},
         )
         if layout.axes:
@@ -157,27 +172,36 @@ class Zarr:
 
     def is_done(self, first: int) -> bool:
         """Return whether the chunk that begins with a run is there and intact; warn of a damaged one."""
+        done, damage = self._state(first)
+        if damage:
+            warnings.warn(f"{damage}: it is computed again", stacklevel=2)
+            number = first // self.chunk
+            for name in (*self.names, DIGEST, DONE):
+                for file in (self.path / name).glob(f"{number}*"):
+                    if file.name.partition(".")[0] == str(number):
+                        file.unlink(missing_ok=True)
+        return done
+
+    def warn_of_damage(self, first: int) -> None:
+        """Warn of a damaged chunk that another process has written."""
+        if damage := self._state(first)[1]:
+            warnings.warn(f"{damage}: continue its part of the sweep", stacklevel=2)
+
+    def _state(self, first: int) -> tuple[bool, str]:
+        """Return whether the chunk that begins with a run is there and intact, and its damage in words."""
         span = slice(first, first + self.chunk)
         try:
             if not self.group[DONE][first]:
-                return False
+                return False, ""
             stored = {name: self.group[name][span] for name in self.names}
             if np.all(self.group[DIGEST][span] == _digest(stored)):
-                return True
+                return True, ""
             cause = "its digest differs"
         except Exception as error:  # of zarr, its codecs and the file system alike
             cause = str(error).partition("\n")[0] or type(error).__name__
-        last, number = min(span.stop, self.group[DONE].shape[0]) - 1, first // self.chunk
-        warnings.warn(
-            f"chunk {number} of {self.path}, runs {first} to {last}, is damaged ({cause}): it is computed "
-            "again",
-            stacklevel=2,
-        )
-        for name in (*self.names, DIGEST, DONE):
-            for file in (self.path / name).glob(f"{number}*"):
-                if file.name.partition(".")[0] == str(number):
-                    file.unlink(missing_ok=True)
-        return False
+        last = min(span.stop, self.group[DONE].shape[0]) - 1
+        runs = f"chunk {first // self.chunk} of {self.path}, runs {first} to {last}"
+        return False, f"{runs}, is damaged ({cause})"
 
     def write(self, first: int, arrays: Mapping[str, Array]) -> None:
         """Write the chunk that begins with a run."""
@@ -194,6 +218,25 @@ class Zarr:
     def dataset(self) -> xarray.Dataset:
         """Return the results of all runs, read when they are used."""
         return opened(self.path)
+
+
+def _agrees(file: Path, intact: dict[str, Any]) -> bool:
+    """Return whether a description agrees with an intact one, by whichever version of Zarr it was written."""
+    try:
+        there = json.loads(file.read_bytes())
+        if "shape" in intact:
+            return _read_as(there) == _read_as(intact)
+        return all(there[key] == value for key, value in intact.items())
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return False
+
+
+def _read_as(array: dict[str, Any]) -> list[Any]:
+    """Return the part of the description of an array by which its chunks are read."""
+    codecs = [codec["id"] for codec in (array["compressor"], *(array.get("filters") or ()))]
+    missing = array["fill_value"] if array["dtype"] == "<f8" else None
+    exact = [array[key] for key in ("zarr_format", "shape", "chunks", "dtype", "order")]
+    return [*exact, codecs, missing, array.get("dimension_separator", ".")]
 
 
 def _digest(arrays: Mapping[str, Array]) -> int:

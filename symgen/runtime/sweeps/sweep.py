@@ -25,7 +25,7 @@ from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.designs import Design
 from symgen.runtime.sweeps.executors import Chunk, submitted
 from symgen.runtime.sweeps.layout import Layout, layout_of
-from symgen.runtime.sweeps.stores import DIGEST, ENDING, Memory, Zarr, needed
+from symgen.runtime.sweeps.stores import ENDING, Memory, Zarr, needed
 from symgen.runtime.sweeps.tables import TABLE, table_at, write_table
 from symgen.version import __version__
 
@@ -220,6 +220,9 @@ def carry_out(
             within(0.0)
     if progress:
         progress(1.0)
+    if isinstance(store, Zarr):
+        for first, _ in {*_chunks(sweep.design.count, store.chunk, (1, 1))} - {*chunks}:
+            store.warn_of_damage(first)
     runs = store.dataset()
     if table:
         write_table(runs, table)
@@ -291,11 +294,5 @@ def _store(
     path, layout = Path(file), sweep.layout()
     size = chunk or sweep.chunk(layout)
     store = _part_of(sweep, Zarr(path) if path.exists() else Zarr.created(path, layout, sweep, size))
-    absent = [name for name in (*(e.name for e in layout.entries), DIGEST) if not (path / name).is_dir()]
-    if absent:
-        raise ResultError(
-            f"{path} was begun by an earlier symgen, without {', '.join(absent)}: it cannot be continued\n"
-            "  Give another name, or remove it."
-        )
     store.restored(layout, sweep)
     return store, layout
