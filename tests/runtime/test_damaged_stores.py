@@ -101,7 +101,7 @@ def test_an_array_that_is_missing_is_computed_again(model, tmp_path):
     path = tmp_path / "runs.zarr"
     before = sweep(model, path).load()
     shutil.rmtree(path / "r.torque.peak")
-    with pytest.warns(UserWarning, match=r"r.torque.peak.\.zarray is damaged: it is restored"):
+    with pytest.warns(UserWarning, match="is damaged.*: it is (restored|computed again)"):
         assert sweep(model, path).load().equals(before)
 
 

@@ -7,7 +7,6 @@ import io
 import json
 import math
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +142,7 @@ def test_a_store_of_another_sweep_is_refused(model, tmp_path):
             model.sweep(LENGTHS, file=file, **{**OPTIONS, **change})
     with pytest.raises(ResultError, match="results of another sweep"):
         model.with_parameters(c=0.31).sweep(LENGTHS, file=file, **OPTIONS)
+    (tmp_path / "other.zarr").mkdir()
     with pytest.raises(ResultError, match="is not the store of a sweep"):
         model.sweep(LENGTHS, file=tmp_path / "other.zarr", **OPTIONS)
 
