@@ -36,8 +36,7 @@ from symgen.runtime.elastic.steps import turn
 
 #: Core files for elastic links, in addition to those of runs.
 CORE = (
-    *RUNS, "bands.c", "beam_basis.c", "beam_motion.c", "beam_steps.c", "beams.c", "linear.c",
-    "rigid_motion.c",
+    *RUNS, "bands.c", "beam_basis.c", "beam_motion.c", "beam_steps.c", "beams.c", "rigid_motion.c",
 )  # fmt: skip
 #: The fraction of a revolution in the comparison run, and its number of steps.
 _PART, _STEPS = 8, 32

@@ -32,7 +32,7 @@ from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.loop.motion import rates_at_start
 
 #: Core files for closing, following and running a loop, in addition to those of runs.
-CORE = (*RUNS, "balls.c", "follow.c", "linear.c", "loop.c", "loop_balls.c", "loop_motion.c")
+CORE = (*RUNS, "balls.c", "follow.c", "loop.c", "loop_balls.c", "loop_motion.c")
 #: Kernels that the core calls for a loop, in the order of its struct.
 KERNELS = ("inputs", "position", "motion", "inverse", "given", "outputs", "energy", "setup", "events")
 #: Number of poses of a driven loop in the comparison.

@@ -34,10 +34,13 @@ from symgen.runtime.rods.redundancy import slack
 
 #: Core files of a run; the first ones are common to all families.
 CORE = (
+    "branch.c",
     "coordinates.c",
     "equations.c",
     "events.c",
     "explicit.c",
+    "kinematics.c",
+    "linear.c",
     "rank.c",
     "run.c",
     "samples.c",

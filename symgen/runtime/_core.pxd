@@ -112,6 +112,9 @@ cdef extern from "core/core.h" nogil:
     cdef struct elastic_api:
         pass
 
+    cdef struct kinematic_lanes_api:
+        pass
+
     cdef struct kinematics_api:
         pass
 
@@ -132,6 +135,7 @@ cdef extern from "core/core.h" nogil:
         const loops_api *loops
         const elastic_api *elastic
         const kinematics_api *kinematics
+        const kinematic_lanes_api *(*kinematic_lanes)(Py_ssize_t) noexcept nogil
         const start_api *start
         const lane_api *lane_runs
         const variation_api *variations

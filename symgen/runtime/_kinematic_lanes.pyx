@@ -85,7 +85,7 @@ cdef class KinematicLanes:
         self.sizes.n, self.sizes.m, self.sizes.parameters = n, m, len(d.tunable)
         self.sizes.derived, self.sizes.rank_tolerance = library.derived, d.rank_tolerance
         self.lanes, self.libraries = lanes, [library]
-        self.api = <const lanes_table *>(<const kinematics_table *>core.api.kinematics).lanes(lanes)
+        self.api = <const lanes_table *>core.api.kinematic_lanes(lanes)
         if self.api == NULL:
             raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
         own = library.addresses

@@ -22,16 +22,12 @@ cdef extern from "core/kinematics.h" nogil:
         Py_ssize_t n, m, work, out
         double length
 
-    cdef struct kinematic_lanes_api:
-        pass
-
     cdef struct kinematics_table "kinematics_api":
         size_t kinematics_struct
         size_t (*bytes)(const kinematic_sizes *, const kinematic_groups *) noexcept nogil
         void (*bind)(kinematics *, const kinematic_sizes *, const kinematic_kernels *, const kinematic_groups *, const void *, const void *, void *) noexcept nogil
         Py_ssize_t (*follow)(kinematics *, double, const void *, const void *, Py_ssize_t, void *) noexcept nogil
         Py_ssize_t (*multipliers)(kinematics *, const void *, const void *, Py_ssize_t, void *, void *) noexcept nogil
-        const kinematic_lanes_api *(*lanes)(Py_ssize_t) noexcept nogil
 
 
 cdef class Blocks:

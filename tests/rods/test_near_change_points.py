@@ -106,33 +106,52 @@ def joint_of(p, side, times):
     return circles(place, [p["d"], 0.0], p["b"], p["c"], side)
 
 
+def transmission(p, joint, times):
+    """Sine of the angle between coupler and rocker: both circles determine their joint to a rounding error over it."""
+    angle = p["s"] + p["w"] * times
+    coupler = (joint - p["a"] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)) / p["b"]
+    rocker = (joint - np.array([p["d"], 0.0])) / p["c"]
+    return np.abs(coupler[:, 0] * rocker[:, 1] - coupler[:, 1] * rocker[:, 0])
+
+
+#: Powers of one over the transmission in rounding errors: each derivative multiplies those of places by one more,
+#: and forces, which accelerations determine, by another.
+ROUNDING = 64 * np.finfo(float).eps
+POWERS = {"crank.torque": 4, "rocker.C.force": 4, "B.position": 1, "B.velocity": 2}
+
+
 def check(seed):
     random = np.random.default_rng(seed)
     six, wound = bool(random.integers(2)), bool(random.integers(2))
-    p, side, gap = sizes(random, six)
-    known = model_of(six, wound)
-    p = {name: value for name, value in p.items() if name in known.parameters}
-    model = known.with_parameters(**p)
-    # runs may take a smaller gap for a crossing of branches, which they note
-    found = [model.simulate(1.0, samples=SAMPLES[-1])] if gap > 1e-7 else []
-    found += [model.inverse_dynamics(samples=SAMPLES[-1]), model.kinematics(samples=SAMPLES[-1])]
-    expected = {v.name: v.values for result in reversed(found) for v in result.variables if v.name in OUTPUTS}
-    joint = joint_of(p, side, np.linspace(0.0, 1.0, SAMPLES[-1]))
+    p, side, _ = sizes(random, six)
+    model = model_of(six, wound)
+    tuned = {name: value for name, value in p.items() if name in model.parameters}
+    model = model.with_parameters(**tuned)
+    run = model.simulate(1.0, samples=SAMPLES[-1])
+    expected = {v.name: v.values for v in run.variables if v.name in OUTPUTS}
+    joint = joint_of(p, side, run.time)
     assert expected["B.position"] == pytest.approx(joint, abs=1e-9)
-    columns = {name: [value, value] for name, value in p.items()}
+    sine = transmission(p, joint, run.time)
+    within = {
+        name: np.maximum(1e-9, ROUNDING / sine ** POWERS.get(name, 1))
+        * max(1.0, float(np.max(np.abs(values))))
+        for name, values in expected.items()
+    }
+    columns = {name: [value, value] for name, value in tuned.items()}
     for samples in SAMPLES:
-        forces, motion = model.inverse_dynamics(samples=samples), model.kinematics(samples=samples)
-        many = (
-            model.inverse_dynamics_many(columns, samples=samples, threads=1),
-            model.kinematics_many(columns, samples=samples, threads=1),
-        )
         every = (SAMPLES[-1] - 1) // (samples - 1)
-        for result, several in zip((forces, motion), many, strict=True):
+        found = [
+            (model.inverse_dynamics(samples=samples), model.inverse_dynamics_many),
+            (model.kinematics(samples=samples), model.kinematics_many),
+            (model.simulate(1.0, samples=samples), None),
+        ]
+        for result, many in found:
+            several = many(columns, samples=samples, threads=1) if many else None
             for name in {*expected} & {v.name for v in result.variables}:
-                there = expected[name][::every]
-                within = 1e-9 * max(1.0, float(np.max(np.abs(expected[name]))))
-                for values in (result[name].values, *several[name].values):
-                    assert np.max(np.abs(values - there)) <= within, (seed, samples, name)
+                there, limit = expected[name][::every], within[name][::every]
+                limit = limit.reshape(-1, *[1] * (there.ndim - 1))
+                for values in (result[name].values, *(several[name].values if several else ())):
+                    assert np.all(np.abs(values - there) <= limit), (seed, samples, name)
 
 
 @pytest.mark.parametrize("seeds", [range(3), *(full(range(i, i + 27)) for i in range(3, 300, 27))])
@@ -157,6 +176,44 @@ def test_the_assembly_of_two_circles(gap, by_arc_length, monkeypatch):
         expected = joint_of(p, 1.0, motion.time)
         assert motion["B.position"].values == pytest.approx(expected, abs=1e-9)
         assert not motion.bifurcations and not motion.dead_centres
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"rtol": 1e-3},
+        {"method": "dopri5", "rtol": 1e-4},
+        {"method": "radau5", "rtol": 1e-6},
+        {"method": "rk4", "step": 2e-3},
+        {"method": "rattle6", "step": 2e-3},
+        {"method": "generalized-alpha", "step": 1e-3},
+    ],
+)
+def test_steps_of_runs_keep_the_branch(options):
+    """Steps far longer than the passage of the pose, without a stage in it."""
+    model = model_of(False, False)
+    for seed in (0, 2, 3, 19):
+        random = np.random.default_rng(seed)
+        p, side, gap = sizes(random, False)
+        assert gap < 1e-8
+        tuned = {name: value for name, value in p.items() if name in model.parameters}
+        run = model.with_parameters(**tuned).simulate(1.0, samples=SAMPLES[-1], **options)
+        assert run["B.position"].values == pytest.approx(joint_of(p, side, run.time), abs=1e-9)
+
+
+@pytest.mark.parametrize("gap", [1e-9, 1e-5])
+def test_the_rigid_motion_of_elastic_links(gap):
+    """At a few times, between which its strides meet the pose in which all links are nearly in one line."""
+    p = {"a": 0.3, "b": 0.5 + gap, "c": 0.6, "d": 0.8, "s": 0.0, "w": 1.0}
+    (x, y), *_ = joint_of(p, 1.0, np.zeros(1)).tolist()
+    lengths = {"a.value": p["a"], "b": p["b"], "c": p["c"], "frame": p["d"]}
+    changes = {f"parameters.{name}": f"{value!r} m" for name, value in lengths.items()}
+    changes |= {"parameters.speed.value": "1 rad/s", "points.B.at": [f"{x!r} m", f"{y!r} m"]}
+    motion = symgen.build("elastic_four_bar", set=changes)._motion(True)
+    for before in (3.0, 3.006, 3.014):
+        times = np.array([2.0, before, 3.2, 4.0])
+        q = motion.rigid_motion(motion.equations(), times)[0][0]
+        assert q[:, 2:4] == pytest.approx(joint_of(p, 1.0, times), abs=1e-12)
 
 
 @pytest.mark.parametrize("gap", GAPS[1:])

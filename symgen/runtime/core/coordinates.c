@@ -7,7 +7,6 @@
 static void begin_again(struct run *run) {
     run->scheme.kind->begin(run);
     memcpy(run->y_old, run->y, (size_t)run->dim * sizeof(real));
-    memcpy(run->f_old, run->f, (size_t)run->dim * sizeof(real));
 }
 
 int rewritten(struct run *run, real h) {

@@ -158,6 +158,7 @@ const struct core_api symgen_core = {
     .loops = &symgen_loops,
     .elastic = &symgen_elastic,
     .kinematics = &symgen_kinematics,
+    .kinematic_lanes = kinematic_lanes_of,
     .start = &symgen_start,
     .lane_runs = &symgen_lane_runs,
     .variations = &symgen_variations,

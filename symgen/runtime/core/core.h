@@ -9,6 +9,7 @@
 #include <stddef.h>
 
 #include "elastic.h"
+#include "kinematic_lanes.h"
 #include "kinematics.h"
 #include "lane_runs.h"
 #include "loops.h"
@@ -25,7 +26,7 @@
 #endif
 
 /* The binding refuses a compiled core with another version. */
-#define CORE_VERSION 17L
+#define CORE_VERSION 18L
 
 /* A run in doubles. */
 struct report {
@@ -52,6 +53,7 @@ struct core_api {
     const struct loops_api *loops;
     const struct elastic_api *elastic;
     const struct kinematics_api *kinematics;
+    const struct kinematic_lanes_api *(*kinematic_lanes)(ptrdiff_t width);
     const struct start_api *start;
     const struct lane_api *lane_runs;
     const struct variation_api *variations, *loop_variations;

@@ -46,7 +46,10 @@ void move_to(struct run *run, real h, real theta) {
     run->scheme.kind->interpolate(run, h, theta, run->stage);
     if (run->task.stabilisation == PROJECTION) {
         memcpy(run->error, run->stage, (size_t)run->dim * sizeof(real));
-        if (run->e->of->project(run->e, t, run->error) == DONE)
+        int status = run->e->of->project(run->e, t, run->error);
+        if (status == DONE && strayed(run, run->state->t, run->y, t, run->error))
+            status = run->e->of->project(run->e, t, run->error);
+        if (status == DONE)
             memcpy(run->stage, run->error, (size_t)run->dim * sizeof(real));
     }
     look_at_events(run->e, t, run->stage);

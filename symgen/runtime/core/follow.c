@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "extrapolate.h"
+#include "linear.h"
 #include "loop.h"
 #include "loop_limits.h"
 
@@ -55,14 +56,75 @@ static int attempt(struct loop *l, real t, const real *q, real next, int last) {
     return l->base.account->soundness > l->base.sizes.rank_tolerance ? DONE : SINGULAR;
 }
 
-/* Reach the target on one assembly branch, in steps whose prediction is close to the solution.
+/* Whether the pose evaluated last is on the assembly branch of the last followed state: the screws of a branch have
+   determinants of one sign. For fewer than six screws A and B this is the sign of that of A^T B. */
+static int same_branch(const struct loop *l) {
+    const long rank = l->sizes.solved;
+    real product[ROWS * ROWS];
+    ptrdiff_t swaps[ROWS];
+    int opposite = 0;
+    if (rank > ROWS || rank != l->sizes.rank)
+        return 1;
+    for (long i = 0; i < rank; i++)
+        for (long j = 0; j < rank; j++)
+            product[rank * i + j] = qr_dot(l->followed + ROWS * i, l->columns + ROWS * j);
+    factor_dense(rank, product, swaps);
+    for (long i = 0; i < rank; i++)
+        opposite ^= (product[(rank + 1) * i] < 0) ^ (swaps[i] != i);
+    return !opposite;
+}
+
+static void keep_columns(struct loop *l) {
+    memcpy(l->followed, l->columns, (size_t)(ROWS * l->sizes.solved) * sizeof(real));
+}
+
+/* Accept the closed pose in l->q at t as the last followed state. */
+static int arrive(struct loop *l, real t, real *q, real next) {
+    const long n = l->sizes.n, wide = n + 1;
+    const size_t row = (size_t)n * sizeof(real);
+    memcpy(l->past, q, row);
+    memcpy(l->past + wide, l->u, row);
+    memcpy(l->past + 2 * wide, l->base.work, row);
+    l->seen->stride = (double)(next - t);
+    const int status = loop_move(l, next, l->q, l->u, l->base.work);
+    if (status != DONE)
+        return status;
+    memcpy(q, l->q, row);
+    keep_columns(l);
+    return DONE;
+}
+
+static int go(struct loop *l, real *t, real *q, real target, real longest, int scouts);
+
+/* Whether the branch of the state (t, q) leads to `next`, which l->q reaches on another one. At a change point, where
+   branches cross, it does not: the motion goes straight on. The state is the same afterwards. */
+static int leads(struct loop *l, real t, real *q, real next, real longest) {
+    const long n = l->sizes.n, wide = n + 1;
+    struct {
+        real *at;
+        long count;
+    } parts[] = {{q, n}, {l->q, n}, {l->u, n}, {l->base.work, n}, {l->past, 3 * wide}, {l->followed, ROWS * n}};
+    const double stride = l->seen->stride;
+    const size_t count = sizeof parts / sizeof *parts;
+    real *kept = l->scout;
+    for (size_t i = 0; i < count; kept += parts[i++].count)
+        memcpy(kept, parts[i].at, (size_t)parts[i].count * sizeof(real));
+    real at = t;
+    const int led = go(l, &at, q, next, longest, 1) == DONE;
+    kept = l->scout;
+    for (size_t i = 0; i < count; kept += parts[i++].count)
+        memcpy(parts[i].at, kept, (size_t)parts[i].count * sizeof(real));
+    l->seen->stride = stride;
+    return led;
+}
+
+/* Reach the target on one assembly branch, in steps whose prediction is close to the solution. A scout ends near a loss
+ * of rank.
  *
  * Return BLIND if the screws lose rank at the target itself: l->q is closed there, and t and q remain at the previous
  * step. */
-static int go(struct loop *l, real *t, real *q, real target, real longest) {
-    const long n = l->sizes.n, wide = n + 1;
-    const size_t row = (size_t)n * sizeof(real);
-    real h = target - *t;
+static int go(struct loop *l, real *t, real *q, real target, real longest, int scouts) {
+    real h = target - *t, led = *t;
     if (h == 0)
         return DONE;
     if (!real_isfinite(h) || !(longest > 0))
@@ -86,15 +148,21 @@ static int go(struct loop *l, real *t, real *q, real target, real longest) {
         int status = attempt(l, *t, q, next, next == target);
         if (status == BLIND)
             return BLIND;
+        if (status == DONE && !same_branch(l)) {
+            const int ahead = h > 0 ? led >= next : led <= next;
+            if (scouts || ahead || leads(l, *t, q, next, longest)) {
+                led = ahead ? led : next;
+                status = OPEN;
+            } else {
+                status = loop_close(l, next, l->q);
+            }
+        }
+        if (status == DONE && scouts && !(R(l->base.account->soundness) > R(10) * SIGHT))
+            return SINGULAR;
         if (status == DONE) {
-            memcpy(l->past, q, row);
-            memcpy(l->past + wide, l->u, row);
-            memcpy(l->past + 2 * wide, l->base.work, row);
-            l->seen->stride = (double)(next - *t);
-            status = loop_move(l, next, l->q, l->u, l->base.work);
+            status = arrive(l, *t, q, next);
             if (status != DONE)
                 return status;
-            memcpy(q, l->q, row);
             *t = next;
             if (next == target)
                 return DONE;
@@ -127,9 +195,10 @@ int loop_follow(struct loop *l, real *t, real *q, const real *times, long count,
         status = loop_move(l, *t, q, u, work);
     if (status != DONE)
         return status;
+    keep_columns(l);
     for (long i = 0; i < count; i++) {
         real *state = states + row * i, *recorded = out + width * i;
-        status = is_interrupted(i) ? NOT_FINITE : go(l, t, q, times[i], longest);
+        status = is_interrupted(i) ? NOT_FINITE : go(l, t, q, times[i], longest, 0);
         if (status != DONE && status != BLIND)
             return status;
         const real *at = status == BLIND ? l->q : q;

@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "arena.h"
-#include "kinematic_lanes.h"
 #include "lanes.h"
 #include "linear.h"
 
@@ -184,5 +183,4 @@ const struct kinematics_api symgen_kinematics = {
     .bind = bind,
     .follow = follow,
     .multipliers = multipliers,
-    .lanes = kinematic_lanes_of,
 };

@@ -52,8 +52,6 @@ struct kinematics {
     ptrdiff_t *swaps, *spare;
 };
 
-struct kinematic_lanes_api;
-
 /* Interface of kinematics: see core.h. */
 struct kinematics_api {
     size_t kinematics_struct;
@@ -68,7 +66,6 @@ struct kinematics_api {
        dPhi/dq is nearly singular. */
     ptrdiff_t (*multipliers)(struct kinematics *k, const void *times, const void *rows, ptrdiff_t count,
                              void *multipliers, void *quality);
-    const struct kinematic_lanes_api *(*lanes)(ptrdiff_t width);
 };
 
 extern const struct kinematics_api symgen_kinematics;

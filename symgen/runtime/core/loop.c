@@ -62,6 +62,9 @@ static size_t arrange(struct loop *l, const struct loop_sizes *s, void *memory) 
         ARENA_ARRAY(l->gain, s->unknown * s->unknown + 1),
         ARENA_ARRAY(l->past, 3 * (n + 1)),
         ARENA_ARRAY(l->change, n + 1),
+        ARENA_ARRAY(l->columns, ROWS * (n + 1)),
+        ARENA_ARRAY(l->followed, ROWS * (n + 1)),
+        ARENA_ARRAY(l->scout, 4 * (n + 1) + 3 * (n + 1) + ROWS * (n + 1)),
         ARENA_ARRAY(l->usual, n + 1),
         ARENA_ARRAY(l->near_y, 2 * n + 2),
     };
@@ -128,8 +131,9 @@ real loop_look(struct loop *l, real t, const real *q) {
     for (long k = 0; k < l->sizes.solved; k++)
         for (int i = 0; i < ROWS; i++) {
             const real entry = l->screws[12 + n * i + l->solved[k]] * l->scale[l->solved[k]];
-            l->matrix[ROWS * k + i] = i < 3 ? entry : entry / l->size;
+            l->columns[ROWS * k + i] = i < 3 ? entry : entry / l->size;
         }
+    memcpy(l->matrix, l->columns, (size_t)(ROWS * l->sizes.solved) * sizeof(real));
     qr_factorise(l->matrix, l->sizes.solved, &l->factor);
     account->factorisations++;
     account->soundness = 1;

@@ -70,6 +70,9 @@ struct loop {
     struct qr factor;
     real *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work2;
     real *q, *u, *trial, *step, *reduced, *basis, *gain, *past, *change;
+    real *columns, *followed; /* the scaled screws of the solved variables, six numbers for each: evaluated last, and
+                                 at the last followed state */
+    real *scout;   /* a followed state, kept while steps ahead are tried */
     real *usual;   /* q in the table's own angles, at the last accepted state */
     real *near_y;  /* a state near a pole in alternative angles, for its accelerations */
 };

@@ -18,6 +18,7 @@ struct loop_lanes {
     wide *p, *q, *past, *next; /* variables, rates, accelerations and closing wrench: now, at the previous state,
                                   after the next step */
     wide *screws, *prescribed, *loads, *efforts, *work, *out, *change, *trial, *gain, *begun;
+    wide *columns; /* as in struct loop */
     mask *swaps;
     wide matrix[ROWS * ROWS], r[ROWS * ROWS], vectors[ROWS * ROWS], beta[ROWS];
     mask order[ROWS]; /* the column of `matrix` at each place */
@@ -44,6 +45,7 @@ static size_t place(struct loop_lanes *l, const struct loop_sizes *s, void *memo
         ARENA_ARRAY(l->trial, n),
         ARENA_ARRAY(l->gain, s->unknown * s->unknown),
         ARENA_ARRAY(l->begun, n + 1),
+        ARENA_ARRAY(l->columns, ROWS * s->solved),
         ARENA_ARRAY(l->swaps, s->unknown),
     };
     return ARENA_PLACE(arrays, memory);
@@ -147,9 +149,17 @@ static void prescribe(struct loop_lanes *l, wide t, wide *q) {
         q[l->driven[k]] = l->prescribed[3 * k];
 }
 
+static void scaled_columns(const struct loop_lanes *l, wide *columns) {
+    for (long k = 0; k < l->sizes.solved; k++)
+        for (int i = 0; i < ROWS; i++) {
+            const wide entry = l->screws[12 + l->sizes.n * i + l->solved[k]] * l->scale[l->solved[k]];
+            columns[ROWS * k + i] = entry / (i < 3 ? 1 : l->size);
+        }
+}
+
 /* Evaluate closure and screws at q and factorise; return the lanes in which they are finite. */
 static mask look(struct loop_lanes *l, wide t, const wide *q) {
-    const long n = l->sizes.n, rank = l->sizes.solved;
+    const long rank = l->sizes.solved;
     mask known = ~(mask){0};
     wide worst = all(0);
     call(l->kernels.position, &t, q, q, l->p, l->work, l->screws);
@@ -160,11 +170,7 @@ static mask look(struct loop_lanes *l, wide t, const wide *q) {
         known &= finite(entry);
         worst = larger(worst, entry);
     }
-    for (long k = 0; k < rank; k++)
-        for (int i = 0; i < ROWS; i++) {
-            const wide entry = l->screws[12 + n * i + l->solved[k]] * l->scale[l->solved[k]];
-            l->matrix[ROWS * k + i] = entry / (i < 3 ? 1 : l->size);
-        }
+    scaled_columns(l, l->matrix);
     factorise_screws(l);
     const wide first = magnitude(l->r[0]);
     l->soundness = chosen(first > 0, magnitude(l->r[(ROWS + 1) * (rank - 1)] / first), all(0));
@@ -318,6 +324,20 @@ static mask forced(struct loop_lanes *l, wide *q) {
 
 EXTRAPOLATION(wide, wide_parabola, wide_quintic)
 
+/* As in follow.c; `columns` are those of the new pose. */
+static mask same_branch(const struct loop_lanes *l, const wide *columns) {
+    const long rank = l->sizes.solved;
+    wide product[ROWS * ROWS];
+    mask swaps[ROWS], opposite = {0};
+    for (long i = 0; i < rank; i++)
+        for (long j = 0; j < rank; j++)
+            product[rank * i + j] = dot(l->columns + ROWS * i, columns + ROWS * j);
+    factor_dense(rank, product, swaps);
+    for (long i = 0; i < rank; i++)
+        opposite ^= (product[(rank + 1) * i] < 0) ^ (swaps[i] != i);
+    return ~opposite;
+}
+
 /* Move to `next` in one step in the lanes `which`; return those with an accurate prediction. Failed lanes are removed
    from `alive`. */
 static mask attempt(struct loop_lanes *l, mask which, wide next, real least, mask *alive) {
@@ -325,7 +345,7 @@ static mask attempt(struct loop_lanes *l, mask which, wide next, real least, mas
     const wide h = next - l->t, g = l->stride, s = h / g, *q = l->q, *u = q + n, *a = u + n;
     const wide *q0 = l->past, *u0 = q0 + n, *a0 = u0 + n;
     const mask near = (g * h > 0) & (magnitude(h) <= STRIDES * magnitude(g));
-    wide *new = l->next, way = all(0), astray = way;
+    wide *new = l->next, way = all(0), astray = way, columns[ROWS * ROWS];
     for (long k = 0; k < n; k++)
         new[k] = q[k];
     for (long k = 0; k < solved; k++) {
@@ -351,7 +371,9 @@ static mask attempt(struct loop_lanes *l, mask which, wide next, real least, mas
     which &= ~(astray > ASTRAY * way + R(1e-9));
     if (!any(which))
         return which;
-    *alive &= ~which | (moved(l, next, new) & (l->soundness > least));
+    scaled_columns(l, columns);
+    *alive &= ~which | (moved(l, next, new) & (l->soundness > least) & same_branch(l, columns));
+    copy_where(which, columns, ROWS * solved, l->columns);
     copy_where(which, l->q, 3 * n, l->past);
     copy_where(which, new, 3 * n, l->q);
     l->stride = chosen(which, h, l->stride);
@@ -463,6 +485,7 @@ static mask followed(struct loop_lanes *l, const struct loop_lane_task *task, ma
     l->stride = all(0);
     alive &= closed(l, alive, l->t, l->q);
     alive &= moved(l, l->t, l->q);
+    scaled_columns(l, l->columns);
     mask fresh = alive, arrived = {0};
     for (ptrdiff_t turn = 0; any(alive) && !is_interrupted(turn); turn++) {
         if (any(arrived))

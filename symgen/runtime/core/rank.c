@@ -1,17 +1,20 @@
 /* The least pivot of the constraints, followed through the steps, and its zeros. */
 #include "run.h"
 
+#include <string.h>
+
 /* Return the least pivot's part at a time of the last two steps, by cubic interpolation. */
 static double soundness(struct run *run, real t, real t_new) {
     const struct state *s = run->state;
     int last = t >= s->t;
     real start = last ? s->t : s->t_old, h = last ? t_new - s->t : s->t - s->t_old, x = (t - start) / h;
     const real *y0 = last ? run->y : run->y_old, *y1 = last ? run->y_new : run->y;
-    const real *f0 = last ? run->f : run->f_old, *f1 = last ? run->f_new : run->f;
-    for (long i = 0; i < run->dim; i++)
-        run->stage[i] = y0[i] + x * x * (R(3) - R(2) * x) * (y1[i] - y0[i])
-                        + h * x * (R(1) - x) * ((R(1) - x) * f0[i] - x * f1[i]);
-    run->e->of->factorise(run->e, t, run->stage);
+    const real *u0 = y0 + run->e->n, *u1 = y1 + run->e->n;
+    memcpy(run->error, y1, (size_t)run->dim * sizeof(real));
+    for (long i = 0; i < run->e->n; i++)
+        run->error[i] = y0[i] + x * x * (R(3) - R(2) * x) * (y1[i] - y0[i])
+                        + h * x * (R(1) - x) * ((R(1) - x) * u0[i] - x * u1[i]);
+    run->e->of->factorise(run->e, t, run->error);
     return run->e->account->soundness;
 }
 
@@ -37,16 +40,31 @@ static void look_for_passage(struct run *run, real a, real b, real t_new) {
     }
 }
 
+/* Find the least pivots inside the step to t_new. The pivots of a tree do not cancel at all, so there is nothing to
+   follow. */
+void look_inside(struct run *run, real t_new) {
+    struct state *s = run->state;
+    s->t_looked = t_new;
+    s->looked = INFINITY;
+    if (run->e->m == 0 || (s->sound == 1.0 && run->e->account->soundness == 1.0))
+        return;
+    for (int k = 1; k < LOOKS; k++) {
+        s->looks[k - 1] = soundness(run, s->t + R(k) * (t_new - s->t) / R(LOOKS), t_new);
+        s->looked = fmin(s->looked, s->looks[k - 1]);
+    }
+}
+
 /* Follow the least pivot through the step and locate its minima. The two previous looks are (t_before, at_before) and
    (t_look, at_look). */
 void watch_rank(struct run *run, real t_new, double sound) {
     struct state *s = run->state;
-    /* The pivots of a tree do not cancel at all, so there is nothing to follow. */
     if (run->e->m == 0 || (s->sound == 1.0 && sound == 1.0))
         return;
+    if (s->t_looked != t_new || s->looked == INFINITY)
+        look_inside(run, t_new);
     for (int k = 1; k <= LOOKS; k++) {
         real t = s->t + R(k) * (t_new - s->t) / R(LOOKS);
-        double at = k == LOOKS ? sound : soundness(run, t, t_new);
+        double at = k == LOOKS ? sound : s->looks[k - 1];
         if (s->at_look <= s->at_before && s->at_look < at)
             look_for_passage(run, s->t_before, t, t_new);
         s->t_before = s->t_look, s->at_before = s->at_look;

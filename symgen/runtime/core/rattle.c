@@ -252,6 +252,9 @@ static int part(struct run *run, const struct rattle *x, real t, real h, real t_
             return status;
         if (e->sizes.redundant && !(e->account->missed <= e->sizes.slack))
             return CONTRADICTED;
+        if (strayed(run, t, x->y, t_1, y))
+            for (long i = 0; i < n; i++)
+                y[n + i] = (y[i] - x->y[i]) / h;
     }
     int status = meet_velocities(run, x, h, t_1, y);
     memcpy(x->y, y, (size_t)run->dim * sizeof(real));

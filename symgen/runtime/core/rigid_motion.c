@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "arena.h"
+#include "branch.h"
 #include "lanes.h"
 
 /* Largest number of strides between two evaluations: tens of thousands of revolutions. */
@@ -16,6 +17,7 @@ static size_t place(struct rigid_motion *m, const struct equations *e, const str
         ARENA_ARRAY(m->t, 1),
         ARENA_ARRAY(m->y, dim + 1),
         ARENA_ARRAY(m->began, dim + 1),
+        ARENA_ARRAY(m->before, e->n + 1),
         ARENA_ARRAY(m->still, dim + out),
         ARENA_ARRAY(m->out, out),
         ARENA_ARRAY(m->motion, sizes->links + 1),
@@ -24,6 +26,7 @@ static size_t place(struct rigid_motion *m, const struct equations *e, const str
         ARENA_ARRAY(m->loads, sizes->loads + 1),
         ARENA_ARRAY(m->p, parameters + sizes->setup + 1),
         ARENA_ARRAY(m->joints_p, parameters + sizes->joints_setup + 1),
+        {&m->branch, branch_bytes(e)},
     };
     return ARENA_PLACE(arrays, memory);
 }
@@ -46,6 +49,7 @@ static void take_references(struct rigid_motion *m) {
 void motion_bind(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels, const struct motion_sizes *sizes,
                  double stride, void *memory) {
     place(m, e, sizes, memory);
+    m->driven = branch_bytes(e) > 0;
     m->e = e;
     m->kernels = *kernels;
     m->sizes = *sizes;
@@ -159,6 +163,8 @@ static int moved(struct rigid_motion *m, real t) {
     real *y = m->y;
     if (h == 0 && *m->solved)
         return DONE;
+    const double sound = e->account->soundness;
+    memcpy(m->before, y, (size_t)e->n * sizeof(real));
     if (h != 0) {
         if (!*m->solved)
             e->of->accelerate(e, *m->t, y);
@@ -168,7 +174,13 @@ static int moved(struct rigid_motion *m, real t) {
         }
     }
     *m->solved = 0;
-    const int status = e->of->project(e, t, y);
+    int status = e->of->project(e, t, y);
+    if (m->driven && fmin(sound, e->account->soundness) < NEAR) {
+        if (status == PROJECTION_FAILED)
+            memcpy(y, m->before, (size_t)e->n * sizeof(real));
+        if (return_to_branch(e, m->branch, *m->t, m->before, t, y))
+            status = e->of->project(e, t, y);
+    }
     if (status != DONE)
         return status;
     *m->t = t;

@@ -37,7 +37,9 @@ struct rigid_motion {
     /* present state */
     real *t;       /* time [s], in memory */
     long *solved;  /* whether accelerations are those of the state */
-    real *y, *began, *still, *out;
+    real *y, *began, *before, *still, *out;
+    void *branch; /* memory of return_to_branch, if the motion is driven */
+    int driven;
     real *motion, *joined, *shaft, *loads;
     real *p, *joints_p; /* parameters of the kernels of the motion and of the joints */
 };

@@ -20,6 +20,7 @@ static size_t place(struct run *run, void *memory) {
     const long dim = run->dim, events = sizes->events, switches = sizes->switches;
     const long samples = run->task.samples + 1, found = events ? run->task.found : 0;
     const size_t own = run->scheme.kind->bytes(run->e, run->scheme.counts);
+    run->branch_bytes = branch_bytes(run->e);
     const struct arena_array arrays[] = {
         ARENA_ARRAY(run->state, 1),
         ARENA_ARRAY(run->passages, MOST_PASSAGES),
@@ -30,7 +31,6 @@ static size_t place(struct run *run, void *memory) {
         ARENA_ARRAY(run->stage, dim),
         ARENA_ARRAY(run->error, dim),
         ARENA_ARRAY(run->y_old, dim),
-        ARENA_ARRAY(run->f_old, dim),
         ARENA_ARRAY(run->gaps, (LOOKS + 1) * events),
         ARENA_ARRAY(run->times, samples),
         ARENA_ARRAY(run->samples, samples * dim),
@@ -41,6 +41,7 @@ static size_t place(struct run *run, void *memory) {
         ARENA_ARRAY(run->switched, switches),
         ARENA_ARRAY(run->glances, (GLANCES + 1) * switches),
         {&run->own, own},
+        {&run->branch, run->branch_bytes},
         ARENA_ARRAY(run->directions, events),
         ARENA_ARRAY(run->terminal, events),
     };
@@ -84,7 +85,8 @@ void run_reset(struct run *run) {
     s->t = s->t_old = s->t_look = s->t_before = R(run->task.t0);
     s->h = R(run->task.step);
     s->ended_by = s->worst = s->blind = s->slid = -1;
-    s->sound = s->at_look = s->at_before = INFINITY;
+    s->sound = s->at_look = s->at_before = s->looked = INFINITY;
+    s->t_looked = s->t;
     s->kinetic_min = s->potential_min = s->energy_start = REAL_INFINITY;
     s->kinetic_max = s->potential_max = -REAL_INFINITY;
 }
@@ -387,7 +389,6 @@ static int one_step(struct run *run) {
         return status;
     watch_rank(run, t_new, sound);
     memcpy(run->y_old, run->y, bytes);
-    memcpy(run->f_old, run->f, bytes);
     s->t_old = s->t, s->sound = sound;
     memcpy(run->y, run->y_new, bytes);
     kind->accept(run);

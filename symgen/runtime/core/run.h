@@ -10,6 +10,7 @@
 #ifndef SYMGEN_RUN_H
 #define SYMGEN_RUN_H
 
+#include "branch.h"
 #include "equations.h"
 
 enum stabilisation { PROJECTION, BAUMGARTE, RAW };
@@ -101,6 +102,8 @@ struct state {
     /* rank */
     real t_old, t_look, t_before;
     double sound, at_look, at_before;
+    double looks[LOOKS - 1], looked; /* the least pivot at the looks inside the step to t_looked, and the least of them */
+    real t_looked;
     /* drift: largest constraint errors and energy error, ranges of the energies */
     real position_drift, velocity_drift, energy_drift, energy_start;
     real kinetic_min, kinetic_max, potential_min, potential_max;
@@ -142,12 +145,14 @@ struct run {
     real *event_states;          /* a row of dim for each */
     real *y, *y_new;
     real *stage, *error;         /* scratch of dim each, for methods and loop */
-    real *y_old, *f_old;         /* the step before, for the rank */
+    real *y_old;                 /* the step before, for the rank */
     real *gaps;                  /* values of the events at y, at looks in between, and at y_new: one row each */
     real *times, *samples;       /* task.samples + 1 times, the last infinite, and rows of dim */
     real *references;            /* references of angles in loads, one row per sample */
     real *turned, *turns;        /* continuous angles of links and their rates at y; these angles at samples */
     void *own;                   /* data of the method */
+    void *branch;                /* memory of return_to_branch, branch_bytes of it */
+    size_t branch_bytes;
     real *farthest;              /* largest distance from each switching point so far */
     real *switched;              /* time of the last switch of each, at first that of the start */
     real *glances;               /* distances from all switching points at looks in the step: one row each */
@@ -176,6 +181,9 @@ int run_begin(struct run *run);
 /* Take at most `most` steps; return MORE, DONE, ENDED or the status of the failure. Returns early with MORE if the
    record of events or passages is full: the caller takes them and sets their counts to zero. */
 int run_advance(struct run *run, long most);
+
+/* In a step near a loss of rank: return_to_branch for states of the run. */
+int strayed(struct run *run, real t0, const real *y0, real t, real *y);
 
 /* -- for methods ------------------------------------------------------------------------------------------- */
 
@@ -214,6 +222,7 @@ real largest_of(const real *v, long count);
 
 /* -- parts of the loop, a file each ------------------------------------------------------------------------ */
 
+void look_inside(struct run *run, real t_new);
 void watch_rank(struct run *run, real t_new, double sound);
 int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared);
 void begin_events(struct run *run);

@@ -13,6 +13,8 @@ static int sampled(struct run *run, real t, real h, real *sample) {
         return DONE;
     int places_only = run->task.places_only && e->of->project_places;
     int status = places_only ? e->of->project_places(e, t, sample) : e->of->project(e, t, sample);
+    if (status == DONE && strayed(run, run->state->t, run->y, t, sample))
+        status = e->of->project(e, t, sample);
     return status == DONE && e->account->soundness < PASSAGE ? SINGULAR : status;
 }
 

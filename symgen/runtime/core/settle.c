@@ -40,16 +40,34 @@ static int is_astray(const struct run *run) {
     return taken > R(ASTRAY) * moved + real_sqrt(REAL_EPSILON) * size;
 }
 
+int strayed(struct run *run, real t0, const real *y0, real t, real *y) {
+    const struct state *s = run->state;
+    const double sound = fmin(fmin(s->sound, s->looked), run->e->account->soundness);
+    return run->branch_bytes && sound < NEAR && return_to_branch(run->e, run->branch, t0, y0, t, y);
+}
+
 int settle(struct run *run, real t_new) {
     struct state *s = run->state;
     struct equations *e = run->e;
     s->settled = 1, s->correction = 0;
     if (e->m == 0)
         return DONE;
-    if (run->task.stabilisation != PROJECTION || run->scheme.kind->keeps_constraints)
+    if (run->branch_bytes)
+        look_inside(run, t_new);
+    if (run->scheme.kind->keeps_constraints) {
+        const int status = e->of->factorise(e, t_new, run->y_new);
+        return status == DONE && strayed(run, s->t, run->y, t_new, run->y_new) ? PROJECTION_FAILED : status;
+    }
+    if (run->task.stabilisation != PROJECTION)
         return e->of->factorise(e, t_new, run->y_new);
     memcpy(run->error, run->y_new, (size_t)run->dim * sizeof(real));
     int status = e->of->project(e, t_new, run->y_new);
+    if (status == PROJECTION_FAILED)
+        memcpy(run->y_new, run->y, (size_t)e->n * sizeof(real));
+    if ((status == DONE || status == PROJECTION_FAILED) && strayed(run, s->t, run->y, t_new, run->y_new)) {
+        s->shrink = R(SHRINK);
+        status = run->scheme.adaptive ? AGAIN : e->of->project(e, t_new, run->y_new);
+    }
     if (!run->scheme.adaptive)
         return status;
     if (status == PROJECTION_FAILED || (status == DONE && s->sound < NEAR && is_astray(run))) {
