@@ -8,14 +8,16 @@ from shared.transformed import WORDS, Transformed, number_of
 
 import symgen
 
-FORCES = ("reaction", "force", "tension")
 #: Results of an analysis: output, with components last.
 Results = dict[str, np.ndarray]
 
 
 def differences(expected: Results, found: Results, by: Transformed) -> dict[str, float]:
-    """Return the largest difference of each kind of output, over the largest value of that kind; of angles, in rad."""
-    sizes: dict[str, float] = {}
+    """Return the largest difference of each kind of output, over the largest value of that unit; of angles, in rad.
+
+    Places and other lengths are apart, and so are plain numbers and strains.
+    """
+    sizes: dict[tuple[str, str], float] = {}
     apart: dict[str, float] = {}
     for name, values in expected.items():
         word = name.rpartition(".")[2]
@@ -25,10 +27,13 @@ def differences(expected: Results, found: Results, by: Transformed) -> dict[str,
             error = np.angle(np.exp(1j * error))
         apart[word] = max(apart.get(word, 0.0), float(np.max(np.abs(error), initial=0.0)))
         size = 1.0 if is_angle else float(np.max(np.abs(mapped), initial=0.0))
-        sizes[word] = max(sizes.get(word, 0.0), size)
-    forces = max((sizes[w] for w in FORCES if w in sizes), default=0.0)
-    sizes |= dict.fromkeys(FORCES, forces)
-    return {word: x / max(sizes[word], 1e-300) for word, x in apart.items()}
+        sizes[_group(word)] = max(sizes.get(_group(word), 0.0), size)
+    return {word: x / max(sizes[_group(word)], 1e-300) for word, x in apart.items()}
+
+
+def _group(word: str) -> tuple[str, str]:
+    unit, kind = WORDS[word]
+    return unit, kind if kind in ("place", "number") else ""
 
 
 def _of(result, names) -> Results:

@@ -27,6 +27,7 @@ UNITS = {
     "m/s^2": (1, 0, -2),
     "rad/s": (0, 0, -1),
     "1/s": (0, 0, -1),
+    "1/s^2": (0, 0, -2),
     "N": (1, 1, -2),
     "N/m": (0, 1, -2),
     "N*s/m": (0, 1, -1),
@@ -36,8 +37,9 @@ UNITS = {
     "J": (2, 1, -2),
     "kg/m^3": (-3, 1, 0),
     "Pa": (-1, 1, -2),
+    "W": (2, 1, -3),
 }
-#: Of outputs, by their last word: unit, and how they follow a rotation.
+#: Of outputs, by their last word: unit, and how they follow a rotation; odd ones change sign with the side of a link.
 WORDS = {
     "position": ("m", "place"),
     "velocity": ("m/s", "vector"),
@@ -50,6 +52,28 @@ WORDS = {
     "angular_velocity": ("rad/s", "turning"),
     "kinetic_energy": ("J", "scalar"),
     "frequencies": ("1/s", "scalar"),
+    "squares": ("1/s^2", "scalar"),
+    "displacement": ("m", "vector"),
+    "deflection": ("m", "odd"),
+    "length_change": ("m", "scalar"),
+    "bending_strain": ("1", "scalar"),
+    "axial_strain": ("1", "scalar"),
+    "stress": ("Pa", "scalar"),
+    "greatest_stress": ("Pa", "scalar"),
+    "couple": ("N*m", "turning"),
+    "strain_energy": ("J", "scalar"),
+    "potential_energy": ("J", "scalar"),
+    "dissipated_power": ("W", "scalar"),
+    "shaft_power": ("W", "scalar"),
+    "omitted_power": ("W", "scalar"),
+    "multipliers": ("1", "number"),
+    "bending_strain_y": ("1", "scalar"),
+    "bending_strain_z": ("1", "scalar"),
+    "moment": ("N*m", "scalar"),
+    "moment_y": ("N*m", "scalar"),
+    "moment_z": ("N*m", "scalar"),
+    "power": ("W", "scalar"),
+    "input_power": ("W", "scalar"),
 }
 
 
@@ -71,7 +95,7 @@ def number_of(text: str) -> tuple[float, str] | None:
 class Transformed:
     """A transformation x -> turn x + shift of places, with scales, the names of points and links, and turned directions.
 
-    ``order`` are the points in the order of the scene before; ``directions`` are rotations of the directions of links whose points were exchanged, in the plane before ``turn``.
+    ``order`` are the points in the order of the scene before; ``directions`` are rotations of the directions of links whose points were exchanged, in the plane before ``turn``; ``flipped`` are owners of odd outputs on such links.
     """
 
     turn: np.ndarray
@@ -80,6 +104,7 @@ class Transformed:
     names: Mapping[str, str] = field(default_factory=dict)
     order: tuple[str, ...] = ()
     directions: Mapping[str, float] = field(default_factory=dict)
+    flipped: frozenset[str] = frozenset()
 
     @property
     def sign(self) -> float:
@@ -104,6 +129,8 @@ class Transformed:
             values = values @ self.turn.T + (self.shift if kind == "place" else 0.0)
         elif kind == "turning":
             values = self.sign * (values @ self.turn.T if len(self.turn) == 3 else values)
+        elif kind == "odd":
+            values = self.sign * values * (-1.0 if name.partition(".")[0] in self.flipped else 1.0)
         elif kind == "direction" and len(self.turn) == 2:
             link = name.partition(".")[0]
             values = self.sign * (values + self.directions.get(link, 0.0)) + self.rotation
@@ -263,7 +290,7 @@ def reordered(tables: Tables, rng: np.random.Generator) -> tuple[Tables, Transfo
     for name, link in made["links"].items():
         before = list(link["points"])
         if len(before) == 2 or name in carrying:
-            if rng.random() < 0.5:
+            if rng.random() < 0.5 or name == made.get("crank", {}).get("link"):
                 continue
             link["points"][:2] = before[1::-1]
             if not isinstance(link.get("centre", []), list):

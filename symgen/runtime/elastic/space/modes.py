@@ -79,7 +79,10 @@ def linearised(linkage: LinkageInSpace, at: Moment) -> AtRest:
         linkage.pattern.matrix(entries + slopes.jacobian).toarray()
         for entries in (slopes.mass, slopes.damping, slopes.stiffness)
     )
-    basis = null_space(mass[n:, :n])
+    # In lengths of the linkage: units of metres would mix stiff and soft motions of small linkages.
+    rows = mass[n:, :n] * linkage.scale
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    basis = linkage.scale[:, None] * null_space(rows)
     symmetric = (stiffness + stiffness.T) / 2
     mass, damping, symmetric = (basis.T @ x[:n, :n] @ basis for x in (mass, damping, symmetric))
     sizes = np.sqrt(np.sum(np.abs(basis) * (np.abs(stiffness[:n, :n]) @ np.abs(basis)), axis=0))

@@ -1,0 +1,106 @@
+"""Random scenes with elastic links written differently: turned, mirrored, moved, in other scales, orders and names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shared import elastic_drawn, elastic_invariances
+from shared.elastic_written import written
+from shared.full import full
+from shared.in_numpy import build
+from shared.invariances import differences
+from shared.transformed import TRANSFORMATIONS, Transformed
+
+import symgen
+from symgen.errors import SymgenError
+
+#: Analyses of each kind of scene.
+ANALYSES = {
+    "in_plane": ("run", "steady", "static", "modes", "large", "equilibrium"),
+    "in_space": ("in_space", "quasi_static_in_space", "modes", "equilibrium_in_space"),
+    "rotor": ("modes",),
+}
+#: Transformations of each scene in all tests, in turn: builds take most of the time.
+EACH = {"in_plane": 3, "in_space": 2, "rotor": 1}
+#: Round-off of a stiffness, over that of bending: 12 (l/h)^2 is up to 1e5 there, and terms are a hundred.
+ROUNDED = 1e-9
+#: Rounded places of an element and of what holds it, whose forces add.
+PLACES = 64
+#: Outputs within the error of a run, which is over the largest stress.
+STRESSES = ("bending_strain", "axial_strain", "stress", "greatest_stress", "multipliers")
+NAMES = list(TRANSFORMATIONS)
+
+
+def constrained(tables: dict) -> bool:
+    """Return whether a linear theory selects unknowns by pivots, which the axes decide, so that steps differ.
+
+    A motor has the errors of the integration of its motion, and runs in space have those of their iterations.
+    """
+    links = [link for name, link in tables["links"].items() if name != "rail"]
+    rigid = any("elastic" not in link or not link["elastic"].get("axial", True) for link in links)
+    motor = tables.get("crank", {}).get("mode") == "motor"
+    return rigid or motor or "guides" in tables or "crank" not in tables
+
+
+def compared(kind: str, seed: int, chosen, analyses=None) -> dict[str, int]:
+    """Compare results of one scene with those of its transformations; return how many of each analysis."""
+    tables = getattr(elastic_drawn, kind)(np.random.default_rng(seed))
+    dimension = 2 if kind == "in_plane" else 3
+    same = Transformed(np.eye(dimension), np.zeros(dimension))
+    expected, counts = {}, dict.fromkeys(ANALYSES[kind], 0)
+    try:
+        model = build(symgen.Scene(**tables))
+    except SymgenError:
+        return counts
+    for name in analyses or ANALYSES[kind]:
+        try:
+            expected[name] = getattr(elastic_invariances, name)(model, tables, same)
+        except SymgenError:  # an analysis that this scene does not have
+            continue
+    for of in chosen:
+        other, by = written(of, tables, np.random.default_rng([seed, 1]))
+        model = build(symgen.Scene(**other))
+        for name, before in expected.items():
+            after = getattr(elastic_invariances, name)(model, other, by)
+            results = dict(before)
+            errors = sum(x.pop("error", 0.0) for x in (results, after))
+            errors *= constrained(tables)
+            if kind == "in_plane" and errors:  # which are those of stresses
+                results = {k: v for k, v in results.items() if k.rpartition(".")[2] in STRESSES}
+            rounded = PLACES * elastic_invariances.round_off(tables, by, before)
+            apart = differences(results, after, by)
+            assert max(apart.values()) < ROUNDED + rounded + errors, (
+                kind,
+                seed,
+                of,
+                name,
+                apart,
+                errors,
+                rounded,
+            )
+            counts[name] += 1
+    return counts
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "of"),
+    [
+        ("in_plane", 2, "mirrored"),
+        ("in_plane", 18, "reordered"),
+        ("in_space", 5, "scaled"),
+        ("in_space", 6, "turned"),
+    ],
+)
+def test_results_do_not_depend_on_how_a_scene_is_written(kind, seed, of):
+    assert sum(compared(kind, seed, (of,)).values())
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(("kind", "count"), [full(kind, 100) for kind in ANALYSES])
+def test_results_of_many_scenes_do_not_depend_on_how_they_are_written(kind, count):
+    total = dict.fromkeys(ANALYSES[kind], 0)
+    for seed in range(count):
+        chosen = [NAMES[(EACH[kind] * seed + k) % len(NAMES)] for k in range(EACH[kind])]
+        for name, compared_with in compared(kind, seed, chosen).items():
+            total[name] += compared_with
+    assert min(total.values()) >= count / 10, total

@@ -1,0 +1,120 @@
+"""Results of scenes with elastic links, for comparison with those of the same scene written differently."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from shared.invariances import Results
+from shared.transformed import WORDS, Tables, Transformed, number_of
+
+STEPS, SAMPLES = 64, 3
+
+
+def round_off(tables: Tables, by: Transformed, results: Results) -> float:
+    """Return the part of the largest force that a rounded place makes in the stiffest element.
+
+    A place x is known to eps*x; over the length h of an element it changes the axial force by EA*eps*x/h.
+    """
+    at = {p: np.array([number_of(x)[0] for x in t["at"]]) for p, t in tables["points"].items() if "at" in t}
+    far = max(np.max(np.abs(x + by.shift)) for x in at.values())
+    stiffest = 0.0
+    for link in tables["links"].values():
+        if "elastic" not in link:
+            continue
+        sizes = {
+            key: max(number_of(x)[0] for x in (value if isinstance(value, list) else [value]))
+            for key, value in link["section"].items()
+            if key != "width_along"
+        }
+        area = math.pi / 4 * sizes["diameter"] ** 2 if "diameter" in sizes else math.prod(sizes.values())
+        length = np.linalg.norm(np.subtract(*(at[p] for p in link["points"]))) / link["elastic"]["elements"]
+        stiffest = max(stiffest, number_of(link["elastic"]["E"])[0] * area / length)
+    force = max((np.max(np.abs(v)) for k, v in results.items() if k.endswith(".force")), default=0.0)
+    return np.finfo(float).eps * far * stiffest / force if force else 0.0
+
+
+def _of(result) -> Results:
+    found = {name: result[name].values for name in result if name.rpartition(".")[2] in WORDS}
+    if "potential_energy" in found:  # up to a constant
+        found["potential_energy"] = found["potential_energy"] - found["potential_energy"][0]
+    return found
+
+
+def _range(tables, share: float) -> dict:
+    """Return the range of a run: a share of a revolution, or of the time of the scene."""
+    return {} if "t_end" in tables.get("analysis", {}) else {"revolutions": share}
+
+
+def run(model, tables, by: Transformed) -> Results:
+    result = model.simulate(**_range(tables, 0.01), steps=STEPS, samples=SAMPLES)
+    return _of(result) | {"error": result.statistics["error"]}
+
+
+def steady(model, tables, by: Transformed) -> Results:
+    result = model.periodic(steps=STEPS, samples=SAMPLES)
+    error = result.statistics["error"] + result.statistics["floquet_error"]
+    return _of(result) | {"multipliers": np.sort(np.abs(result.floquet)), "error": error}
+
+
+def static(model, tables, by: Transformed) -> Results:
+    return _of(model.quasi_static(**_range(tables, 0.3), samples=SAMPLES))
+
+
+def modes(model, tables, by: Transformed) -> Results:
+    """Squares of frequencies: round-off of a stiffness is a part of the largest square."""
+    return {"squares": model.modes().frequencies ** 2}
+
+
+def moving_modes(model, tables, by: Transformed) -> Results:
+    found = model.modes(moving=True)
+    return {"squares": np.sort(found.growth**2 + (2 * np.pi * found.frequencies) ** 2)}
+
+
+def large(model, tables, by: Transformed) -> Results:
+    result = model.large_rotation(elements=1, **_range(tables, 0.003), rtol=0.1, samples=SAMPLES)
+    return _of(result)
+
+
+def equilibrium(model, tables, by: Transformed) -> Results:
+    found = model.equilibrium(segments=3)
+    return {f"{p}.position": np.asarray(x) for p, x in found.state.positions.items() if p in tables["points"]}
+
+
+def in_space(model, tables, by: Transformed, initial: str = "undeformed") -> Results:
+    """A run in space; of round sections, whose width has no direction, what does not depend on it."""
+    result = model.simulate(samples=SAMPLES, rtol=0.01, initial=initial)
+    found = _of(result) | {"error": result.statistics["error"]}
+    if not tables.get("drivers") and not any("motion" in p for p in tables["points"].values()):
+        del found["input_power"]  # nothing moves, and this is round-off
+    return _without_directions(found, tables)
+
+
+def _without_directions(found: Results, tables) -> Results:
+    links = tables["links"]
+    owners = {s["name"]: s["link"] for s in tables.get("stations", ())}
+    for name in list(found):
+        owner, _, word = name.rpartition(".")
+        link = owners.get(owner, owner.partition(".")[0])
+        if "diameter" not in links.get(link, {}).get("section", {}):
+            continue
+        if word in ("moment_z", "bending_strain_z"):
+            both = np.hypot(found[name[:-1] + "y"], found.pop(name))
+            found[name] = both
+            del found[name[:-1] + "y"]
+        if word == "moment":
+            m = found[name]
+            found[name] = np.stack([np.abs(m[..., 0]), np.hypot(m[..., 1], m[..., 2])], axis=-1)
+    return found
+
+
+def quasi_static_in_space(model, tables, by: Transformed) -> Results:
+    return in_space(model, tables, by, "quasi-static")
+
+
+def equilibrium_in_space(model, tables, by: Transformed) -> Results:
+    found = {
+        k: np.asarray(v) for k, v in model.equilibrium().outputs.items() if k.rpartition(".")[2] in WORDS
+    }
+    del found["potential_energy"]  # which has a constant of the places
+    return _without_directions(found, tables)
