@@ -269,7 +269,7 @@ def not_positive(evaluator: Evaluator) -> InitialStateError:
     )
     return InitialStateError(
         f"the mass matrix is not positive definite{f' with {values}' if values else ''}: "
-        "some point carries no mass, or a negative one\n"
+        "some point carries no mass\n"
         "  Give every link a positive mass and moment of inertia about its centre.",
         where="links",
     )

@@ -95,7 +95,6 @@ def _posed(evaluator: Evaluator) -> Starter:
     if evaluator.has("constraints"):
         q = starter.q
         parts = evaluator.blocks("constraints", 0.0, q, zero)
-        _check_scales(evaluator, parts["constraint_scale"])
         check_closed(evaluator, q, parts["constraints"], parts["constraint_scale"])
     return starter
 
@@ -129,16 +128,6 @@ def _check_places(evaluator: Evaluator, q: Array) -> None:
             )
 
 
-def _check_scales(evaluator: Evaluator, scales: Array) -> None:
-    """Refuse lengths that are not positive with the values of tunable parameters."""
-    d = evaluator.description
-    for i in np.flatnonzero(~(scales > 0))[:1]:
-        raise InitialStateError(
-            f"{d.labels[i]} needs a length above zero, got {scales[i]:g} m\n  Change the parameters.",
-            where=d.place(int(i)),
-        )
-
-
 def _check_directions(evaluator: Evaluator, q: Array) -> None:
     """Refuse links whose ends tunable parameters draw at one place: they have no direction to start from."""
     d = evaluator.description
@@ -164,10 +153,6 @@ def _assembled(evaluator: Evaluator, starter: Starter) -> Starter:
     """Return the start assembled along a path from the drawing, or by closed forms where that fails."""
     q = starter.q
     _check_directions(evaluator, q)
-    if evaluator.has("constraints"):  # residuals are over these scales
-        _check_scales(
-            evaluator, evaluator.blocks("constraints", 0.0, q, np.zeros_like(q))["constraint_scale"]
-        )
     status = _start.ON_THE_WAY
     while status == _start.ON_THE_WAY:
         check_wall("assembling the linkage")
