@@ -113,3 +113,15 @@ def test_speed_recovers_after_a_revolution_as_that_of_the_rigid_machine():
 def test_a_crank_that_turns_away_from_its_rigid_motion_is_noted():
     run = symgen.build("elastic_four_bar_free", set={"speed": "95 rpm"}).simulate(revolutions=0.5, samples=31)
     assert any("rad off its rigid motion" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("rtol", [1e-7, 1e-8])
+def test_estimates_include_the_steps_between_recorded_times(rtol):
+    """Shooting takes 256 steps, and 360 or 720 end at recorded times: the error of these counts, too."""
+    model = symgen.build("elastic_four_bar_motor")
+    exact, found = model.periodic(steps=1100, samples=361), model.periodic(rtol=rtol, samples=361)
+    names = [v.name for v in exact.variables if v.name.endswith(".stress")]
+    error = max(
+        np.max(np.abs(found[n].values - exact[n].values)) / np.max(np.abs(exact[n].values)) for n in names
+    )
+    assert error < found.statistics["error"] <= rtol

@@ -137,8 +137,11 @@ def _compared(
     """
     every = 1 if len(motion.jumps) else len(times) // max(shot.per_turn, _COMPARED)
     at = times[::every] if every > 1 else times
-    # Recorded times may end shorter steps than these, as many in both runs: their error is far smaller.
-    counts = [step_counts(motion, at, (x if at is times else shot).per_turn) for x in (shot, other)]
+    counts = [step_counts(motion, at, x.per_turn) for x in (shot, other)]
+    if at is times:  # where recorded times end shorter steps, those of the other run are shorter still
+        counts[1] = np.maximum(counts[1], np.ceil(FINER * counts[0]).astype(np.intp))
+    else:  # the steady state at all times has steps half as long, whose error is far smaller
+        counts[1] = counts[0]
     result, finer = _followed(motion, equations, at, [shot, other], counts, pace)
     parts = Errors(motion, equations, at, GAUSS.order).of(result.displacements, finer.displacements)
     sizes = abs(shot.multipliers[0]), abs(other.multipliers[0])
@@ -246,8 +249,7 @@ def _shot(
     shapes, sizes = (held.shapes, held.frequencies) if held else (np.eye(free), np.ones(free))
     s = np.hstack([np.zeros((n, 1)), columns[0] @ shapes / sizes, np.zeros((n, free))])
     v = np.hstack([np.zeros((n, 1)), columns[1] @ shapes / sizes, columns[0] @ shapes])
-    # The phase of a crank with a motor is that of the steps which follow from the start.
-    steps = _beams.BeamSteps(equations, GAUSS if motion.has_motor else RADAU, 2 * free + 1)
+    steps = _beams.BeamSteps(equations, RADAU, 2 * free + 1)
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     _turn(motion, equations, steps, step_counts(motion, _ends(motion), per_turn), pace)
     ends_s, ends_v = steps.displacements, steps.rates
