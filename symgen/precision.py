@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from symgen.errors import ModelError, nearest
 
@@ -21,6 +21,8 @@ class Precision:
         Bytes of one number.
     digits
         Significant digits of its literals: enough that the compiler's rounding is the only one.
+    greatest
+        The largest number; nonzero numbers below its inverse lose digits.
     epsilon
         Distance from 1 to the next larger number; of ``longdouble`` that of x86, see :attr:`dtype`.
     array, dtype
@@ -37,6 +39,7 @@ class Precision:
     c_type: str
     size: int
     digits: int
+    greatest: str = field(repr=False)  # so that it is no part of the hash of equations
     epsilon: float
     literal_suffix: str
     function_suffix: str
@@ -57,15 +60,17 @@ PRECISIONS = {
     p.name: p
     for p in (
         Precision(
-            "float32", "float", 4, 17, 2.0**-23, "f", "f", array="float", dtype="float32", vectors=True,
+            "float32", "float", 4, 17, "3.4028234e38", 2.0**-23, "f", "f", array="float", dtype="float32",
+            vectors=True,
         ),
-        Precision("float64", "double", 8, 17, 2.0**-52, "", "", vectors=True),
+        Precision("float64", "double", 8, 17, "1.7976931348623157e308", 2.0**-52, "", "", vectors=True),
         Precision(
-            "longdouble", "long double", 16, 25, 2.0**-63, "L", "l", array="long double", dtype="longdouble",
+            "longdouble", "long double", 16, 25, "1.18973e4932", 2.0**-63, "L", "l", array="long double",
+            dtype="longdouble",
         ),
         Precision(
-            "float128", "__float128", 16, 40, 2.0**-112, "Q", "q", "quadmath.h", ("quadmath", "m"),
-            low=True, needs="__float128 and libquadmath, as GCC has them",
+            "float128", "__float128", 16, 40, "1.18973e4932", 2.0**-112, "Q", "q", "quadmath.h",
+            ("quadmath", "m"), low=True, needs="__float128 and libquadmath, as GCC has them",
         ),
     )
 }  # fmt: skip

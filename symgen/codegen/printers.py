@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from decimal import Context, Decimal
 
 from symgen.codegen.target import Target
+from symgen.errors import DerivationError
 from symgen.lowering.nodes import (
     FUNCTIONS,
     GUARDED_INVERSE,
@@ -28,11 +29,26 @@ _SUM, _SIGN, _PRODUCT, _ATOM = range(4)
 _IN_ALL_LANES = "in_all_lanes"
 
 
+class ConstantError(DerivationError):
+    """A constant of the equations that the number type does not have. Take other units or quantities."""
+
+
 def rounded(text: str, precision: Precision) -> str:
-    """Return a constant rounded to a precision; in double precision with the fewest digits that suffice."""
+    """Return a constant rounded to a precision; in double precision with the fewest digits that suffice.
+
+    Raises
+    ------
+    ConstantError
+        For one that overflows, or is lost.
+    """
+    number, greatest = Decimal(text), Decimal(precision.greatest)
+    if number and not 1 / greatest <= abs(number) <= greatest:
+        raise ConstantError(
+            f"the equations have the constant {number:.3g}, which is beyond the range of {precision.name}"
+        )
     if precision.digits <= FLOAT64.digits:
         return repr(float(text))
-    digits = str(Context(prec=precision.digits).plus(Decimal(text)))
+    digits = str(Context(prec=precision.digits).plus(number))
     return digits if set(digits) & set(".E") else f"{digits}.0"
 
 

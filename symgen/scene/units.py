@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
+from collections.abc import Mapping
+from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
@@ -183,6 +186,18 @@ def fits(value: Fraction) -> bool:
     Below the least normal number digits are lost, and the inverse overflows.
     """
     return value == 0 or sys.float_info.min <= abs(value) <= sys.float_info.max
+
+
+def farthest(data: Any, where: str = "") -> tuple[float, str, str]:
+    """Return the quantity in tables of a scene that is farthest from one: decades, its key, and its text."""
+    if isinstance(data, Mapping | list | tuple):
+        entries = data.items() if isinstance(data, Mapping) else enumerate(data)
+        return max((farthest(v, f"{where}.{k}".lstrip(".")) for k, v in entries), default=(0.0, "", ""))
+    text = str(data)
+    with suppress(SceneError):
+        value, _ = parse_quantity(text)
+        return (abs(math.log10(abs(value))) if value else 0.0, where, text)
+    return (0.0, where, text)
 
 
 @lru_cache(maxsize=256)

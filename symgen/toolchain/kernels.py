@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symgen.errors import BuildError, CacheError, ModelError, check_known
+from symgen.errors import BuildError, CacheError, ModelError, SceneError, check_known
 from symgen.methods import METHODS
 from symgen.precision import FLOAT64, Precision
 from symgen.precision import precision as precision_named
@@ -235,7 +235,8 @@ class Tools:
             with store.building(name, lambda f: graph.keep(f, name, graph.needs(read()))) as folder:
                 subject = kind.partition("-")[0].replace("_", " ") or "equations of motion"
                 _log.info("%s: deriving and compiling %s; later calls use the cache", text.name, subject)
-                description, library = make(folder)
+                with _naming_quantities(text):
+                    description, library = make(folder)
                 try:
                     (folder / _DESCRIPTION).write_text(description.to_json(), encoding="utf-8")
                 except OSError as error:
@@ -252,6 +253,23 @@ class Tools:
         except Exception:  # intact but unusable, for whatever reason: rebuild it
             store.remove(entry)
             return None
+
+
+@contextmanager
+def _naming_quantities(text: SceneText) -> Iterator[None]:
+    """Name the largest or smallest quantity of a scene where a constant of its equations is out of range."""
+    from symgen.codegen.printers import ConstantError
+
+    try:
+        yield
+    except ConstantError as error:
+        from symgen.scene.units import farthest
+
+        _, where, quantity = farthest(text.data)
+        if not where:
+            raise
+        problem = f"{quantity} is too large or too small next to the other quantities: {error}"
+        raise SceneError(problem, where=where, file=text.file) from None
 
 
 def _description(text: str) -> Described:
