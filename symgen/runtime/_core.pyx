@@ -664,7 +664,7 @@ cdef class Run:
         self.memory.restore(memory)
         self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory.at)
         if not self.of.api.run_valid(self.core):
-            raise ValueError("expected the saved counts of a run between two steps")
+            raise ValueError("expected the saved counts and times of a run between two steps")
         self._look()
 
     def take(self, passages, events, states):

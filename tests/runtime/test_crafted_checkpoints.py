@@ -55,7 +55,7 @@ for trial in range(first, last):
         altered[name] = altered[name][: rng.integers(0, len(altered[name]) + 1)] if altered[name].ndim else altered[name]
     np.savez(path + ".npz", header=np.array(json.dumps(header | {"digest": digest(altered)})), **altered)
     try:
-        getattr(model, names)(**options, resume=path + ".npz", max_wall=3.0)
+        getattr(model, names)(**options, resume=path + ".npz", max_wall=0.5)
         ended["completed"] += 1
     except SymgenError:
         ended["refused"] += 1
@@ -81,6 +81,22 @@ def test_altered_checkpoints_do_not_crash(scene, options, trials, tmp_path):
     assert done.returncode == 0, done.stderr[-2000:]
     ended = json.loads(done.stdout)
     assert sum(ended.values()) == trials and ended["refused"] > 0
+
+
+def test_a_state_without_slopes_ends_the_run(tmp_path):
+    """The matrices of radau5 were evaluated again and again there, whatever the limit of wall time."""
+    command = [
+        sys.executable,
+        "-W",
+        "ignore",
+        "-c",
+        PROGRAM,
+        RUNS[0][0],
+        json.dumps(RUNS[0][1]),
+        str(tmp_path),
+    ]
+    done = subprocess.run([*command, "106", "107"], capture_output=True, text=True, timeout=120)
+    assert json.loads(done.stdout) == {"completed": 0, "refused": 1}, done.stderr
 
 
 def altered(path: Path, **changes) -> Path:

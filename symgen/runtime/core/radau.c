@@ -302,7 +302,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     for (int anew = 0;; anew = 1) {
         if (make_matrices(run, &x, &m, h, anew) && solve_stages(run, &x, &m, t, h))
             break;
-        if (!x.memo[FRESH])
+        if (!anew && !x.memo[FRESH])
             continue;
         run->state->shrink = R(0.5);
         if (!is_magnified(run)) /* else it is over soon */

@@ -73,6 +73,12 @@ int run_valid(const struct run *run) {
     for (size_t i = 0; i < sizeof last / sizeof *last; i++)
         if (last[i] < -1 || last[i] >= (ends[i] > 0 ? ends[i] : 1))
             return 0;
+    /* beyond them, steps would not end: the rounding error of the time is below that of its range */
+    const real begin = R(run->task.t0), end = R(run->task.t_end);
+    const real range = real_fmax(real_fabs(begin), real_fabs(end));
+    if (!(begin <= s->t && s->t <= end && 0 <= s->h && s->h < REAL_INFINITY &&
+          real_fabs(s->t_left) <= REAL_EPSILON * range))
+        return 0;
     return 0 <= s->recorded && s->recorded <= run->task.samples && s->passages == 0 && s->events == 0 &&
            0 <= s->events_before && s->events_before <= run->task.found && s->steps >= 0 &&
            run->times[run->task.samples] == REAL_INFINITY &&
