@@ -9,13 +9,10 @@ import numpy as np
 from symgen.errors import SimulationError
 from symgen.runtime.arrays import Array
 from symgen.runtime.closure.start import Closed
-from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.rods.following.continuation import Curve, CurvePoint
 
 _MOST, _EXACT = 100_000, 1e-11
-#: Points after which a pole of angles is looked for: a revolution has about a hundred.
-_LOOK = 300
 
 
 class LoopConstraints:
@@ -89,7 +86,7 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
         When the curve cannot be followed from its beginning.
     """
     constraints = LoopConstraints(kernels, begin.q)
-    curve = Curve(constraints, constraints.size, abs(stop - begin.t), poles=True)
+    curve = Curve(constraints, constraints.size, abs(stop - begin.t))
     if (
         np.max(np.abs(constraints.residual(constraints.unknowns(begin.q), begin.t)))
         > _EXACT * constraints.size
@@ -102,10 +99,7 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
     onward = np.append(np.zeros(len(constraints.solved)), np.sign(stop - begin.t))
     start = curve.point(curve.join(constraints.unknowns(begin.q), begin.t), onward)
     ends = min(begin.t, stop), max(begin.t, stop)
-    path = curve.walk(start, ends, True, _LOOK)
-    if len(path) >= _LOOK:
-        _check_pole(kernels, constraints, curve, path[-1])
-        path = curve.walk(start, ends, True, _MOST)
+    path = curve.walk(start, ends, True, _MOST)
     low, high = (e / curve.duration for e in ends)
     outside = next((i for i, p in enumerate(path) if i and not low <= p.x[-1] <= high), len(path))
     path = path[: outside + 1]  # no turning point beyond the range is passed
@@ -126,21 +120,6 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
         np.array([constraints.pose(x, t) for x, t in split]),
         turning,
     )
-
-
-def _check_pole(
-    kernels: LoopKernels, constraints: LoopConstraints, curve: Curve[LoopConstraints], last: CurvePoint
-) -> None:
-    """Refuse to go past a pole of angles that is missed by little: the way about it is too long."""
-    x, t = curve.split(last.x)
-    if names := ball_pole(kernels, t, constraints.pose(x, t)):
-        raise SimulationError(
-            f"the loop cannot be followed by arc length at {kernels.value_at(t)}: it passes close to a "
-            f"pole of the angles {', '.join(names)} of a ball joint, which is no singularity of the loop\n"
-            "  Evaluate it without through, which steps over such poles, or turn the axes of the rows next "
-            "to the ball (theta, alpha) so that its pole lies elsewhere.",
-            time=t,
-        )
 
 
 def _inside(

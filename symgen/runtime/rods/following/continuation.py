@@ -58,13 +58,10 @@ class CurvePoint:
 
 
 class Curve(Generic[Held]):
-    """Phi(q, t) = 0 over x = (q/length, t/duration), made dimensionless with these two.
+    """Phi(q, t) = 0 over x = (q/length, t/duration), made dimensionless with these two."""
 
-    ``poles`` is True where q has angles with poles, next to which the slope changes on one branch as well.
-    """
-
-    def __init__(self, constraints: Held, length: float, duration: float, poles: bool = False) -> None:
-        self.constraints, self.length, self.duration, self.poles = constraints, length, duration, poles
+    def __init__(self, constraints: Held, length: float, duration: float) -> None:
+        self.constraints, self.length, self.duration = constraints, length, duration
 
     def split(self, x: Array) -> tuple[Array, float]:
         """Return q [m] and t [s]."""
@@ -164,7 +161,7 @@ class Curve(Generic[Held]):
         while len(points) < most:
             last = points[-1]
             step = min(step, LONGEST, longest / max(abs(last.speed), 1e-3))
-            if last.soundness < _CROSSED and not self.poles:
+            if last.soundness < _CROSSED:
                 step = max(step, _ACROSS)
             new = self._step(last, step)
             if new is None:
@@ -197,8 +194,7 @@ class Curve(Generic[Held]):
         new = self.point(corrected, last.tangent)
         if new.tangent @ last.tangent < np.cos(_TURN):
             return None
-        free = self.poles or last.soundness < _CROSSED
-        return new if free or self._same_branch(last.x, new.x) else None
+        return new if last.soundness < _CROSSED or self._same_branch(last.x, new.x) else None
 
     def _same_branch(self, x: Array, to: Array) -> bool:
         """Return whether the slope stays regular from one point to another, across the tangent of the first.
