@@ -209,3 +209,56 @@ def test_assemblies_of_a_sketch_drawn_far_from_the_start():
     assert found.complete and len(found) == len(closed) == 2
     for pose in closed.values():
         assert min(np.abs(state.positions["B"] - pose["B"]).max() for state in found) < 1e-12
+
+
+def legs(rng):
+    """A triangle of rods on three parallel legs, one of them driven: its lengths, and a rough drawing."""
+    at = {f"F{i}": np.array([rng.uniform(0.5, 1) * i, rng.uniform(-0.3, 0.3)]) for i in range(3)}
+    at |= {f"T{i}": at[f"F{i}"] + shift for shift in [rng.uniform(-1, 1, 2)] for i in range(3)}
+    ends = {f"leg{i}": (f"F{i}", f"T{i}") for i in range(3)}
+    return at, ends | {f"side{i}": (f"T{i}", f"T{(i + 1) % 3}") for i in range(3)}, 0.4
+
+
+def six_bar(rng):
+    """Two dyads on a crank that nothing prescribes: its lengths, and a drawing that is no guide to them."""
+    at = dict(zip("OCFABE", rng.uniform(-1, 1, (6, 2)), strict=True))
+    return at, dict(zip(("OA", "AB", "BC", "BE", "EF"), ("OA", "AB", "BC", "BE", "EF"), strict=True)), 2.0
+
+
+@pytest.mark.parametrize(("make", "driven"), [(legs, True), (legs, False), (six_bar, False)])
+@pytest.mark.parametrize("count", [20, full(200)])
+def test_redundant_linkages_and_free_ones_start(make, driven, count):
+    rng, model, failed = np.random.default_rng(7), None, 0
+    for _ in range(count):
+        at, ends, rough = make(rng)
+        lengths = {f"l_{k}": float(np.hypot(*(at[a] - at[b]))) for k, (a, b) in ends.items()}
+        ground = [p for p in at if p in "OCF" or p[0] == "F"]
+        drawn = {p: x if p in ground else x + rng.uniform(-rough, rough, 2) for p, x in at.items()}
+        values = lengths | {
+            f"{p}{axis}": float(v) for p, x in drawn.items() for axis, v in zip("xy", x, strict=True)
+        }
+        tunable = {k: {"value": f"{x!r} m", "tunable": True} for k, x in values.items()}
+        direction = at["T0"] - at["F0"] if driven else np.array([1.0, 0.0])
+        values |= {"angle": float(np.arctan2(direction[1], direction[0]))} if driven else {}
+        tunable |= {"angle": {"value": f"{values['angle']!r} rad", "tunable": True}} if driven else {}
+        if model is None:
+            scene = symgen.Scene(
+                parameters={"w": "1 rad/s"} | tunable,
+                points={p: {"at": [f"{p}x", f"{p}y"], "ground": p in ground} for p in at},
+                links={
+                    k: {"points": [*pair], "mass": "1 kg", "length": f"l_{k}"} for k, pair in ends.items()
+                },
+                drivers=[{"link": "leg0", "angle": "angle + w*t"}] if driven else [],
+            )
+            model = symgen.build(scene, backend="numpy")
+        try:
+            found = model.with_parameters(**values).initial_state().positions
+        except InitialStateError:
+            failed += 1
+            continue
+        for k, (a, b) in ends.items():
+            assert np.hypot(*(found[a] - found[b])) == pytest.approx(lengths[f"l_{k}"], abs=ROUNDING)
+        if driven:
+            along = found["T0"] - found["F0"]
+            assert along @ direction == pytest.approx(np.hypot(*along) * np.hypot(*direction), abs=ROUNDING)
+    assert failed <= max(1, 0.02 * count)  # of nearly flat triangles

@@ -110,7 +110,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
         for axis, places in zip(model.axes, zip(*map(model.position, part), strict=True), strict=True):
             mean = sp.Add(*places) / len(part)
             residuals.append(mean - mean.xreplace(drawn))
-            rows.append(f"the mean {axis} of the part of {part[0]}")
+            rows.append(f"the place of the part of {part[0]} along {axis}")
     gradients = [model.calculus.gradient(r) for r in residuals]
     about = "derivative of the assembly residual"
     return [

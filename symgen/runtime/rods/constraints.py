@@ -96,6 +96,10 @@ class Constraints:
         """Return the positions of all points [m], shape (points, axes)."""
         return self.evaluator.blocks("points", t, q, self._rest)["positions"]
 
+    def drawn_places(self, q: Array) -> Array:
+        """Return the positions of the points of the scene at the time 0 [m], shape (points, axes)."""
+        return self.places(q, 0.0)[: self.description.drawn]
+
     def errors(self, poses: Poses) -> tuple[float, float]:
         """Return the largest of Phi over its scale [m] and of its rate [m/s] at many poses."""
         closure = self.kinematics.many("closure", poses.times, poses.q, poses.u)

@@ -25,6 +25,8 @@ from symgen.runtime.rods.redundancy import (
     redundant_constraints,
 )
 
+#: Random poses from which a start is searched, and the largest number of coordinates with a search.
+_TRIES, _SEARCHED = 24, 120
 #: Round-off of drawn positions over the size of the linkage, and of velocities over the prescribed ones.
 ROUNDING, CONSISTENT = 1e-14, 1e-9
 
@@ -150,7 +152,7 @@ def _check_directions(evaluator: Evaluator, q: Array) -> None:
 
 
 def _assembled(evaluator: Evaluator, starter: Starter) -> Starter:
-    """Return the start assembled along a path from the drawing, or by closed forms where that fails."""
+    """Return the start assembled along a path from the drawing, else by closed forms, else by a search."""
     q = starter.q
     _check_directions(evaluator, q)
     status = _start.ON_THE_WAY
@@ -166,6 +168,8 @@ def _assembled(evaluator: Evaluator, starter: Starter) -> Starter:
             where="analysis.assembly_tolerance",
         )
     closed = None if status == _start.STARTED else _closed_by_groups(evaluator, q)
+    if status == _start.UNASSEMBLED and closed is None:
+        closed = _closed_by_search(evaluator, q)
     if status == _start.UNASSEMBLED and closed is None:
         end = np.append(1.0, np.zeros(len(q) - 1))
         residual = evaluator.blocks("assembly", 0.0, starter.q, end)["assembly_residual"]
@@ -195,6 +199,11 @@ class _AtStart:
     def length(self, q: Array) -> float:
         """Return the size of the linkage [m]."""
         return extent(self.evaluator, q)
+
+    def drawn_places(self, q: Array) -> Array:
+        """Return the positions of the points of the scene [m], (points, axes)."""
+        places = self.evaluator.blocks("points", 0.0, q, np.zeros(self.n))["positions"]
+        return np.asarray(places[: self.evaluator.description.drawn])
 
     def turned_over(self, q: Array) -> bool:
         """Return True if a link in the plane points against its angle at the start, as its row allows."""
@@ -232,6 +241,25 @@ def _closed_by_groups(evaluator: Evaluator, drawn: Array) -> Starter | None:
     except NotInGroups:
         pass
     return None
+
+
+def _closed_by_search(evaluator: Evaluator, drawn: Array) -> Starter | None:
+    """Return the nearest start to the drawing of those that a search from many poses finds, if any.
+
+    There is none where the drawing leads to errors that could be permitted: those of manufacture.
+    """
+    from symgen.runtime.rods.search import NEARLY, search
+
+    conditions, found = _AtStart(evaluator, drawn), list[tuple[float, Starter]]()
+    poses = search(conditions, drawn, 0.0, _TRIES) if conditions.n <= _SEARCHED else iter(())
+    for k, (q, missed) in enumerate(poses):
+        check_wall("assembling the linkage")
+        closing = Starter(evaluator, ASSEMBLED, q)
+        if missed < NEARLY and not conditions.turned_over(q) and closing.close() == _start.STARTED:
+            found.append((float(np.linalg.norm(closing.q - drawn)), closing))
+        elif k == 0 and missed < _start.MOST:
+            return None
+    return min(found, key=lambda pair: pair[0])[1] if found else None
 
 
 #: Constraints that are missed by less than this fraction of the largest miss are met, up to rounding.
@@ -276,8 +304,8 @@ def _place(evaluator: Evaluator, row: str) -> str:
     if row in d.labels:
         return d.place(d.labels.index(row))
     name, _, word = row.partition(" ")
-    if name == "the":  # mean of a floating part
-        return f"points.{row.rpartition(' ')[2]}"
+    if name == "the":  # place of a floating part
+        return f"points.{row.split()[-3]}"
     if word == "angle" and f"{name}_drive" in d.constraints:
         return d.driver(name)
     tables = {"angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
