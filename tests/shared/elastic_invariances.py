@@ -109,7 +109,9 @@ def _without_directions(found: Results, tables) -> Results:
 
 
 def quasi_static_in_space(model, tables, by: Transformed) -> Results:
-    return in_space(model, tables, by, "quasi-static")
+    """The same from a start whose rates are differences of equilibria, which settle to 1e-5 of their size."""
+    found = in_space(model, tables, by, "quasi-static")
+    return found | {"error": found["error"] + 1e-5}
 
 
 def equilibrium_in_space(model, tables, by: Transformed) -> Results:
