@@ -89,3 +89,18 @@ def test_what_a_chain_has_not_is_refused_by_its_key(tmp_path, old, new, where):
     assert old in TREE
     with pytest.raises(SceneError, match=where):
         symgen.build_chain(scene(tmp_path, TREE.replace(old, new)))
+
+
+@pytest.mark.parametrize("kind", ["motion", "kinematics"])
+def test_scenes_of_too_many_points_name_chains(kind):
+    """Their matrices would take 6.6 GB at 10,000 points."""
+    count = 5_001
+    links = {f"L{i}": {"points": [f"P{i}", f"P{i + 1}"], "mass": "1 kg"} for i in range(count)}
+    points = {f"P{i}": {"at": [f"{i} m", "0 m"], "ground": i == 0} for i in range(count + 1)}
+    analysis = {"t_end": "1 s"} | ({"kind": kind} if kind == "kinematics" else {})
+    scene = symgen.Scene(
+        points=points, links=links, gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}, analysis=analysis
+    )
+    words = r"\[points\].* 10002 coordinates; equations are derived for at most 10000\n  symgen.build_chain"
+    with pytest.raises(SceneError, match=words):
+        symgen.build(scene)

@@ -28,9 +28,10 @@ def driven_system(linkage: Linkage) -> System:
     Raises
     ------
     SceneError
-        For an output that the linkage does not have, or that needs forces.
+        For an output that the linkage does not have, or that needs forces, and for too many points.
     """
     model = RodsModel(linkage)
+    model.check_size()
     requested = outputs.requested_outputs(model)
     start, start_kernels = assembly_exports(model)
     moved, following = driven_motion(model)

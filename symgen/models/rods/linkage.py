@@ -25,8 +25,22 @@ from symgen.symbolic.vectors import cross, cross_in_plane, dot
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
 
 
+#: Largest number of coordinates: matrices have the square of it as entries, of 8 bytes and more.
+_COORDINATES = 10_000
+
+
 class RodsModel(ConstrainedPoints):
     """Derivation of a linkage: each property is one step, and an input of outputs."""
+
+    def check_size(self) -> None:
+        """Raise SceneError where the matrices would take several gigabytes."""
+        coordinates = len(self.free) * self.linkage.dimension
+        if coordinates > _COORDINATES:
+            raise SceneError(
+                f"points have {coordinates} coordinates; equations are derived for at most {_COORDINATES}",
+                where="points",
+                hint="symgen.build_chain(scene) runs open chains and trees of any number of rods.",
+            )
 
     def check_masses(self) -> None:
         """Raise SceneError where a point carries no mass."""

@@ -26,9 +26,10 @@ def linkage_system(linkage: Linkage) -> System:
     Raises
     ------
     SceneError
-        For an output that the linkage does not have, or a point without mass.
+        For an output that the linkage does not have, a point without mass, or too many points.
     """
     model = RodsModel(linkage)
+    model.check_size()
     model.check_masses()
     requested = outputs.requested_outputs(model)
     start, start_kernels = start_exports(model)
