@@ -269,6 +269,15 @@ def scaled(tables: Tables, rng: np.random.Generator) -> tuple[Tables, Transforme
     return scale(tables), by
 
 
+def _drawn(tables: Tables, point: str) -> np.ndarray:
+    """Return where a point is drawn, by its place or that on a link."""
+    table = tables["points"][point]
+    if "at" in table:
+        return np.array([number_of(c)[0] for c in table["at"]])
+    start, end = (_drawn(tables, p) for p in tables["links"][table["on"]]["points"][:2])
+    return start + table["fraction"] * (end - start)
+
+
 def reordered(tables: Tables, rng: np.random.Generator) -> tuple[Tables, Transformed]:
     """Return the scene with points, links, tables and the points of links in another order."""
     made, n = copy.deepcopy(tables), _dimension(tables)
@@ -284,7 +293,7 @@ def reordered(tables: Tables, rng: np.random.Generator) -> tuple[Tables, Transfo
             rng.shuffle(value)
     for spring in made.get("springs", ()):
         rng.shuffle(spring["between"])
-    at = {p: [number_of(c)[0] for c in t["at"]] for p, t in made["points"].items() if "at" in t}
+    at = {p: _drawn(tables, p) for p in tables["points"]}
     carrying = {t["on"] for t in made["points"].values() if "on" in t}
     directions = {}
     for name, link in made["links"].items():
