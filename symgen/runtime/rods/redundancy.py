@@ -230,8 +230,11 @@ class SelfStress:
         slopes = evaluator.many_blocks("constraint_jacobian", times, q, still)["constraint_jacobian"]
         left = np.linalg.svd(slopes.reshape(*self.scale.shape, -1) / self.scale[..., None])[0]
         self.basis = left[..., self.scale.shape[1] - redundant :]
-        labels = evaluator.description.labels
-        self._edges = [i for i, label in enumerate(labels) if label.startswith("the shape of link ")]
+        d = evaluator.description
+        in_plane = d.links.items() if len(d.axes) == 2 else ()
+        bodies = {f"the length of link {name}" for name, points in in_plane if len(points) > 2}
+        shape = "the shape of link "
+        self._edges = [i for i, x in enumerate(d.labels) if x in bodies or x.startswith(shape)]
 
     def least_norm(self, solutions: Array) -> Array:
         """Return solutions (accelerations, multipliers, one number) with the constraint forces of least norm.
