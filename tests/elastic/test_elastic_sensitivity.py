@@ -86,3 +86,39 @@ def test_the_stored_reference_is_reproduced():
         values, by = slopes("elastic_slider_crank", ["l"])
         for row, expected in ((values, stored["values"]), (by["l"], stored["by"]["l"])):
             assert all(abs(x / mp.mpf(y) - 1) < mp.mpf("1e-22") for x, y in zip(row, expected, strict=True))
+
+
+@pytest.mark.parametrize("elastic_rocker", [False, True])
+def test_torsion_springs_count_revolutions_in_derivatives(elastic_rocker):
+    """The spring passes half a revolution as the rocker turns: by differences of quasi-static runs."""
+    strip = {
+        "section": {"width": "20 mm", "thickness": "5 mm"},
+        "density": "7800 kg/m^3",
+        "elastic": {"E": "200 GPa", "elements": 2},
+    }
+    spring = {"link": "rocker", "stiffness": "k", "angle": "-50 deg"}
+    scene = symgen.Scene(
+        parameters={"k": {"value": "5 N*m", "tunable": True}},
+        points={
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "A": {"at": ["0.1 m", "0 m"]},
+            "B": {"at": ["0.4 m", "0.3 m"]},
+            "D": {"at": ["0.5 m", "0 m"], "ground": True},
+        },
+        links={
+            "crank": {"points": ["O", "A"], "mass": "1 kg"},
+            "coupler": {"points": ["A", "B"], **strip},
+            "rocker": {"points": ["D", "B"], **(strip if elastic_rocker else {"mass": "0.3 kg"})},
+        },
+        crank={"link": "crank", "speed": "60 rpm"},
+        torsion_springs=[spring | ({"point": "D"} if elastic_rocker else {})],
+    )
+    model = symgen.build(scene, backend="numpy")
+    output = "rocker.bending_strain" if elastic_rocker else "coupler.axial_strain"
+
+    def strains(k):
+        return model.with_parameters(k=k).quasi_static(samples=5)[output].values[:4]
+
+    differences = (strains(5.005) - strains(4.995)) / 0.01
+    found = [model.sensitivity([output], ["k"], at=t).derivatives[0, 0] for t in (0.0, 0.25, 0.5, 0.75)]
+    assert found == pytest.approx(differences, rel=1e-7)

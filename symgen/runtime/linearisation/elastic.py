@@ -82,12 +82,15 @@ class Pose:
         self.equations = equations or motion.equations()
         (q, u, _), _, _ = motion.rigid_motion(self.equations, np.array([t]))
         self.q, self.u = q[0], u[0]
+        if rigid.description.windings:  # angles in loads count revolutions
+            rigid = rigid.counting(rigid.reached(t))
         tangents: Tangents = rigid._tangents(rigid._state(t, self.q, self.u), (), "sensitivity")
         self.work = np.asarray(tangents.solution)
         dq, du = moved_pose(tangents, parameters, ())
         residual, by = tangents.slopes.residual, tangents.columns(parameters)
         forced = residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du + residual[:, by]
-        directions = np.zeros((len(rigid.parameters), len(parameters)))
+        # Those of all that kernels take: references and branches, which runs set, are constant.
+        directions = np.zeros((len(rigid.parameter_values), len(parameters)))
         directions[[[*rigid.parameters].index(name) for name in parameters], range(len(parameters))] = 1.0
         #: Differentials of coordinates, rates, parameters, and accelerations with multipliers.
         self.moved = [dq, du, directions, tangents.solved(forced)]
