@@ -167,9 +167,7 @@ def _assembled(evaluator: Evaluator, starter: Starter) -> Starter:
             f"  Give at most {_start.MOST * wide:.2g} m.",
             where="analysis.assembly_tolerance",
         )
-    closed = None if status == _start.STARTED else _closed_by_groups(evaluator, q)
-    if status == _start.UNASSEMBLED and closed is None:
-        closed = _closed_by_search(evaluator, q)
+    closed = None if status == _start.STARTED else _closed(evaluator, q, status == _start.UNASSEMBLED)
     if status == _start.UNASSEMBLED and closed is None:
         end = np.append(1.0, np.zeros(len(q) - 1))
         residual = evaluator.blocks("assembly", 0.0, starter.q, end)["assembly_residual"]
@@ -228,8 +226,11 @@ class _AtStart:
         return self.evaluator.blocks("assembly", 0.0, q, np.append(fraction, np.zeros(self.n - 1)))
 
 
-def _closed_by_groups(evaluator: Evaluator, drawn: Array) -> Starter | None:
-    """Return the start on the assembly mode of the drawing; None for linkages without closed forms."""
+def _closed(evaluator: Evaluator, drawn: Array, searched: bool) -> Starter | None:
+    """Return the start on the assembly mode of the drawing, if any.
+
+    Closed forms are complete: only linkages without them are ``searched``.
+    """
     from symgen.runtime.rods.assur import NotInGroups, modes_by_drawing
 
     conditions = _AtStart(evaluator, drawn)
@@ -239,7 +240,7 @@ def _closed_by_groups(evaluator: Evaluator, drawn: Array) -> Starter | None:
             if not conditions.turned_over(q) and closing.close() == _start.STARTED:
                 return closing
     except NotInGroups:
-        pass
+        return _closed_by_search(evaluator, drawn) if searched else None
     return None
 
 
