@@ -126,17 +126,27 @@ class Posed:
 
     def __init__(self, motion: ElasticMotion, sections: Sequence[Section]) -> None:
         self._free = motion.rigid.description.free
-        self.moves: list[tuple[Section, str]] = []
+        moves = next(self._choices(sections, ()), None)
+        if moves is None:
+            raise ModelError(
+                f"{motion.rigid.name}: elements in large rotation do not support couples between links "
+                f"whose other ends are on the ground, as {sections[-1].link}\n"
+                "  Let them act against the ground, or leave one link rigid."
+            )
+        self.moves = moves
+
+    def _choices(
+        self, sections: Sequence[Section], moves: tuple[tuple[Section, str], ...]
+    ) -> Iterator[tuple[tuple[Section, str], ...]]:
+        """Yield moves of an end of each section, none of which moves a link that has its direction."""
+        if not sections:
+            yield moves
+        still = {point for section, _ in moves for point in (section.start, section.end)}
         for section in sections:
-            moved = {point for _, point in self.moves}
-            ends = [p for p in (section.end, section.start) if p in self._free and p not in moved]
-            if not ends:
-                raise ModelError(
-                    f"{motion.rigid.name}: elements in large rotation do not support couples between links "
-                    f"whose other ends are on the ground, as {section.link}\n"
-                    "  Let them act against the ground, or leave one link rigid."
-                )
-            self.moves.append((section, ends[0]))
+            others = [s for s in sections if s is not section]
+            for point in (section.end, section.start):
+                if point in self._free and point not in still:
+                    yield from self._choices(others, (*moves, (section, point)))
 
     def __call__(self, ground: Callable[[str], Array], q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return coordinates and rates of free points (times, coordinates), ends of links moved.
