@@ -112,7 +112,7 @@ def test_it_is_the_curve_by_arc_length(tuned, followed, monkeypatch, seed):
     monkeypatch.setattr(kinematics, "along_branch", lambda *given: None)
     reference = model.kinematics(0.0, 2 * np.pi, samples=40)
     assert followed == [not reference.singular_poses]
-    assert motion.time == pytest.approx(reference.time, abs=0)
+    assert motion.time == pytest.approx(reference.time, abs=0) and len(motion.time) == 40
     assert len(motion.singular_poses) == len(reference.singular_poses)
     for name in ("B.position", "coupler.angle", "rocker.angle"):
         assert motion[name].values == pytest.approx(reference[name].values, abs=1e-11)
@@ -218,3 +218,21 @@ def test_a_range_up_to_a_dead_centre_begins_with_the_pose_of_its_start(tuned, le
     a, b, c, d = lengths
     tip, (x, y) = a * np.array([np.cos(t), np.sin(t)]), motion["B.position"].values[0]
     assert [np.hypot(x - tip[0], y - tip[1]), np.hypot(x - d, y)] == pytest.approx([b, c], abs=1e-14)
+
+
+def test_samples_of_a_range_with_dead_centres_are_spread_over_what_is_reached(tuned):
+    """As many as for a whole revolution, also of forces; runs in one call keep the samples of the whole range."""
+    a, b, c, d = lengths = (0.3, 0.2, 0.25, 0.4)
+    model = tuned.with_parameters(**dict(zip(LENGTHS, lengths, strict=True)))
+    # coupler and rocker are in line, on both sides of the ground line
+    end = np.arccos((a**2 + d**2 - (b + c) ** 2) / (2 * a * d))
+    motion = model.kinematics(-6.0, 6.0, samples=40)
+    assert [p.t for p in motion.dead_centres][:2] == pytest.approx([-end, end], abs=1e-12)
+    assert motion.time == pytest.approx(np.linspace(-end, end, 42)[1:-1], abs=1e-12)
+    forces = model.inverse_dynamics(-6.0, 6.0, samples=40)
+    assert np.array_equal(forces.times, motion.time)
+    several = model.kinematics_many({"a": [a, a]}, start=-6.0, stop=6.0, samples=241, of=["B"])
+    inside = np.linspace(-6.0, 6.0, 241)
+    assert several["time"].values == pytest.approx(inside[np.abs(inside) < end], abs=0)
+    near = model.kinematics(0.0, end / 2, samples=5)
+    assert near.time == pytest.approx(np.linspace(0.0, end / 2, 5), abs=0)

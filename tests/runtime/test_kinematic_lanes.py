@@ -18,6 +18,7 @@ from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep
 from symgen.runtime.many.starts import start_of
+from symgen.runtime.model.verbs import with_common_axis
 from symgen.runtime.rods.following.branch import steps_of
 from symgen.runtime.rods.following.groups import groups_of
 from symgen.toolchain import compiler
@@ -111,7 +112,7 @@ def test_random_variants_with_and_without_dead_centres_are_those_of_single_runs(
             with pytest.raises(symgen.SymgenError):
                 one.kinematics(**options)
             continue
-        alone = one.kinematics(**options)
+        alone = with_common_axis(one, "kinematics")(**options)
         for v in alone.variables:
             values = found[v.name].values[i]
             assert np.array_equal(values[: len(v.values)], v.values), (i, v.name)
@@ -159,7 +160,8 @@ def test_extremes_in_lanes_are_the_reductions_of_single_runs(tuned, samples):
         "coupler.A.force": lambda v: np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2),
     }
     for i in np.flatnonzero(found["error"].values == ""):
-        alone = tuned.with_parameters(a=a[i], b=b[i], c=c[i]).inverse_dynamics(samples=samples)
+        one = tuned.with_parameters(a=a[i], b=b[i], c=c[i])
+        alone = with_common_axis(one, "inverse_dynamics")(samples=samples)
         for name, magnitude in magnitudes.items():
             v = alone[name].values
             extremes = v.max(axis=0), v.min(axis=0), v.max(axis=0) - v.min(axis=0), v[-1]

@@ -19,6 +19,7 @@ from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import BLOCK, Keep, Record, of_one
 from symgen.runtime.many.driven import Driven, driven_runs
 from symgen.runtime.many.poses import FLOQUET, at_one_pose, ended_early, of_modes, with_notes, with_stability
+from symgen.runtime.model.verbs import with_common_axis
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -119,8 +120,11 @@ class Runs:
 
     def result(self, i: int) -> Any:
         """Carry out run i by itself; errors are those of the analysis."""
-        state = {} if self.states is None else {"state": self.states[i]}
-        return getattr(self.variant(i), self.analysis)(**state, **self.arguments)
+        model, state = self.variant(i), {} if self.states is None else {"state": self.states[i]}
+        analysis = getattr(model, self.analysis)
+        if self.analysis in ("kinematics", "inverse_dynamics"):
+            analysis = with_common_axis(model, self.analysis)
+        return analysis(**state, **self.arguments)
 
     def record_of(self, result: Any, keep: Keep) -> Record:
         """Return the samples of a result that are kept."""

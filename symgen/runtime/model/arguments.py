@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from numpy.typing import ArrayLike
@@ -112,16 +112,22 @@ class Poses(Range):
 
 @dataclass(frozen=True, kw_only=True)
 class LinkageRange(Range):
-    """Poses of a linkage from a state."""
+    """Poses of a linkage from a state.
+
+    Runs with a ``common`` axis record those samples of the whole range that they reach. Otherwise samples are
+    spread over the part of it that is reached.
+    """
 
     samples: int = 361
     state: State | None = None
+    common: bool = field(default=False, metadata={"declared": False})
 
     def instants(self, end: float) -> Instants:
         """Return the times or inputs at which a linkage is evaluated; its scene ends at a time [s]."""
         from symgen.runtime.rods.instants import instants
 
-        return instants(self.start, self.stop, self.at, self.over, self.samples, end)
+        found = instants(self.start, self.stop, self.at, self.over, self.samples, end)
+        return replace(found, spread=found.at is None and not self.common)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +137,11 @@ class LinkageMotion(LinkageRange):
     samples: int = 181
     of: Sequence[str] | None = None
     through: bool = False
+
+    def instants(self, end: float) -> Instants:
+        """Return them; past dead centres they belong to the whole range."""
+        found = super().instants(end)
+        return replace(found, spread=found.spread and not self.through)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -194,7 +194,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
             link [rad]) or ``time`` [s]. By default ``at`` has values of the input; a range is of the input
             for loops, of the time for linkages.
         samples
-            Number of equally spaced poses of the range (361; linkages 181).
+            Number of equally spaced poses of the range (361; linkages 181, in the part that they reach).
         of
             Linkages: points and links (plane) to record; by default all that move.
         state

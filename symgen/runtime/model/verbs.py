@@ -26,13 +26,7 @@ class Verb:
 
     def __init__(self, declared: Callable[..., Any]) -> None:
         self.name = declared.__name__
-
-        @wraps(declared)
-        def call(model: Any, *values: Any, **named: Any) -> Any:
-            return _carry_out(model, declared, values, named)
-
-        call.__qualname__ = f"Model.{self.name}"
-        self.call = checked(call)
+        self.call, self.shared = _checked_call(declared), _checked_call(declared, True)
 
     def __get__(self, model: Any, owner: type | None = None) -> Any:
         """Return the bound analysis; raise CapabilityError where the model does not support it."""
@@ -46,6 +40,21 @@ class Verb:
         return MethodType(self.call, model)
 
 
+def _checked_call(declared: Callable[..., Any], common: bool = False) -> Callable[..., Any]:
+    @wraps(declared)
+    def call(model: Any, *values: Any, **named: Any) -> Any:
+        return _carry_out(model, declared, values, named, common)
+
+    call.__qualname__ = f"Model.{declared.__name__}"
+    return checked(call)
+
+
+def with_common_axis(model: Any, name: str) -> Callable[..., Any]:
+    """Return a supported analysis; of a range it has those samples that a linkage reaches."""
+    declared = next(vars(c)[name] for c in type(model).__mro__ if isinstance(vars(c).get(name), Verb))
+    return MethodType(declared.shared, model)
+
+
 if TYPE_CHECKING:
 
     def verb(declared: F) -> F:
@@ -57,7 +66,11 @@ else:
 
 
 def _carry_out(
-    model: Any, declared: Callable[..., Any], values: tuple[Any, ...], named: dict[str, Any]
+    model: Any,
+    declared: Callable[..., Any],
+    values: tuple[Any, ...],
+    named: dict[str, Any],
+    common: bool,
 ) -> Any:
     name, arguments = declared.__name__, dict[str, Any]()
     if values or named:
@@ -72,7 +85,7 @@ def _carry_out(
                 f"{name} of {model.name} does not accept {', '.join(refused)}\n"
                 f"  It accepts {', '.join(sorted(known)) or 'no arguments'}."
             )
-    result = _call(getattr(model._carrier(name), f"_{name}"), arguments)
+    result = _call(getattr(model._carrier(name), f"_{name}"), arguments, common)
     if name in _MOVING:
         # The caller may change arrays and states.
         arguments = {n: v if callable(v) else deepcopy(v) for n, v in arguments.items() if n not in _OUTSIDE}
@@ -93,10 +106,12 @@ _MOVING = (
 _OUTSIDE = frozenset(("checkpoint", "checkpoint_every", "resume", "progress"))
 
 
-def _call(carried_out: Callable[..., Any], arguments: dict[str, Any]) -> Any:
+def _call(carried_out: Callable[..., Any], arguments: dict[str, Any], common: bool) -> Any:
     record = getattr(carried_out, "record", None)
     if record is None:
         return carried_out(**arguments)
+    if common and any(f.name == "common" for f in fields(record)):
+        arguments = arguments | {"common": True}
     return carried_out(record(**arguments) if arguments else _by_default(record))
 
 
@@ -127,7 +142,7 @@ def _accepted(of: type, name: str) -> frozenset[str]:
         if method is None:
             continue
         if hasattr(method, "record"):
-            return frozenset(names | {f.name for f in fields(method.record)})
+            return frozenset(names | {f.name for f in fields(method.record) if not f.metadata})
         parameters = [*signature(method).parameters.values()][1:]
         names |= {p.name for p in parameters if p.kind is not Parameter.VAR_KEYWORD}
         if all(p.kind is not Parameter.VAR_KEYWORD for p in parameters):

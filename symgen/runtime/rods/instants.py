@@ -35,6 +35,8 @@ class Instants:
     at, over
         Values to evaluate instead, or None: of the first drive (``input``) [rad or m], each at its first time
         in the range, or of the ``time`` [s].
+    spread
+        Spread the samples of a range over the part of it that the linkage reaches.
     """
 
     start: float
@@ -42,6 +44,7 @@ class Instants:
     samples: int
     at: ArrayLike | None = None
     over: str = "time"
+    spread: bool = False
 
     def times(self, name: str, drives: Drives) -> Array:
         """Return the times [s] to evaluate; ``name`` is that of the linkage. Errors are those of times_of."""

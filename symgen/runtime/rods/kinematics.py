@@ -141,7 +141,8 @@ def follow(
 ) -> Followed:
     """Follow the linkage from the pose q at the time t over a range, and sample it at times in it.
 
-    With ``through`` the curve continues past turning points, otherwise it ends there.
+    With ``through`` the curve continues past turning points, otherwise it ends there. Instants may
+    ``spread`` as many times over the part of the range that is reached.
 
     Raises
     ------
@@ -172,6 +173,9 @@ def follow(
         return Followed(samples, sound.requested, sound.poses, start, [], [], [])
     path, start = _path(curve, q, t, instants, through)
     poses = singular_poses(curve, path, instants.start, instants.stop)
+    covered = [_span(curve, part) for part in monotone(path)]
+    if instants.spread:
+        times = _spread(covered, instants)
     rows: list[tuple[float, Array, Array, Array]] = []
     near: list[int] = []
     begin = 0
@@ -180,7 +184,6 @@ def follow(
         rows += [row for row, _ in sampled]
         near += [begin + i for _, i in sampled]
         begin += len(part) - 1
-    covered = [_span(curve, part) for part in monotone(path)]
     others, apart = _elsewhere(curve, q, instants, covered)
     poses += others
     passed = [(t, q, np.zeros_like(q), np.zeros_like(q)) for q, t in (curve.split(p.x) for p in path)]
@@ -360,6 +363,14 @@ def _elsewhere(
 def _span(curve: Curve[Constraints], part: list[CurvePoint]) -> Range:
     ends = sorted(float(p.x[-1] * curve.duration) for p in (part[0], part[-1]))
     return ends[0], ends[1]
+
+
+def _spread(covered: list[Range], instants: Instants) -> Array:
+    """Return equally spaced times in the reached part of a range, without dead centres at its ends."""
+    start = max(min(low for low, _ in covered), instants.start)
+    stop = max(min(max(high for _, high in covered), instants.stop), start)
+    before, after = int(start > instants.start), int(stop < instants.stop)
+    return np.linspace(start, stop, instants.samples + before + after)[before : instants.samples + before]
 
 
 def _gaps(covered: list[Range], instants: Instants) -> list[Range]:

@@ -90,6 +90,8 @@ def analyse(
     times = over.times(d.name, linkage.driving)
     followed = follow(constraints, begin.q, begin.t, over, times)
     followed = replace(followed, samples=with_references(constraints, followed, begin))
+    if over.spread:
+        times = np.sort(followed.samples.times)
     poses = _poses(linkage, followed, times, over.at is not None)
     assembly = Assembly(constraints, loads, poses, request.elements)
     solution = by_multipliers(constraints, loads, poses, assembly) or solve(assembly)
