@@ -242,9 +242,8 @@ def test_a_load_is_in_equilibria(pendulum):
     tip = pendulum.model.equilibrium().state.positions["A"]
     angle = brentq(lambda a: angular_acceleration(a, 0), -2.1, -1.4, xtol=1e-14)
     assert np.arctan2(tip[1], tip[0]) == pytest.approx(angle, abs=1e-9)
-    with pytest.raises(
-        ModelError, match="the damping of a force is not defined at rest"
-    ):  # v abs(v), of which 0/0 is a part
+    # v abs(v), of which 0/0 is a part
+    with pytest.raises(ModelError, match="the damping of a force is not defined at rest"):
         pendulum.model.modes()
 
 

@@ -179,7 +179,7 @@ static int advance(struct start *s) {
         return target < 1 ? ON_THE_WAY : outcome(s);
     }
     s->step /= 2;
-    return status == TOO_TOLERANT || s->step < real_fmax(SHORTEST * s->at, FIRST) ? status : ON_THE_WAY;
+    return status == TOO_TOLERANT || s->step < real_fmax(SHORTEST * s->at, LEAST) ? status : ON_THE_WAY;
 }
 
 /* Write to s->matrix, row by row, the scaled constraints without the dropped ones, then the rows of prescribed

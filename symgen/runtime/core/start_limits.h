@@ -2,11 +2,12 @@
 #ifndef SYMGEN_START_LIMITS_H
 #define SYMGEN_START_LIMITS_H
 
-/* First and longest step along the path from the drawing, and the shortest over the part that is done, below which the
-   assembly fails. Squares of lengths grow along the path: its first step is tiny where they grow by orders of magnitude. */
+/* First and longest step along the path from the drawing; the shortest over the part that is done, and the least step at
+   all, below which the assembly fails. Squares of lengths grow along the path: where they grow by orders of magnitude, its
+   first steps are tiny. */
 #define LONGEST (R(1) / 32)
 #define SHORTEST (R(1) / 4096)
-#define FIRST R(1e-15)
+#define LEAST R(1e-15)
 /* Round-off over the size of the linkage. */
 #define ROUNDING R(1e-14)
 enum { NEWTON = 30 };

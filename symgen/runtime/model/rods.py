@@ -17,7 +17,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
-from symgen.runtime.kernels.arguments import out_of_range, real
+from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
@@ -284,10 +284,19 @@ class RodModel(LinkageModel):
         return at_equilibrium(tangents, outputs, by, spectra, lambda: self.counting(at).analysis("vibration"))
 
     def reached(self, t: float, begin: State | None = None) -> State:
-        """Return the state at a time [s] of the motion that drives determine, or of a run, from a state.
+        """Return the state at a time of the motion that drives determine, or of a run, with its revolutions.
+
+        Parameters
+        ----------
+        t
+            Time [s]; later than that of ``begin``, unless drives alone determine the motion.
+        begin
+            State from which revolutions are counted; by default the initial one.
 
         Raises
         ------
+        ModelError
+            For a time before that of ``begin`` that a run would have to reach.
         SimulationError
             When the time is not reached.
         """
@@ -299,7 +308,9 @@ class RodModel(LinkageModel):
         if not d.freedom:
             return self._state(t, *reached.by_drives(self._constraints(), begin, t))
         if not t > begin.t:
-            raise out_of_range("at", t)
+            raise ModelError(
+                f"expected a time t after {begin.t:g} s, that of the state it starts from, got {t!r}"
+            )
         run = LinkageDerivatives(outputs=(), t_end=t).run()
         kernels = self.counting(begin)._evaluator
         return self._state(t, *reached.by_run(kernels, len(self.redundant), begin, *run))

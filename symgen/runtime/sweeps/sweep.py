@@ -25,7 +25,7 @@ from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.designs import Design
 from symgen.runtime.sweeps.executors import Chunk, submitted
 from symgen.runtime.sweeps.layout import Layout, layout_of
-from symgen.runtime.sweeps.stores import ENDING, Memory, Zarr, needed
+from symgen.runtime.sweeps.stores import DONE, ENDING, Memory, Zarr, needed
 from symgen.runtime.sweeps.tables import TABLE, table_at, write_table
 from symgen.version import __version__
 
@@ -220,7 +220,7 @@ def carry_out(
             within(0.0)
     if progress:
         progress(1.0)
-    if isinstance(store, Zarr):
+    if isinstance(store, Zarr) and store.group[DONE][:].all():  # the last part reads the others, once
         for first, _ in {*_chunks(sweep.design.count, store.chunk, (1, 1))} - {*chunks}:
             store.warn_of_damage(first)
     runs = store.dataset()
