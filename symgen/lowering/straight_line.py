@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 
 import sympy as sp
@@ -28,11 +29,14 @@ def fold(expression: sp.Expr) -> sp.Expr:
     """Round every irrational constant in an expression to at least 40 digits; rationals stay exact.
 
     Constants that are added or multiplied are rounded together, so exact cancellation gives zero.
+    Exponentials below the range of doubles are zero, as in a kernel that evaluates them.
     """
     if expression.is_Symbol or expression.is_Rational:
         return expression
     if expression.is_number:
-        return rounded(expression, digits())
+        value = rounded(expression, digits())
+        lost = value.is_Float and expression.has(sp.exp) and abs(value) < sys.float_info.min
+        return sp.Integer(0) if lost else value
     old = _collected(expression.args) if expression.is_Add else expression.args
     if expression.is_Add or expression.is_Mul:
         numbers = [a for a in old if a.is_number]

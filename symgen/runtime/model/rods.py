@@ -390,13 +390,6 @@ class RodModel(LinkageModel):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
             start = self._stored_start()
             t, y = (0.0, start.y) if request.state is None else finite(request.state)
-            arguments = (
-                chosen,
-                request.progress,
-                self._typed,
-                keeping,
-                tangent,
-                request.t_eval,
-                request.state,
-            )
-            return run(self.counting(request.state)._evaluator, t, y, start.redundant, *arguments)
+            kernels = self.counting(request.state)._evaluator
+            recorded = (keeping, tangent, request.t_eval, request.state)
+            return run(kernels, t, y, start.redundant, chosen, request.progress, self._typed, *recorded)
