@@ -17,8 +17,8 @@ from symgen.version import __version__
 if TYPE_CHECKING:
     from symgen.errors import SymgenError as SymgenError
     from symgen.pipeline.build import build as build
-    from symgen.pipeline.build import derive as derive
     from symgen.pipeline.chain import build_chain as build_chain
+    from symgen.pipeline.systems import derive as derive
     from symgen.runtime.chain.chain import Chain as Chain
     from symgen.runtime.elastic.model import ElasticModel as ElasticModel
     from symgen.runtime.loop.model import LoopModel as LoopModel
@@ -50,7 +50,7 @@ _HOME = {
     "Uniform": "symgen.runtime.sweeps.designs",
     "build": "symgen.pipeline.build",
     "build_chain": "symgen.pipeline.chain",
-    "derive": "symgen.pipeline.build",
+    "derive": "symgen.pipeline.systems",
     "load_result": "symgen.runtime.result.files",
     "load_scene": "symgen.scene.loading",
     "shipped_scenes": "symgen.scene.loading",

@@ -113,7 +113,7 @@ class Method:
 _DECIDING = ("schema", "resolve", "system", "further", "describe", "description", "start", "momentum")
 _LINKAGE = {
     "resolve": "symgen.scene.resolve:resolved_linkage",
-    "system": "symgen.pipeline.build:linkage_system_of",
+    "system": "symgen.pipeline.systems:linkage_system_of",
     "further": "symgen.models.analyses:elastic_systems",
     "describe": "symgen.pipeline.describe:of_linkage",
     "description": "symgen.runtime.kernels.description:Description",

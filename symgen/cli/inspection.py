@@ -13,7 +13,7 @@ from symgen.cli.common import changes, command, console, print_json
 from symgen.errors import ModelError
 
 if TYPE_CHECKING:
-    from symgen.inspection.subject import Chosen, Subject
+    from symgen.pipeline.subject import Chosen, Subject
 
 
 @command("symgen scenes crank_rocker")
@@ -112,7 +112,7 @@ def show(
     from symgen.report.mathematics.equations import check_form
 
     check_form(form)
-    from symgen.inspection.subject import RECORD, Subject
+    from symgen.pipeline.subject import RECORD, Subject
 
     subject = Subject(model, changes(set_))
     if form != "numeric" and (at or with_):

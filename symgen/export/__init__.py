@@ -127,7 +127,8 @@ def exported(
     scene: Scene | SceneText | str | os.PathLike[str], set: Mapping[str, Any] | None = None
 ) -> Exported:
     """Return the template data of a scene."""
-    from symgen.pipeline.build import build, build_scene, derive, text_of
+    from symgen.pipeline.build import build, build_scene, text_of
+    from symgen.pipeline.systems import derive
     from symgen.pipeline.user_system import is_user_file, load
     from symgen.scene.loading import check_scene, override
     from symgen.scene.resolve import resolve

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from symgen.inspection.view import view_of
-from symgen.pipeline.build import build_selected, system_of
+from symgen.pipeline.build import build_selected
+from symgen.pipeline.systems import system_of
 from symgen.report.page.structure import matrix_lines, memory_lines, solver_lines
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve

@@ -23,7 +23,7 @@ from symgen.inspection.view import View, bare, vibration
 from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.models.generality import general
 from symgen.models.structure import structure
-from symgen.pipeline.build import system_of
+from symgen.pipeline.systems import system_of
 from symgen.report.mathematics.saving import saving_lines
 from symgen.report.page.drawing import Drawing, Sketch
 from symgen.report.page.page import Fact

@@ -13,7 +13,7 @@ from symgen.inspection.picture import drawn_of_loop, loop_sketch, pose_of_loop
 from symgen.inspection.view import View
 from symgen.joints import JOINTS
 from symgen.models.loop.structure import general, loop_structure
-from symgen.pipeline.build import system_of
+from symgen.pipeline.systems import system_of
 from symgen.report.mathematics.saving import saving_lines
 from symgen.report.page.drawing import Drawing, Sketch
 from symgen.report.page.page import Fact, TableView

@@ -15,7 +15,8 @@ from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
 from symgen.models.record import of_system, record
-from symgen.pipeline.build import build, build_scene, system_of
+from symgen.pipeline.build import build, build_scene
+from symgen.pipeline.systems import system_of
 from symgen.pipeline.user_system import load
 from symgen.report.page.drawing import Drawing, drawing
 from symgen.report.page.page import Fact, KernelRow, Measured, Page, StepView, example_in_c

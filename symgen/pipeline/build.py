@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from symgen.calls import checked
-from symgen.errors import ModelError, SceneError, SlowBackendWarning
+from symgen.errors import ModelError, SlowBackendWarning
 from symgen.methods import method_of
 from symgen.pipeline import parameters as tuning
 from symgen.pipeline.analysis import kernels_of_analysis
 from symgen.pipeline.describe import describe, with_start
 from symgen.pipeline.source import Source
-from symgen.pipeline.user_system import is_user_file, load
+from symgen.pipeline.systems import derive, system_of
+from symgen.pipeline.user_system import is_user_file
 from symgen.precision import FLOAT64
 from symgen.scene.loading import SceneText, check_scene, override, text_of
 from symgen.toolchain.kernels import GET_A_COMPILER, Tools, no_collection, tools_for
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage
     from symgen.scene.schema import Scene
-    from symgen.symbolic.system import System
 
     _WithForces = RodModel | LoopModel | ElasticModel
     _Mechanism = _WithForces | KinematicModel
@@ -313,26 +313,6 @@ def _of_resolved(resolved: Linkage | Loop, tools: Tools, folder: Path) -> tuple[
     return with_start(system, description, library), library
 
 
-def system_of(resolved: Linkage | Loop) -> System:
-    """Return the System of a resolved scene; raise SceneError for outputs that it does not have."""
-    try:
-        system: System = method_of(resolved).load("system")(resolved)
-    except SceneError as error:
-        raise error.located(file=resolved.file) from None
-    return system
-
-
-def linkage_system_of(linkage: Linkage) -> System:
-    """Return the System of a linkage: of its motion under forces, or of its kinematics alone."""
-    if linkage.kinematic:
-        from symgen.models.rods.driven import driven_system
-
-        return driven_system(linkage)
-    from symgen.models.rods.system import linkage_system
-
-    return linkage_system(linkage)
-
-
 def _linkage(text: SceneText) -> Linkage:
     from symgen.scene.resolve import resolve_linkage
 
@@ -365,17 +345,6 @@ def _derived(
         )
     )
     return RodModel(description, library, lambda: system_of(linkage()).by_name(), analyses=analyses)
-
-
-@checked
-def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
-    """Return the derived equations of a scene, or of a Python file that returns a System."""
-    from symgen.scene.resolve import resolve
-
-    if is_user_file(scene):
-        return load(Path(str(scene))).system
-
-    return system_of(resolve(check_scene(text_of(scene))))
 
 
 def _warn(library: Library) -> None:

@@ -77,7 +77,7 @@ def _of_system(name: str) -> Shipped:
 
 
 def _of_scene(name: str) -> System:
-    from symgen.pipeline.build import derive  # not needed for building blocks
+    from symgen.pipeline.systems import derive  # not needed for building blocks
 
     return derive(name)
 

@@ -98,7 +98,7 @@ def systems(source: str | os.PathLike[str], set: Mapping[str, Any] | None = None
 
 def _of_scene(source: str | os.PathLike[str], set_: Mapping[str, Any]) -> Systems:
     from symgen.methods import further_of
-    from symgen.pipeline.build import system_of
+    from symgen.pipeline.systems import system_of
     from symgen.scene.loading import check_scene
     from symgen.scene.resolve import resolve
 

@@ -9,7 +9,7 @@ from shared.in_numpy import build
 import symgen
 from symgen.errors import InitialStateError, ModelError, SceneError
 from symgen.inspection.view import view_of
-from symgen.pipeline.build import system_of
+from symgen.pipeline.systems import system_of
 from symgen.scene.resolve import resolve
 from symgen.study.speed.work_precision import work_precision
 

@@ -20,7 +20,7 @@ from symgen.models import BLOCKS
 from symgen.models.analyses import ANALYSES, analysis_system
 from symgen.models.generality import general
 from symgen.models.loop.structure import general as general_loop
-from symgen.pipeline.build import system_of
+from symgen.pipeline.systems import system_of
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve
 from symgen.symbolic.quantity import quantity

@@ -14,7 +14,8 @@ from symgen.cli import app
 from symgen.errors import CapabilityError, SceneError
 from symgen.lowering.program import lower_system
 from symgen.models.analyses import elastic_systems
-from symgen.pipeline.build import build_kinematics, derive
+from symgen.pipeline.build import build_kinematics
+from symgen.pipeline.systems import derive
 from symgen.scene.loading import SceneText, check_scene, read_scene
 from symgen.scene.resolve import resolve
 

@@ -151,7 +151,7 @@ def test_needs_hold_all_that_is_read():
         "from symgen.codegen.emit import emit\n"
         "from symgen.codegen.target import Target\n"
         "from symgen.lowering.program import lower_system\n"
-        "from symgen.pipeline.build import derive\n"
+        "from symgen.pipeline.systems import derive\n"
         "emit(lower_system(derive('four_bar')), Target(), 'x')\n"
         "needs = graph.needs(graph.of_file(scene_path('four_bar')))\n"
         "print(json.dumps([sorted(opened), sorted(needs)]))\n"

@@ -11,7 +11,7 @@ import symgen
 from symgen.cli import app
 from symgen.errors import ModelError, SceneError
 from symgen.lowering.program import lower_system
-from symgen.pipeline.build import derive
+from symgen.pipeline.systems import derive
 from symgen.scene.loading import check_scene
 from symgen.scene.resolve import resolve
 

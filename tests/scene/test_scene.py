@@ -12,7 +12,7 @@ from shared.full import full_unless
 
 import symgen
 from symgen.errors import SceneError
-from symgen.pipeline.build import derive
+from symgen.pipeline.systems import derive
 from symgen.scene.faults import tables_in
 from symgen.scene.loading import SHIPPED, SceneText, check_scene, override, read_scene, text_of
 from symgen.scene.resolve import resolve

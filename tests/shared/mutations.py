@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 
 import symgen
 from symgen.errors import SlowBackendWarning, SlowRunWarning, SymgenError
-from symgen.pipeline.build import is_kinematic, system_of
+from symgen.pipeline.build import is_kinematic
+from symgen.pipeline.systems import system_of
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.loop.model import LoopModel
 from symgen.scene.loading import SHIPPED, check_scene, read_scene

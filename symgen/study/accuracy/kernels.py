@@ -21,7 +21,8 @@ from symgen.lowering.tape import Tape
 from symgen.methods import method_of
 from symgen.models import BLOCKS, SHIPPED_BLOCKS, element
 from symgen.models.analyses import elastic_systems
-from symgen.pipeline.build import build, derive, with_forces
+from symgen.pipeline.build import build, with_forces
+from symgen.pipeline.systems import derive
 from symgen.precision import FLOAT64, Precision
 from symgen.precision import precision as precision_named
 from symgen.runtime import _core

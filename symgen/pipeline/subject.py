@@ -12,7 +12,7 @@ from symgen.errors import DerivationError
 from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.record import elastic_record, of_system, record
-from symgen.pipeline.build import system_of
+from symgen.pipeline.systems import system_of
 from symgen.pipeline.user_system import is_user_file, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.loop.loop import Loop
