@@ -71,6 +71,7 @@ cdef extern from "core/elastic.h" nogil:
         long entries, free, whole, inner, full_entries
         const Py_ssize_t *rows
         const Py_ssize_t *columns
+        const Py_ssize_t *independent
         const void *mass
         const void *damping
         const void *stiffness
@@ -438,6 +439,20 @@ cdef class BeamEquations(Integrable):
         made = [self._array(seen.mass, seen.entries), self._array(seen.damping, seen.entries),
                 self._array(seen.stiffness, seen.entries)]
         return status, _indices(seen.rows, seen.entries), _indices(seen.columns, seen.entries), made
+
+    def independent(self, times):
+        """Return a status, and the numbers of the unknowns that are selected as independent at rising times, (times, free)."""
+        cdef matrices_view seen
+        cdef int status = _DONE
+        rows = []
+        for t in times.tolist():
+            status = self.api.beams_assemble(<beams *>self.core, t, _IN_MOTION)
+            if status != _DONE:
+                break
+            self.api.beams_view(<beams *>self.core, &seen)
+            joints = _indices(seen.independent, seen.free - seen.inner) if self.m else np.zeros(0, np.intp)
+            rows.append(np.concatenate([np.arange(seen.inner), seen.inner + joints]))
+        return status, np.array(rows, dtype=np.intp).reshape(len(rows), self.whole - self.m)
 
     def full_stiffness(self):
         """Return rows, columns and entries of the stiffness of all unknowns, constrained or not, at the present

@@ -50,6 +50,7 @@ static void view_matrices(const struct beams *b, struct matrices_view *view) {
         .inner = (long)b->inner,
         .rows = b->rows,
         .columns = b->columns,
+        .independent = b->independent,
         .mass = b->mass,
         .damping = b->damping,
         .stiffness = b->stiffness,

@@ -13,7 +13,7 @@ struct motion_view {
 
 struct matrices_view {
     long entries, free, whole, inner;
-    const ptrdiff_t *rows, *columns;
+    const ptrdiff_t *rows, *columns, *independent; /* the last are numbers of joint unknowns, from `inner` on */
     const void *mass, *damping, *stiffness, *load, *basis;
     long full_entries;
     const ptrdiff_t *full_rows, *full_columns;

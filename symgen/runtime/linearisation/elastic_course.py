@@ -112,6 +112,12 @@ class Course:
         rows: Dual = self.between(times) @ self._weights_of_links[:, j]
         return rows.reshape(len(times), -1, len(MOTION))
 
+    def independent(self, times: Array) -> Indices:
+        """Return the unknowns that steps of runs select as independent at rising times, (times, unknowns)."""
+        status, chosen = self.equations.independent(times)
+        self.motion.check(self.equations, status, self.equations.motion.t)
+        return chosen
+
     def parted(self, rows: Array) -> list[Array]:
         """Return the matrices in rows of numbers (..., numbers)."""
         parts, begin = [], 0

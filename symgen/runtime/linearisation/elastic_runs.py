@@ -3,19 +3,21 @@
 The elastic motion obeys linear equations, M S'' + C S' + K S + J^T mu = Q and J S = 0, whose coefficients
 follow from the rigid motion at each time: :mod:`.elastic_course`. A step solves one linear system for the
 accelerations at its stages. Its differential has the same matrix, and the tangents of the equations at the
-stages on the right. Steps are those of the run; some are taken together.
+stages on the right. Steps are those of the run, and so are the unknowns that each step takes as independent:
+its error depends on them. Steps with the same unknowns are taken together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.arrays import Array, Dual
+from symgen.runtime.arrays import Array, Dual, Indices
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Counts
@@ -25,7 +27,7 @@ from symgen.runtime.linearisation.elastic import check_smooth, derived
 from symgen.runtime.linearisation.elastic_course import Course, Reduced, bases, reduced
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 
-#: Steps that are taken together.
+#: Most steps that are taken together.
 _CHUNK = 64
 
 
@@ -117,18 +119,11 @@ class _State:
 
     def __init__(self, course: Course, count: int) -> None:
         self.course, self.full = course, np.zeros((1 + count, 3, course.motion.layout.unknowns))
-        self.independent = np.arange(course.motion.layout.unknowns)
-        self.rows = self.full
 
-    def choose(self, t: float) -> None:
-        """Choose the independent unknowns at a time, and take them from all."""
-        from scipy.linalg import qr
-
-        if len(self.course.shapes) > 4:
-            bound = self.course.parted(self.course.between(np.array([t])) @ self.course.values)[4][0]
-            order = qr(bound / np.max(np.abs(bound), axis=1, keepdims=True), mode="r", pivoting=True)[1]
-            self.independent = np.sort(order[len(bound) :])
-        self.rows = self.full[:, :, self.independent]
+    def choose(self, independent: Indices) -> None:
+        """Take the independent unknowns from all."""
+        self.independent = independent
+        self.rows = self.full[:, :, independent]
 
     def expand(self, t: float) -> None:
         """Find all unknowns at a time."""
@@ -152,18 +147,20 @@ class _State:
 def _stepped(scheme: _Scheme, course: Course, times: Array, counts: Counts) -> Iterator[Dual]:
     """Yield displacements with tangents along each parameter at the times, (parameters, unknowns)."""
     state = _State(course, len(course.parameters))
-    state.choose(0.0)
+    state.choose(course.independent(np.zeros(1))[0])
     if scheme.keeps:
         state.rows[:, 2] = _first_accelerations(course, state)
     now = 0.0
     for t, count in zip(times.tolist(), counts.tolist(), strict=True):
-        for first in range(0, count, _CHUNK):
-            last = min(first + _CHUNK, count)
-            h = (t - now) / count
-            begins = now + h * np.arange(first, last)
-            _chunk(scheme, course, state, begins, h)
-            state.expand(begins[-1] + h)
-            state.choose(begins[-1] + h)
+        h = (t - now) / max(count, 1)  # none at the start
+        begins = now + h * np.arange(count)
+        after = course.independent(begins + h)
+        changes = 1 + np.flatnonzero(np.any(np.diff([state.independent, *after[:-1]], axis=0), axis=1))
+        bounds = np.unique([*range(0, count, _CHUNK), *changes, count])
+        for first, last in pairwise(bounds.tolist()):
+            _chunk(scheme, course, state, begins[first:last], h)
+            state.expand(begins[last - 1] + h)
+            state.choose(after[last - 1])
         now = t
         yield state.full[0, 0] + 1j * UNIT * state.full[1:, 0]
 
