@@ -249,16 +249,23 @@ class SimulationError(SymgenError):
         super().__init__(problem)
 
 
+#: Maximum number of known words listed in a message, and of the nearest of more words.
+_LISTED, _NEAREST = 30, 5
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint with the known word nearest to ``name``, or a list of the known words."""
+    """Return a hint with the known word nearest to ``name``, or a list of the known words if they are few."""
     from difflib import get_close_matches
 
-    words = sorted(known)
+    words = sorted(set(known))
     folded = name.casefold()
     close = [w for w in words if w.casefold() == folded] or get_close_matches(name, words, n=1, cutoff=0.6)
     close = close or [w for w in words if w.casefold().startswith(folded)]
     if close:
         return f"Did you mean {close[0]!r}?"
+    if len(words) > _LISTED:
+        closest = get_close_matches(name, words, n=_NEAREST, cutoff=0.0)
+        return f"The nearest of {len(words)} names are {', '.join(closest)}."
     return f"Known: {', '.join(words)}." if words else "None are defined."
 
 

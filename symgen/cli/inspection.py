@@ -68,13 +68,17 @@ def units() -> None:
 @command("symgen show peaucellier constraint_jacobian --format latex")
 def show(
     model: Annotated[
-        str, typer.Argument(help="A scene, a Python file with system(), or a building block: rod, ...")
-    ],
+        str | None,
+        typer.Argument(
+            help="A scene, a Python file with system(), or a building block: rod, ...; if absent, they are "
+            "listed."
+        ),
+    ] = None,
     matrix: Annotated[
         str | None,
         typer.Argument(
-            help="A matrix (if absent, matrices are listed); derivation for all steps, momentum_rows for all "
-            "momentum rows, momentum_rows.NAME for one."
+            help="A matrix, kernel, shared term or argument (if absent, matrices are listed); derivation for "
+            "all steps, momentum_rows for all momentum rows, momentum_rows.NAME for one."
         ),
     ] = None,
     form: Annotated[
@@ -107,8 +111,11 @@ def show(
 ) -> None:
     """Show the derived equations in a selected format.
 
-    Without a matrix name, all matrices are listed.
+    Without a matrix name, all matrices are listed; without a model, all scenes and building blocks.
     """
+    if model is None:
+        _list_models()
+        return
     from symgen.report.mathematics.equations import check_form
 
     check_form(form)
@@ -129,14 +136,29 @@ def show(
         _show_chosen(subject, chosen.part(rows, columns), form, at, with_)
 
 
+def _list_models() -> None:
+    """Print the shipped scenes and the building blocks."""
+    from symgen.models import BLOCKS
+    from symgen.report.tables import table
+
+    scenes()
+    blocks = [(name, block.about) for name, block in BLOCKS.items()]
+    console().print(table("Building blocks", ("name", "content"), blocks, texts=(0, 1)))
+    print("A scene of your own is named by its file: symgen show my_linkage.toml")
+
+
 def _list(subject: Subject) -> None:
     """Print the list of matrices."""
     from symgen.report.mathematics.equations import overview
     from symgen.report.tables import table
 
+    head = ("matrix", "shape", "unit", "meaning")
     for prefix, part in subject.parts:
-        listed = [(prefix + name, *more) for name, *more in overview(part)]
-        console().print(table(part.title, ("matrix", "shape", "unit", "meaning"), listed, texts=(0, 3)))
+        listed = [(prefix + name, *more) for name, *more in overview(part.matrices)]
+        console().print(table(part.title, head, listed, texts=(0, 3)))
+    if subject.recorded:
+        listed = [*overview(subject.recorded)]
+        console().print(table("Steps of the derivation", head, listed, texts=(0, 3)))
 
 
 def _show_record(subject: Subject, form: str) -> None:
@@ -211,7 +233,7 @@ def schema() -> None:
     print(json.dumps(Scene.model_json_schema(), indent=2))
 
 
-_SOURCE = "A scene, a Python file with a function system(), or a building block."
+_SOURCE = "A scene, a Python file with a function system(), or a building block: see symgen show."
 
 
 @command('symgen diff four_bar four_bar --set links.crank.mass="2 kg"')

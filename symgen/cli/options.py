@@ -58,6 +58,12 @@ Source = Annotated[
     str,
     typer.Argument(help="A scene, or a Python file with a function system().", autocompletion=_scenes),
 ]
+Inspected = Annotated[
+    str,
+    typer.Argument(
+        help="A scene, a Python file with a function system(), or a building block.", autocompletion=_scenes
+    ),
+]
 Set = Annotated[
     list[str] | None,
     option(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @command("symgen report peaucellier --out page.html")
 def report(
-    scene: o.Source,
+    scene: o.Inspected,
     out: Annotated[
         Path | None, typer.Option(help="Output file: .html; default: SCENE.html in this folder.")
     ] = None,
@@ -29,27 +29,30 @@ def report(
     ] = True,
     set_: o.Set = None,
 ) -> None:
-    """Write an HTML page on a scene, or on a user-defined system.
+    """Write an HTML page on a scene, a user-defined system, or a building block.
 
     The page contains the mechanism, its derivation, its kernels and a run with its errors. It works offline.
     """
     from symgen.atomic import writable, write_text
     from symgen.errors import ModelError
-    from symgen.inspection.page import scene_page, system_page
+    from symgen.inspection.page import block_page, scene_page, system_page
+    from symgen.models import BLOCKS
     from symgen.pipeline.user_system import is_user_file, name_of
     from symgen.report.page.page import render
     from symgen.scene.loading import override, read_scene
 
-    text = None if is_user_file(scene) else override(read_scene(scene), changes(set_))
+    text = None if is_user_file(scene) or scene in BLOCKS else override(read_scene(scene), changes(set_))
     if text is None and set_:
         raise ModelError(f"{scene} is no scene: it has no values to set")
-    name = text.name if text else name_of(Path(scene))
+    name = text.name if text else scene if scene in BLOCKS else name_of(Path(scene))
     file = out or Path(f"{name}.html")
     writable(file, (".html",), "page")
     with _status(f"report of {name}") as status:
         page = (
             scene_page(text, speed=speed, progress=status)
             if text
+            else block_page(scene, progress=status)
+            if scene in BLOCKS
             else system_page(Path(scene), progress=status)
         )
     write_text(file, render(page))

@@ -10,12 +10,14 @@ from symgen.codegen.emit import UnitView, equations_hash, unit_view
 from symgen.codegen.target import Target
 from symgen.inspection.film import moving_html
 from symgen.inspection.measured import measure
+from symgen.inspection.systems import BlockView
 from symgen.inspection.view import View, view_of
 from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
 from symgen.models.record import of_system, record
 from symgen.pipeline.build import build, build_scene
+from symgen.pipeline.subject import Subject
 from symgen.pipeline.systems import system_of
 from symgen.pipeline.user_system import load
 from symgen.report.page.drawing import Drawing, drawing
@@ -61,7 +63,8 @@ def scene_page(text: SceneText, *, speed: bool, progress: Status) -> Page:
     progress("drawing")
     drawn = drawing(view.sketch(resolved, model, measured.result))
     shown = (checked.about.strip(), view.facts(resolved, model), measured, drawn)
-    return _page(view, model, system.name, system, record(resolved, system), *shown)
+    code = _in_python(f'symgen.build("{system.name}")', view.example(model))
+    return _page(view, code, system, record(resolved, system), *shown)
 
 
 def system_page(file: Path, *, progress: Status) -> Page:
@@ -77,13 +80,26 @@ def system_page(file: Path, *, progress: Status) -> Page:
     progress("deriving")
     system, view = load(file).system, view_of(model)
     steps = (of_system(system),)
-    return _page(view, model, file.name, system, steps, "", view.facts(None, model), Measured(None), None)
+    code = _in_python(f'symgen.build("{file.name}")', view.example(model))
+    return _page(view, code, system, steps, "", view.facts(None, model), Measured(None), None)
+
+
+def block_page(name: str, *, progress: Status) -> Page:
+    """Derive a building block, and return the contents of its page."""
+    progress("deriving")
+    subject = Subject(name, {})
+    view, system = BlockView(), subject.system
+    code = _in_python(f'symgen.derive("{name}")', [f'model["{system.matrices[0].name}"]'])
+    return _page(view, code, system, subject.record, "", view.facts(None, system), Measured(None), None)
+
+
+def _in_python(source: str, lines: Sequence[str]) -> str:
+    return "\n".join(["import symgen", "", f"model = {source}", *lines])
 
 
 def _page(
     view: View,
-    model: Any,
-    source: str,
+    in_python: str,
     system: System,
     derivation: Sequence[Step],
     about: str,
@@ -91,7 +107,7 @@ def _page(
     measured: Measured,
     drawn: Drawing | None,
 ) -> Page:
-    """Return the contents of a page; ``source`` is the argument of ``symgen.build``."""
+    """Return the contents of a page."""
     systems = _distinct([system, *(step.system for step in derivation)])
     program = lower_system(system)
     equations = equations_hash(program, Target())
@@ -116,7 +132,7 @@ def _page(
         kernels=tuple(_kernel(k, unit) for k in program.kernels),
         kinds=tuple(_KINDS[k] for k in KINDS),
         in_c=example_in_c(unit, _main(program.kernels)),
-        in_python="\n".join(["import symgen", "", f'model = symgen.build("{source}")', *view.example(model)]),
+        in_python=in_python,
         measured=measured,
         left_out=system.left_out,
         references=(*system.references, *view.references),

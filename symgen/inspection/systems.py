@@ -32,6 +32,15 @@ def _kernels(model: Any) -> list[str]:
     return [k.name for k in model.description.kernels if k.name != SETUP]
 
 
+class BlockView(View):
+    """Building blocks: their arguments and kernels."""
+
+    def facts(self, resolved: Any, model: Any) -> tuple[Fact, ...]:
+        """Return the arguments and the kernels of a System."""
+        arguments = ", ".join(f"{len(g.quantities)} {g.name}" for g in model.groups)
+        return Fact("arguments", arguments), Fact("kernels", ", ".join(e.kernel for e in model.exports))
+
+
 class RotorView(View):
     """Elastic links in space that rotate as a whole; there is no motion to run."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -31,39 +32,89 @@ def tangents(block: str, kernels: Sequence[str], groups: Sequence[str]) -> Syste
     return _call_entry("models.forward_mode:tangents_of", BLOCKS[block](), kernels, groups)
 
 
-#: Conditions of synthesis.
-SYNTHESIS = (
-    "synthesis_limits", "synthesis_slider_limits",
-    "synthesis_dyad", "synthesis_slide", "synthesis_spherical_dyad",
-    "synthesis_function", "synthesis_slider_function", "synthesis_spherical_function",
-)  # fmt: skip
 #: Kernels of an element, all of which have tangents.
 _OF_ELEMENTS = ("mass", "gyroscopic", "stiffness", "geometric", "load", "shape")
-_OF_LOOPS = ("loop_row", "loop_screws", "loop_inertia")
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A building block: its content in one line, and the function that derives its System."""
+
+    about: str
+    derive: Callable[[], System]
+
+    def __call__(self) -> System:
+        """Return the derived System."""
+        return self.derive()
+
+
+def _block(about: str, entry: str, *arguments: Any) -> Block:
+    return Block(about, partial(_call_entry, entry, *arguments))
+
+
+def _tangents(of: str, block: str, kernels: Sequence[str], groups: Sequence[str]) -> Block:
+    return Block(f"tangents of the kernels of {of}", partial(tangents, block, kernels, groups))
+
+
+_SYNTHESIS_ABOUT = {
+    "limits": "limit positions of a crank-rocker",
+    "slider_limits": "limit positions of a slider-crank",
+    "dyad": "a dyad in one pose of the coupler",
+    "slide": "a slider in one pose of the coupler",
+    "spherical_dyad": "a spherical dyad in one pose of the coupler",
+    "function": "crank and rocker at one precision point",
+    "slider_function": "crank and slider at one precision point",
+    "spherical_function": "crank and rocker on a sphere at one precision point",
+}
 
 #: Building blocks by name: one line each, and one for each element.
-BLOCKS: dict[str, Callable[[], System]] = {
-    **{f"element_{name}": partial(element, name) for name in ELEMENTS},
-    **{
-        f"element_{name}_tangents": partial(tangents, f"element_{name}", _OF_ELEMENTS, ("q", "u"))
-        for name in ELEMENTS
-    },
-    "elastic_place_tangents": partial(tangents, "elastic_place", ("point",), ("q",)),
-    "rod": partial(_call_entry, "models.rod:rod_system", 2),
-    "rod_spatial": partial(_call_entry, "models.rod:rod_system", 3),
-    "rigid_element": partial(_call_entry, "models.elastic.rigid_element:rigid_element_system"),
-    "elastic_place": partial(_call_entry, "models.elastic.place:elastic_place_system"),
-    "corotational_beam": partial(_call_entry, "models.elastic.corotational:corotational_beam_system"),
-    "corotational_node": partial(_call_entry, "models.elastic.corotational:corotational_node_system"),
-    "spatial_beam": partial(_call_entry, "models.elastic.spatial:spatial_beam_system"),
-    "director_beam": partial(_call_entry, "models.directors:director_beam_system"),
-    "director_beam_tangents": partial(
-        tangents, "director_beam", ("residual", "tangent", "energies", "section"), ("q", "u", "p")
+BLOCKS: dict[str, Block] = {
+    "rod": _block("one rigid rod in the plane", "models.rod:rod_system", 2),
+    "rod_spatial": _block("one rigid rod in space", "models.rod:rod_system", 3),
+    "chain": _block(
+        "steps of the recursion over a chain of rods in the plane", "mechanics.rods.chain:chain_system", 2
     ),
-    "direction": partial(_call_entry, "models.directions:direction_system"),
-    "direction_tangents": partial(tangents, "direction", ("row", "curvature"), ("q", "u")),
-    **{name: partial(_call_entry, f"models.loop.blocks:{name}_system") for name in _OF_LOOPS},
-    **{name: partial(_call_entry, f"models.synthesis:{name}_system") for name in SYNTHESIS},
+    "chain_spatial": _block(
+        "steps of the recursion over a chain of rods in space", "mechanics.rods.chain:chain_system", 3
+    ),
+    "loop_row": _block("transform of a row of a link-joint table", "models.loop.blocks:loop_row_system"),
+    "loop_screws": _block("screws of a row of a link-joint table", "models.loop.blocks:loop_screws_system"),
+    "loop_inertia": _block("momentum and inertia of a link", "models.loop.blocks:loop_inertia_system"),
+    **{f"element_{x}": Block(f"beam element {x} of elastic links", partial(element, x)) for x in ELEMENTS},
+    **{
+        f"element_{x}_tangents": _tangents(f"element_{x}", f"element_{x}", _OF_ELEMENTS, ("q", "u"))
+        for x in ELEMENTS
+    },
+    "elastic_place": _block(
+        "mass, load or force at one place of an elastic link", "models.elastic.place:elastic_place_system"
+    ),
+    "elastic_place_tangents": _tangents("elastic_place", "elastic_place", ("point",), ("q",)),
+    "rigid_element": _block(
+        "one rigid element of a link in the plane", "models.elastic.rigid_element:rigid_element_system"
+    ),
+    "corotational_beam": _block(
+        "beam element in large rotation", "models.elastic.corotational:corotational_beam_system"
+    ),
+    "corotational_node": _block(
+        "bodies, forces and directions at a node in large rotation",
+        "models.elastic.corotational:corotational_node_system",
+    ),
+    "spatial_beam": _block(
+        "beam element in space, in axes that rotate at a constant rate",
+        "models.elastic.spatial:spatial_beam_system",
+    ),
+    "director_beam": _block(
+        "beam element in space in large rotation", "models.directors:director_beam_system"
+    ),
+    "director_beam_tangents": _tangents(
+        "director_beam", "director_beam", ("residual", "tangent", "energies", "section"), ("q", "u", "p")
+    ),
+    "direction": _block("constraint on the directions of two sections", "models.directions:direction_system"),
+    "direction_tangents": _tangents("direction", "direction", ("row", "curvature"), ("q", "u")),
+    **{
+        f"synthesis_{name}": _block(f"synthesis: {about}", f"models.synthesis:synthesis_{name}_system")
+        for name, about in _SYNTHESIS_ABOUT.items()
+    },
 }
 
 #: Building blocks that runs call: their kernels are committed under ``generated/`` and compiled at install.
@@ -72,7 +123,7 @@ SHIPPED_BLOCKS = (
     *(f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")),
     "rigid_element", "elastic_place", "elastic_place_tangents", "corotational_beam", "corotational_node",
     "spatial_beam", "director_beam", "director_beam_tangents", "direction", "direction_tangents", "loop_row",
-    *SYNTHESIS,
+    *(f"synthesis_{name}" for name in _SYNTHESIS_ABOUT),
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.

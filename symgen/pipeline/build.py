@@ -167,7 +167,7 @@ def _of_scene(scene: Any, options: _Options, set_: Mapping[str, Any] | None) -> 
     if tools.compiler is None and options[0] == "auto":
         library = open_shipped(description) or library
         _warn(library)
-    model = _model(Source(text, options, derive, _built), tools, description, library)
+    model = _model(Source(text, options, _equations, _built), tools, description, library)
     if not tunable:
         return model
     values = tuning.in_si(model, tunable, text.file)
@@ -181,7 +181,7 @@ def _user_model(path: str, options: _Options, set_: Mapping[str, Any] | None) ->
     tools = tools_for(*options)
     if set_ or tools.digits or tools.precision != FLOAT64:
         raise ModelError(f"{path} is no scene: it has no values to set, and is computed in {FLOAT64.name}")
-    return build_user(Path(path), tools, Source(str(Path(path).resolve()), options, derive, _built))
+    return build_user(Path(path), tools, Source(str(Path(path).resolve()), options, _equations, _built))
 
 
 @dataclass(frozen=True, slots=True)
@@ -345,6 +345,13 @@ def _derived(
         )
     )
     return RodModel(description, library, lambda: system_of(linkage()).by_name(), analyses=analyses)
+
+
+def _equations(scene: SceneText | str) -> Mapping[str, Any]:
+    """Return the matrices of a scene or a Python file by name, derived now."""
+    from symgen.pipeline.subject import Equations, Subject
+
+    return Equations(Subject.of(scene))
 
 
 def _warn(library: Library) -> None:

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from symgen.scene.loading import SceneText
-
-if TYPE_CHECKING:
-    from symgen.symbolic.system import System
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,20 +20,20 @@ class Source:
     options
         Options of :func:`symgen.build`, in order.
     derive, build
-        Functions that derive the System of a scene, and build its model.
+        Functions that derive the matrices of a scene by name, and build its model.
     rigid
         Whether the model is the rigid linkage of a scene with elastic links.
     """
 
     scene: SceneText | str
     options: tuple[Any, ...]
-    derive: Callable[[SceneText | str], System]
+    derive: Callable[[SceneText | str], Mapping[str, Any]]
     build: Callable[[SceneText | str, tuple[Any, ...]], Any]
     rigid: bool = False
 
     def __call__(self) -> Mapping[str, Any]:
         """Return the derived matrices by name."""
-        return self.derive(self.scene).by_name()
+        return self.derive(self.scene)
 
     def restored(self, parameters: Mapping[str, float]) -> Any:
         """Return the model with these parameters; its kernels are taken from the cache."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from symgen.errors import DerivationError
+import sympy as sp
+
+from symgen.errors import DerivationError, ModelError, check_known, nearest
+from symgen.lowering.program import lower_system
 from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.record import elastic_record, of_system, record
@@ -19,11 +22,13 @@ from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.derivative import derivative
-from symgen.symbolic.system import NamedMatrix, Step, System
+from symgen.symbolic.system import Export, Matrices, NamedMatrix, SaddlePoint, Step, System
 
 #: Name that selects the derivation record instead of a matrix.
 RECORD = "derivation"
 _MOMENTUM = "momentum_rows"
+#: Maximum number of matrices named in an error.
+_NAMED = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +66,16 @@ class Subject:
         self.is_scene = not self.is_block and not is_user_file(name)
         self._changes = changes
 
+    @classmethod
+    def of(cls, scene: SceneText | str) -> Subject:
+        """Return the subject of a scene that was read, or of a Python file."""
+        if isinstance(scene, str):
+            return cls(scene, {})
+        subject = cls(scene.name, {})
+        subject.is_block, subject.is_scene = False, True
+        subject.__dict__["text"] = scene
+        return subject
+
     @cached_property
     def text(self) -> SceneText:
         """The scene."""
@@ -92,7 +107,7 @@ class Subject:
     @cached_property
     def record(self) -> tuple[Step, ...]:
         """The derivation record, step by step."""
-        if self.is_scene and not self._kinematic:
+        if self.is_scene and not self._kinematic and method_of(self.resolved).record:
             return record(self.resolved, self.system)
         whole = of_system(self.system)
         return (*elastic_record(), whole) if self.steps else (whole,)
@@ -109,24 +124,52 @@ class Subject:
         further = tuple((f"{kind}.", system) for kind, system in self.further.items())
         return (*(("", system) for system in whole), *further)
 
-    def choose(self, name: str, *, numbers: bool = False) -> Chosen:
-        """Return a matrix by name with its System, or one or all of the momentum rows.
+    @property
+    def recorded(self) -> tuple[NamedMatrix, ...]:
+        """Matrices of the derivation record that are in none of :attr:`parts`."""
+        known = {m.name for prefix, part in self.parts if not prefix for m in part.matrices}
+        return tuple(m for step in self.record for m in step.matrices if m.name not in known)
 
-        With ``numbers``, all momentum rows are returned as the square system that they form.
+    def choose(self, name: str, *, numbers: bool = False) -> Chosen:
+        """Return what a name stands for, with its System: a matrix, a kernel, a shared term, an argument.
+
+        Names of the derivation record and of further systems are known as well, those of further systems
+        with and without their prefix. ``momentum_rows`` are all momentum rows; with ``numbers``, they are
+        returned as the square system that they form.
 
         Raises
         ------
         ModelError
-            If no matrix has this name; the message suggests the nearest one.
+            If nothing has this name; the message suggests the nearest ones.
         """
         kind, _, rest = name.partition(".")
         if kind == _MOMENTUM and self.is_scene:
             return self._momentum(rest, numbers)
-        if self.steps and name in self.steps:
+        if self.steps and name in self.steps:  # a matrix of a step, rather than a symbol of the block
             return Chosen(self.steps, (self.steps[name],))
-        if rest and kind in self.further:
-            return Chosen(self.further[kind], (self.further[kind][rest],))
-        return Chosen(self.system, (self.system[name],))
+        known: list[str] = []
+        for prefix, system in self._searched():
+            own = name.removeprefix(prefix) if name.startswith(prefix) else name
+            matrices = system.named(own)
+            if matrices:
+                return Chosen(system, matrices)
+            known += (prefix + x for x in system.names())
+        raise ModelError(
+            f"{self.system.name} has nothing called {name!r}. {nearest(name, known)}\n"
+            f"  symgen show {self.name} lists its matrices."
+        )
+
+    def _searched(self) -> Iterator[tuple[str, System]]:
+        """Yield the systems in which names are looked up, each derived when it is reached."""
+        yield "", self.system
+        yield from ((f"{kind}.", system) for kind, system in self.further.items())
+        seen = {id(self.system)}
+        for step in self.record:
+            if id(step.system) not in seen:
+                seen.add(id(step.system))
+                yield "", step.system
+        if self.system.saddle_point:
+            yield "", _solved(self.system, self.system.saddle_point)
 
     def _momentum(self, row: str, numbers: bool) -> Chosen:
         method = method_of(self.resolved)
@@ -139,6 +182,30 @@ class Subject:
             )
         system = method.load("momentum")(self.resolved)
         if row:
-            return Chosen(system, (system[row],))
+            check_known(row, {*system.names()}, f"{self.name} has no momentum row")
+            return Chosen(system, system.named(row))
         square = ("matrix", "rhs")
         return Chosen(system, tuple(m for m in system.matrices if (m.name in square) == numbers))
+
+
+def _solved(system: System, point: SaddlePoint) -> System:
+    """Return the system with the kernels that factorise and solve [M J^T; J 0], by their matrices."""
+    matrices = point.mass, point.jacobian, point.force, point.rhs
+    kernels = {k.name for k in lower_system(system).kernels} - {e.kernel for e in system.exports}
+    about = "solves the equations of motion"
+    return replace(system, exports=tuple(Export(kernel, about, matrices) for kernel in sorted(kernels)))
+
+
+class Equations(Matrices):
+    """Derived matrices of a source by name; every other name of its derivation is derived on request."""
+
+    def __init__(self, subject: Subject) -> None:
+        super().__init__(subject.system.by_name())
+        self._subject = subject
+
+    def __missing__(self, name: str) -> sp.ImmutableMatrix:
+        matrices = self._subject.choose(name).matrices
+        if len(matrices) != 1:
+            names = ", ".join(m.name for m in matrices[:_NAMED])
+            raise ModelError(f"{name} stands for {len(matrices)} matrices: {names}, ...: name one of them")
+        return matrices[0].matrix

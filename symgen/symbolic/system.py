@@ -177,6 +177,31 @@ class System:
         check_known(name, self._index, f"{self.name} has no matrix")
         return self._index[name]
 
+    def named(self, name: str) -> tuple[NamedMatrix, ...]:
+        """Return what a name stands for: a matrix, the matrices of a kernel, a shared term or an argument.
+
+        Terms and arguments are matrices of one entry. The result is empty for an unknown name.
+        """
+        if name in self._index:
+            return (self._index[name],)
+        for export in self.exports:
+            if export.kernel == name:
+                return tuple(self._index[m] for m in export.matrices)
+        entries = {d.quantity: d.expression for d in self.definitions}
+        return tuple(
+            NamedMatrix(
+                name, sp.ImmutableMatrix([[entries.get(x, x.symbol)]]), x.unit, x.description, (name,)
+            )
+            for x in self.quantities()
+            if x.name == name
+        )
+
+    def names(self) -> Iterator[str]:
+        """Yield every name that :meth:`named` knows."""
+        yield from self._index
+        yield from (export.kernel for export in self.exports)
+        yield from (x.name for x in self.quantities())
+
     def group(self, name: str) -> Group:
         """Return the argument group called ``name``; an empty one if the system has none."""
         return next((g for g in self.groups if g.name == name), Group(name, "", ()))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import sympy as sp
 
@@ -17,9 +17,9 @@ FORMATS = ("unicode", "latex", "shared", "c", "numeric")
 _WHOLE, _LETTERS = 12, 4000
 
 
-def overview(system: System) -> list[tuple[str, str, str, str]]:
+def overview(matrices: Iterable[NamedMatrix]) -> list[tuple[str, str, str, str]]:
     """Return name, shape, unit and description of every matrix."""
-    return [(m.name, f"{m.matrix.rows} x {m.matrix.cols}", m.unit, m.description) for m in system.matrices]
+    return [(m.name, f"{m.matrix.rows} x {m.matrix.cols}", m.unit, m.description) for m in matrices]
 
 
 def show(
