@@ -167,7 +167,7 @@ def _attached(s: Sketch, elastic: list[str]) -> None:
     links = s.tables["links"]
     name = s.any_of(*elastic)
     stretches = links[name]["elastic"].get("axial", True) and "reduction" not in links[name]["elastic"]
-    whole = {k for k in links if k != "rail"}
+    whole = [k for k in links if k != "rail"]
     if stretches and s.chance(0.4):
         s.tables["points"]["C"] = {"on": name, "fraction": s.any_of(0.5, 0.3)}
         s.add("masses", point="C", mass=in_unit(s.number(0.02, 0.1), "kg"))

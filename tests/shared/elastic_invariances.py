@@ -9,6 +9,8 @@ from shared.invariances import Results
 from shared.transformed import WORDS, Tables, Transformed, number_of
 
 STEPS, SAMPLES = 64, 3
+#: Outputs within the error of a run in the plane, which is over the largest stress.
+STRESSES = ("bending_strain", "axial_strain", "stress", "greatest_stress")
 
 
 def round_off(tables: Tables, by: Transformed, results: Results) -> float:
@@ -48,13 +50,16 @@ def _range(tables, share: float) -> dict:
 
 def run(model, tables, by: Transformed) -> Results:
     result = model.simulate(**_range(tables, 0.01), steps=STEPS, samples=SAMPLES)
-    return _of(result) | {"error": result.statistics["error"]}
+    return _of(result) | {"errors": dict.fromkeys(STRESSES, result.statistics["error"])}
 
 
 def steady(model, tables, by: Transformed) -> Results:
+    """A steady state and its largest multiplier, whose error is absolute where differences are relative."""
     result = model.periodic(steps=STEPS, samples=SAMPLES)
-    error = result.statistics["error"] + result.statistics["floquet_error"]
-    return _of(result) | {"multipliers": np.abs(result.floquet[:1]), "error": error}
+    largest = np.abs(result.floquet[:1])
+    errors = dict.fromkeys(STRESSES, result.statistics["error"])
+    errors["multipliers"] = result.statistics["floquet_error"] / largest[0]
+    return _of(result) | {"multipliers": largest, "errors": errors}
 
 
 def static(model, tables, by: Transformed) -> Results:
@@ -84,10 +89,24 @@ def equilibrium(model, tables, by: Transformed) -> Results:
 def in_space(model, tables, by: Transformed, initial: str = "undeformed") -> Results:
     """A run in space; of round sections, whose width has no direction, what does not depend on it."""
     result = model.simulate(samples=SAMPLES, rtol=0.01, initial=initial)
-    found = _of(result) | {"error": result.statistics["error"]}
+    found = _without_directions(_powers_as_moments(_of(result), tables, by), tables)
+    words = {name.rpartition(".")[2] for name in found}
+    return found | {"errors": dict.fromkeys(words, result.statistics["error"])}
+
+
+def _powers_as_moments(found: Results, tables, by: Transformed) -> Results:
+    """Return powers over the rate of the motion.
+
+    Round-off of a force makes that of a moment, and times the rate, that of a power: the power itself may be
+    any part of it, since forces are across velocities, or change sign.
+    """
     if not tables.get("drivers") and not any("motion" in p for p in tables["points"].values()):
         del found["input_power"]  # nothing moves, and this is round-off
-    return _without_directions(found, tables)
+        return found
+    rate, _ = number_of(tables["parameters"][by.names.get("rate", "rate")])
+    for name in [name for name in found if name.endswith("power")]:
+        found[f"{name}.over_rate"] = found.pop(name) / rate
+    return found
 
 
 def _without_directions(found: Results, tables) -> Results:
@@ -111,7 +130,7 @@ def _without_directions(found: Results, tables) -> Results:
 def quasi_static_in_space(model, tables, by: Transformed) -> Results:
     """The same from a start whose rates are differences of equilibria, which settle to 1e-5 of their size."""
     found = in_space(model, tables, by, "quasi-static")
-    return found | {"error": found["error"] + 1e-5}
+    return found | {"errors": {word: error + 1e-5 for word, error in found["errors"].items()}}
 
 
 def equilibrium_in_space(model, tables, by: Transformed) -> Results:

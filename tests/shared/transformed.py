@@ -74,6 +74,7 @@ WORDS = {
     "moment_z": ("N*m", "scalar"),
     "power": ("W", "scalar"),
     "input_power": ("W", "scalar"),
+    "over_rate": ("N*m", "scalar"),
 }
 
 
