@@ -119,9 +119,13 @@ def show(
     from symgen.report.mathematics.equations import check_form
 
     check_form(form)
+    from symgen.inspection.assembled import is_assembled, numbers
     from symgen.pipeline.subject import RECORD, Subject
 
     subject = Subject(model, changes(set_))
+    if is_assembled(matrix, subject) and form in ("unicode", "numeric") and not (by or with_):
+        print(numbers(subject, matrix, at, rows, columns))
+        return
     if form != "numeric" and (at or with_):
         raise ModelError("--at and --with select numeric values: they require --format numeric")
     if matrix in (None, RECORD) and (rows or columns or by):

@@ -216,11 +216,12 @@ def test_help_fits_80_columns_and_has_an_example_that_parses(command):
 
 
 def test_every_analysis_of_a_model_is_a_command_of_that_name():
-    """Those that take states or arrays, or return models, are for Python alone."""
+    """Those that take states or arrays, or return models or matrices, are for Python alone."""
     from symgen.runtime.model.model import VERBS
 
     assert {v.replace("_", "-") for v in VERBS if not v.endswith("_many")} - set(COMMANDS) == {
-        "accelerations", "batch", "evaluate", "in-segments", "jacobian", "mass-matrix", "record",
+        "accelerations", "batch", "evaluate", "in-segments", "jacobian", "mass-matrix",
+        "matrices", "record",
     }  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
@@ -14,6 +14,8 @@ from symgen.symbolic.system import NamedMatrix, System
 _WORKING, _PRINTED = 40, 12
 #: Maximum number of symbols named in an error.
 _NAMED = 8
+#: Columns of text.
+_WIDTH = 100
 
 
 def in_numbers(system: System, matrix: NamedMatrix, values: Mapping[str, float], label: str) -> str:
@@ -33,6 +35,27 @@ def in_numbers(system: System, matrix: NamedMatrix, values: Mapping[str, float],
     ]
     columns = [f"columns: {', '.join(matrix.columns)}"] if matrix.columns else []
     return "\n".join([f"{matrix.name} {label} [{matrix.unit}]", *columns, *lines])
+
+
+def table_of_numbers(
+    title: str, rows: Sequence[str], columns: Sequence[str], values: Sequence[Sequence[float]]
+) -> str:
+    """Return numbers with the names of their rows and columns, in blocks of columns that fit ``_WIDTH``.
+
+    Without ``columns`` the values are one column.
+    """
+    width, cell = max(map(len, rows), default=0), max(17, *(len(c) + 1 for c in columns), 0)
+    count = max(1, (_WIDTH - width) // cell)
+    lines = [title]
+    for first in range(0, max(1, len(columns)), count):
+        heads = columns[first : first + count]
+        lines += ["", " " * width + "".join(f"{c:>{cell}}" for c in heads)] if heads else []
+        lines += [
+            f"{row:>{width}}"
+            + "".join(f"{x:{cell}.9e}" if x else f"{0:{cell}}" for x in entries[first : first + count])
+            for row, entries in zip(rows, values, strict=True)
+        ]
+    return "\n".join(lines)
 
 
 def evaluated(system: System, matrix: NamedMatrix, values: Mapping[str, float]) -> sp.ImmutableMatrix:

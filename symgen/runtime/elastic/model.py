@@ -16,7 +16,7 @@ from symgen.errors import ModelError, check_known, nearest
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BEAM_METHODS
 from symgen.runtime.integrate.checkpoint import Keeping
-from symgen.runtime.integrate.options import sample_count
+from symgen.runtime.integrate.options import initial_state, sample_count
 from symgen.runtime.integrate.pace import Progress, limited, uncounted
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real, reals
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
     from symgen.runtime.model.rods import RodModel
     from symgen.runtime.result.elastic import ElasticResult
-    from symgen.runtime.result.modes import ElasticModes
+    from symgen.runtime.result.modes import AssembledMatrices, ElasticModes
     from symgen.runtime.result.records import Variable
     from symgen.runtime.result.speed_response import SpeedResponse
     from symgen.runtime.rods.equilibrium import Equilibrium
@@ -44,8 +44,6 @@ _RTOL = 1e-4
 #: Elements of a link in large rotation, where none are given.
 _ELEMENTS = 4
 _CHECKPOINTS = ("checkpoint", "checkpoint_every", "resume")
-#: Initial states of motions in time.
-INITIAL = ("undeformed", "quasi-static")
 
 
 #: Returns the linkage with a number of rods per elastic link; for None with rigid links and its motor.
@@ -185,6 +183,18 @@ class ElasticModel(ModelOfRigid):
         motion = self._motion(True)
         angle = motion.angle if at is None else real(at, "the direction of the crank")
         return modes_with_errors(motion, motion.time_at(angle), moving)
+
+    def _matrices(self, at: float | None = None, over: str | None = None) -> AssembledMatrices:
+        from symgen.runtime.elastic.matrices import assembled_at
+
+        over = over or "input"
+        check_known(over, ("input", "time"), "matrices have no variable")
+        motion = self._motion(True)
+        if at is not None and over == "time":
+            return assembled_at(motion, real(at, "the time"))
+        return assembled_at(
+            motion, motion.time_at(motion.angle if at is None else real(at, "the angle of the crank"))
+        )
 
     def in_mode(self, modes: ElasticModes, number: int, phases: Array, largest: float) -> list[Variable]:
         """Return the outputs of a mode, counted from 0, over its phase [rad], at most ``largest`` [m] off."""
@@ -371,19 +381,3 @@ def _in_large_rotation(request: ElasticRun) -> LargeRotation | None:
     options = {name: getattr(request, name) for name in shared}
     samples = sample_count(request.samples, None, 361)
     return LargeRotation(**options | {"samples": samples})
-
-
-def initial_state(state: str | Sequence[float]) -> str | tuple[float, ...]:
-    """Return the initial state of a run: its name, or amplitudes of modes [m].
-
-    Raises
-    ------
-    ModelError
-        For an unknown name, and amplitudes that are not finite.
-    """
-    if isinstance(state, str):
-        if state not in INITIAL:
-            known = nearest(state, INITIAL)
-            raise ModelError(f"there is no initial state {state!r} of elastic links. {known}")
-        return state
-    return tuple(reals(state, "the amplitudes of modes at the start").tolist())

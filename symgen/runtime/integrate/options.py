@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -18,6 +19,8 @@ from symgen.runtime.integrate.integrators import integrator
 from symgen.runtime.integrate.integrators.method import Method
 from symgen.runtime.kernels.arguments import count, is_real, out_of_range, reals
 
+#: Initial states of motions of elastic links.
+INITIAL = ("undeformed", "quasi-static")
 #: Times of t_eval in messages.
 _SHOWN = 4
 #: Tightest relative tolerance that a type can meet, and the default one, both over its epsilon.
@@ -195,3 +198,19 @@ def _constraint_options(
     if stabilisation == "baumgarte":
         rate = BAUMGARTE_RATE if rate is None else rate
     return stabilisation, rate or 0.0, np.inf if max_drift is None else max_drift
+
+
+def initial_state(state: str | Sequence[float]) -> str | tuple[float, ...]:
+    """Return the initial state of a run: its name, or amplitudes of modes [m].
+
+    Raises
+    ------
+    ModelError
+        For an unknown name, and amplitudes that are not finite.
+    """
+    if isinstance(state, str):
+        if state not in INITIAL:
+            known = nearest(state, INITIAL)
+            raise ModelError(f"there is no initial state {state!r} of elastic links. {known}")
+        return state
+    return tuple(reals(state, "the amplitudes of modes at the start").tolist())

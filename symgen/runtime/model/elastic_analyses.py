@@ -12,6 +12,7 @@ from symgen.runtime.model.verbs import verb
 
 if TYPE_CHECKING:
     from symgen.runtime.result.elastic import ElasticResult
+    from symgen.runtime.result.modes import AssembledMatrices
     from symgen.runtime.result.speed_response import SpeedResponse
 
 
@@ -127,5 +128,18 @@ class ElasticAnalyses:
             When no tunable parameter sets the speed, or a speed is zero or not finite.
         SimulationError
             When the crank cannot make a revolution.
+        """
+        raise NotImplementedError
+
+    @verb
+    def matrices(self, at: float | None = None, *, over: str | None = None) -> AssembledMatrices:
+        """Return the assembled matrices of elastic links in the plane, with names of rows and columns.
+
+        Parameters
+        ----------
+        at
+            Angle of the crank [rad]; by default that of the start.
+        over
+            ``time`` if ``at`` is a time [s].
         """
         raise NotImplementedError

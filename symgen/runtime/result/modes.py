@@ -1,10 +1,10 @@
-"""Frequencies and shapes of elastic links in one pose, and of rotors."""
+"""Frequencies and shapes of elastic links in one pose, and of rotors; assembled matrices."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
+from symgen.errors import ModelError, nearest
 from symgen.runtime.arrays import Array
 from symgen.runtime.result.records import plain
 
@@ -165,3 +166,73 @@ class RotorModes:
             "errors_of_elements": plain(self.errors_of_elements.tolist()),
             "notes": list(self.notes),
         }
+
+
+#: Units of unknowns by their letter; those of joints are displacements.
+_UNITS = {"u": "m", "w": "m", "mid": "m", "theta": "rad", "gamma": "rad", "kappa": "1/m"}
+
+
+@dataclass(frozen=True, slots=True)
+class Assembled:
+    """A matrix or vector with the names and units of its rows and columns; a vector has no columns.
+
+    ``unit`` is that of entries between displacements, with the factors for others.
+    """
+
+    name: str
+    values: Array
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    unit: str
+    about: str
+
+    @property
+    def row_units(self) -> tuple[str, ...]:
+        """Unit of each row's unknown."""
+        return tuple(map(unit_of, self.rows))
+
+    @property
+    def column_units(self) -> tuple[str, ...]:
+        """Unit of each column's unknown."""
+        return tuple(map(unit_of, self.columns))
+
+    def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> Assembled:
+        """Return some rows and columns, by name or by number from 0; all of them if none is given.
+
+        Raises
+        ------
+        ModelError
+            When there is no such row or column.
+        """
+        i = self._numbers("row", rows, self.rows)
+        j = self._numbers("column", columns, self.columns)
+        values = self.values[np.ix_(i, j)] if self.columns else self.values[i]
+        return replace(
+            self,
+            values=values,
+            rows=tuple(self.rows[k] for k in i),
+            columns=tuple(self.columns[k] for k in j),
+        )
+
+    def _numbers(self, kind: str, selected: Sequence[str], names: Sequence[str]) -> list[int]:
+        for name in selected:
+            if name not in names and not (name.isdecimal() and int(name) < len(names)):
+                raise ModelError(f"matrix {self.name} has no {kind} {name!r}. {nearest(name, names)}")
+        return [names.index(x) if x in names else int(x) for x in selected] or [*range(len(names))]
+
+    def __repr__(self) -> str:
+        shape = " x ".join(map(str, self.values.shape))
+        return f"<{self.name}: {self.about}, {shape} [{self.unit}]>"
+
+
+class AssembledMatrices(dict[str, Assembled]):
+    """Matrices by name; a missing name is a ModelError with the nearest one."""
+
+    def __missing__(self, name: str) -> Assembled:
+        raise ModelError(f"there is no assembled matrix {name!r}. {nearest(name, self)}")
+
+
+def unit_of(unknown: str) -> str:
+    """Return the unit of an unknown of the elastic motion: ``A.x``, ``coupler.theta@0``."""
+    last = unknown.rpartition(".")[2] if "@" not in unknown else unknown.partition("@")[0].rpartition(".")[2]
+    return "m" if last in ("x", "y") else _UNITS.get(last.rstrip("0123456789"), "1")

@@ -12,12 +12,12 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.elastic.large.collocation import Moment, stacked
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
-from symgen.runtime.elastic.model import ModelOfRigid, initial_state
+from symgen.runtime.elastic.model import ModelOfRigid
 from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.elastic.space.initial import initial
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.outputs import outputs
-from symgen.runtime.integrate.options import end_of_scene
+from symgen.runtime.integrate.options import end_of_scene, initial_state
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import RunInSpace, takes
