@@ -73,6 +73,30 @@ def test_a_rotating_rod_starts_with_its_centrifugal_force():
     assert np.ptp(steady) < 1e-2 * np.ptp(abrupt)
 
 
+@pytest.mark.parametrize("end", [60.0, 1e-6])
+def test_rates_of_a_start_do_not_depend_on_the_duration_of_the_scene(end):
+    """A force F sin(w t) at the end of a cantilever of w_1: its rate F w L^3/3 E I, and that of the inertia of this.
+
+    Parts of the longer duration are multiples of its period; those of the shorter one are lost in round-off.
+    """
+    speed, force = 10 * np.pi, 1.0
+    model = build(
+        symgen.Scene(
+            points={"O": at(0, 0, 0, ground=True), "P": at(LENGTH, 0, 0)},
+            links={"rod": {"points": ["O", "P"], **ROD}},
+            welds=[{"point": "O", "links": ["rod"]}],
+            forces=[{"point": "P", "force": ["0 N", "0 N", "F*sin(speed*t)"]}],
+            parameters={"F": f"{force} N", "speed": f"{speed!r} rad/s"},
+            analysis={"t_end": f"{end} s"},
+        )
+    )
+    flexible = LENGTH**3 / (3 * E * WIDTH * THICKNESS**3 / 12)
+    first = (1.8751 / LENGTH) ** 2 * np.sqrt(E * THICKNESS**2 / (12 * DENSITY))
+    expected = force * speed * flexible * (1 + (speed / first) ** 2)
+    run = model.simulate(1e-3, samples=3, rtol=0.1, initial="quasi-static")
+    assert run["P.position"].values[:, 2] == pytest.approx(expected * run.time, rel=5e-3, abs=1e-8)
+
+
 @pytest.mark.parametrize("scene", IN_SPACE)
 def test_a_quasi_static_start_leaves_few_vibrations(scene):
     """Second differences of a stress are those of vibrations, far above those of the slow motion."""

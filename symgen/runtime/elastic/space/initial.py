@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,14 +14,16 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import Moment
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
-from symgen.runtime.elastic.space.modes import modes_of, moved_by_loads
+from symgen.runtime.elastic.space.modes import linearised, modes_of, moved_by_loads
 from symgen.runtime.elastic.space.statics import at_rest, equilibrium, unbalanced
 from symgen.runtime.elastic.static import check_amplitudes, check_modes
+from symgen.runtime.structure import modes_at_rest
 
 #: Poses from the start on by whose differences equilibria and shapes have rates.
 _POSES = 9
-#: Interval of the poses over the duration of the scene, number of intervals that are tried, each a third of
-#: the one before, and the change of the rates, over their size, that they may settle to.
+#: Interval of the poses over the duration of the scene, number of intervals from it on that are tried, each
+#: the one before over pi (no two are multiples of a load's period), and the change of the rates, over their
+#: size, that they may settle to.
 _APART, _SHORTER, _SETTLED = 1e-2, 8, 1e-5
 #: Rates, over the size of an unknown and the interval, that are round-off of the equilibria.
 _ROUNDED = 1e-9
@@ -59,8 +62,10 @@ def quasi_static(linkage: LinkageInSpace) -> Moment:
     if linkage.rigid.description.freedom and moved_by_loads(linkage):  # else links bend, by any angle
         _check_near(linkage, start, "a quasi-static start, which is")
     before: Moment | None = None
-    for k in range(_SHORTER):
-        apart = _APART * linkage.rigid.description.t_end / 3**k
+    usual = _APART * linkage.rigid.description.t_end
+    longest = max(usual, _time_of_vibrations(linkage, start))
+    tries = _SHORTER + math.ceil(math.log(longest / usual, math.pi))
+    for apart in (longest / np.pi ** np.arange(tries)).tolist():
         try:
             moment = _slow(linkage, start, apart)
         except ModelError:
@@ -75,6 +80,19 @@ def quasi_static(linkage: LinkageInSpace) -> Moment:
         f"{linkage.name}: the quasi-static shape has no rate: loads move the linkage with its input held, "
         "or a motion or load jumps at the start\n  Start it undeformed."
     )
+
+
+def _time_of_vibrations(linkage: LinkageInSpace, rest: Moment) -> float:
+    """Return the inverse of the lowest angular frequency w about an equilibrium [s]; 0 where there is none.
+
+    Second rates of equilibria bend shapes, which have rates in turn: intervals h divide round-off by h^3 w^2.
+    """
+    of = linearised(linkage, rest)
+    try:
+        frequencies, _, rigid = modes_at_rest(linkage.name, of.mass, of.stiffness, of.sizes)
+    except ModelError:  # unstable, or without mass
+        return 0.0
+    return float(1 / frequencies[rigid]) if rigid < len(frequencies) else 0.0
 
 
 def _slow(linkage: LinkageInSpace, start: Moment, apart: float) -> Moment:
