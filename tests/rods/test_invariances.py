@@ -33,6 +33,7 @@ DEFAULT = [
     ("equilibria and modes", 9, "turned"),
     ("equilibria and modes", 0, "reordered"),
     ("driven", 1, "reordered"),
+    ("assemblies", 105, "reordered"),
     ("assemblies by search", 1, "turned"),
 ]
 #: Scenes of each analysis in all tests, in blocks; transformations of each scene, taken in turns.

@@ -8,7 +8,8 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
-from symgen.runtime.rods.assur import NotInGroups, modes_of_groups
+from symgen.runtime.rods.assembly.assur import modes_of_groups
+from symgen.runtime.rods.assembly.quadratics import NotInGroups
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.search import NEARLY, search
 
@@ -21,9 +22,9 @@ def assemblies(
     """Return coordinates of the assembly modes at the time t, the nearest to ``near`` first.
 
     With them why modes may be missing, as :attr:`AssemblyModes.incomplete`: empty where the linkage consists
-    of groups that are solved by signs and roots (:mod:`symgen.runtime.rods.assur`). Otherwise they are those
-    of a search from ``near``, its mirror images and ``tries`` random poses of the same seed every time:
-    others may exist, though that is unlikely for linkages of few loops. Every pose is a solution to
+    of groups that are solved by signs and roots (:mod:`symgen.runtime.rods.assembly.assur`). Otherwise they
+    are those of a search from ``near``, its mirror images and ``tries`` random poses of the same seed every
+    time: others may exist, though that is unlikely for linkages of few loops. Every pose is a solution to
     round-off. Poses in which the drives do not determine the motion are omitted. There must be at least as
     many constraints, drives among them, as coordinates.
 

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.rods.assur import Rows
+from symgen.runtime.rods.assembly.quadratics import Rows
 
 #: Part of the size by which poses that are refined may miss a condition, or points a line or plane.
 NEARLY = 1e-6

@@ -231,7 +231,8 @@ def _closed(evaluator: Evaluator, drawn: Array, searched: bool) -> Starter | Non
 
     Closed forms are complete: only linkages without them are ``searched``.
     """
-    from symgen.runtime.rods.assur import NotInGroups, modes_by_drawing
+    from symgen.runtime.rods.assembly.assur import modes_by_drawing
+    from symgen.runtime.rods.assembly.quadratics import NotInGroups
 
     conditions = _AtStart(evaluator, drawn)
     try:

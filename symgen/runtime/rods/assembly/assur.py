@@ -6,31 +6,30 @@ signs. In a larger group one point is moved around its circle, by an angle, in p
 the others are again groups of one point. The product of that constraint over all signs is an analytic
 function of the angle, real also where the groups do not close, and its roots are eigenvalues. For the
 triad of a Stephenson linkage it is a sextic of the tangent of half the angle.
+
+The coordinates are those of the two points of a link that are listed first. If a group has no solution by
+them, others are taken: linear functions of them, in an order in which the constraints determine them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
 from symgen.runtime.arrays import Array
+from symgen.runtime.rods.assembly.axes import determined
+from symgen.runtime.rods.assembly.quadratics import NONE, NotInGroups, Poses, Quadratics, Rows, quadratics
 from symgen.runtime.rods.following.groups import groups_of
 
-#: Coordinates in units of the linkage's size, from a pose; complex if a group does not close.
-Poses = NDArray[Any]
-
-#: Largest numbers of coordinates and poses for which groups are solved, of unknowns of a group of one point
-#: and of a larger group, and of poses for which a larger group is solved.
-_LARGEST, _MOST, _POINT, _GROUP, _FEW = 120, 1024, 3, 12, 64
-#: Relative sizes that count as zero: of derivatives, of the residual of the quadratic form of a constraint,
-#: and of determinants and leading coefficients.
-_NONE, _POLYNOMIAL, _DEGENERATE = 1e-13, 1e-10, 1e-10
+#: Largest number of poses for which groups are solved, of unknowns of a group of one point and of a larger
+#: group, and of poses for which a larger group is solved.
+_MOST, _POINT, _GROUP, _FEW = 1024, 3, 12, 64
+#: Relative size of determinants and leading coefficients that counts as zero.
+_DEGENERATE = 1e-10
 #: Smallest singular value over the largest of a group whose drawn side counts.
 _SIDE = 1e-9
 #: Largest closure error of a pose, over the size, from which Newton's method closes it.
@@ -38,55 +37,7 @@ _OPEN = 1e-4
 #: Arcs of a circle at first and at most, degree of the series on each, size of their last terms, shortest
 #: half width [rad], and the part of it by which a pair of roots may be apart from a double root.
 _ARCS, _MOST_ARCS, _DEGREE, _ENDED, _SHORTEST, _PAIR = 16, 128, 20, 1e-11, 1e-3, 1e-3
-
-
-class Rows(Protocol):
-    """Conditions Phi(q, t) = 0 in metres: m rows, n coordinates."""
-
-    m: int
-    n: int
-
-    def residual(self, q: Array, t: float) -> Array:
-        """Return Phi [m], shape (m,)."""
-
-    def jacobian(self, q: Array, t: float) -> Array:
-        """Return dPhi/dq [1], shape (m, n)."""
-
-    def length(self, q: Array) -> float:
-        """Return the size of the linkage [m]."""
-
-
-class NotInGroups(Exception):
-    """The constraints are not quadratic, or not of groups that are solved here; the text tells which."""
-
-
-_CURVED = "constraints are not quadratic in the coordinates"
 _SINGULAR = "a group of one point is singular for this value of the drives"
-
-
-@dataclass(frozen=True, slots=True)
-class Quadratics:
-    """Constraints c + g x + x H x / 2 = 0."""
-
-    constant: Array
-    slope: Array
-    curvature: Array
-
-    def values(self, rows: Sequence[int], x: Poses) -> Poses:
-        """Return the constraints of some rows at poses (..., n): (..., rows)."""
-        bent = np.einsum("...i,rij,...j->...r", x, self.curvature[rows], x)
-        return self.constant[rows] + x @ self.slope[rows].T + bent / 2
-
-    def slopes(self, rows: Sequence[int], columns: Sequence[int], x: Poses) -> Poses:
-        """Return the derivatives of rows by columns at poses (..., n): (..., rows, columns)."""
-        return self.slope[np.ix_(rows, columns)] + np.einsum(
-            "rci,...i->...rc", self.curvature[np.ix_(rows, columns)], x
-        )
-
-    def having(self, rows: Iterable[int], columns: Iterable[int]) -> dict[int, set[int]]:
-        """Return the columns on which each row depends."""
-        there = (self.slope != 0) | (self.curvature != 0).any(axis=2)
-        return {r: {c for c in columns if there[r, c]} for r in rows}
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +153,7 @@ def _roots(function: Callable[[Array], Array]) -> list[float]:
     while len(centres):
         values = function((centres[:, None] + half * nodes).ravel()).reshape(len(centres), -1)
         size = np.max(np.abs(values), axis=1)
-        if len(centres) > _MOST_ARCS or not np.all(size > 0) or size.max() < _NONE:
+        if len(centres) > _MOST_ARCS or not np.all(size > 0) or size.max() < NONE:
             raise NotInGroups("the last constraint of a group has no separate roots")
         terms = (values / size[:, None]) @ series.T
         ended = (np.abs(terms[:, -3:]).max(axis=1) < _ENDED) | (half < _SHORTEST)
@@ -223,14 +174,15 @@ def modes_of_groups(constraints: Rows, near: Array, t: float) -> list[Array]:
         For linkages that are not of groups solved here: those with redundant constraints, with constraints
         that are not quadratic, with groups larger than triads in general, or with very many poses.
     """
-    of, size = _quadratics(constraints, near, t)
-    poses = [np.zeros(constraints.n)]
+    of, size = quadratics(constraints, near, t)
+    axes = _axes(of)
+    of, poses = of.along(axes), [np.zeros(constraints.n)]
     for group in _groups(of, range(constraints.m), range(constraints.n)):
         solver = _solver(of, *group)
         if len(poses) > (_FEW if isinstance(solver, _Circle) else _MOST):
             raise NotInGroups(f"{len(poses)} poses of some groups are too many to continue from each")
         poses = [x for pose in poses for x in _ways(of, solver, pose)]
-    return [near + size * x for x in poses]
+    return [near + size * x @ axes for x in poses]
 
 
 def modes_by_drawing(conditions: Rows, drawn: Array, slopes: Array) -> Iterator[Array]:
@@ -254,7 +206,9 @@ def modes_by_drawing(conditions: Rows, drawn: Array, slopes: Array) -> Iterator[
     NotInGroups
         For linkages that are not of groups solved here.
     """
-    of, size = _quadratics(conditions, drawn, 0.0)
+    of, size = quadratics(conditions, drawn, 0.0)
+    axes = _axes(of)
+    of, slopes = of.along(axes), slopes @ axes.T
     poses = [(0, np.zeros(conditions.n))]
     for rows, columns in _groups(of, range(conditions.m), range(conditions.n)):
         solver, side = _solver(of, rows, columns), _side(slopes[np.ix_(rows, columns)])
@@ -265,7 +219,7 @@ def modes_by_drawing(conditions: Rows, drawn: Array, slopes: Array) -> Iterator[
         ]
         poses.sort(key=lambda pose: (pose[0], round(float(np.linalg.norm(pose[1])), 6), pose[1].tolist()))
         del poses[_FEW:]
-    yield from (drawn + size * x for _, x in poses)
+    yield from (drawn + size * x @ axes for _, x in poses)
 
 
 def _side(matrix: Array) -> float:
@@ -289,28 +243,18 @@ def _chosen(of: Quadratics, points: Sequence[_Point], x: Array) -> Iterator[Arra
         yield from _chosen(of, points[1:], way)
 
 
-def _quadratics(constraints: Rows, near: Array, t: float) -> tuple[Quadratics, float]:
-    """Return constraints by coordinates from the given pose, both over the size, and the size."""
-    if constraints.m != constraints.n:
-        raise NotInGroups("constraints are redundant")
-    if constraints.n > _LARGEST:
-        raise NotInGroups(f"there are {constraints.n} coordinates, more than {_LARGEST}")
-    n, size, slope = constraints.n, constraints.length(near), constraints.jacobian(near, t)
-    moved = [constraints.jacobian(near + size * unit, t) for unit in np.eye(n)]
-    curvature = np.array(moved).transpose(1, 2, 0) - slope[:, :, None]
-    if not (np.isfinite(slope).all() and np.isfinite(curvature).all()):
-        raise NotInGroups(_CURVED)
-    largest = np.maximum(np.abs(slope).max(axis=1), np.abs(curvature).max(axis=(1, 2)))
-    slope[np.abs(slope) < _NONE * largest[:, None]] = 0
-    curvature[np.abs(curvature) < _NONE * largest[:, None, None]] = 0
-    of = Quadratics(constraints.residual(near, t) / size, slope, curvature)
-    x = np.random.default_rng(0).uniform(-1, 1, n)
-    every = list(range(constraints.m))
-    away = of.values(every, x) - constraints.residual(near + size * x, t) / size
-    bent = of.slopes(every, every, x) - constraints.jacobian(near + size * x, t)
-    if not (np.abs(away).max() < _POLYNOMIAL and np.abs(bent).max() < _POLYNOMIAL):
-        raise NotInGroups(_CURVED)
-    return of, size
+def _axes(of: Quadratics) -> Array:
+    """Return orthonormal axes of coordinates by which the groups are solved: those given, if they are."""
+    n = len(of.slope)
+    try:
+        for group in _groups(of, range(n), range(n)):
+            _solver(of, *group)
+    except NotInGroups:
+        axes = determined(of)
+        if axes is None:
+            raise
+        return axes
+    return np.eye(n)
 
 
 def _groups(of: Quadratics, rows: Sequence[int], columns: Sequence[int]) -> list[tuple[list[int], list[int]]]:
@@ -369,7 +313,7 @@ def _point(of: Quadratics, rows: list[int], columns: list[int]) -> _Point | None
         return _Point(rows, columns, np.zeros(0), False)
     multiples = np.array([np.sum(bends[r] * bends[first]) / squared for r in others])
     for r, multiple in zip(others, multiples, strict=True):
-        if np.abs(bends[r] - multiple * bends[first]).max() > _NONE * squared**0.5:
+        if np.abs(bends[r] - multiple * bends[first]).max() > NONE * squared**0.5:
             return None
     return _Point([first, *others], columns, multiples, True)
 
@@ -380,4 +324,4 @@ def _round(of: Quadratics, row: int, columns: Sequence[int]) -> bool:
         return False
     bends = of.curvature[np.ix_([row], columns, columns)][0]
     bend = bends[0, 0]
-    return bool(bend != 0 and np.abs(bends - bend * np.eye(2)).max() <= _NONE * abs(bend))
+    return bool(bend != 0 and np.abs(bends - bend * np.eye(2)).max() <= NONE * abs(bend))
