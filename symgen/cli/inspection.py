@@ -174,7 +174,9 @@ def _show_record(subject: Subject, form: str) -> None:
             f"the derivation is shown as unicode or latex, not as {form}: name a matrix for this format"
         )
     steps = subject.record
-    print(record_in_latex(subject.system.title, steps) if form == "latex" else record_in_text(steps))
+    print(
+        record_in_latex(subject.system.title, steps) if form == "latex" else record_in_text(steps, _width())
+    )
 
 
 def _show_chosen(
@@ -184,7 +186,7 @@ def _show_chosen(
     from symgen.report.mathematics.equations import show as print_matrices
 
     if form != "numeric":
-        print(print_matrices(chosen.system, chosen.matrices, form))
+        print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
         return
     from symgen.inspection.state import NOWHERE, state_of
     from symgen.pipeline.build import build_scene as build_model
@@ -198,7 +200,16 @@ def _show_chosen(
         )
     state = state_of(build_model(subject.text), at) if subject.is_scene else NOWHERE
     values = state.of(chosen.system, numbers)
-    print(print_matrices(chosen.system, chosen.matrices, form, values, state.label))
+    print(print_matrices(chosen.system, chosen.matrices, form, values, state.label, _width()))
+
+
+def _width() -> int:
+    """Return the width of the terminal, or that of files."""
+    import sys
+
+    from symgen.report.mathematics.layout import WIDTH
+
+    return console().width if sys.stdout.isatty() else WIDTH
 
 
 def _numbers(options: list[str] | None) -> dict[str, float]:

@@ -22,7 +22,7 @@ from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.derivative import derivative
-from symgen.symbolic.system import Export, Matrices, NamedMatrix, SaddlePoint, Step, System
+from symgen.symbolic.system import DerivedMatrix, Export, Matrices, NamedMatrix, SaddlePoint, Step, System
 
 #: Name that selects the derivation record instead of a matrix.
 RECORD = "derivation"
@@ -200,12 +200,15 @@ class Equations(Matrices):
     """Derived matrices of a source by name; every other name of its derivation is derived on request."""
 
     def __init__(self, subject: Subject) -> None:
-        super().__init__(subject.system.by_name())
+        super().__init__((name, DerivedMatrix.of(m)) for name, m in subject.system.by_name().items())
         self._subject = subject
+
+    def _repr_html_(self) -> str:
+        return self._subject.system._repr_html_()
 
     def __missing__(self, name: str) -> sp.ImmutableMatrix:
         matrices = self._subject.choose(name).matrices
         if len(matrices) != 1:
             names = ", ".join(m.name for m in matrices[:_NAMED])
             raise ModelError(f"{name} stands for {len(matrices)} matrices: {names}, ...: name one of them")
-        return matrices[0].matrix
+        return DerivedMatrix.of(matrices[0].matrix)

@@ -1,4 +1,4 @@
-"""Mathematical notation of names: in LaTeX, and in MathML for pages and notebooks.
+"""Mathematical notation of names: as text, in LaTeX, and in MathML for pages and notebooks.
 
 Names follow the conventions of the derivations: ``A_vx`` is v with subscripts A and x, ``theta1_rate`` a
 theta with a dot, ``OA_lambda`` a lambda of OA. Any other name is a letter or word with the rest as its
@@ -16,6 +16,10 @@ from xml.dom.minidom import parseString
 import sympy as sp
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.mathml import MathMLPresentationPrinter
+from sympy.printing.pretty.pretty import PrettyPrinter
+from sympy.printing.pretty.pretty_symbology import pretty_use_unicode
+from sympy.printing.pretty.stringpict import prettyForm
+from sympy.printing.str import StrPrinter
 
 from symgen.symbolic.constants import Expression, with_pi
 
@@ -72,7 +76,18 @@ def readable(expression: Expression) -> Expression:
 
 def pretty(expression: sp.Basic | sp.MatrixBase) -> str:
     """Return an expression or a matrix as text in lines."""
-    return str(sp.pretty(readable(expression), use_unicode=True, wrap_line=False))
+    before = pretty_use_unicode(True)
+    try:
+        return str(_Pretty({"wrap_line": False, "use_unicode": True}).doprint(readable(expression)))
+    finally:
+        pretty_use_unicode(before)
+
+
+def text(expression: sp.Expr) -> str:
+    """Return an expression as text in one line, in the notation of :func:`pretty`."""
+    line = str(_Text().doprint(readable(expression)))
+    line = _POWER.sub(lambda match: match[1].translate(_ABOVE), line)
+    return line.replace("**", "^").replace("*", "⋅")
 
 
 def latex(expression: sp.Basic | sp.MatrixBase) -> str:
@@ -97,6 +112,21 @@ _TYPESET = (
 )
 
 
+def text_name(name: str) -> str:
+    """Return a name as text in one line: with Greek letters, dots, and digits below."""
+    n = notation(name)
+    letter = _GREEK.get(n.base, n.base)
+    if n.dots and len(letter) > 1:  # no dots above words
+        return name
+    first, *rest = n.below or ("",)
+    if not first.isdecimal():
+        first, rest = "", list(n.below)
+    words = (_greek(word) for word in rest)
+    return (
+        letter + ["", "\u0307", "\u0308"][n.dots] + first.translate(_BELOW) + "".join(f"_{w}" for w in words)
+    )
+
+
 def latex_name(name: str) -> str:
     """Return a name in LaTeX."""
     n = notation(name)
@@ -118,6 +148,9 @@ def mathml_name(name: str) -> str:
 
 
 _IN_LATEX = frozenset(_GREEK)
+_BELOW, _ABOVE = (str.maketrans("0123456789", digits) for digits in ("₀₁₂₃₄₅₆₇₈₉", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+#: Whole powers in text.
+_POWER = re.compile(r"\*\*(\d+)(?![\d.])")
 
 
 def _upright(word: str) -> str:
@@ -143,10 +176,28 @@ def _mi(word: str) -> str:
     """Return a word as one identifier, Greek if it names a letter; a number as a number."""
     if word.isdecimal():
         return f"<mn>{word}</mn>"
+    return f"<mi>{escape(_greek(word))}</mi>"
+
+
+def _greek(word: str) -> str:
+    """Return a word, or the Greek letter that it names, with its number."""
     match = _NUMBERED.fullmatch(word)
     if match and match["word"] in _GREEK:
-        word = _GREEK[match["word"]] + match["number"] + match["rest"]
-    return f"<mi>{escape(_GREEK.get(word, word))}</mi>"
+        return _GREEK[match["word"]] + match["number"] + match["rest"]
+    return _GREEK.get(word, word)
+
+
+class _Pretty(PrettyPrinter):
+    def _print_Symbol(self, e: sp.Symbol, bold_name: bool = False) -> prettyForm:
+        return prettyForm(text_name(e.name))
+
+
+class _Text(StrPrinter):
+    def _print_Symbol(self, expr: sp.Symbol) -> str:
+        return text_name(expr.name)
+
+    def _print_Pi(self, expr: sp.Expr) -> str:
+        return "π"
 
 
 class _Latex(LatexPrinter):

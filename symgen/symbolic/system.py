@@ -182,6 +182,8 @@ class System:
 
         Terms and arguments are matrices of one entry. The result is empty for an unknown name.
         """
+        from symgen.symbolic.notation import text_name
+
         if name in self._index:
             return (self._index[name],)
         for export in self.exports:
@@ -190,10 +192,10 @@ class System:
         entries = {d.quantity: d.expression for d in self.definitions}
         return tuple(
             NamedMatrix(
-                name, sp.ImmutableMatrix([[entries.get(x, x.symbol)]]), x.unit, x.description, (name,)
+                x.name, sp.ImmutableMatrix([[entries.get(x, x.symbol)]]), x.unit, x.description, (x.name,)
             )
             for x in self.quantities()
-            if x.name == name
+            if name in (x.name, text_name(x.name))
         )
 
     def names(self) -> Iterator[str]:
@@ -220,6 +222,20 @@ class System:
         for definition in self.definitions:
             values[definition.quantity.symbol] = definition.expression.xreplace(values)
         return self[name].matrix.xreplace(values)
+
+
+class DerivedMatrix(sp.ImmutableMatrix):
+    """A SymPy matrix that notebooks show in the notation of symgen."""
+
+    @classmethod
+    def of(cls, matrix: sp.ImmutableMatrix) -> DerivedMatrix:
+        """Return a matrix as one of this class, which its constructor does not."""
+        return cls._fromrep(matrix._rep)
+
+    def _repr_latex_(self) -> str:
+        from symgen.symbolic.notation import latex
+
+        return f"$\\displaystyle {latex(self)}$"
 
 
 class Matrices(dict[str, sp.ImmutableMatrix]):

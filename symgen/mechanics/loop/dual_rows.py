@@ -113,9 +113,10 @@ def derivative_operator(motion: Motion, before: DualMatrix) -> DualMatrix:
     """Return the operator H = M Q M^T of a motion, Eqs. (12)-(17): dB/d(value) = H B.
 
     ``before`` is the product M of all matrices before the motion. Q is the operator of its own axis, Eqs. (8)
-    to (10); that of eta in Eq. (9) contains the rotation by theta, which here belongs to M.
+    to (10); that of eta in Eq. (9) contains the rotation by theta, which here belongs to M. Since M is
+    orthogonal, H is the operator of the screw that M carries into the first frame.
     """
-    return before @ operator(motion.screw) @ before.T
+    return operator(before.times(motion.screw))
 
 
 @dataclass(frozen=True, slots=True)

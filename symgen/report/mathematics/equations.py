@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import sympy as sp
 
 from symgen.errors import check_known
+from symgen.report.mathematics.layout import WIDTH, columns, defined, in_lines, wrapped
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
 from symgen.report.mathematics.numbers import in_numbers
-from symgen.symbolic.notation import latex, latex_name, pretty, readable
+from symgen.symbolic.notation import latex, latex_name, text_name
 from symgen.symbolic.system import NamedMatrix, System
 
 FORMATS = ("unicode", "latex", "shared", "c", "numeric")
@@ -28,6 +30,7 @@ def show(
     form: str,
     values: Mapping[str, float] | None = None,
     label: str = "",
+    width: int = WIDTH,
 ) -> str:
     """Return matrices of a system in one format, with the shared terms that they use.
 
@@ -41,6 +44,8 @@ def show(
         One of ``FORMATS``.
     values, label
         For the numeric format: values of arguments by name [SI], and the label of the state.
+    width
+        Maximum width of lines.
 
     Raises
     ------
@@ -49,14 +54,14 @@ def show(
     """
     check_form(form)
     if form == "unicode":
-        return _as_text(system, matrices)
+        return _as_text(system, matrices, width)
     if form == "latex":
         return as_latex(system, matrices)
     if form == "shared":
-        return in_shared_terms(system, matrices)
+        return in_shared_terms(system, matrices, width)
     if form == "c":
-        return "\n\n".join(in_c(system, m) for m in matrices)
-    return "\n\n".join(in_numbers(system, m, values or {}, label) for m in matrices)
+        return "\n\n".join(in_c(system, m, width) for m in matrices)
+    return "\n\n".join(in_numbers(system, m, values or {}, label, width) for m in matrices)
 
 
 def check_form(form: str) -> None:
@@ -64,15 +69,15 @@ def check_form(form: str) -> None:
     check_known(form, FORMATS, "there is no format")
 
 
-def _as_text(system: System, matrices: Sequence[NamedMatrix]) -> str:
+def _as_text(system: System, matrices: Sequence[NamedMatrix], width: int) -> str:
     """Return matrices as text, followed by the shared terms they use and a legend of symbols."""
     shared = used_terms(system, matrices)
     lines = []
     for m in matrices:
-        written = pretty(m.matrix)
-        lines += [f"{m.name}: {m.description} [{m.unit}]", "", written, *_labels(m), ""]
-    lines += ["with", *(f"  {s} = {readable(e)}" for s, e in shared.items()), ""] if shared else []
-    return "\n".join([*lines, *_legend(system, matrices, shared)]).rstrip()
+        lines += [*wrapped(f"{m.name}: {m.description} [{m.unit}]", width), "", *in_lines(m, width), ""]
+    if shared:
+        lines += ["with", *(line for s, e in shared.items() for line in defined(s, e, width)), ""]
+    return "\n".join([*lines, *_legend(system, matrices, shared, width)]).rstrip()
 
 
 def as_latex(system: System, matrices: Sequence[NamedMatrix]) -> str:
@@ -105,6 +110,16 @@ def displayed(m: NamedMatrix) -> list[str]:
     return aligned(entries)
 
 
+def in_python(m: NamedMatrix) -> str:
+    """Return a matrix as Python that SymPy alone runs."""
+    names = sorted(s.name for s in m.matrix.free_symbols)
+    symbols = [f"{', '.join(names)} = symbols({' '.join(names)!r}, real=True)"] if names else []
+    entries = sp.sstr(sp.Matrix(m.matrix), sympy_integers=True)
+    return "\n".join(
+        ["from sympy import *", *symbols, f"{re.sub(r'[^0-9A-Za-z_]', '_', m.name)} = {entries}"]
+    )
+
+
 def aligned(pairs: Sequence[tuple[str, str]]) -> list[str]:
     """Return pairs of left and right sides as lines of one aligned display."""
     if not pairs:
@@ -113,22 +128,27 @@ def aligned(pairs: Sequence[tuple[str, str]]) -> list[str]:
     return [r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"]
 
 
-def _labels(matrix: NamedMatrix) -> list[str]:
-    """Return the row and column labels of a matrix, if there is more than one."""
-    return [
-        f"{axis}: {', '.join(names)}"
-        for axis, names in (("rows", matrix.rows), ("columns", matrix.columns))
-        if len(names) > 1
-    ]
-
-
-def _legend(system: System, matrices: Sequence[NamedMatrix], used: Mapping[sp.Symbol, sp.Expr]) -> list[str]:
-    """Return the undefined symbols that occur, with unit and description."""
+def _legend(
+    system: System, matrices: Sequence[NamedMatrix], used: Mapping[sp.Symbol, sp.Expr], width: int
+) -> list[str]:
+    """Return the undefined symbols that occur, with name, unit and description."""
     there = set[sp.Basic]().union(*(m.matrix.free_symbols for m in matrices))
     there = there.union(*(e.free_symbols for e in used.values()))
     known = [x for group in system.groups for x in group.quantities if x.symbol in there]
-    width = max((len(x.name) for x in known), default=0)
-    return ["where", *(f"  {x.name:<{width}}  {x.description} [{x.unit}]" for x in known)] if known else []
+    if not known:
+        return []
+    written = [text_name(x.name) for x in known]
+    first, second = max(map(columns, written)), max(len(x.name) for x in known)
+    renamed = any(w != x.name for w, x in zip(written, known, strict=True))
+    lines = ["where"]
+    for w, x in zip(written, known, strict=True):
+        name = f"  {w}{' ' * (first - columns(w))}"
+        name += f"  {x.name:<{second}}" if renamed else ""
+        indent = " " * (columns(name) + 2)
+        if len(indent) > width // 2:
+            indent = "      "
+        lines += wrapped(f"{name}  {x.description} [{x.unit}]", width, indent)
+    return lines
 
 
 def used_terms(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Symbol, sp.Expr]:

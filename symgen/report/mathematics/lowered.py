@@ -13,13 +13,14 @@ from symgen.lowering.kernel import Block, Kernel
 from symgen.lowering.nodes import Node, rename
 from symgen.lowering.program import lower_system
 from symgen.precision import Precision
+from symgen.report.mathematics.layout import WIDTH, wrapped
 from symgen.symbolic.system import Export, NamedMatrix, System
 
 #: Digits of constants in readable text.
 _DIGITS = 12
 
 
-def in_shared_terms(system: System, matrices: Sequence[NamedMatrix]) -> str:
+def in_shared_terms(system: System, matrices: Sequence[NamedMatrix], width: int = WIDTH) -> str:
     """Return matrices after common-subexpression elimination, with one nonzero entry per line.
 
     Terms named in the derivation keep their names; further common subexpressions are called c0, c1, ...
@@ -39,20 +40,20 @@ def in_shared_terms(system: System, matrices: Sequence[NamedMatrix]) -> str:
         lines += [
             f"  [{place}] = {values[index]}" for index, place in _places(block) if values[index] != "0"
         ] or ["  zero"]
-    return "\n".join(lines)
+    return "\n".join(part for line in lines for part in wrapped(line, width, "      "))
 
 
-def in_c(system: System, matrix: NamedMatrix) -> str:
+def in_c(system: System, matrix: NamedMatrix, width: int = WIDTH) -> str:
     """Return a matrix as lines of C that write it to ``out`` in row-major order."""
     kernel = _kernel(system, [matrix])
     printer = Printer({})
-    lines = [f"/* {matrix.description} [{matrix.unit}]: {kernel.counts}"]
+    comment = [f"/* {matrix.description} [{matrix.unit}]: {kernel.counts}"]
     for array, _ in kernel.inputs:
-        lines.append(f" * {array}: {', '.join(x.name for x in system.group(array).quantities)}")
-    lines.append(" */")
-    lines += [f"const double {a.target} = {printer(a.value)};" for a in kernel.assignments]
-    lines += [f"{s.array}[{s.index}] = {printer(s.value)};" for s in kernel.stores]
-    return "\n".join(lines)
+        comment.append(f" * {array}: {', '.join(x.name for x in system.group(array).quantities)}")
+    lines = [part for line in comment for part in wrapped(line, width, " *     ")]
+    code = [f"const double {a.target} = {printer(a.value)};" for a in kernel.assignments]
+    code += [f"{s.array}[{s.index}] = {printer(s.value)};" for s in kernel.stores]
+    return "\n".join([*lines, " */", *(part for line in code for part in wrapped(line, width))])
 
 
 def _kernel(system: System, matrices: Sequence[NamedMatrix]) -> Kernel:

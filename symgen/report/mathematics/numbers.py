@@ -7,19 +7,24 @@ from collections.abc import Mapping, Sequence
 import sympy as sp
 
 from symgen.errors import ModelError
+from symgen.report.mathematics.layout import WIDTH, wrapped
 from symgen.symbolic.constants import rounded
 from symgen.symbolic.system import NamedMatrix, System
 
 #: Working digits and retained digits.
 _WORKING, _PRINTED = 40, 12
+#: Columns that a number takes with the gap before it.
+_NUMBER = 19
 #: Maximum number of symbols named in an error.
 _NAMED = 8
 #: Columns of text.
 _WIDTH = 100
 
 
-def in_numbers(system: System, matrix: NamedMatrix, values: Mapping[str, float], label: str) -> str:
-    """Return a matrix as numbers, one row per line; ``label`` names the state.
+def in_numbers(
+    system: System, matrix: NamedMatrix, values: Mapping[str, float], label: str, width: int = WIDTH
+) -> str:
+    """Return a matrix as numbers, one row per line, in blocks of columns; ``label`` names the state.
 
     Raises
     ------
@@ -28,13 +33,17 @@ def in_numbers(system: System, matrix: NamedMatrix, values: Mapping[str, float],
     """
     numbers = evaluated(system, matrix, values)
     rows = matrix.rows or tuple(str(i) for i in range(numbers.rows))
-    width = max(map(len, rows))
-    lines = [
-        f"{row:>{width}}  " + "  ".join(f"{float(x): .10e}" for x in numbers[i, :])
-        for i, row in enumerate(rows)
-    ]
-    columns = [f"columns: {', '.join(matrix.columns)}"] if matrix.columns else []
-    return "\n".join([f"{matrix.name} {label} [{matrix.unit}]", *columns, *lines])
+    names = matrix.columns or tuple(str(j) for j in range(numbers.cols))
+    first = max(map(len, rows), default=0)
+    count = max(1, (width - first) // _NUMBER)
+    lines = wrapped(f"{matrix.name} {label} [{matrix.unit}]", width)
+    for k in range(0, numbers.cols, count):
+        if matrix.columns or numbers.cols > count:
+            lines += wrapped(f"columns: {', '.join(names[k : k + count])}", width)
+        for i, row in enumerate(rows):
+            line = f"{row:>{first}}  " + "  ".join(f"{float(x): .10e}" for x in numbers[i, k : k + count])
+            lines.append(line)
+    return "\n".join(lines)
 
 
 def table_of_numbers(

@@ -5,39 +5,43 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from symgen.report.mathematics.equations import displayed, terms_in_latex, used_terms
-from symgen.symbolic.notation import pretty, readable
+from symgen.report.mathematics.layout import WIDTH, defined, in_lines, wrapped
 from symgen.symbolic.system import NamedMatrix, Step
 
 #: Number of characters above which a matrix is replaced by its sparsity pattern.
 _LETTERS = 2500
 
 
-def record_in_text(steps: Sequence[Step]) -> str:
+def record_in_text(steps: Sequence[Step], width: int = WIDTH) -> str:
     """Return the steps as text; large matrices are replaced by their sparsity patterns."""
-    return "\n".join(line for k, step in enumerate(steps, 1) for line in _in_text(k, step)).rstrip()
+    return "\n".join(line for k, step in enumerate(steps, 1) for line in _in_text(k, step, width)).rstrip()
 
 
-def _in_text(number: int, step: Step) -> Iterator[str]:
-    head = f"{number}. {step.title}  ({step.source})"
-    yield from (head, "-" * len(head), step.about, "")
+def _in_text(number: int, step: Step, width: int) -> Iterator[str]:
+    head = wrapped(f"{number}. {step.title}  ({step.source})", width)
+    yield from (*head, "-" * max(map(len, head)), *wrapped(step.about, width, ""), "")
     for m in step.matrices:
-        yield f"{m.name}: {m.description} [{m.unit}]"
+        yield from wrapped(f"{m.name}: {m.description} [{m.unit}]", width)
         large = len(str(m.matrix)) > _LETTERS
-        yield from _structure(m) if large else [pretty(m.matrix)]
+        yield from _structure(m, width) if large else in_lines(m, width)
         yield ""
     short = [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS]
     shared = used_terms(step.system, short)
     if shared:
-        yield from ("with", *(f"  {s} = {readable(e)}" for s, e in shared.items()), "")
+        yield from ("with", *(line for s, e in shared.items() for line in defined(s, e, width)), "")
 
 
-def _structure(m: NamedMatrix) -> list[str]:
-    """Return the pattern with a dot per zero and a star per entry; for a column the number of entries."""
+def _structure(m: NamedMatrix, width: int = WIDTH) -> list[str]:
+    """Return the pattern with a dot per zero and a star per entry; for a column the number of entries.
+
+    There is no pattern of a matrix with more columns than the width.
+    """
     filled = sum(1 for e in m.matrix if e != 0)
     line = f"  {m.matrix.rows} x {m.matrix.cols}, {filled} entries that are not zero"
-    if m.matrix.cols == 1:
+    if m.matrix.cols == 1 or m.matrix.cols + 2 > width:
         return [line]
-    rows = ("  " + " ".join("*" if e != 0 else "." for e in m.matrix.row(i)) for i in range(m.matrix.rows))
+    gap = " " if 2 * m.matrix.cols + 1 <= width else ""
+    rows = ("  " + gap.join("*" if e != 0 else "." for e in m.matrix.row(i)) for i in range(m.matrix.rows))
     return [line, *rows]
 
 

@@ -9,6 +9,7 @@ from itertools import islice
 import sympy as sp
 from markupsafe import Markup
 
+from symgen.report.mathematics.equations import displayed, in_python
 from symgen.symbolic.notation import mathml, mathml_name
 from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import NamedMatrix, SaddlePoint, System
@@ -42,7 +43,10 @@ class EntryView:
 
 @dataclass(frozen=True, slots=True)
 class MatrixView:
-    """A matrix on a page: ``math`` as a whole, or ``pattern`` with some ``entries``."""
+    """A matrix on a page: ``math`` as a whole, or ``pattern`` with some ``entries``.
+
+    ``latex`` and ``python`` are for the clipboard, and empty for a matrix that is too long.
+    """
 
     name: str
     about: str
@@ -54,6 +58,8 @@ class MatrixView:
     more: int
     rows: tuple[str, ...]
     columns: tuple[str, ...]
+    latex: str
+    python: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +87,7 @@ def matrix_view(matrix: NamedMatrix) -> MatrixView:
                 break
             entries.append(EntryView(_place(matrix, *place), _entry(m[place], length)))
     alone = m.shape == (1, 1)
+    copied = sum(texts.values()) <= _LIST
     return MatrixView(
         name=matrix.name,
         about=matrix.description,
@@ -92,6 +99,8 @@ def matrix_view(matrix: NamedMatrix) -> MatrixView:
         more=0 if whole else len(texts) - len(entries),
         rows=matrix.rows if m.rows > 1 else (),
         columns=matrix.columns if m.cols > 1 else (),
+        latex="\n".join(displayed(matrix)) if copied else "",
+        python=in_python(matrix) if copied else "",
     )
 
 

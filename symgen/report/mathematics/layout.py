@@ -1,0 +1,114 @@
+"""Matrices and expressions as text within the width of a terminal or a page."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from unicodedata import combining
+
+import sympy as sp
+
+from symgen.symbolic.notation import pretty, text, text_name
+from symgen.symbolic.system import NamedMatrix
+
+#: Width of lines where the output is not a terminal.
+WIDTH = 100
+#: Columns between the columns of a matrix, and those of both brackets together.
+_GAP, _BRACKETS = 2, 2
+#: Places of an expression at which its line may be broken if there is no blank.
+_BREAKS = re.compile(r"(?<=[⋅,(/])")
+
+
+def columns(line: str) -> int:
+    """Return the number of columns that a line takes on a terminal."""
+    return sum(not combining(c) for c in line)
+
+
+def in_lines(m: NamedMatrix, width: int = WIDTH) -> Iterator[str]:
+    """Yield a matrix as lines: whole, in blocks of columns, or as a list of its entries.
+
+    Names of rows and columns follow, or stand with each entry.
+    """
+    matrix = m.matrix
+    if 0 in matrix.shape:
+        yield f"  {matrix.rows} x {matrix.cols}"
+        return
+    if matrix.shape == (1, 1):
+        whole = pretty(matrix[0, 0]).splitlines()
+        yield from whole if _fits(whole, width) else wrapped(text(matrix[0, 0]), width)
+        return
+    blocks = [*_blocks(matrix, width)]
+    if not blocks:
+        yield from _entries(m, width)
+        return
+    for first, last in blocks:
+        if len(blocks) > 1:
+            names = m.columns[first:last] if m.columns else [str(j) for j in range(first, last)]
+            yield from wrapped(f"columns: {', '.join(names)}", width)
+        yield from pretty(matrix[:, first:last]).splitlines()
+    if len(m.rows) > 1:
+        yield from wrapped(f"rows: {', '.join(m.rows)}", width)
+    if len(m.columns) > 1 and len(blocks) == 1:
+        yield from wrapped(f"columns: {', '.join(m.columns)}", width)
+
+
+def _blocks(matrix: sp.MatrixBase, width: int) -> Iterator[tuple[int, int]]:
+    """Yield first and last column, exclusive, of blocks within a width; nothing if a column is wider."""
+    widths = [max(map(columns, pretty(matrix[:, j]).splitlines())) - _BRACKETS for j in range(matrix.cols)]
+    if max(widths) + _BRACKETS > width:
+        return
+    starts, used = [0], _BRACKETS - _GAP
+    for j, own in enumerate(widths):
+        if used + _GAP + own > width:
+            starts.append(j)
+            used = _BRACKETS - _GAP
+        used += _GAP + own
+    yield from pairwise([*starts, matrix.cols])
+
+
+def _entries(m: NamedMatrix, width: int) -> Iterator[str]:
+    """Yield the entries of a matrix, but for zeros, with the names of row and column."""
+    for i in range(m.matrix.rows):
+        for j in range(m.matrix.cols):
+            if m.matrix[i, j] != 0:
+                place = [m.rows[i] if m.rows else str(i)]
+                if m.matrix.cols > 1:
+                    place.append(m.columns[j] if m.columns else str(j))
+                yield from wrapped(f"  {', '.join(place)}: {text(m.matrix[i, j])}", width, "      ")
+    if any(x == 0 for x in m.matrix):
+        yield "  all other entries: 0"
+
+
+def defined(symbol: sp.Symbol, expression: sp.Expr, width: int = WIDTH) -> list[str]:
+    """Return the definition of a shared term as lines."""
+    return wrapped(f"  {text_name(symbol.name)} = {text(expression)}", width, "      ")
+
+
+def wrapped(line: str, width: int = WIDTH, indent: str = "    ") -> list[str]:
+    """Return a line as lines within a width, broken at blanks, or else in products and arguments.
+
+    Lines after the first begin with ``indent``.
+    """
+    if columns(line) <= width:
+        return [line]
+    lead = line[: len(line) - len(line.lstrip(" "))]
+    lines, current = [], lead
+    for word in line.split():
+        blank = " " if current.strip() else ""
+        if columns(current + blank + word) <= width:
+            current += blank + word
+            continue
+        if current.strip():
+            lines.append(current)
+            current = indent
+        for part in _BREAKS.split(word) if columns(indent + word) > width else [word]:
+            if current.strip() and columns(current + part) > width:
+                lines.append(current)
+                current = indent
+            current += part
+    return [*lines, current]
+
+
+def _fits(lines: Sequence[str], width: int) -> bool:
+    return all(columns(line) <= width for line in lines)

@@ -1,0 +1,197 @@
+"""What ``symgen show`` prints is read back: LaTeX and text of matrices of all methods; LaTeX compiles."""
+
+from __future__ import annotations
+
+import random
+import re
+from functools import cache
+
+import pytest
+import sympy as sp
+from shared.read_latex import from_text, matrix_from_latex
+
+from symgen.inspection.page import block_page
+from symgen.pipeline.subject import Subject
+from symgen.report.mathematics.equations import FORMATS, in_python, show
+from symgen.report.mathematics.layout import WIDTH, columns, in_lines, wrapped
+from symgen.report.mathematics.record import record_in_latex, record_in_text
+from symgen.report.page.page import render
+from symgen.report.page.views import matrix_view
+from symgen.symbolic.notation import latex_name, readable, text, text_name
+
+#: Matrices of all methods: rods, their momentum rows and recursion; loops; elastic links, in the plane and space.
+SHOWN = [
+    ("rod", "mass_matrix"),
+    ("rod_spatial", "constraint_jacobian"),
+    ("four_bar", "mass_matrix"),
+    ("four_bar", "force"),
+    ("four_bar", "momentum_rows.crank_moment"),
+    ("four_bar", "acceleration_rhs"),
+    ("peaucellier", "constraint_jacobian"),
+    ("peaucellier", "reactions"),
+    ("peaucellier", "particle_masses"),
+    ("chain", "inward.factors"),
+    ("slider_crank", "row_3_transform"),
+    ("slider_crank", "theta3_operator"),
+    ("slider_crank", "closure_jacobian"),
+    ("slider_crank", "screw_drift"),
+    ("slider_crank", "rod_binor"),
+    ("slider_crank", "inverse_efforts"),
+    ("loop_row", "transform"),
+    ("element_cubic", "mass"),
+    ("element_beam8", "stiffness"),
+    ("element_beam8", "weak_form"),
+    ("element_timoshenko", "geometric1"),
+    ("thesis_four_bar", "elastic_joints.load"),
+    ("thesis_four_bar", "velocity_constraints"),
+    ("direction", "slopes"),
+]  # fmt: skip
+
+
+@cache
+def subject(name):
+    return Subject(name, {})
+
+
+def same(found, derived):
+    """Compare two matrices at 30 digits, with random rational values of all symbols.
+
+    Rationals of more than 15 digits are shown with 15: with these digits, they are compared.
+    """
+    derived = sp.ImmutableMatrix(derived).applyfunc(readable)
+    derived = derived.xreplace({x: sp.Rational(sp.sstr(x)) for x in derived.atoms(sp.Float)})
+    drawn = random.Random(7)
+    values = {s: sp.Rational(drawn.randint(10, 99), 83) for s in sorted(derived.free_symbols, key=str)}
+    for one, other in zip(found, derived, strict=True):
+        a, b = (sp.N(e.xreplace(values), 40) for e in (one, other))
+        assert abs(a - b) <= sp.Float(10, 40) ** -30 * max(abs(b), sp.Float(10) ** -20)
+
+
+@pytest.mark.parametrize(("name", "matrix"), SHOWN)
+def test_what_is_shown_is_what_was_derived(name, matrix):
+    chosen = subject(name).choose(matrix)
+    (m,) = chosen.matrices
+    same(matrix_from_latex(show(chosen.system, [m], "latex"), m, chosen.system), m.matrix)
+    same([from_text(text(e), chosen.system) for e in m.matrix], m.matrix)
+
+
+def test_entries_and_blocks_hold_the_whole_matrix():
+    """A list of entries, broken into lines, is read back; blocks have every column once, in order."""
+    chosen = subject("slider_crank").choose("screw_drift")
+    (m,) = chosen.matrices
+    lines = [*in_lines(m, 60)]
+    assert len(lines) > m.matrix.rows and lines[0].startswith(f"  {m.rows[0]}: ")
+    entries = re.split(r"\n  (?=\S)", "\n".join(lines).removeprefix("  "))
+    known = dict(entry.split(": ", 1) for entry in entries)
+    found = [from_text(known.get(row, "0").replace("\n", " "), chosen.system) for row in m.rows]
+    same(found, m.matrix)
+    (wide,) = subject("slider_crank").choose("closure_jacobian").matrices
+    heads = [line for line in in_lines(wide, 60) if line.startswith(("columns:", "    "))]
+    assert len(heads) > 1
+    assert ", ".join(heads).replace("columns: ", "").split(", ") == [*wide.columns]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["rod", "four_bar", "peaucellier", "slider_crank", "thesis_four_bar", "element_cubic", "direction"],
+)
+def test_no_line_is_wider_than_asked_for(name):
+    """At 100 columns, and in a narrow terminal, in every format; the derivation as well."""
+    widest = {}
+    for width in (WIDTH, 72):
+        lines = record_in_text(subject(name).record, width).splitlines()
+        for _, part in subject(name).parts:
+            for m in part.matrices[:: 1 if len(part.matrices) < 30 else 3]:
+                if len(str(m.matrix)) > 6000:
+                    continue
+                for form in FORMATS[:1] if width < WIDTH else ("unicode", "shared", "c"):
+                    lines += show(part, [m], form, width=width).splitlines()
+        widest[width] = max(lines, key=columns)
+    assert {width: columns(line) <= width for width, line in widest.items()} == {WIDTH: True, 72: True}, (
+        widest
+    )
+
+
+def test_no_line_loses_anything():
+    line = "  a = " + " + ".join(f"b{k}⋅(c{k} - d)/e" for k in range(40)) + " + " + "⋅".join("f" * 70)
+    lines = wrapped(line, 50)
+    assert all(columns(x) <= 50 for x in lines) and len(lines) > 5
+    assert "".join("".join(lines).split()) == "".join(line.split())
+
+
+@pytest.mark.parametrize("name", ["peaucellier", "slider_crank", "tumbling_body", "element_cubic", "chain"])
+def test_names_in_text_are_distinct_and_printable(name):
+    """One notation in matrices and shared terms: Greek letters, digits below, dots; nothing spelled out."""
+    names = [x.name for x in subject(name).system.quantities()]
+    assert len({text_name(n) for n in names}) == len(names)
+    assert text_name("cos_theta1") == "cos_θ1" and text_name("theta1_rate") == "θ̇₁"
+    assert text_name("OA_lambda") == "λ_OA" and text_name("spring_rate") == "spring_rate"
+    shown = record_in_text(subject(name).record)
+    assert not re.search("[ₐₑₒₓₕₖₗₘₚₛₜᵢᵣᵤᵥᵦᵧᵨᵩᵪ]", shown)
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "cssp"])
+def test_no_square_of_a_cosine_with_that_of_its_sine(name):
+    """The operators of screws are free of the sum, which is one."""
+    system = subject(name).system
+    value = {d.quantity.symbol: d.expression for d in system.definitions}
+    for m in system.matrices:
+        for total in set[sp.Expr]().union(*(e.atoms(sp.Add) for e in m.matrix)):
+            squares = [
+                (b.func, b.args[0])
+                for f in total.atoms(sp.Pow)
+                if f.exp == 2 and isinstance(b := value.get(f.base, f.base), sp.sin | sp.cos)
+            ]
+            pairs = [x for kind, x in squares if kind is sp.cos and (sp.sin, x) in squares]
+            assert not pairs or m.name in ("kinetic_energy",), m.name
+
+
+def test_the_copied_python_is_the_matrix():
+    """Of the buttons of a report page: it runs with SymPy alone."""
+    for name, matrix in SHOWN[:12]:
+        (m,) = subject(name).choose(matrix).matrices
+        scope = {}
+        exec(in_python(m), scope)
+        assert scope[re.sub(r"\W", "_", m.name)] == sp.Matrix(m.matrix)
+
+
+def test_a_page_has_buttons_that_copy():
+    view = matrix_view(subject("rod").system["constraint_jacobian"])
+    assert view.python.startswith("from sympy import *\n")
+    (tex,) = displays(view.latex)
+    assert "rod_{dx}" in tex or "rod" in tex
+    page = render(block_page("rod", progress=lambda _: None))
+    assert page.count("data-copy=") >= 2 * len(subject("rod").system.matrices)
+    assert "navigator.clipboard" in page and 'data-copy="from sympy import *\n' in page
+
+
+def displays(shown):
+    """Return the displayed equations in LaTeX, as KaTeX takes them."""
+    for match in re.finditer(r"\\\[(.*?)\\\]|(\\begin\{align\*\}.*?\\end\{align\*\})", shown, re.DOTALL):
+        yield match[1] or match[2]
+
+
+def compiled(tex):
+    """Compile LaTeX by KaTeX, which raises an error for unknown commands, braces, double subscripts, ..."""
+    katex = pytest.importorskip("pykatex", reason="KaTeX: wheels of pykatex are for Linux on x86-64 alone")
+    return katex.renderToString(tex, displayMode=True, throwOnError=True, strict="error")
+
+
+@pytest.mark.parametrize("name", [*dict.fromkeys(name for name, _ in SHOWN)])
+def test_latex_compiles_by_katex(name):
+    """Every matrix of these, the derivation, and every symbol."""
+    system = subject(name).system
+    for matrix in (matrix for own, matrix in SHOWN if own == name):
+        chosen = subject(name).choose(matrix)
+        shown = [*displays(show(chosen.system, chosen.matrices, "latex"))]
+        assert shown and all("math" in compiled(tex) for tex in shown)
+    for tex in displays(record_in_latex(system.title, subject(name).record)):
+        compiled(tex)
+    compiled(" + ".join(latex_name(x.name) for x in system.quantities()))
+
+
+def test_katex_refuses_what_is_wrong():
+    katex = pytest.importorskip("pykatex")
+    for wrong in (r"\nothing", r"\frac{1}", "x_{1}_{2}", r"\left( x"):
+        with pytest.raises(katex.ParseError):
+            compiled(wrong)
