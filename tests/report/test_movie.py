@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, OutputError
 from symgen.inspection.film import film_of
 from symgen.report.page.drawing import Paper
 from symgen.report.page.movie import _Forces, film_file, save
@@ -81,6 +82,17 @@ def test_an_mp4_is_written(tmp_path):
     file = tmp_path / "film.mp4"
     save(film_of(override(read_scene("crank_rocker"), {"title": "A title " * 20}), 5), file)
     assert file.read_bytes()[4:8] == b"ftyp" and file.stat().st_size > 2000
+
+
+@pytest.mark.parametrize(("said", "words"), [("echo 'no encoder' >&2; ", "\n  no encoder"), ("", "")])
+def test_a_film_that_ffmpeg_does_not_write_has_its_message(said, words, tmp_path):
+    program, file = tmp_path / "ffmpeg", tmp_path / "film.mp4"
+    program.write_text(f"#!/bin/sh\ncat > /dev/null; {said}exit 13\n")
+    program.chmod(0o755)
+    with rc_context({"animation.ffmpeg_path": str(program)}), pytest.raises(OutputError) as refused:
+        save(film_of(read_scene("crank_rocker"), 3), file)
+    assert str(refused.value) == f"cannot write the film to {file}: ffmpeg ended with exit code 13{words}"
+    assert [*tmp_path.iterdir()] == [program]
 
 
 def test_a_force_just_below_a_power_of_ten_has_a_scale(tmp_path):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.atomic import replacing, writable, write_text
-from symgen.errors import ModelError
+from symgen.errors import ModelError, OutputError
 from symgen.report.page.animation import Film, animation, curves_of, forces_of, nodes_of, traces_of
 from symgen.report.page.drawing import Paper, Shape, Sketch
 from symgen.report.page.page import LIGHT
@@ -102,7 +102,14 @@ def movie(film: Film, file: Path, progress: Callable[[str], None] | None = None)
     shown = shown[: max(1, len(shown) - 1)]  # the last is the first of the next round
     write = _write_gif if file.suffix.lower() == ".gif" else _write_mp4
     with replacing(file, "film") as temporary:
-        write(temporary, _drawn(film, shown, progress), len(shown) / seconds)
+        try:
+            write(temporary, _drawn(film, shown, progress), len(shown) / seconds)
+        except CalledProcessError as error:
+            last = error.stderr.strip().rpartition("\n")[2]
+            raise OutputError(
+                f"cannot write the film to {file}: ffmpeg ended with exit code {error.returncode}"
+                + (f"\n  {last}" if last else "")
+            ) from None
 
 
 def _drawn(film: Film, shown: NDArray[np.int_], progress: Callable[[str], None] | None) -> Iterator[Figure]:
@@ -153,14 +160,10 @@ def _write_mp4(file: Path, figures: Iterator[Figure], rate: float) -> None:
     from matplotlib.animation import FFMpegWriter
 
     writer, first = FFMpegWriter(fps=cast("int", rate)), next(figures)
-    try:
-        with writer.saving(first, str(file), first.dpi):
+    with writer.saving(first, str(file), first.dpi):
+        writer.grab_frame()
+        for _ in figures:
             writer.grab_frame()
-            for _ in figures:
-                writer.grab_frame()
-    except CalledProcessError as error:
-        said = error.stderr.decode("utf-8", "replace").strip() or f"exit code {error.returncode}"
-        raise OSError(error.returncode, f"ffmpeg: {said.splitlines()[-1]}") from None
 
 
 @dataclass(frozen=True, slots=True)
