@@ -10,12 +10,12 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shared.commands import call, runner
+from shared.signals import ended_by
 
 import symgen
 from symgen.cli import app
@@ -75,26 +75,8 @@ def test_ctrl_c_ends_a_run_with_130(tmp_path):
     """Once its first checkpoint is written, so that the signal meets the step loop."""
     file = tmp_path / "kept"
     options = ["--step", "1e-5", "--t-end", "1e4", "--checkpoint", str(file), "--checkpoint-every", "0.01"]
-    # Processes in the background of a script ignore the signal, and so do those that they start.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        running = subprocess.Popen(
-            [sys.executable, "-m", "symgen", "simulate", "parallelogram", *options],
-            stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-    finally:
-        signal.signal(signal.SIGINT, before)
-    try:
-        for _ in range(6000):
-            if file.exists():
-                break
-            time.sleep(0.01)
-        running.send_signal(signal.SIGINT)
-        assert running.communicate(timeout=60)[1] == "symgen: interrupted\n"
-        assert running.returncode == 130
-    finally:
-        running.kill()
-        running.wait()
+    command = [sys.executable, "-m", "symgen", "simulate", "parallelogram", *options]
+    assert ended_by(signal.SIGINT, command, file) == (130, "symgen: interrupted\n")
 
 
 def test_set_changes_tunable_and_folded_values():

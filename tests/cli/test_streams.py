@@ -7,10 +7,10 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from shared.signals import ended_by
 
 SYMGEN = shlex.join([sys.executable, "-m", "symgen"])
 FULL, CLOSED = (f"symgen: cannot write the output: {os.strerror(number)}\n" for number in (28, 9))
@@ -108,23 +108,8 @@ def test_a_signal_ends_the_compiler_and_leaves_nothing_in_the_cache(tmp_path):
     compiler.chmod(0o755)
     command = [sys.executable, "-m", "symgen", "run", "four_bar", "--set", "title=another"]
     command += ["--set", "points.A.at=['0.6 m', '0.9 m']", "--set", "links.crank.mass=1.25 kg"]
-    process = subprocess.Popen(
-        command,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "SYMGEN_CACHE": str(cache), "CC": str(compiler)},
-    )
-    try:
-        for _ in range(6000):
-            if started.exists() and started.read_text():
-                break
-            time.sleep(0.01)
-        process.send_signal(signal.SIGTERM)
-        assert process.communicate(timeout=60)[1] == "symgen: ended by SIGTERM\n"
-        assert process.returncode == 143
-    finally:
-        process.kill()
-        process.wait()
+    env = {**os.environ, "SYMGEN_CACHE": str(cache), "CC": str(compiler)}
+    assert ended_by(signal.SIGTERM, command, started, env=env) == (143, "symgen: ended by SIGTERM\n")
     with pytest.raises(ProcessLookupError):
         os.kill(int(started.read_text()), 0)
     assert [*cache.iterdir()] == []

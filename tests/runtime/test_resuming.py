@@ -8,13 +8,13 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shared.full import full
+from shared.signals import ended_by
 
 import symgen
 from symgen.errors import ResultError
@@ -55,15 +55,8 @@ def without_wall_time(text):
 def test_on_the_command_line(tmp_path, entry):
     """Killed, resumed, and the same as a run that nothing happened to."""
     file, saved = tmp_path / "kept", tmp_path / "resumed.npz"
-    running = subprocess.Popen(
-        [*PROGRAM, *LONG, "--checkpoint", str(file), "--checkpoint-every", "0.01"], stdout=subprocess.DEVNULL
-    )
-    for _ in range(6000):
-        if file.exists():
-            break
-        time.sleep(0.01)
-    running.send_signal(signal.SIGKILL)
-    assert running.wait() == -signal.SIGKILL
+    command = [*PROGRAM, *LONG, "--checkpoint", str(file), "--checkpoint-every", "0.01"]
+    assert ended_by(signal.SIGKILL, command, file) == (-signal.SIGKILL, "")
     code, out, err = entry(*LONG, "--resume", file, "--out", saved)
     assert code == 0, err
     code, whole, _ = entry(*LONG, "--out", tmp_path / "whole.npz")
