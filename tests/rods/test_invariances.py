@@ -32,6 +32,7 @@ DEFAULT = [
     ("starts", 3, "turned"),
     ("equilibria and modes", 9, "turned"),
     ("equilibria and modes", 0, "reordered"),
+    ("equilibria and modes in space", 408, "reordered"),  # with neutral freedoms
     ("driven", 1, "reordered"),
     ("assemblies", 105, "reordered"),
     ("assemblies by search", 1, "turned"),
@@ -98,7 +99,11 @@ def reversible(dimension: int, seed: int, damped: bool) -> symgen.Scene:
 @pytest.mark.parametrize("damped", [False, True])
 @pytest.mark.parametrize(("dimension", "scenes"), [(2, 2), full(2, 100), full(3, 50)])
 def test_motions_return_when_time_is_reversed(dimension, scenes, damped):
-    """With negative damping; the smaller the tolerance, the nearer."""
+    """With negative damping; the smaller the tolerance, the nearer.
+
+    Errors of runs follow the tolerance. With a thousandth of it they are smaller even where the larger happens to
+    pass through zero, or the smaller is rounding that the motion magnifies.
+    """
     returned = 0
     for seed in range(3 * scenes):
         try:
@@ -107,14 +112,14 @@ def test_motions_return_when_time_is_reversed(dimension, scenes, damped):
             continue
         back, free = model.with_parameters(c=-5.0) if damped else model, model.description.free
         begin, errors = model.initial_state(), []
-        for rtol in (1e-11, 1e-12):
+        for rtol in (1e-9, 1e-12):
             ahead = model.simulate(0.1, rtol=rtol, atol=rtol, samples=2).final
             velocities = {p: -np.asarray(ahead[p]["velocity"]) for p in free}
             state = back.state({p: ahead[p]["position"] for p in free}, velocities)
             end = back.simulate(0.1, rtol=rtol, atol=rtol, samples=2, state=state).final
             errors.append(max(np.max(np.abs(end[p]["position"] - begin.positions[p])) for p in free))
         size = max(np.max(np.abs(x)) for x in begin.positions.values())
-        assert errors[0] < 1e-8 * size, (seed, errors)
+        assert errors[0] < 1e-6 * size, (seed, errors)
         assert errors[1] < max(errors[0], 1e-12 * size), (seed, errors)
         returned += 1
         if returned == scenes:

@@ -164,7 +164,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
         left = float(np.max(np.abs(slope), initial=0.0))
         if left <= best.noise or (idle >= 3 and left <= _balanced(best)):
             return here, best
-        step = _step(best.stiffness, slope, radius, stable)
+        step = _step(best, slope, radius, stable)
         there = polished(constraints, here + best.basis @ step, statics.t, statics.root)
         if there is None or statics.measured(there - here) > 4 * radius or statics.revolves(here, there):
             radius /= 4
@@ -200,8 +200,12 @@ def _balanced(linearised: Linearised) -> float:
     return max(100 * linearised.noise, 1e-10 * linearised.scale)
 
 
-def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
-    """Return the step of a trust region: downhill, or towards the nearest root of the slope."""
+def _step(at: Linearised, slope: Array, radius: float, stable: bool) -> Array:
+    """Return the step of a trust region: downhill, or towards the nearest root of the slope.
+
+    No step follows a slope that is round-off: where stiffness vanishes as well, it would go anywhere.
+    """
+    stiffness = at.stiffness
     if not stable:
         step = np.asarray(-np.linalg.lstsq(stiffness, slope, rcond=1e-12)[0], dtype=float)
         size = float(np.linalg.norm(step))
@@ -211,6 +215,8 @@ def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
         slope = stiffness.T @ slope
     else:
         values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        along = vectors.T @ slope
+        slope = vectors @ np.where(np.abs(along) <= at.noise, 0.0, along)
         if values[0] > 1e-12 * values[-1]:
             step = np.asarray(-np.linalg.solve(stiffness, slope), dtype=float)
             if np.linalg.norm(step) <= radius:
