@@ -55,17 +55,19 @@ class HeldModes:
     values: Numbers
     jumps: Array
 
-    def multipliers(self, transition: Array, per_turn: float) -> tuple[Numbers, float | None]:
-        """Return the multipliers of a transition matrix, (2 n,), those of fast vibrations from held matrices.
+    def multipliers(
+        self, transition: Array, per_turn: float, phase: float | None
+    ) -> tuple[Numbers, float | None]:
+        """Return the multipliers of a transition matrix, those of fast vibrations from held matrices.
 
-        ``per_turn`` are its steps per revolution. Also the error of the latter; None where steps do not
-        resolve a vibration that is not fast.
+        ``per_turn`` are its steps per revolution; an open ``phase`` is left out. Also the error of those of
+        fast vibrations, as one of the largest; None where steps do not resolve a vibration that is not fast.
         """
         multipliers, vectors = np.linalg.eig(transition)
         counts = np.mean(np.abs(self.values), axis=0) * self.period / (2 * np.pi)
         unresolved = counts > per_turn / _STEPS
         fast = unresolved & (counts > _FAST)
-        found = np.asarray(multipliers, dtype=complex)
+        found = without(np.asarray(multipliers, dtype=complex), phase)
         if not np.any(fast):
             return found, None if np.any(unresolved) else 0.0
         # Energies: those of fast modes are the parts by which the vectors of fast vibrations are recognised.
@@ -77,13 +79,18 @@ class HeldModes:
         sizes, fewer = (np.exp(np.minimum(mean.real, _MOST)) for mean in means)
         phases = np.mean(np.abs(self.values[:, fast].imag), axis=0) * self.period
         phases[1::2] *= -1.0  # of each pair z, z*
-        found = np.concatenate([found[slow], sizes * np.exp(1j * phases)])
+        found = without(np.concatenate([multipliers[slow], sizes * np.exp(1j * phases)]), phase)
         if not np.array_equal(fast, unresolved):
             return found, None
         # The next term of the method, over the first, is of the size of 1/counts^2.
         growing = np.expm1(self.jumps[fast]) + np.abs(means[0].real) / counts[fast] ** 2
         above = sizes * (1 + growing) + np.abs(fewer - sizes)
         return found, max(0.0, float(np.max(above) - np.max(np.abs(found))))
+
+
+def without(multipliers: Numbers, phase: float | None) -> Numbers:
+    """Return multipliers without that of an open phase, if there is one."""
+    return multipliers if phase is None else np.delete(multipliers, np.argmin(np.abs(multipliers - phase)))
 
 
 def by_size(multipliers: Numbers) -> tuple[complex, ...]:

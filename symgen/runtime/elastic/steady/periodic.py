@@ -18,7 +18,14 @@ from symgen.runtime.beams.methods import GAUSS, RADAU
 from symgen.runtime.elastic.jumps import check_repeats
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import FINER, SAFETY, Counts, Errors, Solution, known, next_factor
-from symgen.runtime.elastic.steady.floquet import RESONANT, HeldModes, by_size, held_modes, open_phase_of
+from symgen.runtime.elastic.steady.floquet import (
+    RESONANT,
+    HeldModes,
+    by_size,
+    held_modes,
+    open_phase_of,
+    without,
+)
 from symgen.runtime.elastic.steps import Task, first_steps, step_counts, stepped
 from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, is_spent, wall_left
 from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond_linear_theory
@@ -266,16 +273,16 @@ def _shot(
         p, pv = shapes @ (y[:free] / sizes), shapes @ y[free:]
         return (columns[0] @ p)[:, None], (columns[1] @ p + columns[0] @ pv)[:, None]
 
-    raw = np.linalg.eigvals(transition)
-    multipliers, error = held.multipliers(transition, per_turn) if held else (raw, None)
     open_phase = open_phase_of(transition) if motion.has_motor else None
+    phase = open_phase[0] if open_phase else None
+    raw = without(np.linalg.eigvals(transition), phase)
+    multipliers, error = held.multipliers(transition, per_turn, phase) if held else (raw, None)
     if open_phase is not None:
         unit, right, left = open_phase
         lag = float(left @ forced)
         forced = forced - lag * right
         # The phase keeps its place in the sums, far from one, and has no part in the state.
         transition = transition - unit * np.outer(right, left)
-        raw, multipliers = (np.delete(z, np.argmin(np.abs(z - unit))) for z in (raw, multipliers))
     if np.min(np.abs(raw - 1.0)) <= RESONANT * max(1.0, np.max(np.abs(raw))):
         raise SimulationError(
             f"{motion.rigid.name}: no unique steady state: a free vibration repeats itself after each "
