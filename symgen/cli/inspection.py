@@ -156,13 +156,13 @@ def _list(subject: Subject) -> None:
     from symgen.report.mathematics.equations import overview
     from symgen.report.tables import table
 
-    head = ("matrix", "shape", "unit", "meaning")
+    head = ("matrix", "shape", "unit", "meaning", "source")
     for prefix, part in subject.parts:
         listed = [(prefix + name, *more) for name, *more in overview(part.matrices)]
-        console().print(table(part.title, head, listed, texts=(0, 3)))
+        console().print(table(part.title, head, listed, texts=(0, 3, 4)))
     if subject.recorded:
         listed = [*overview(subject.recorded)]
-        console().print(table("Steps of the derivation", head, listed, texts=(0, 3)))
+        console().print(table("Steps of the derivation", head, listed, texts=(0, 3, 4)))
 
 
 def _show_record(subject: Subject, form: str) -> None:

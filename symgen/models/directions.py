@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from symgen.mechanics.directors import directions
+from symgen.mechanics.sources import NONE
 from symgen.symbolic.names import Names
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
@@ -33,4 +34,5 @@ def direction_system() -> System:
         ),
         names.definitions,
         references=("P. Betsch, P. Steinmann, Computational Mechanics 31 (2003) 49-59",),
+        sources=NONE,
     )

@@ -14,6 +14,7 @@ from symgen.mechanics.directors.beam import (
     SECTION,
     director_beam,
 )
+from symgen.mechanics.sources import NONE
 from symgen.symbolic.names import Names
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
@@ -67,4 +68,5 @@ def director_beam_system() -> System:
         ),
         names.definitions,
         references=REFERENCES,
+        sources=NONE,
     )

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sympy as sp
 
 from symgen.mechanics.rods.loads import vector_between
 from symgen.mechanics.rods.particles import end_mass, kinetic_energy, length_constraint, particle_masses
+from symgen.mechanics.sources import ROD
 from symgen.symbolic.calculus import Calculus
-from symgen.symbolic.quantity import AXES, quantity
-from symgen.symbolic.system import Export, Group, NamedMatrix, System
+from symgen.symbolic.quantity import AXES, Quantity, quantity
+from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
+from symgen.symbolic.vectors import cross
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 and 2.2"
 
@@ -32,10 +36,17 @@ def rod_system(dimension: int) -> System:
     phi = length_constraint(along, length.symbol)
     block = sp.kronecker_product(sp.Matrix([[ends.a11, ends.a12], [ends.a12, ends.a22]]), sp.eye(dimension))
     names = tuple(x.name for x in q)
+    particles = [quantity(f"m_{k}", "kg", f"mass of the particle {at}") for k, at in _PARTICLES.items()]
+    masses = particle_masses(*symbols)
+    accelerations = [
+        quantity(f"{p}_a{a}", "m/s^2", f"{a} acceleration of end {p}") for p in "ij" for a in axes
+    ]
+    momenta = _momenta(particles, accelerations, along)
     matrices = (
+        *momenta,
         _matrix(
             "particle_masses",
-            list(particle_masses(*symbols)),
+            list(masses),
             "kg",
             "equivalent particles at start, middle and end",
             ("start", "middle", "end"),
@@ -74,12 +85,50 @@ def rod_system(dimension: int) -> System:
             Group("q", "coordinates of the ends", tuple(q)),
             Group("u", "velocities of the ends", tuple(u)),
             Group("p", "parameters", parameters),
+            Group("work", "accelerations of the ends", tuple(accelerations)),
         ),
         matrices=matrices,
-        exports=tuple(Export(x.name, x.description, (x.name,)) for x in matrices),
-        definitions=calculus.definitions,
+        exports=tuple(Export(x.name, x.description, (x.name,)) for x in matrices[len(momenta) :]),
+        definitions=(
+            *calculus.definitions,
+            *(Definition(x, e) for x, e in zip(particles, masses, strict=True)),
+        ),
         references=(REFERENCE,),
+        sources=ROD,
     )
+
+
+#: The particles that stand for a rod.
+_PARTICLES = {1: "at end i", 2: "in the middle", 3: "at end j"}
+
+
+def _momenta(
+    particles: Sequence[Quantity], accelerations: Sequence[Quantity], along: Sequence[sp.Expr]
+) -> tuple[NamedMatrix, NamedMatrix]:
+    """Return the rates of the linear momentum and of the moment of momentum about end i.
+
+    The middle particle moves with the mean of the ends.
+    """
+    m1, m2, m3 = (x.symbol for x in particles)
+    n = len(along)
+    inner, outer = ([x.symbol for x in accelerations[k : k + n]] for k in (0, n))
+    linear = [(m1 + m2 / 2) * a + (m3 + m2 / 2) * b for a, b in zip(inner, outer, strict=True)]
+    middle = tuple(x / 2 for x in along)
+    weighted = tuple(m3 * x + m2 / 2 * y for x, y in zip(along, middle, strict=True))
+    first, second = (_crossed(arm, a) for arm, a in ((middle, inner), (weighted, outer)))
+    angular = [m2 / 2 * x + y for x, y in zip(first, second, strict=True)]
+    about = "rate of the moment of momentum about end i: the moment of the forces, G"
+    return (
+        _matrix("linear_momentum", linear, "N", "rate of the linear momentum: the sum of the forces, R"),
+        _matrix("angular_momentum", angular, "N*m", about),
+    )
+
+
+def _crossed(arm: Sequence[sp.Expr], vector: Sequence[sp.Expr]) -> tuple[sp.Expr, ...]:
+    """Return the cross product, of which the plane has the component across it."""
+    if len(arm) == 2:
+        return (arm[0] * vector[1] - arm[1] * vector[0],)
+    return tuple(cross(tuple(arm), tuple(vector)))
 
 
 def _matrix(

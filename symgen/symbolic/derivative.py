@@ -10,7 +10,7 @@ import sympy as sp
 from symgen.errors import DerivationError, nearest
 from symgen.symbolic.calculus import partial
 from symgen.symbolic.quantity import quantity
-from symgen.symbolic.system import Definition, NamedMatrix, System
+from symgen.symbolic.system import NO_SOURCE, Definition, NamedMatrix, System
 
 
 def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> System:
@@ -56,6 +56,7 @@ def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> Sy
             matrix=m.matrix.applyfunc(lambda e: _through(e, slopes)),
             unit=_per(m.unit, by.unit),
             description=f"derivative by {name} of: {m.description}",
+            source=NO_SOURCE if m.source else "",
         )
         for m in matrices
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from html import escape
 
 import sympy as sp
@@ -13,13 +14,16 @@ from symgen.symbolic.quantity import Quantity
 
 #: Name of the kernel of values with a limit, which checks parameters before a run is set up.
 LIMITS = "limits"
+#: Source of a matrix that corresponds to no equation of the source.
+NO_SOURCE = "not in the source"
 
 
 @dataclass(frozen=True, slots=True)
 class NamedMatrix:
     """A matrix of the model: rows and columns carry names, entries a unit.
 
-    ``unit`` is one unit for all entries, or several in row order joined by ``", "``.
+    ``unit`` is one unit for all entries, or several in row order joined by ``", "``. ``source`` is the
+    equation of the source, as in "Attia (7)", or "not in the source"; empty where it is not stated.
     """
 
     name: str
@@ -29,6 +33,7 @@ class NamedMatrix:
     rows: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
     symmetric: bool = False
+    source: str = ""
 
     def __post_init__(self) -> None:
         for name in ("unit", "description"):
@@ -127,6 +132,9 @@ class SaddlePoint:
 class System:
     """Everything derived for one model.
 
+    ``sources`` lists patterns of names of matrices with their equations in the source; the first that matches
+    becomes the source of a matrix that states none. Where nothing matches, it is not in the source.
+
     Raises
     ------
     DerivationError
@@ -142,9 +150,13 @@ class System:
     saddle_point: SaddlePoint | None = None
     references: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    sources: tuple[tuple[str, str], ...] = ()
     _index: dict[str, NamedMatrix] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if self.sources:
+            sourced = tuple(m if m.source else replace(m, source=self._source(m.name)) for m in self.matrices)
+            object.__setattr__(self, "matrices", sourced)
         object.__setattr__(self, "_index", {m.name: m for m in self.matrices})
         if len(self._index) < len(self.matrices):
             raise DerivationError(f"{self.name}: two matrices have the same name")
@@ -161,6 +173,9 @@ class System:
                 raise DerivationError(
                     f"{self.name}: matrix {matrix.name} holds undeclared symbols: {', '.join(unknown)}"
                 )
+
+    def _source(self, name: str) -> str:
+        return next((source for pattern, source in self.sources if fnmatchcase(name, pattern)), NO_SOURCE)
 
     def quantities(self) -> Iterator[Quantity]:
         """Yield every declared quantity: arguments first, then the shared subexpressions."""
@@ -213,8 +228,11 @@ class System:
         return Matrices((m.name, m.matrix) for m in self.matrices)
 
     def _repr_html_(self) -> str:
-        rows = [(m.name, f"{m.matrix.rows} × {m.matrix.cols}", m.unit, m.description) for m in self.matrices]
-        return html_table(self.title, ("matrix", "shape", "unit", "meaning"), rows)
+        rows = [
+            (m.name, f"{m.matrix.rows} × {m.matrix.cols}", m.unit, m.description, m.source)
+            for m in self.matrices
+        ]
+        return html_table(self.title, ("matrix", "shape", "unit", "meaning", "source"), rows)
 
     def expanded(self, name: str) -> sp.ImmutableMatrix:
         """Return the matrix with every shared subexpression substituted, over the arguments alone."""

@@ -26,7 +26,7 @@ from shared.elastic_print import (
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, PLACE, shape_functions
 from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices
-from symgen.models import element
+from symgen.models import BLOCKS, element
 
 L, m, x, C, S = sp.symbols("L m x C S")
 w, a, X, Y, p, r = sp.symbols("w a X Y p r")
@@ -187,8 +187,33 @@ def test_the_integrals_follow_from_the_products():
 )
 def test_a_command_prints_the_dynamic_stiffness(name, number):
     printed = call("show", "element_beam8", name)
-    assert number in printed and "omega**2" in printed and "N0" not in printed
+    assert number in printed and "ω²" in printed and "thesis" in printed and "N0" not in printed
     assert "N0" in call("show", "element_beam8", "global_stiffness")
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("mass", "F.1"),
+        ("gyroscopic", "F.3"),
+        ("stiffness", "D.28"),
+        ("load_y", "B.16"),
+        ("load_out", "B.18"),
+        ("load_turn", "B.19"),
+    ],
+)
+def test_matrices_of_a_constant_section_are_the_printed_ones(name, number):
+    """Those that ``symgen show element_beam8 constant_mass`` and the others print."""
+    system = BLOCKS["element_beam8"]()
+    shown = system[f"constant_{name}"]
+    symbols = {LENGTH.symbol: L} | {
+        sp.Symbol(known, real=True): letter for known, letter in (("m0", m), ("a0", EA), ("b0", EI))
+    }
+    ours = shown.matrix.xreplace(symbols)
+    assert number in shown.source
+    assert sp.simplify(
+        ours - (m * derived()[number].T if name.startswith("load") else derived()[number])
+    ) == sp.zeros(*ours.shape)
 
 
 def test_counts():

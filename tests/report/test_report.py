@@ -130,7 +130,7 @@ def test_a_page_shows_what_was_derived(pages):
     for name in ("crank_lambda", "O_reaction_x"):  # those of the momentum rows too
         assert f"<code>{name}</code>" in text
     assert model.description.equations in text
-    assert "Attia, Eqs. (12)-(16)" in text and "Eq. (14)" in text
+    assert "Attia, Eqs. (12)-(16)" in text and "Attia (14)" in text
 
 
 def test_words_of_a_scene_are_escaped(gathered):

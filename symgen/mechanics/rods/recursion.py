@@ -31,6 +31,7 @@ import sympy as sp
 
 from symgen.errors import DerivationError
 from symgen.mechanics.rods.particles import end_mass, kinetic_energy, length_constraint
+from symgen.mechanics.sources import CHAIN
 from symgen.symbolic.calculus import Calculus
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import AXES, Quantity, quantity
@@ -363,7 +364,7 @@ def _step(
     matrices: tuple[NamedMatrix, ...],
     definitions: tuple[Definition, ...] = (),
 ) -> System:
-    return System(name, title, groups, matrices, (), definitions, references=(REFERENCE,))
+    return System(name, title, groups, matrices, (), definitions, references=(REFERENCE,), sources=CHAIN)
 
 
 def _column(name: str, entries: Sequence[sp.Expr], unit: str, description: str) -> NamedMatrix:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from symgen.mechanics.elastic.corotational import PLACES, PROPERTIES, RATES, SECOND_RATES, corotational
+from symgen.mechanics.sources import NONE
 from symgen.symbolic.names import Names
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
@@ -64,6 +65,7 @@ def corotational_beam_system() -> System:
         ),
         names.definitions,
         references=(REFERENCE,),
+        sources=NONE,
     )
 
 

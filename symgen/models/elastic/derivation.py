@@ -5,7 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from symgen.mechanics.elastic.hamilton import APPLIED, FIELDS, MOTION, PATH, SECTION, THESIS, derive
-from symgen.symbolic.system import Group, NamedMatrix, System
+from symgen.symbolic.system import NO_SOURCE, Group, NamedMatrix, System
 
 
 def elastic_derivation_system() -> System:
@@ -15,9 +15,10 @@ def elastic_derivation_system() -> System:
             step.name,
             sp.ImmutableMatrix(len(step.rows), len(step.columns) or 1, step.expressions),
             step.unit,
-            f"{step.about}: {step.source}",
+            step.about,
             step.rows,
             step.columns,
+            source=NO_SOURCE if step.source.startswith("not in") else f"thesis {step.source}",
         )
         for step in derive().steps
     )

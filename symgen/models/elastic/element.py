@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import sympy as sp
 
 from symgen.elements.element import LENGTH, PLACE, Element, entry_unit
 from symgen.mechanics.elastic.beam_matrices import BeamMatrices, Section, beam_matrices, shape_rows
 from symgen.mechanics.elastic.hamilton import THESIS
+from symgen.mechanics.sources import ELEMENT, PRINTED_ELEMENT
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
@@ -21,6 +23,7 @@ PROPERTIES = (
     ("bending", "b", 5, "N*m^2", "bending stiffness E I"),
     ("shear", "s", 3, "N", "shear stiffness k G A"),
 )
+_LOADS = ("load_x", "load_y", "load_out", "load_turn")
 #: The element whose equation in fixed axes is shown too.
 SHOWN = "beam8"
 STATION = quantity("x", "m", "distance of the station from the first node")
@@ -57,7 +60,8 @@ def elastic_element_system(element: Element) -> System:
 
         exact, thesis = fixed_axes(element, beam, names)
         groups.append(MOVING)
-        matrices += (*exact, *thesis)  # shown; no kernels, for runs assemble in the axes of the links
+        matrices += (*exact, *thesis, *_constant(matrices, coefficients, names))
+        # shown; no kernels, for runs assemble in the axes of the links
     return System(
         f"element_{element.name}",
         f"Element of an elastic link: {element.about}",
@@ -66,7 +70,25 @@ def elastic_element_system(element: Element) -> System:
         tuple(exports),
         names.definitions,
         references=(THESIS,),
+        sources=PRINTED_ELEMENT if element.name == SHOWN else ELEMENT,
     )
+
+
+def _constant(
+    matrices: Sequence[NamedMatrix], coefficients: Mapping[str, Sequence[Quantity]], names: Names
+) -> Iterator[NamedMatrix]:
+    """Yield the matrices of a constant section without rotary inertia, as the thesis prints them."""
+    none = {c.symbol for name, of in coefficients.items() for c in (of if name == "rotary" else of[1:])}
+    zero = {d.quantity.symbol: 0 for d in names.definitions if d.expression.free_symbols & none}
+    zero |= dict.fromkeys(none, 0)
+    for m in matrices:
+        if m.name in ("mass", "gyroscopic", "stiffness", *_LOADS):
+            yield replace(
+                m,
+                name=f"constant_{m.name}",
+                matrix=sp.ImmutableMatrix(m.matrix.xreplace(zero)),
+                description=f"{m.description.partition(';')[0]}, of a constant section",
+            )
 
 
 def _scaled(name: str, unit: str, coefficients: Sequence[Quantity], names: Names) -> tuple[sp.Expr, ...]:

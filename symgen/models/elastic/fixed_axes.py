@@ -35,8 +35,6 @@ _FORMS = {
     "global": "in fixed axes, exact",
     "thesis": "in fixed axes as in the thesis: T constant, no geometric stiffness, not exact",
 }
-#: Equations of the thesis by matrix.
-_THESIS = {"mass": "(F.2)", "damping": "-2 omega times (F.4)", "stiffness": "(F.6)", "load": "(F.8)"}
 
 
 def fixed_axes(
@@ -53,7 +51,7 @@ def fixed_axes(
     exact, thesis = global_equation(element, local), thesis_equation(element, printed)
     in_link = NamedMatrix(
         "thesis_local_stiffness", printed.stiffness, entry_unit("N/m"),
-        f"dynamic stiffness {_FORMS['thesis_local']}: (F.5)", element.dofs, element.dofs,
+        f"dynamic stiffness {_FORMS['thesis_local']}", element.dofs, element.dofs,
     )  # fmt: skip
     return tuple(_turned("global", element, exact)), (in_link, *_turned("thesis", element, thesis))
 
@@ -79,8 +77,7 @@ def _turned(form: str, element: Element, equation: Equation) -> Iterator[NamedMa
     for name, unit, about in _EQUATION:
         matrix = getattr(equation, name)
         columns = element.dofs if matrix.cols > 1 else ()
-        source = f": {_THESIS[name]}" if form == "thesis" else ""
         yield NamedMatrix(
             f"{form}_{name}", matrix, entry_unit(unit),
-            f"{about} {_FORMS[form]}{source}", element.dofs, columns, name == "mass",
+            f"{about} {_FORMS[form]}", element.dofs, columns, name == "mass",
         )  # fmt: skip

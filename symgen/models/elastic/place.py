@@ -5,6 +5,7 @@ from __future__ import annotations
 from symgen.elements.element import entry_unit
 from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.mechanics.elastic.places import PLACE, SHAPES, STATE, at_a_place, second_order
+from symgen.mechanics.sources import NONE
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 _ABOUT = "constants of a link by a unit mass, force, axial force and moment of inertia at x"
@@ -40,4 +41,5 @@ def elastic_place_system() -> System:
             Export("second_order", omitted.description, (omitted.name,)),
         ),
         references=(THESIS,),
+        sources=NONE,
     )

@@ -6,6 +6,7 @@ import sympy as sp
 
 from symgen.mechanics.elastic import rigid_elements
 from symgen.mechanics.elastic.rigid_elements import NODAL
+from symgen.mechanics.sources import RIGID_ELEMENT
 from symgen.symbolic.quantity import AXES, Quantity, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
@@ -80,6 +81,7 @@ def rigid_element_system() -> System:
         matrices=matrices,
         exports=tuple(Export(m.name, m.description, (m.name,)) for m in matrices),
         references=(REFERENCE,),
+        sources=RIGID_ELEMENT,
     )
 
 

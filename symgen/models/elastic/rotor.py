@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from symgen.mechanics.elastic.spatial import BODY, SECTION
+from symgen.mechanics.sources import NONE
 from symgen.models.elastic.spatial import REFERENCES
 from symgen.models.limits import limits_of
 from symgen.scene.elastic.rotor import RotorScene
@@ -57,4 +58,5 @@ def rotor_system(rotor: RotorScene) -> System:
             *kernel_of_limits,
         ),
         references=REFERENCES,
+        sources=NONE,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from symgen.mechanics.elastic.spatial import BODY, DOFS, MOTION, SECTION, body, spatial_beam
+from symgen.mechanics.sources import NONE
 from symgen.symbolic.quantity import AXES
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
@@ -60,4 +61,5 @@ def spatial_beam_system() -> System:
             Export("body", "a rigid body in the rotating axes", tuple(m.name for m in of_body)),
         ),
         references=REFERENCES,
+        sources=NONE,
     )

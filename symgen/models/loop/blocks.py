@@ -8,6 +8,7 @@ import sympy as sp
 
 from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia
 from symgen.mechanics.loop.dual_rows import GROUND, MOTIONS, Frame, motions, name_functions, onward
+from symgen.mechanics.sources import LOOP
 from symgen.models.loop.derivation import REFERENCE, named
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.names import Names
@@ -144,4 +145,6 @@ def _system(
     exports = tuple(
         Export(m.name, m.description, (m.name,)) for m in matrices if m.name in kernels or not kernels
     )
-    return System(name, title, groups, matrices, exports, names.definitions, references=(REFERENCE,))
+    return System(
+        name, title, groups, matrices, exports, names.definitions, references=(REFERENCE,), sources=LOOP
+    )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import sympy as sp
 
 from symgen.errors import SceneError
+from symgen.mechanics.sources import LOOP, row_source
 from symgen.models.limits import limits_of
 from symgen.models.loop import outputs as loop_outputs
 from symgen.models.loop.derivation import REFERENCE, LoopModel, entries, named
@@ -64,6 +66,7 @@ def loop_system(loop: Loop) -> System:
         ),
         definitions=model.names.definitions,
         references=(REFERENCE,),
+        sources=LOOP,
         left_out=tuple(_left_out(model, needs)),
     )
 
@@ -217,8 +220,11 @@ def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Exp
 def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
     """Return the steps of the derivation that no kernel writes, in the order of the source."""
     steps = [
-        named(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz")
-        for i, t in enumerate(model.paths.transforms, 1)
+        replace(
+            named(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz"),
+            source=row_source(name for name in ENTRIES if getattr(row, name) != 0),
+        )
+        for i, (row, t) in enumerate(zip(model.loop.rows, model.paths.transforms, strict=True), 1)
     ]
     steps += [
         named(

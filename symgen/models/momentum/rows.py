@@ -23,7 +23,7 @@ from symgen.models.rods.matrix import named
 from symgen.scene.rods.linkage import TIME, Linkage
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import Quantity
-from symgen.symbolic.system import Group, NamedMatrix, System
+from symgen.symbolic.system import NO_SOURCE, Group, NamedMatrix, System
 from symgen.symbolic.vectors import dot
 
 Coefficients = dict[sp.Symbol, sp.Expr]
@@ -45,6 +45,7 @@ class Rows:
     name: str
     unit: str
     description: str
+    source: str
     rows: list[Row] = field(default_factory=list)
 
 
@@ -78,9 +79,9 @@ class MomentumForm(Outboard):
         bodies, points = self.tree.outboard(body)
         joint = self.tree.inner[body]
         pivot = self.model.position(joint)
-        number = "12" if len(pivot) == 2 else "13"
+        number = "12" if len(pivot) == 2 else "13a), (13b"
         about = f"rate of the moment of momentum of {', '.join(bodies)} about {joint}, less that of the loads"
-        rows = Rows(f"{body}_moment", "N*m", f"Eq. ({number}): {about}")
+        rows = Rows(f"{body}_moment", "N*m", about, f"Attia ({number})")
         levers: dict[str, list[Vector]] = {}
         for mass, shares, place in self.masses(bodies, points):
             lever = _difference(place, pivot)
@@ -141,8 +142,8 @@ class MomentumForm(Outboard):
         bodies, points = self.tree.beyond(point)
         ground = point in self.model.ground
         noun = f"{', '.join(bodies)} beyond {point}" if bodies else point
-        about = f"Eq. (15): rate of the linear momentum of {noun}, less the loads"
-        rows = Rows(f"{point}_momentum", "N", about + (" and the reaction" if ground else ""))
+        about = f"rate of the linear momentum of {noun}, less the loads"
+        rows = Rows(f"{point}_momentum", "N", about + (" and the reaction" if ground else ""), "Attia (15)")
         pushes = list(self.pushes(bodies, points))
         masses = list(self.masses(bodies, points))
         if ground and not (pushes or masses):
@@ -182,11 +183,11 @@ class MomentumForm(Outboard):
         guides = {row.constraint.name for row in model.guides}
         free = [(q.symbol, a.symbol) for p in model.free for q, a in zip(model.q[p], model.a[p], strict=True)]
         for c, row, rhs in zip(model.constraints, model.jacobian, model.acceleration_rhs, strict=True):
-            number = "Eq. (14): " if c.link else "Eq. (16b): " if c.name in guides else ""
+            source = "Attia (14)" if c.link else "Attia (16b)" if c.name in guides else NO_SOURCE
             unit = {"m^2": "m^2/s^2", "m": "m/s^2"}[c.unit]
             coefficients = {a: row[q] for q, a in free if q in row}
             name = f"{c.name}_length" if c.link else c.name
-            yield Rows(name, unit, f"{number}{c.label}, twice differentiated", [Row(name, coefficients, rhs)])
+            yield Rows(name, unit, f"{c.label}, twice differentiated", source, [Row(name, coefficients, rhs)])
 
     # --- together -----------------------------------------------------------------------------------------
 
@@ -235,12 +236,15 @@ class MomentumForm(Outboard):
             exports=(),
             definitions=tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in definitions),
             references=(REFERENCE,),
+            sources=(("*", "Attia (12)-(16)"),),
         )
 
     def _shown(self, part: Rows) -> NamedMatrix:
         entries = [sp.Add(*(c * s for s, c in row.coefficients.items()), -row.rhs) for row in part.rows]
         rows = [row.name for row in part.rows]
-        return named(self.model, part.name, entries, part.unit, f"{part.description}; zero", rows=rows)
+        about = f"{part.description}; zero"
+        shown = named(self.model, part.name, entries, part.unit, about, rows=rows)
+        return replace(shown, source=part.source)
 
     def _rhs(self, rows: list[Row]) -> list[sp.Expr]:
         """Return the right-hand sides, minus the terms of the prescribed acceleration of the ground."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from symgen.mechanics.sources import LINKAGE
 from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.linearised import driven_motion
@@ -55,5 +56,6 @@ def driven_system(linkage: Linkage) -> System:
         exports=tuple(exports),
         definitions=definitions(model),
         references=(REFERENCE,),
+        sources=LINKAGE,
         left_out=(LEFT_OUT,),
     )

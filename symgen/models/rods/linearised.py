@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import sympy as sp
 
+from symgen.mechanics.sources import NONE
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linkage import REFERENCE, Gradient, RodsModel
 from symgen.models.rods.matrix import named
@@ -168,6 +169,7 @@ def analysis_of(
         exports=tuple(exports),
         definitions=(*definitions(model), *with_ground(model, named_definitions)),
         references=(REFERENCE,),
+        sources=NONE,
     )
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
+from symgen.mechanics.sources import LINKAGE
 from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.elimination import is_open, order_of
@@ -78,6 +79,7 @@ def linkage_system(linkage: Linkage) -> System:
             costs,
         ),
         references=(REFERENCE,),
+        sources=LINKAGE,
         left_out=(
             *(
                 f"link {name}: both ends are ground, so it does not move; its weight goes into the reactions"

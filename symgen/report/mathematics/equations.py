@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import sympy as sp
 
 from symgen.errors import check_known
-from symgen.report.mathematics.layout import WIDTH, columns, defined, in_lines, wrapped
+from symgen.report.mathematics.layout import WIDTH, columns, defined, heading, in_lines, wrapped
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
 from symgen.report.mathematics.numbers import in_numbers
 from symgen.symbolic.notation import latex, latex_name, text_name
@@ -19,9 +19,9 @@ FORMATS = ("unicode", "latex", "shared", "c", "numeric")
 _WHOLE, _LETTERS = 12, 4000
 
 
-def overview(matrices: Iterable[NamedMatrix]) -> list[tuple[str, str, str, str]]:
-    """Return name, shape, unit and description of every matrix."""
-    return [(m.name, f"{m.matrix.rows} x {m.matrix.cols}", m.unit, m.description) for m in matrices]
+def overview(matrices: Iterable[NamedMatrix]) -> list[tuple[str, str, str, str, str]]:
+    """Return name, shape, unit, description and source of every matrix."""
+    return [(m.name, f"{m.matrix.rows} x {m.matrix.cols}", m.unit, m.description, m.source) for m in matrices]
 
 
 def show(
@@ -74,7 +74,7 @@ def _as_text(system: System, matrices: Sequence[NamedMatrix], width: int) -> str
     shared = used_terms(system, matrices)
     lines = []
     for m in matrices:
-        lines += [*wrapped(f"{m.name}: {m.description} [{m.unit}]", width), "", *in_lines(m, width), ""]
+        lines += [*heading(m, width), "", *in_lines(m, width), ""]
     if shared:
         lines += ["with", *(line for s, e in shared.items() for line in defined(s, e, width)), ""]
     return "\n".join([*lines, *_legend(system, matrices, shared, width)]).rstrip()
@@ -84,7 +84,7 @@ def as_latex(system: System, matrices: Sequence[NamedMatrix]) -> str:
     """Return matrices and the shared terms they use as LaTeX, which requires the package amsmath."""
     lines = []
     for m in matrices:
-        lines += [f"% {m.name}: {m.description} [{m.unit}]", *displayed(m)]
+        lines += [*(f"% {line.strip()}" for line in heading(m)), *displayed(m)]
     return "\n".join([*lines, *terms_in_latex(system, matrices)])
 
 

@@ -25,6 +25,11 @@ def columns(line: str) -> int:
     return sum(not combining(c) for c in line)
 
 
+def heading(m: NamedMatrix, width: int = WIDTH) -> list[str]:
+    """Return name, description, unit and source of a matrix as lines."""
+    return wrapped(f"{m.name}: {m.description} [{m.unit}]{f'; {m.source}' if m.source else ''}", width)
+
+
 def in_lines(m: NamedMatrix, width: int = WIDTH) -> Iterator[str]:
     """Yield a matrix as lines: whole, in blocks of columns, or as a list of its entries.
 

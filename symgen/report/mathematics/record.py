@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from symgen.report.mathematics.equations import displayed, terms_in_latex, used_terms
-from symgen.report.mathematics.layout import WIDTH, defined, in_lines, wrapped
+from symgen.report.mathematics.layout import WIDTH, defined, heading, in_lines, wrapped
 from symgen.symbolic.system import NamedMatrix, Step
 
 #: Number of characters above which a matrix is replaced by its sparsity pattern.
@@ -21,7 +21,7 @@ def _in_text(number: int, step: Step, width: int) -> Iterator[str]:
     head = wrapped(f"{number}. {step.title}  ({step.source})", width)
     yield from (*head, "-" * max(map(len, head)), *wrapped(step.about, width, ""), "")
     for m in step.matrices:
-        yield from wrapped(f"{m.name}: {m.description} [{m.unit}]", width)
+        yield from heading(m, width)
         large = len(str(m.matrix)) > _LETTERS
         yield from _structure(m, width) if large else in_lines(m, width)
         yield ""
@@ -68,6 +68,7 @@ def record_in_latex(title: str, steps: Sequence[Step]) -> str:
         ]
         for m in step.matrices:
             words = rf"\paragraph{{{_plain(m.name)}}} {_plain(m.description)} [{_plain(m.unit)}]"
+            words += rf" \emph{{{_plain(m.source)}}}." if m.source else ""
             large = len(str(m.matrix)) > _LETTERS
             lines += [words, *([rf"({_plain(_structure(m)[0].strip())})."] if large else displayed(m))]
         short = [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS]

@@ -18,12 +18,13 @@ _BYTES = 8
 
 
 def matrix_lines(system: System) -> Iterator[str]:
-    """Yield the size of every matrix and its number of nonzero entries."""
+    """Yield the size of every matrix, its number of nonzero entries and its source."""
     yield "matrices, with the number of nonzero entries:"
     width = max(len(m.name) for m in system.matrices)
     for m in system.matrices:
         filled = sum(x != 0 for x in m.matrix)
-        yield f"  {m.name:{width}}  {m.matrix.rows} x {m.matrix.cols}: {filled} of {len(m.matrix)}"
+        source = f"; {m.source}" if m.source else ""
+        yield f"  {m.name:{width}}  {m.matrix.rows} x {m.matrix.cols}: {filled} of {len(m.matrix)}{source}"
 
 
 def solver_lines(system: System) -> Iterator[str]:

@@ -60,6 +60,7 @@ class MatrixView:
     columns: tuple[str, ...]
     latex: str
     python: str
+    source: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +102,7 @@ def matrix_view(matrix: NamedMatrix) -> MatrixView:
         columns=matrix.columns if m.cols > 1 else (),
         latex="\n".join(displayed(matrix)) if copied else "",
         python=in_python(matrix) if copied else "",
+        source=matrix.source,
     )
 
 

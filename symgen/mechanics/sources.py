@@ -1,0 +1,129 @@
+"""Equations of the sources that derived matrices correspond to, by the names of the matrices.
+
+Patterns are tried in order; a matrix that matches none is not in the source. Numbers are those of the prints.
+Where a print is wrong, the derived matrix is the corrected form (docs/errata_dual_euler.md,
+docs/errata_elastic.md).
+
+Attia: H. A. Attia, *Dynamic Analysis of a Chain of Rigid Rods*. Rahman: S. Rahman, *Dynamic Analysis of the
+Generalized Slider Crank* (1991). Thesis: the thesis on kineto-elastodynamics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+Sources = tuple[tuple[str, str], ...]
+
+ROD: Sources = (
+    ("particle_masses", "Attia, section 2.1"),
+    ("end_masses", "Attia (6): row sums are its coefficients"),
+    ("mass_matrix", "Attia (6): row sums are its coefficients"),
+    ("linear_momentum", "Attia (6)"),
+    ("angular_momentum", "Attia (7)"),
+    ("constraint", "Attia (3a), halved"),
+    ("constraint_jacobian", "Attia (5a), left side"),
+    ("velocity_constraint", "Attia (4a)"),
+    ("acceleration_rhs", "Attia (5a), right side"),
+)
+CHAIN: Sources = (
+    ("masses", "Attia (6): row sums are its coefficients"),
+    ("gamma", "Attia (11), right side"),
+    ("length_left", "Attia (11)"),
+)
+#: Of linkages: the symmetric form of [M J^T; J 0] is not in the source.
+LINKAGE: Sources = (
+    ("positions", "Attia, section 2.1"),
+    ("velocities", "Attia, section 2.1"),
+    *ROD[:2],
+    ("mass_matrix", "not in the source; equivalent with J to Attia (12)-(15)"),
+    ("constraints", "Attia (3a) halved, (16a), (16b)"),
+    ("constraint_jacobian", "Attia (5a), (14), left side"),
+    ("velocity_constraints", "Attia (4a)"),
+    ("acceleration_rhs", "Attia (5a), (14), right side"),
+)
+LOOP: Sources = (
+    ("rows", "Rahman, table 1"),
+    ("closure_defect", "Rahman (5), (18), (19)"),
+    ("theta2_operator", "Rahman (12)"),
+    ("eta2_operator", "Rahman (13), general form (17)"),
+    ("theta3_operator", "Rahman (14), general form (17)"),
+    ("eta3_operator", "Rahman (15), general form (17)"),
+    ("S4_operator", "Rahman (16), general form (17)"),
+    ("*_operator", "Rahman (17)"),
+    ("closure_jacobian", "Rahman (12)-(17): the columns of (24) as screws"),
+    ("screws", "Rahman (12)-(17): the columns of (24) as screws"),
+    ("screw_rates", "Rahman (38a)-(42a), corrected"),
+    ("screw_drift", "Rahman (38a)-(42a), corrected"),
+    ("inputs", "Rahman (27)-(28a)"),
+    ("*_frame", "Rahman (1)-(4): the product up to the link"),
+    ("crank_motion", "Rahman (33)"),
+    ("rod_motion", "Rahman (35), corrected"),
+    ("slider_motion", "Rahman (45), corrected"),
+    ("*_motion", "Rahman (33)-(45), corrected"),
+    ("crank_binor", "Rahman (46), corrected"),
+    ("rod_binor", "Rahman (47), corrected"),
+    ("slider_binor", "Rahman (48), corrected"),
+    ("*_binor", "Rahman (46)-(48), corrected"),
+    ("crank_momentum", "Rahman (49), corrected"),
+    ("rod_momentum", "Rahman (50), corrected"),
+    ("slider_momentum", "Rahman (51), corrected"),
+    ("*momentum", "Rahman (49)-(51), corrected"),
+    ("crank_inertia_wrench", "Rahman (54), (59), corrected"),
+    ("rod_inertia_wrench", "Rahman (55), (60), corrected"),
+    ("slider_inertia_wrench", "Rahman (56), (61), corrected"),
+    ("*inertia_wrench", "Rahman (54)-(61), corrected"),
+    ("joint_*_wrench", "Rahman (62)-(64), corrected"),
+    ("*.joint*.force", "Rahman (62)-(64), corrected"),
+    ("*.joint*.moment", "Rahman (62)-(64), corrected"),
+    ("*_efforts", "Rahman (62)-(64), corrected"),
+    ("*.drive", "Rahman (62)-(64), corrected"),
+    ("*transform", "Rahman (1)-(4)"),
+)
+#: Row transforms by the entries of the row that are not zero.
+_ROWS = {
+    frozenset({"theta", "S", "a"}): "Rahman (1)",
+    frozenset({"theta", "eta", "a"}): "Rahman (2)",
+    frozenset({"theta", "eta", "alpha"}): "Rahman (3)",
+    frozenset({"S", "alpha", "a"}): "Rahman (4)",
+}
+
+
+def row_source(entries: Iterable[str]) -> str:
+    """Return the equation of the transform of a row by the names of its entries that are not zero."""
+    return _ROWS.get(frozenset(entries), "general form of Rahman (1)-(4)")
+
+
+#: Of any element: the form of its equation.
+ELEMENT: Sources = (
+    ("mass", "thesis (7.24)"),
+    ("gyroscopic", "thesis (7.25)"),
+    ("stiffness", "thesis (6.14)"),
+    ("load_x", "thesis (B.1)"),
+    ("load_y", "thesis (B.4)"),
+    ("load_out", "thesis (B.6)"),
+    ("load_turn", "thesis (B.7)"),
+    ("shape", "thesis (5.23)"),
+)
+#: Of the element of the thesis: its printed matrices.
+PRINTED_ELEMENT: Sources = (
+    ("constant_mass", "thesis (F.1)"),
+    ("constant_gyroscopic", "thesis (F.3)"),
+    ("constant_stiffness", "thesis (D.28), corrected"),
+    ("constant_load_x", "thesis (B.1), times m"),
+    ("constant_load_y", "thesis (B.16), times m"),
+    ("constant_load_out", "thesis (B.18), times m"),
+    ("constant_load_turn", "thesis (B.19), times m"),
+    *ELEMENT,
+    ("thesis_local_stiffness", "thesis (F.5), corrected"),
+    ("thesis_mass", "thesis (F.2)"),
+    ("thesis_damping", "thesis (F.4), times -2 omega"),
+    ("thesis_stiffness", "thesis (F.6), corrected"),
+    ("thesis_load", "thesis (F.8)"),
+    ("global_*", "not in the source: exact form of thesis (7.28) in fixed axes"),
+)
+RIGID_ELEMENT: Sources = (
+    ("nodal_matrix", "thesis (4.10)"),
+    ("inertia", "thesis (4.10), right side"),
+)
+#: Of systems that have no counterpart in the sources.
+NONE: Sources = (("", ""),)

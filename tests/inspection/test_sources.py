@@ -1,0 +1,81 @@
+"""Equation numbers of the sources: every named matrix of all methods has them, and they are the printed ones."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+import sympy as sp
+from shared.commands import call
+
+from symgen.inspection.explanation import explanation
+from symgen.models import BLOCKS, RECURSIONS
+from symgen.pipeline.subject import Subject
+from symgen.symbolic.system import NO_SOURCE
+
+SCENES = ["four_bar", "slider_crank", "rssr", "thesis_four_bar", "tumbling_body"]
+_FORM = re.compile(r"(.*Attia|.*Rahman|.*[Tt]hesis)[ ,(].*\d")
+
+
+@pytest.mark.parametrize(
+    "name", [*SCENES, *RECURSIONS, "rod", "loop_row", "element_beam8", "element_cubic", "direction"]
+)
+def test_every_matrix_states_its_source(name):
+    """An equation of a source, or that there is none; also of all steps of the derivation."""
+    subject = Subject(name, {})
+    matrices = [m for prefix, part in subject.parts if not prefix for m in part.matrices]
+    matrices += [m for step in subject.record for m in step.matrices]
+    for m in matrices:
+        assert m.source, m.name
+        assert m.source.startswith(NO_SOURCE) or _FORM.match(m.source), (m.name, m.source)
+    if name not in ("direction",):
+        assert sum(not m.source.startswith(NO_SOURCE) for m in matrices) >= 2
+
+
+@pytest.mark.parametrize(
+    ("name", "matrix", "source"),
+    [
+        ("rod", "linear_momentum", "Attia (6)"),
+        ("rod", "angular_momentum", "Attia (7)"),
+        ("rod_spatial", "acceleration_rhs", "Attia (5a), right side"),
+        ("four_bar", "momentum_rows.crank_moment", "Attia (12)"),
+        ("four_bar", "momentum_rows.crank_length", "Attia (14)"),
+        ("four_bar", "momentum_rows.O_momentum", "Attia (15)"),
+        ("slider_crank", "row_1_transform", "Rahman (1)"),
+        ("slider_crank", "row_2_transform", "Rahman (2)"),
+        ("slider_crank", "row_3_transform", "Rahman (3)"),
+        ("slider_crank", "row_4_transform", "Rahman (4)"),
+        ("slider_crank", "rod_binor", "Rahman (47), corrected"),
+        ("rssr", "theta1_operator", "Rahman (17)"),
+        ("element_beam8", "constant_mass", "thesis (F.1)"),
+        ("element_beam8", "thesis_stiffness", "thesis (F.6), corrected"),
+        ("element_beam8", "weak_form", "thesis (7.10)-(7.23)"),
+        ("element_cubic", "geometric0", NO_SOURCE),
+    ],
+)
+def test_sources_are_shown(name, matrix, source):
+    (m,) = Subject(name, {}).choose(matrix).matrices
+    assert m.source == source
+    assert f"; {source}" in " ".join(call("show", name, matrix).split())
+    assert source in " ".join(call("show", name, matrix, "--format", "latex").replace("%", "").split())
+
+
+def test_explanations_and_derivatives_state_sources():
+    lines = "\n".join(explanation("four_bar", {}))
+    assert "acceleration_rhs" in lines and "; Attia (5a), (14), right side" in lines
+    slope = Subject("peaucellier", {}).choose("mass_matrix").by("rho").matrices[0]
+    assert slope.source == NO_SOURCE
+
+
+@pytest.mark.parametrize("name", ["rod", "rod_spatial"])
+def test_momenta_of_a_rod_are_those_of_its_end_masses(name):
+    """Attia (6) and (7), derived of three particles, against M a of the end mass matrix."""
+    system = BLOCKS[name]()
+    axes = "xy" if name == "rod" else "xyz"
+    a = sp.Matrix([sp.Symbol(f"{p}_a{x}", real=True) for p in "ij" for x in axes])
+    forces = system.expanded("mass_matrix") * a
+    inner, outer = forces[: len(axes), :], forces[len(axes) :, :]
+    assert (system.expanded("linear_momentum") - inner - outer).expand() == sp.zeros(len(axes), 1)
+    d = sp.Matrix([sp.Symbol(f"j_{x}", real=True) - sp.Symbol(f"i_{x}", real=True) for x in axes])
+    turned = d.cross(outer) if len(axes) == 3 else sp.Matrix([d[0] * outer[1] - d[1] * outer[0]])
+    assert (system.expanded("angular_momentum") - turned).applyfunc(sp.simplify) == sp.zeros(*turned.shape)
