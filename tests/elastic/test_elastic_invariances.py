@@ -12,11 +12,11 @@ from shared.invariances import differences
 from shared.transformed import TRANSFORMATIONS, Transformed
 
 import symgen
-from symgen.errors import SymgenError
+from symgen.errors import SceneError, SymgenError
 
 #: Analyses of each kind of scene.
 ANALYSES = {
-    "in_plane": ("run", "steady", "static", "modes", "large", "equilibrium"),
+    "in_plane": ("run", "steady", "static", "sweep", "modes", "large", "equilibrium"),
     "in_space": ("in_space", "quasi_static_in_space", "modes", "equilibrium_in_space"),
     "rotor": ("modes",),
 }
@@ -48,7 +48,7 @@ def compared(kind: str, seed: int, chosen, analyses=None) -> dict[str, int]:
     expected, counts = {}, dict.fromkeys(ANALYSES[kind], 0)
     try:
         model = build(symgen.Scene(**tables))
-    except SymgenError:
+    except SceneError:
         return counts
     for name in analyses or ANALYSES[kind]:
         try:
@@ -95,6 +95,25 @@ def test_results_of_many_scenes_do_not_depend_on_how_they_are_written(kind, coun
         for name, compared_with in compared(kind, seed, chosen).items():
             total[name] += compared_with
     assert min(total.values()) >= count / 10, total
+
+
+@pytest.mark.parametrize("seeds", [range(6, 7), full(range(100))])
+def test_static_shapes_do_not_depend_on_the_sense_of_rotation(seeds):
+    """Without damping, forces of the reverse motion are those of the same poses, and powers change sign."""
+    same, compared_with = Transformed(np.eye(2), np.zeros(2)), 0
+    for seed in seeds:
+        tables = elastic_drawn.undamped(elastic_drawn.in_plane(np.random.default_rng(seed)))
+        if "pace" not in tables["parameters"] or "mode" in tables["crank"]:
+            continue
+        try:
+            ahead, back = elastic_invariances.there_and_back(build(symgen.Scene(**tables)))
+        except SceneError:
+            continue
+        apart = differences(ahead, back, same)
+        allowed = ROUNDED + PLACES * elastic_invariances.round_off(tables, same, ahead)
+        assert max(apart.values()) < allowed, (seed, apart)
+        compared_with += 1
+    assert compared_with >= len(seeds) / 4
 
 
 def test_springs_between_links_in_large_rotation_do_not_depend_on_the_order_of_points():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from shared.transformed import in_unit, texts
 
@@ -101,6 +103,18 @@ def in_plane(rng: np.random.Generator) -> Tables:
         fibre = in_unit(s.any_of(-1, 1) * s.number(1e-3, 2e-3), "m")
         s.add("stations", link=name, at=at, fibre=fibre, name=f"on_{name}")
     return s.tables
+
+
+def undamped(tables: Tables) -> Tables:
+    """Return the scene without damping and loads that vary with time: its motion runs back in time, too."""
+    made = copy.deepcopy(tables)
+    made.pop("modal_damping", None)
+    for link in made["links"].values():
+        link.get("elastic", {}).pop("damping", None)
+    for spring in (*made.get("springs", ()), *made.get("torsion_springs", ())):
+        spring.pop("damping")
+    made["forces"] = [force for force in made.get("forces", ()) if "*t)" not in force["force"][0]]
+    return made
 
 
 def _bar(s: Sketch, points: list[str], elastic: bool) -> Tables:

@@ -8,6 +8,8 @@ import numpy as np
 from shared.invariances import Results
 from shared.transformed import WORDS, Tables, Transformed, number_of
 
+from symgen.errors import ModelError
+
 STEPS, SAMPLES = 64, 3
 #: Outputs within the error of a run in the plane, which is over the largest stress.
 STRESSES = ("bending_strain", "axial_strain", "stress", "greatest_stress")
@@ -64,6 +66,32 @@ def steady(model, tables, by: Transformed) -> Results:
 
 def static(model, tables, by: Transformed) -> Results:
     return _of(model.quasi_static(**_range(tables, 0.3), samples=SAMPLES))
+
+
+def sweep(model, tables, by: Transformed) -> Results:
+    """Static shapes at two speeds of a held crank, by one sweep."""
+    pace = by.names.get("pace", "pace")
+    if pace not in model.parameters:
+        raise ModelError("the speed of the crank is no parameter")
+    speeds = model.parameters[pace] * np.array([0.8, 1.3])
+    runs = model.sweep(
+        {pace: speeds}, "quasi_static", revolutions=0.3, samples=SAMPLES, reduce="history", threads=1
+    )
+    assert not np.any(runs["error"].values != ""), runs["error"].values
+    found = {name: runs[name].values for name in runs if name.rpartition(".")[2] in WORDS}
+    if "potential_energy" in found:  # up to a constant
+        found["potential_energy"] = found["potential_energy"] - found["potential_energy"][:, :1]
+    return found
+
+
+def there_and_back(model) -> tuple[Results, Results]:
+    """Return static shapes over a revolution of an undamped linkage, and those of the reverse sense, back in time."""
+    pace = model.parameters["pace"]
+    ahead, back = (
+        _of(model.with_parameters(pace=speed).quasi_static(revolutions=1.0, samples=5))
+        for speed in (pace, -pace)
+    )
+    return ahead, {name: (-x if name.endswith("power") else x)[::-1] for name, x in back.items()}
 
 
 def modes(model, tables, by: Transformed) -> Results:
