@@ -123,7 +123,9 @@ def show(
     from symgen.pipeline.subject import RECORD, Subject
 
     subject = Subject(model, changes(set_))
-    if is_assembled(matrix, subject) and form in ("unicode", "numeric") and not (by or with_):
+    if is_assembled(matrix, subject, numeric=bool(at) or form == "numeric") and not (
+        by or with_ or form not in ("unicode", "numeric")
+    ):
         print(numbers(subject, matrix, at, rows, columns))
         return
     if form != "numeric" and (at or with_):
@@ -153,6 +155,7 @@ def _list_models() -> None:
 
 def _list(subject: Subject) -> None:
     """Print the list of matrices."""
+    from symgen.inspection.assembled import assembled_names
     from symgen.report.mathematics.equations import overview
     from symgen.report.tables import table
 
@@ -160,6 +163,9 @@ def _list(subject: Subject) -> None:
     for prefix, part in subject.parts:
         listed = [(prefix + name, *more) for name, *more in overview(part.matrices)]
         console().print(table(part.title, head, listed, texts=(0, 3, 4)))
+    if assembled := assembled_names(subject):
+        about = "Assembled equations of the elastic motion; numbers with --at ANGLE"
+        console().print(table(about, ("matrix", "unit", "meaning", "source"), assembled, texts=(0, 2, 3)))
     if subject.recorded:
         listed = [*overview(subject.recorded)]
         console().print(table("Steps of the derivation", head, listed, texts=(0, 3, 4)))

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from symgen.errors import ModelError
-from symgen.inspection.values import of_drive
+from symgen.inspection.values import crank_or_time
+from symgen.mechanics.sources import ASSEMBLY
+from symgen.models.assembled.system import ASSEMBLED
 from symgen.pipeline.build import build_scene
 from symgen.report.mathematics.numbers import table_of_numbers
+from symgen.symbolic.system import NO_SOURCE
 
 if TYPE_CHECKING:
     from symgen.pipeline.subject import Subject
 
-_ENDINGS = ("mass", "damping", "stiffness", "load")
-#: Matrices of the elastic motion that are assembled for a scene with elastic links in the plane.
-NAMES = (
-    *(f"elastic_{name}" for name in (*_ENDINGS, "gyroscopic", "geometric_stiffness", "motion_stiffness")),
-    "assembly",
-    "boundary",
-    *("condensation", "condensation_rate", "condensation_second_rate"),
-    *(f"condensed_{name}" for name in _ENDINGS),
-)
+#: Matrices of the independent unknowns, which are numbers alone.
+CONDENSED = tuple(f"condensed_{name}" for name in ("mass", "damping", "stiffness", "load"))
 
 
 def numbers(subject: Subject, name: str, at: str | None, rows: str | None, columns: str | None) -> str:
@@ -35,11 +30,8 @@ def numbers(subject: Subject, name: str, at: str | None, rows: str | None, colum
         For other text, and names that there are not.
     """
     model: Any = build_scene(subject.text)
-    value, label = None, "at the start"
-    if at:
-        (value, *_), over = of_drive(model, [at], "--at")
-        label = f"at t = {value:g} s" if over == "time" else f"at {math.degrees(value):g} deg"
-    found = model.matrices() if value is None else model.matrices(value, over=over)
+    value, over, label = crank_or_time(at) if at else (None, "input", "at the start")
+    found = model.matrices(value, over=over)
     matrix = found[name].part(*(_listed(text) for text in (rows, columns)))
     return table_of_numbers(
         f"{name} {label}: {matrix.about} [{matrix.unit}]",
@@ -53,11 +45,29 @@ def _listed(text: str | None) -> list[str]:
     return [part.strip() for part in text.split(",")] if text else []
 
 
-def is_assembled(name: str | None, subject: Subject) -> TypeGuard[str]:
-    """Return whether a name is that of an assembled matrix of a scene with elastic links in the plane."""
-    if not subject.is_scene or name not in NAMES:
+def is_assembled(name: str | None, subject: Subject, *, numeric: bool) -> TypeGuard[str]:
+    """Return whether a name is that of an assembled matrix that is shown as numbers.
+
+    Raises
+    ------
+    ModelError
+        For such a name of a scene without elastic links in the plane.
+    """
+    if not subject.is_scene or name not in (*ASSEMBLED, *CONDENSED):
         return False
-    resolved = subject.resolved
-    if resolved.method != "elastic":
+    if not subject.is_assembled:
         raise ModelError(f"{subject.name} has no elastic links in the plane, to which {name} belongs")
-    return True
+    return numeric or name in CONDENSED
+
+
+def assembled_names(subject: Subject) -> list[tuple[str, ...]]:
+    """Return name, unit, meaning and source of the assembled matrices of a scene, if any."""
+    if not subject.is_assembled:
+        return []
+    bound = "jacobian" in subject.further["elastic_joints"]
+    sources = dict(ASSEMBLY)
+    return [
+        (name, *about, sources.get(name, NO_SOURCE))
+        for name, about in ASSEMBLED.items()
+        if bound or "condensation" not in name
+    ]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SceneError, check_known
-from symgen.inspection.values import of_input
+from symgen.inspection.values import crank_or_time, of_input
 from symgen.methods import method_of
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.loop.driven import moving
@@ -73,13 +73,20 @@ def state_of(model: Any, at: str | None) -> Values:
 
 
 def of_elastic(model: ElasticModel, at: str | None) -> Values:
-    """Return the arguments of the rigid motion of elastic links."""
-    return of_linkage(model.rigid, at)
+    """Return the arguments of the rigid motion of elastic links, at an angle of the crank or a time."""
+    if at is None:
+        return of_linkage(model.rigid, None)
+    value, over, label = crank_or_time(at)
+    t = value if over == "time" else model._motion(True).time_at(value)
+    return replace(_reached(model.rigid, t), label=label)
 
 
 def of_linkage(model: RodModel, at: str | None) -> Values:
     """Return the arguments of a linkage at a time, reached by a run."""
-    t = _seconds(at)
+    return _reached(model, _seconds(at))
+
+
+def _reached(model: RodModel, t: float) -> Values:
     state = model.reached(t)
     accelerations = model.accelerations(state)
     work = [x for p in model.description.free for x in accelerations.points[p].tolist()]

@@ -69,6 +69,20 @@ def of_crank(_: Any, texts: Sequence[str], option: str) -> Values:
     return _read(texts, _DEGREES, {NUMBER: "input"}, expected)
 
 
+def crank_or_time(text: str) -> tuple[float, str, str]:
+    """Return an angle of the crank [rad] (degrees if bare) or a time [s], its variable and its label.
+
+    Raises
+    ------
+    ModelError
+        For other text, and for more than one value.
+    """
+    (value, *others), over = of_drive(None, [text], "--at")
+    if others:
+        raise ModelError(f"expected one angle of the crank or one time after --at, got {text!r}")
+    return value, over, f"at t = {value:g} s" if over == "time" else f"at {math.degrees(value):g} deg"
+
+
 def of_pose(_: Any, texts: Sequence[str], option: str) -> Values:
     """Return the times of poses [s]; raise ModelError for other text and bare numbers, elsewhere degrees."""
     expected = f'times after {option}, such as "0.3 s"{_ranges(option)}'

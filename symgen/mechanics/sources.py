@@ -121,6 +121,17 @@ PRINTED_ELEMENT: Sources = (
     ("thesis_load", "thesis (F.8)"),
     ("global_*", "not in the source: exact form of thesis (7.28) in fixed axes"),
 )
+#: Of the assembled equations of elastic links.
+ASSEMBLY: Sources = (
+    ("elastic_mass", "thesis (F.2), (8.1)"),
+    ("elastic_gyroscopic", "thesis (F.4), (8.1), with rates of T"),
+    ("elastic_stiffness", "thesis (D.28), (8.1)"),
+    ("elastic_motion_stiffness", "thesis (F.6), (8.1), with rates of T"),
+    ("elastic_load", "thesis (F.8), (8.1)"),
+    ("assembly", "thesis (8.1)"),
+    ("boundary", "thesis Fig. 22"),
+    ("condensation", "thesis (E.47)"),
+)
 RIGID_ELEMENT: Sources = (
     ("nodal_matrix", "thesis (4.10)"),
     ("inertia", "thesis (4.10), right side"),

@@ -188,7 +188,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         kinematic=linkage.kinematic,
         selects=linkage.outputs is not None,
         remarks=linkage.remarks,
-        elastic=_elastic(linkage) if linkage.elastic and not linkage.kinematic else None,
+        elastic=elastic_info(linkage) if linkage.elastic and not linkage.kinematic else None,
         events=tuple(
             EventInfo(e.name, e.unit, e.direction, e.ends_run, e.about, revolves(e.gap))
             for e in linkage.events
@@ -269,7 +269,8 @@ def _work_on_links(linkage: Linkage) -> bool:
     return not (elsewhere or moved or motor or len(linkage.drivers) > 1)
 
 
-def _elastic(linkage: Linkage) -> ElasticInfo:
+def elastic_info(linkage: Linkage) -> ElasticInfo:
+    """Return the elastic links of a linkage."""
     from symgen.elements import ELEMENTS
     from symgen.models.elastic.couples import couples, rotations, welded_to_bodies
     from symgen.models.elastic.links import loads_along, lumps

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import sympy as sp
 
@@ -14,6 +14,7 @@ from symgen.errors import DerivationError, ModelError, check_known, nearest
 from symgen.lowering.program import lower_system
 from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
+from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
 from symgen.pipeline.systems import system_of
 from symgen.pipeline.user_system import is_user_file, load
@@ -113,6 +114,18 @@ class Subject:
         return (*elastic_record(), whole) if self.steps else (whole,)
 
     @property
+    def is_assembled(self) -> bool:
+        """Whether this is a scene with elastic links in the plane, whose equations are assembled."""
+        return self.is_scene and not self._kinematic and self.resolved.method == "elastic"
+
+    @cached_property
+    def assembled(self) -> System:
+        """The assembled equations of elastic links."""
+        from symgen.pipeline.assembled import assembled_of
+
+        return assembled_of(cast("Linkage", self.resolved))
+
+    @property
     def _kinematic(self) -> bool:
         """Whether this is a scene with kinematic analysis only."""
         return self.is_scene and self.resolved.kinematic
@@ -147,6 +160,8 @@ class Subject:
             return self._momentum(rest, numbers)
         if self.steps and name in self.steps:  # a matrix of a step, rather than a symbol of the block
             return Chosen(self.steps, (self.steps[name],))
+        if name in ASSEMBLED and self.is_assembled and name in self.assembled:
+            return Chosen(self.assembled, (self.assembled[name],))
         known: list[str] = []
         for prefix, system in self._searched():
             own = name.removeprefix(prefix) if name.startswith(prefix) else name

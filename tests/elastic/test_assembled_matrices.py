@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import sympy as sp
 from scipy.linalg import eigh
 from shared.commands import call
 from shared.elastic_linkages import six_bar_scene, two_loops_scene
@@ -13,7 +14,11 @@ from shared.thesis_assembly import BOUNDARY, HELD, assembled, assembly
 
 import symgen
 from symgen.errors import ModelError
+from symgen.mechanics.rods.condensation import BASIS
+from symgen.pipeline.subject import Subject
 from symgen.runtime._beams import AT_REST
+from symgen.scene.loading import text_of
+from symgen.symbolic.exact import Exact
 
 ANGLES = (0.0, 60.0, 120.0, 200.0, 300.0)
 #: Unknowns of the four-bar in the order of the thesis.
@@ -122,3 +127,97 @@ def test_show_prints_the_matrices_of_a_crank_angle():
         model().matrices()["elastic_mas"]
     with pytest.raises(ModelError, match="have no variable"):
         model().matrices(0.0, over="angle")
+
+
+def without_ratios(data):
+    """Damping ratios and reductions are numbers alone."""
+    for link in data["links"].values():
+        elastic = link.get("elastic", {})
+        elastic.pop("reduction", None)
+        if "ratio" in elastic.get("damping", {}):
+            elastic.pop("damping")
+    return data
+
+
+#: Scenes by what their equations have.
+IN_LETTERS = {
+    "thesis_four_bar": {},
+    "elastic_slider_crank": {"links.rod.elastic.damping": {"mass": "2 1/s", "stiffness": "1e-5 s"}},
+    "rotating_cantilever": {},
+    "elastic_four_bar_free": {f"links.{k}.elastic.axial": False for k in ("crank", "coupler", "output")},
+}
+
+
+@pytest.mark.parametrize("name", [*IN_LETTERS, *SCENES])
+def test_matrices_in_letters_have_the_values_of_runs(name):
+    if name in SCENES:
+        scene = symgen.Scene(**without_ratios(SCENES[name]()))
+        built, subject = symgen.build(scene), Subject.of(text_of(scene))
+    else:
+        built, subject = symgen.build(name, set=IN_LETTERS[name]), Subject(name, IN_LETTERS[name])
+    system, t = subject.assembled, 0.013
+    motion, found = built._motion(True), built.matrices(t, over="time")
+    (q, u, solution), _, _ = motion.rigid_motion(motion.equations(), np.array([t]))
+    state = {"t": [t], "q": q[0], "u": u[0], "p": built.rigid.parameter_values, "work": solution[0]}
+    state = {group.name: state[group.name][: len(group.quantities)] for group in system.groups}
+    names = [m.name for m in system.matrices]
+    value = {
+        k: np.array(m.tolist(), dtype=float)
+        for k, m in zip(names, Exact(system).matrices(names, state), strict=True)
+    }
+    for matrix in system.matrices:
+        if "condensation" in matrix.name:
+            continue
+        expected = found[matrix.name]
+        assert matrix.rows == expected.rows and matrix.columns == expected.columns, matrix.name
+        whole = expected.values.reshape(matrix.matrix.shape)
+        size = np.array([{"m": 1.0, "rad": 3.0, "1/m": 10.0}[unit] for unit in expected.row_units])
+        scale = np.outer(size, size) if matrix.columns and matrix.rows == matrix.columns else 1.0
+        gap = np.abs(value[matrix.name] - whole) * scale
+        assert np.max(gap) <= 1e-12 * np.max(np.abs(whole * scale)), matrix.name
+    if "condensation" in names:
+        _compare_condensation(system, value, found)
+
+
+def test_matrices_in_letters_are_those_of_the_thesis():
+    """(F.2): A cos^2 + D sin^2 with A = m L/3, D = 181 m L/462 of crank and coupler, and the bearing."""
+    system = Subject("thesis_four_bar", {}).assembled
+    terms = {d.quantity.name: d.expression for d in system.definitions}
+    entry = system["elastic_mass"].part(["A.x"], ["A.x"]).matrix[0]
+    symbol = {s.name: s for s in entry.free_symbols}
+    # The two ends of a symmetric element have the same shared terms.
+    expected = sum(
+        symbol[f"{k}_M_{i}_{i}"] * symbol[f"{k}_{of}"] ** 2
+        for k in ("crank", "coupler")
+        for i, of in ((1, "cosine"), (2, "sine"))
+    )
+    bearing = sp.expand(entry - expected)
+    length, mass = (sp.Symbol(f"coupler_{x}", real=True) for x in ("L", "mu"))
+    assert terms["coupler_M_1_1"] == mass * length / 3 and terms["coupler_M_2_2"] == 181 * mass * length / 462
+    values = {d.quantity.symbol: d.expression for d in system.definitions}
+    assert float(bearing.xreplace(values)) == pytest.approx(0.0040803133 * 14.593902937206364)
+    shown = call("show", "thesis_four_bar", "elastic_mass", "--rows", "A.x", "--columns", "A.x")
+    assert "(F.2), (8.1)" in shown and "coupler" in shown
+    assert model().equations["elastic_mass"] == system["elastic_mass"].matrix
+    listed = call("show", "thesis_four_bar")
+    assert all(name in listed for name in ("elastic_geometric_stiffness", "assembly", "boundary"))
+    assert "condensation" not in listed and "condensation" in call("show", "elastic_slider_crank")
+
+
+def _compare_condensation(system, value, found):
+    """Independent unknowns may be others: p of runs by those of the letters, at this time with its rates."""
+    numbers = [found[name].values for name, _ in BASIS]
+    rows = [found["elastic_mass"].rows.index(name) for name in system["condensation"].columns]
+    r, rate, second = (m[rows] for m in numbers)
+    turned = np.linalg.inv(r)
+    first = -turned @ rate @ turned
+    twice = -turned @ (second @ turned + 2 * rate @ first)
+    expected = (
+        numbers[0] @ turned,
+        numbers[1] @ turned + numbers[0] @ first,
+        numbers[2] @ turned + 2 * numbers[1] @ first + numbers[0] @ twice,
+    )
+    for (name, _), matrix in zip(BASIS, expected, strict=True):
+        assert value[name] == pytest.approx(matrix, rel=1e-9, abs=1e-10 * max(1.0, np.max(np.abs(matrix)))), (
+            name
+        )

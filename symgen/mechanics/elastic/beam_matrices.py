@@ -6,7 +6,7 @@ The integrands are polynomials, integrated exactly.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
 
@@ -19,6 +19,7 @@ from symgen.mechanics.elastic.hamilton import Term, derive
 from symgen.mechanics.elastic.places import SHAPES
 from symgen.mechanics.elastic.weights import CONSTANTS
 
+ZERO = sp.Integer(0)
 _RING, _XI, _L = ring("xi,L", sp.QQ)
 _SYMBOLS = (PLACE.symbol, LENGTH.symbol)
 
@@ -39,8 +40,20 @@ class Section:
 
 
 @dataclass(frozen=True, slots=True)
+class Before:
+    """What lies before an element on its link, by the distance [m] of its first node from the first point.
+
+    ``mass`` [kg], and its first ``moment`` [kg m] about the first point of the link.
+    """
+
+    distance: sp.Expr = ZERO
+    mass: sp.Expr = ZERO
+    moment: sp.Expr = ZERO
+
+
+@dataclass(frozen=True, slots=True)
 class BeamMatrices:
-    """Constant matrices and load vectors of an element in link axes, x from its first node.
+    """Constant matrices and load vectors of an element in link axes, x from the first point of the link.
 
     The constants of :data:`symgen.mechanics.elastic.weights.CONSTANTS`; the three of ``geometric`` are the
     factors of N0, ax and omega^2. ``centrifugal`` is the mass matrix without rotary inertia: the rotation of
@@ -64,9 +77,12 @@ class BeamMatrices:
         return linear | {f"geometric{k}": matrix for k, matrix in enumerate(self.geometric)}
 
 
-def beam_matrices(element: Element, section: Section) -> BeamMatrices:
-    """Substitute the shape functions of an element into the collected terms; see :class:`BeamMatrices`."""
-    derived, put = derive(), _Integrals(element, section)
+def beam_matrices(element: Element, section: Section, before: Before | None = None) -> BeamMatrices:
+    """Substitute the shape functions of an element into the collected terms; see :class:`BeamMatrices`.
+
+    The element is the first of its link unless it is known what lies ``before`` it.
+    """
+    derived, put = derive(), _Integrals(element, section, before or Before())
     matrices = {}
     for name, constant in CONSTANTS.items():
         if not constant.applied:
@@ -74,6 +90,28 @@ def beam_matrices(element: Element, section: Section) -> BeamMatrices:
             matrices[name] = integrate(constant.terms(derived), constant.factor)
     geometric = tuple(matrices.pop(f"geometric{k}") for k in range(3))
     return BeamMatrices(geometric=geometric, **matrices)
+
+
+def profile_constants(
+    element: Element, distance: sp.Expr, even: sp.Expr, slope: sp.Expr, follows: bool
+) -> dict[str, sp.ImmutableMatrix]:
+    """Return the constants of a force per length even + slope x, x [m] from the first point of the link.
+
+    ``distance`` [m] is that of the first node of the element. A force that ``follows`` turns with sections.
+    """
+    none = Section((), (), (), (), ())
+    put, derived = _Integrals(element, none, Before(distance)), derive()
+    put.densities[hamilton.PROFILE.symbol] = [(even + slope * distance, _RING.one), (slope, _L * _XI)]
+    put.densities[hamilton.PROFILE_BEFORE.symbol] = [
+        (even * distance + slope * distance**2 / 2, _RING.one),
+        (even + slope * distance, _L * _XI),
+        (slope / 2, (_L * _XI) ** 2),
+    ]
+    return {
+        name: put.sum(constant.densities(derived))
+        for name, constant in CONSTANTS.items()
+        if constant.applied and (follows or constant.part != "follower")
+    }
 
 
 def shape_rows(element: Element) -> dict[str, tuple[sp.Expr, ...]]:
@@ -119,20 +157,34 @@ def _by_power(polynomial: PolyElement, below: int) -> dict[int, sp.Expr]:
 class _Integrals:
     """Integrates densities times shape functions over one element."""
 
-    def __init__(self, element: Element, section: Section) -> None:
+    def __init__(self, element: Element, section: Section, before: Before) -> None:
         self.rows, self.size = _rows(element), len(element.dofs)
+        d = before.distance
         mu, x = hamilton.MU.symbol, hamilton.X.symbol
         rotary = section.rotary if element.rotary else ()
         #: Each density as pairs of a coefficient and its polynomial.
         self.densities: dict[sp.Expr, list[tuple[sp.Expr, PolyElement]]] = {
             sp.Integer(1): [(sp.Integer(1), _RING.one)],
             mu: [(c, _XI**k) for k, c in enumerate(section.mass)],
-            mu * x: [(c, _L * _XI ** (k + 1)) for k, c in enumerate(section.mass)],
+            mu * x: [
+                pair
+                for k, c in enumerate(section.mass)
+                for pair in ((c, _L * _XI ** (k + 1)), (c * d, _XI**k))
+            ],
             hamilton.MASS_BEFORE.symbol: [
-                (c, _L * _XI ** (k + 1) / (k + 1)) for k, c in enumerate(section.mass)
+                (before.mass, _RING.one),
+                *((c, _L * _XI ** (k + 1) / (k + 1)) for k, c in enumerate(section.mass)),
             ],
             hamilton.MOMENT_BEFORE.symbol: [
-                (c, _L**2 * _XI ** (k + 2) / (k + 2)) for k, c in enumerate(section.mass)
+                (before.moment, _RING.one),
+                *(
+                    pair
+                    for k, c in enumerate(section.mass)
+                    for pair in (
+                        (c, _L**2 * _XI ** (k + 2) / (k + 2)),
+                        (c * d, _L * _XI ** (k + 1) / (k + 1)),
+                    )
+                ),
             ],
             hamilton.ROTARY.symbol: [(c, _XI**k) for k, c in enumerate(rotary)],
             hamilton.AXIAL.symbol: [(c, _XI**k) for k, c in enumerate(section.axial)],
@@ -157,10 +209,20 @@ class _Integrals:
                 self._add(entries, (i, 0), term.density * factor, a)
         return sp.ImmutableMatrix(self.size, 1, lambda i, j: entries[i, j])
 
+    def sum(self, densities: Mapping[tuple[str, str], sp.Expr]) -> sp.ImmutableMatrix:
+        """Return the sum of the integrals of densities by test and trial field; a vector without trial."""
+        loads = not any(trial for _, trial in densities)
+        entries = _Entries(_SCALE if loads else 2 * _SCALE)
+        for (test, trial), density in densities.items():
+            for i, a in enumerate(self.rows[test]):
+                for j, b in enumerate(self.rows[trial] if trial else (_RING.one,)):
+                    self._add(entries, (i, j), density, a * b)
+        return sp.ImmutableMatrix(self.size, 1 if loads else self.size, lambda i, j: entries[i, j])
+
     def _add(self, entries: _Entries, at: tuple[int, int], density: sp.Expr, shapes: PolyElement) -> None:
         if shapes:
             number, kind = density.as_coeff_Mul()
-            for coefficient, weight in self.densities[kind]:
+            for coefficient, weight in (pair for pair in self.densities[kind] if pair[0] != 0):
                 entries.add(at, coefficient, sp.QQ.from_sympy(number) * _over_element(shapes * weight))
 
 
@@ -188,9 +250,19 @@ def _sum(by_power: dict[int, sp.Expr]) -> sp.Expr:
     return sp.Add(*(LENGTH.symbol**power * e for power, e in by_power.items()))
 
 
-def _over_element(polynomial: PolyElement) -> PolyElement:
-    """Integrate by x over the element: by xi from 0 to 1, times L."""
-    integral = _RING.zero
+def _over_element(polynomial: PolyElement, start: sp.Rational = ZERO) -> PolyElement:
+    """Integrate by x over the element: by xi from ``start`` to 1, times L."""
+    integral, first = _RING.zero, sp.QQ.from_sympy(start)
     for (i, j), coefficient in polynomial.terms():
-        integral += _RING.term_new((0, j + 1), coefficient / (i + 1))
+        integral += _RING.term_new((0, j + 1), coefficient * (1 - first ** (i + 1)) / (i + 1))
     return integral
+
+
+def stiffened(element: Element, start: sp.Rational) -> sp.ImmutableMatrix:
+    """Return the geometric stiffness of a unit axial force from xi = ``start`` to the second node."""
+    slopes, entries = _rows(element)["w_x"], _Entries(2 * _SCALE)
+    for i, a in enumerate(slopes):
+        for j, b in enumerate(slopes):
+            entries.add((i, j), sp.Integer(1), _over_element(a * b, start))
+    size = len(element.dofs)
+    return sp.ImmutableMatrix(size, size, lambda i, j: entries[i, j])

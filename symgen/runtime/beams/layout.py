@@ -119,7 +119,7 @@ def layout(
     labels = [f"{p}_{axis}" for p in description.free for axis in description.axes]
     labels += [f"{name}_theta" for name in info.rotations]
     coordinates, place = len(labels), {label: i for i, label in enumerate(labels)}
-    names, of_links, shaft = _unknowns(description, info, beams)
+    names, of_links, shaft = unknowns_of(description.free, description.axes, info, beams)
     block = joints.get("jacobian")
     constraints = block.shape[0] if block else 0
     n = len(names)
@@ -128,7 +128,7 @@ def layout(
     apart = 0 < 2 * len(forces) < n
     if len(forces) and not apart:
         pairs = np.indices((n, n)).reshape(2, -1).T
-    # Constraints are between unknowns of the joints, which `_unknowns` names first.
+    # Constraints are between unknowns of the joints, which `unknowns_of` names first.
     first = coordinates if constraints else 0
     order = _by_least_band(n, pairs)
     if constraints:
@@ -181,15 +181,15 @@ def _forces(beams: Sequence[Beam], coordinates: int, of_structure: Array | None)
     return np.vstack(rows)
 
 
-def _unknowns(
-    description: Description, info: ElasticInfo, beams: Sequence[Beam]
+def unknowns_of(
+    free: Sequence[str], axes: Sequence[str], info: ElasticInfo, beams: Sequence[Beam]
 ) -> tuple[list[str], list[list[int]], int]:
     """Return the names of the unknowns, the indices of those of each link, and the index of the shaft.
 
     Unknowns of the joints come first. The index is -1 for a held unknown or shaft.
     """
-    joint = {p: 2 * i for i, p in enumerate(description.free)}
-    names = [f"{p}.{axis}" for p in description.free for axis in description.axes]
+    joint = {p: 2 * i for i, p in enumerate(free)}
+    names = [f"{p}.{axis}" for p in free for axis in axes]
     names += [f"{name}.theta" for name in info.rotations]
     of_links: list[list[int]] = []
     shaft = -1

@@ -1,0 +1,1 @@
+"""Assembled equations of linkages with elastic links in the plane, in letters."""

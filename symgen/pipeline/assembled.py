@@ -1,0 +1,147 @@
+"""Assembled equations of a scene with elastic links in the plane, divided and named as runs do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import sympy as sp
+
+from symgen.models.assembled.mesh import Mesh, Part, Structure
+from symgen.models.assembled.system import assembled_system
+from symgen.models.elastic.joints import joints_system
+from symgen.models.elastic.links import motion_system
+from symgen.pipeline.describe import elastic_info
+from symgen.runtime.beams.data import Lump, Profile
+from symgen.runtime.beams.elements import Segment, meshed, segment_at
+from symgen.runtime.beams.layout import unknowns_of
+from symgen.runtime.beams.links import Beam, beam
+from symgen.runtime.elastic.mesh import properties_of
+from symgen.scene.rods.linkage import Linkage
+from symgen.symbolic.exact import Exact
+from symgen.symbolic.system import System
+
+#: Largest denominator of the fraction of a link at which a node lies.
+_DENOMINATOR = 1000
+_SMALL = 1e-9
+
+
+def assembled_of(linkage: Linkage) -> System:
+    """Return the assembled equations.
+
+    A link whose elements runs choose has one between its joints and masses.
+    """
+    motion, joints = motion_system(linkage), joints_system(linkage)
+    info = elastic_info(linkage)
+
+    def table(name: str) -> np.ndarray:
+        rows = motion[name].matrix if name in motion else sp.zeros(0, 1)
+        return np.array([[linkage.number(e) for e in rows.row(i)] for i in range(rows.rows)])
+
+    lumps, profiles, properties = table("lumps"), table("profiles"), table("properties")
+    beams = []
+    for plain, row in zip(info.beams, properties, strict=True):
+        of_link = properties_of(row)
+        masses = tuple(Lump(*x) for x, name in zip(lumps, info.lumps, strict=True) if name == plain.link)
+        forces = tuple(
+            Profile(*x) for x, name in zip(profiles, info.loads, strict=True) if name == plain.link
+        )
+        joined = [j for j, name in zip(info.joints, info.loads, strict=True) if name == plain.link]
+        between = tuple((j, f.at / of_link.length) for j, f in zip(joined, forces, strict=True) if j)
+        own = replace(plain, elements=plain.elements or 1, between=between, reduction="", modes=0)
+        own = meshed(own, of_link.length, masses, forces)
+        beams.append((beam(own, replace(of_link, ratio=0.0), masses, forces), forces))
+    points = [p.name for p in linkage.points if not p.ground]
+    free = [
+        p
+        for p in points
+        if any(f"{p}_{axis}" in {q.name for q in motion.group("q").quantities} for axis in "xy")
+    ]
+    unknowns, of_links, shaft = unknowns_of(free, linkage.axes, info, [b for b, _ in beams])
+    meshes, held = [], set[str]()
+    for (divided, forces), places in zip(beams, of_links, strict=True):
+        mesh = _mesh(divided, forces, places, unknowns)
+        held |= {name for name, place in zip(mesh.unknowns, places, strict=True) if place < 0}
+        meshes.append(mesh)
+    structure = Structure(
+        tuple(meshes),
+        frozenset(held),
+        tuple(unknowns),
+        unknowns[shaft] if shaft >= 0 else "",
+        _pivots(linkage, joints),
+    )
+    return assembled_system(linkage, structure, motion, joints)
+
+
+def _mesh(plain: Beam, forces: Sequence[Profile], places: Sequence[int], unknowns: Sequence[str]) -> Mesh:
+    info = plain.info
+    joints = {
+        k: f"{point}.{axis}"
+        for pair, point in zip(plain.joints, info.points, strict=True)
+        for k, axis in zip(pair, "xy", strict=True)
+    }
+    called = tuple(
+        unknowns[place] if place >= 0 else joints.get(k, f"{info.link}.{dof}")
+        for k, (dof, place) in enumerate(zip(plain.dofs, places, strict=True))
+    )
+    parts = tuple(
+        Part(_fraction(info.node(k)), _fraction(info.node(k + 1)), *_by_unknowns(plain, part))
+        for k, part in enumerate(plain.segments)
+    )
+
+    def owner(at: float) -> int:
+        first: Segment = segment_at(plain.segments, at)[0]
+        return plain.segments.index(first)
+
+    return Mesh(
+        info.link,
+        parts,
+        plain.dofs,
+        called,
+        plain.joints,
+        tuple(owner(lump.at) for lump in plain.lumps),
+        tuple(owner(f.at) if f.is_point else -1 for f in forces),
+    )
+
+
+def _by_unknowns(plain: Beam, part: Segment) -> tuple[tuple[int, ...], sp.ImmutableMatrix | None]:
+    """Return the unknowns of a link that move an element, and its own by them unless they are the same."""
+    if plain.expansion is None:
+        return tuple(part.dofs), None
+    rows = plain.expansion[list(part.dofs)]
+    moved = np.any(rows != 0.0, axis=0)
+    moved[[k for pair in plain.joints for k in pair]] = True
+    at = np.flatnonzero(moved)
+    entries = [[_fraction(x) for x in row] for row in rows[:, at].tolist()]
+    return tuple(at.tolist()), sp.ImmutableMatrix(entries)
+
+
+def _fraction(x: float) -> sp.Rational:
+    """Return a fraction of a link as a short rational number where it is one."""
+    short = sp.Rational(x).limit_denominator(_DENOMINATOR)
+    return short if abs(float(short) - x) < 1e-15 else sp.Rational(x)
+
+
+def _pivots(linkage: Linkage, joints: System) -> tuple[tuple[str, str], ...]:
+    """Return constraints with the unknowns that depend by them, by complete pivoting in the drawn pose."""
+    if "jacobian" not in joints:
+        return ()
+    drawn = {
+        f"{p.name}_{axis}": x for p in linkage.points for axis, x in zip(linkage.axes, p.at, strict=True)
+    }
+    values = {group.name: [0.0] * len(group.quantities) for group in joints.groups}
+    values["q"] = [linkage.number(drawn[q.name]) for q in joints.group("q").quantities]
+    values["p"] = [linkage.number(q.symbol) for q in joints.group("p").quantities]
+    named = joints["jacobian"]
+    rest = np.array(Exact(joints).matrix("jacobian", values).tolist(), dtype=float)
+    rest = rest.reshape(len(named.rows), len(named.columns))
+    pivots = []
+    for _ in named.rows:
+        i, j = np.unravel_index(np.argmax(np.abs(rest)), rest.shape)
+        if abs(rest[i, j]) < _SMALL:
+            break
+        point, _, axis = named.columns[j].rpartition("_")
+        pivots.append((named.rows[i], f"{point}.{axis}"))
+        rest = rest - np.outer(rest[:, j], rest[i]) / rest[i, j]
+    return tuple(pivots)
