@@ -149,7 +149,7 @@ def _list_models() -> None:
 
     scenes()
     blocks = [(name, block.about) for name, block in BLOCKS.items()]
-    console().print(table("Building blocks", ("name", "content"), blocks, texts=(0, 1)))
+    console().print(table("Building blocks", ("name", "content"), blocks, texts=(0, 1)), width=_width())
     print("A scene of your own is named by its file: symgen show my_linkage.toml")
 
 
@@ -162,13 +162,14 @@ def _list(subject: Subject) -> None:
     head = ("matrix", "shape", "unit", "meaning", "source")
     for prefix, part in subject.parts:
         listed = [(prefix + name, *more) for name, *more in overview(part.matrices)]
-        console().print(table(part.title, head, listed, texts=(0, 3, 4)))
+        console().print(table(part.title, head, listed, texts=(0, 3, 4)), width=_width())
     if assembled := assembled_names(subject):
         about = "Assembled equations of the elastic motion; numbers with --at ANGLE"
-        console().print(table(about, ("matrix", "unit", "meaning", "source"), assembled, texts=(0, 2, 3)))
+        listing = table(about, ("matrix", "unit", "meaning", "source"), assembled, texts=(0, 2, 3))
+        console().print(listing, width=_width())
     if subject.recorded:
         listed = [*overview(subject.recorded)]
-        console().print(table("Steps of the derivation", head, listed, texts=(0, 3, 4)))
+        console().print(table("Steps of the derivation", head, listed, texts=(0, 3, 4)), width=_width())
 
 
 def _show_record(subject: Subject, form: str) -> None:
@@ -181,7 +182,9 @@ def _show_record(subject: Subject, form: str) -> None:
         )
     steps = subject.record
     print(
-        record_in_latex(subject.system.title, steps) if form == "latex" else record_in_text(steps, _width())
+        record_in_latex(subject.system.title, steps, _width())
+        if form == "latex"
+        else record_in_text(steps, _width())
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import pytest
 import sympy as sp
@@ -17,14 +18,19 @@ SCENES = ["four_bar", "slider_crank", "rssr", "thesis_four_bar", "tumbling_body"
 _FORM = re.compile(r"(.*Attia|.*Rahman|.*[Tt]hesis)[ ,(].*\d")
 
 
+@cache
+def subject(name):
+    return Subject(name, {})
+
+
 @pytest.mark.parametrize(
     "name", [*SCENES, *RECURSIONS, "rod", "loop_row", "element_beam8", "element_cubic", "direction"]
 )
 def test_every_matrix_states_its_source(name):
     """An equation of a source, or that there is none; also of all steps of the derivation."""
-    subject = Subject(name, {})
-    matrices = [m for prefix, part in subject.parts if not prefix for m in part.matrices]
-    matrices += [m for step in subject.record for m in step.matrices]
+    derived = subject(name)
+    matrices = [m for prefix, part in derived.parts if not prefix for m in part.matrices]
+    matrices += [m for step in derived.record for m in step.matrices]
     for m in matrices:
         assert m.source, m.name
         assert m.source.startswith(NO_SOURCE) or _FORM.match(m.source), (m.name, m.source)
@@ -54,7 +60,7 @@ def test_every_matrix_states_its_source(name):
     ],
 )
 def test_sources_are_shown(name, matrix, source):
-    (m,) = Subject(name, {}).choose(matrix).matrices
+    (m,) = subject(name).choose(matrix).matrices
     assert m.source == source
     assert f"; {source}" in " ".join(call("show", name, matrix).split())
     assert source in " ".join(call("show", name, matrix, "--format", "latex").replace("%", "").split())
@@ -63,7 +69,7 @@ def test_sources_are_shown(name, matrix, source):
 def test_explanations_and_derivatives_state_sources():
     lines = "\n".join(explanation("four_bar", {}))
     assert "acceleration_rhs" in lines and "; Attia (5a), (14), right side" in lines
-    slope = Subject("peaucellier", {}).choose("mass_matrix").by("rho").matrices[0]
+    slope = subject("peaucellier").choose("mass_matrix").by("rho").matrices[0]
     assert slope.source == NO_SOURCE
 
 

@@ -142,8 +142,8 @@ def matrix_from_latex(shown: str, m, system) -> sp.Matrix:
         }
         inner = body.partition(r"\begin{align*}")[2].partition(r"\end{align*}")[0]
         for row in inner.split(r"\\" + "\n"):
-            left, _, right = row.partition(" &= ")
-            found[places[" ".join(left.split())]] = from_latex(right.strip(), symbols)
+            left, _, right = " ".join(row.split()).partition(" &= ")
+            found[places[left]] = from_latex(right, symbols)
         return found
     inner = body.partition(r"\[")[2].partition(r"\]")[0].strip()
     if m.matrix.shape == (1, 1):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import sympy as sp
 
@@ -15,6 +15,8 @@ from symgen.symbolic.notation import latex, latex_name, text_name
 from symgen.symbolic.system import NamedMatrix, System
 
 FORMATS = ("unicode", "latex", "shared", "c", "numeric")
+#: The end of a row of a matrix in LaTeX.
+_ROW_END = re.compile(r"\\\\(?!\n)")
 #: Maximum number of rows and columns, and of characters, of a matrix that LaTeX shows as a whole.
 _WHOLE, _LETTERS = 12, 4000
 
@@ -56,7 +58,7 @@ def show(
     if form == "unicode":
         return _as_text(system, matrices, width)
     if form == "latex":
-        return as_latex(system, matrices)
+        return as_latex(system, matrices, width)
     if form == "shared":
         return in_shared_terms(system, matrices, width)
     if form == "c":
@@ -80,12 +82,20 @@ def _as_text(system: System, matrices: Sequence[NamedMatrix], width: int) -> str
     return "\n".join([*lines, *_legend(system, matrices, shared, width)]).rstrip()
 
 
-def as_latex(system: System, matrices: Sequence[NamedMatrix]) -> str:
+def as_latex(system: System, matrices: Sequence[NamedMatrix], width: int = WIDTH) -> str:
     """Return matrices and the shared terms they use as LaTeX, which requires the package amsmath."""
-    lines = []
+    lines: list[str] = []
     for m in matrices:
-        lines += [*(f"% {line.strip()}" for line in heading(m)), *displayed(m)]
-    return "\n".join([*lines, *terms_in_latex(system, matrices)])
+        lines += [*(f"% {line.strip()}" for line in heading(m, width - 2)), *displayed(m)]
+    lines += terms_in_latex(system, matrices)
+    return "\n".join(latex_lines(lines, width))
+
+
+def latex_lines(lines: Iterable[str], width: int) -> Iterator[str]:
+    """Yield lines of LaTeX within a width, each row of a matrix on lines of its own."""
+    for line in lines:
+        for row in _ROW_END.sub(r"\\\\\n", line).splitlines():
+            yield from wrapped(row, width, "  ", inside=False)
 
 
 def terms_in_latex(system: System, matrices: Sequence[NamedMatrix]) -> list[str]:

@@ -90,8 +90,8 @@ def defined(symbol: sp.Symbol, expression: sp.Expr, width: int = WIDTH) -> list[
     return wrapped(f"  {text_name(symbol.name)} = {text(expression)}", width, "      ")
 
 
-def wrapped(line: str, width: int = WIDTH, indent: str = "    ") -> list[str]:
-    """Return a line as lines within a width, broken at blanks, or else in products and arguments.
+def wrapped(line: str, width: int = WIDTH, indent: str = "    ", *, inside: bool = True) -> list[str]:
+    """Return a line as lines within a width, broken at blanks, or else ``inside`` products and arguments.
 
     Lines after the first begin with ``indent``.
     """
@@ -107,7 +107,7 @@ def wrapped(line: str, width: int = WIDTH, indent: str = "    ") -> list[str]:
         if current.strip():
             lines.append(current)
             current = indent
-        for part in _BREAKS.split(word) if columns(indent + word) > width else [word]:
+        for part in _BREAKS.split(word) if inside and columns(indent + word) > width else [word]:
             if current.strip() and columns(current + part) > width:
                 lines.append(current)
                 current = indent

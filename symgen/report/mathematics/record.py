@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from symgen.report.mathematics.equations import displayed, terms_in_latex, used_terms
+from symgen.report.mathematics.equations import displayed, latex_lines, terms_in_latex, used_terms
 from symgen.report.mathematics.layout import WIDTH, defined, heading, in_lines, wrapped
 from symgen.symbolic.system import NamedMatrix, Step
 
@@ -45,7 +45,7 @@ def _structure(m: NamedMatrix, width: int = WIDTH) -> list[str]:
     return [line, *rows]
 
 
-def record_in_latex(title: str, steps: Sequence[Step]) -> str:
+def record_in_latex(title: str, steps: Sequence[Step], width: int = WIDTH) -> str:
     """Return the steps as a complete LaTeX document."""
     lines = [
         r"\documentclass{article}",
@@ -73,7 +73,7 @@ def record_in_latex(title: str, steps: Sequence[Step]) -> str:
             lines += [words, *([rf"({_plain(_structure(m)[0].strip())})."] if large else displayed(m))]
         short = [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS]
         lines += terms_in_latex(step.system, short)
-    return "\n".join([*lines, r"\end{document}"])
+    return "\n".join([*latex_lines(lines, width), r"\end{document}"])
 
 
 #: Characters in the records that LaTeX does not support, by code point.
