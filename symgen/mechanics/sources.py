@@ -136,5 +136,7 @@ RIGID_ELEMENT: Sources = (
     ("nodal_matrix", "thesis (4.10)"),
     ("inertia", "thesis (4.10), right side"),
 )
+#: Of limit positions: case studies I and II.
+LIMITS: Sources = (("residual", "thesis (3.4)-(3.9), (3.11)-(3.17), corrected"),)
 #: Of systems that have no counterpart in the sources.
 NONE: Sources = (("", ""),)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-from symgen.mechanics.sources import NONE
+from symgen.mechanics.sources import LIMITS, NONE
 from symgen.mechanics.synthesis import limits, points
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
@@ -159,5 +159,5 @@ def _conditions(
         matrices=matrices,
         exports=(Export("conditions", "residual and its derivatives", ("residual", "slopes")),),
         references=(reference,) if reference else (),
-        sources=NONE,
+        sources=LIMITS if reference else NONE,
     )

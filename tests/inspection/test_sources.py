@@ -24,7 +24,17 @@ def subject(name):
 
 
 @pytest.mark.parametrize(
-    "name", [*SCENES, *RECURSIONS, "rod", "loop_row", "element_beam8", "element_cubic", "direction"]
+    "name",
+    [
+        *SCENES,
+        *RECURSIONS,
+        "rod",
+        "loop_row",
+        "element_beam8",
+        "element_cubic",
+        "direction",
+        "corotational_node",
+    ],
 )
 def test_every_matrix_states_its_source(name):
     """An equation of a source, or that there is none; also of all steps of the derivation."""
@@ -34,7 +44,7 @@ def test_every_matrix_states_its_source(name):
     for m in matrices:
         assert m.source, m.name
         assert m.source.startswith(NO_SOURCE) or _FORM.match(m.source), (m.name, m.source)
-    if name not in ("direction",):
+    if name not in ("direction", "corotational_node"):
         assert sum(not m.source.startswith(NO_SOURCE) for m in matrices) >= 2
 
 
@@ -57,6 +67,7 @@ def test_every_matrix_states_its_source(name):
         ("element_beam8", "thesis_stiffness", "thesis (F.6), corrected"),
         ("element_beam8", "weak_form", "thesis (7.10)-(7.23)"),
         ("element_cubic", "geometric0", NO_SOURCE),
+        ("synthesis_limits", "residual", "thesis (3.4)-(3.9), (3.11)-(3.17), corrected"),
     ],
 )
 def test_sources_are_shown(name, matrix, source):

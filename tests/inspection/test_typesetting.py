@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import re
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -85,6 +86,10 @@ def test_entries_and_blocks_hold_the_whole_matrix():
     known = dict(entry.split(": ", 1) for entry in entries)
     found = [from_text(known.get(row, "0").replace("\n", " "), chosen.system) for row in m.rows]
     same(found, m.matrix)
+    mass = subject("rod").system["mass_matrix"].part(["i_x", "j_x"], ["i_x", "j_x"])
+    for symmetric, count in ((True, 3), (False, 4)):
+        lines = in_lines(replace(mass, symmetric=symmetric), 20)
+        assert sum(bool(re.match(r"  \w+, \w+: ", line)) for line in lines) == count
     (wide,) = subject("slider_crank").choose("closure_jacobian").matrices
     heads = [line for line in in_lines(wide, 60) if line.startswith(("columns:", "    "))]
     assert len(heads) > 1

@@ -107,4 +107,5 @@ def corotational_node_system() -> System:
             *(Export(m.name, m.description, (m.name,)) for m in matrices[3:]),
             Export("weld", "a section that is welded to a rigid link", tuple(m.name for m in welded)),
         ),
+        sources=NONE,
     )

@@ -73,14 +73,19 @@ def _blocks(matrix: sp.MatrixBase, width: int) -> Iterator[tuple[int, int]]:
 
 
 def _entries(m: NamedMatrix, width: int) -> Iterator[str]:
-    """Yield the entries of a matrix, but for zeros, with the names of row and column."""
+    """Yield the entries of a matrix, but for zeros, with the names of row and column.
+
+    Of a symmetric matrix, those on and above the diagonal are yielded.
+    """
     for i in range(m.matrix.rows):
-        for j in range(m.matrix.cols):
+        for j in range(i if m.symmetric else 0, m.matrix.cols):
             if m.matrix[i, j] != 0:
                 place = [m.rows[i] if m.rows else str(i)]
                 if m.matrix.cols > 1:
                     place.append(m.columns[j] if m.columns else str(j))
                 yield from wrapped(f"  {', '.join(place)}: {text(m.matrix[i, j])}", width, "      ")
+    if m.symmetric:
+        yield "  entries below the diagonal: as above it (symmetric)"
     if any(x == 0 for x in m.matrix):
         yield "  all other entries: 0"
 
