@@ -35,7 +35,7 @@ def numbers(subject: Subject, name: str, at: str | None, rows: str | None, colum
     matrix = found[name].part(*(_listed(text) for text in (rows, columns)))
     return table_of_numbers(
         f"{name} {label}: {matrix.about} [{matrix.unit}]",
-        [f"{row} [{unit}]" for row, unit in zip(matrix.rows, matrix.row_units, strict=True)],
+        [f"{row} [{unit}]" if unit else row for row, unit in zip(matrix.rows, matrix.row_units, strict=True)],
         matrix.columns,
         matrix.values.reshape(len(matrix.rows), -1).tolist(),
     )

@@ -15,16 +15,14 @@ from symgen.inspection.view import View, view_of
 from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
-from symgen.models.record import of_system, record
+from symgen.models.record import of_system
 from symgen.pipeline.build import build, build_scene
 from symgen.pipeline.subject import Subject
-from symgen.pipeline.systems import system_of
 from symgen.pipeline.user_system import load
 from symgen.report.page.drawing import Drawing, drawing
 from symgen.report.page.page import Fact, KernelRow, Measured, Page, StepView, example_in_c
 from symgen.report.page.views import elimination, matrix_view, shared_terms, symbols
 from symgen.scene.loading import SceneText, check_scene
-from symgen.scene.resolve import resolve
 from symgen.symbolic.system import Step, System
 
 #: Maximum number of matrices of one step and of shared terms on a page.
@@ -56,15 +54,15 @@ def scene_page(text: SceneText, *, speed: bool, progress: Status) -> Page:
     progress("building")
     model = build_scene(text)
     progress("deriving")
-    resolved = resolve(checked)
+    subject = Subject.of(text)
+    resolved, system = subject.resolved, subject.system
     view = view_of(resolved)
-    system = system_of(resolved)
     measured = measure(model, text, speed=speed, progress=progress)
     progress("drawing")
     drawn = drawing(view.sketch(resolved, model, measured.result))
     shown = (checked.about.strip(), view.facts(resolved, model), measured, drawn)
     code = _in_python(f'symgen.build("{system.name}")', view.example(model))
-    return _page(view, code, system, record(resolved, system), *shown)
+    return _page(view, code, system, subject.record, *shown)
 
 
 def system_page(file: Path, *, progress: Status) -> Page:

@@ -131,6 +131,12 @@ ASSEMBLY: Sources = (
     ("assembly", "thesis (8.1)"),
     ("boundary", "thesis Fig. 22"),
     ("condensation", "thesis (E.47)"),
+    ("strain_recovery", "thesis (8.3)-(8.7)"),
+    ("stress_recovery", "thesis (8.3)-(8.8)"),
+    ("*.mass", "thesis (7.24), (F.1)"),
+    ("*.gyroscopic", "thesis (7.25), (F.3)"),
+    ("*.stiffness", "thesis (6.14)"),
+    ("*.load_*", "thesis (7.27), (F.7)"),
 )
 RIGID_ELEMENT: Sources = (
     ("nodal_matrix", "thesis (4.10)"),

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 import sympy as sp
 
+from symgen.mechanics.rods.condensation import BASIS
 from symgen.models.assembled.mesh import Mesh, Part, Structure
-from symgen.models.assembled.system import assembled_system
+from symgen.models.assembled.system import CONSTANTS_SHOWN, MATRICES, assembled_system
 from symgen.models.elastic.joints import joints_system
 from symgen.models.elastic.links import motion_system
 from symgen.pipeline.describe import elastic_info
@@ -20,7 +21,7 @@ from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.elastic.mesh import properties_of
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.exact import Exact
-from symgen.symbolic.system import System
+from symgen.symbolic.system import Step, System
 
 #: Largest denominator of the fraction of a link at which a node lies.
 _DENOMINATOR = 1000
@@ -61,7 +62,8 @@ def assembled_of(linkage: Linkage) -> System:
     unknowns, of_links, shaft = unknowns_of(free, linkage.axes, info, [b for b, _ in beams])
     meshes, held = [], set[str]()
     for (divided, forces), places in zip(beams, of_links, strict=True):
-        mesh = _mesh(divided, forces, places, unknowns)
+        fractions = [linkage.number(x.at) for x in linkage.stations if x.link == divided.info.link]
+        mesh = _mesh(divided, forces, places, unknowns, fractions)
         held |= {name for name, place in zip(mesh.unknowns, places, strict=True) if place < 0}
         meshes.append(mesh)
     structure = Structure(
@@ -74,7 +76,54 @@ def assembled_of(linkage: Linkage) -> System:
     return assembled_system(linkage, structure, motion, joints)
 
 
-def _mesh(plain: Beam, forces: Sequence[Profile], places: Sequence[int], unknowns: Sequence[str]) -> Mesh:
+def assembled_record(linkage: Linkage, system: System) -> Iterator[Step]:
+    """Yield the steps of the derivation from elements to strains, of the system of :func:`assembled_of`."""
+    first = next(b.link for b in linkage.elastic)
+
+    def known(*names: str) -> tuple[str, ...]:
+        return tuple(name for name in names if name in system)
+
+    for title, about, source, names in (
+        (
+            "Elastic link: element",
+            f"The collected terms integrated over the shape functions of an element, of link {first}; other "
+            "links and elements differ by length and section.",
+            "thesis, Eqs. (7.24)-(7.27), (F.1)-(F.8)",
+            tuple(f"{first}.{name}" for name in CONSTANTS_SHOWN),
+        ),
+        (
+            "Elastic linkage: assembly",
+            "The equation of each element, M s'' - 2 omega A s' + K s = Q, in fixed axes at its joints, "
+            "S = T s with the rates of T, and summed by Z; unknowns of the boundary vector are zero.",
+            "thesis, Eqs. (7.28), (8.1), (8.2)",
+            known("assembly", "boundary", *MATRICES),
+        ),
+        (
+            "Elastic linkage: condensation",
+            "Constraints of inextensible and rigid links and guides leave independent unknowns p: S = R p.",
+            "thesis, Eqs. (E.40)-(E.47), with rates",
+            known(*(name for name, _ in BASIS)),
+        ),
+        (
+            "Elastic linkage: strain and stress",
+            "Unknowns of an element follow from those of the linkage by Z and T; its shapes give the strain "
+            "h w'' + u', with h from the neutral axis, and the stress, E times it.",
+            "thesis, Eqs. (8.3)-(8.8), h corrected",
+            known("strain_recovery", "stress_recovery"),
+        ),
+    ):
+        if names:
+            yield Step(title, about, source, system, names)
+
+
+def _mesh(
+    plain: Beam,
+    forces: Sequence[Profile],
+    places: Sequence[int],
+    unknowns: Sequence[str],
+    at: Sequence[float],
+) -> Mesh:
+    """Return the mesh of a link with stations at fractions of its length."""
     info = plain.info
     joints = {
         k: f"{point}.{axis}"
@@ -90,9 +139,9 @@ def _mesh(plain: Beam, forces: Sequence[Profile], places: Sequence[int], unknown
         for k, part in enumerate(plain.segments)
     )
 
-    def owner(at: float) -> int:
-        first: Segment = segment_at(plain.segments, at)[0]
-        return plain.segments.index(first)
+    def owners(at: float) -> tuple[int, ...]:
+        found: Sequence[Segment] = segment_at(plain.segments, at)
+        return tuple(k for k, part in enumerate(plain.segments) if any(part is x for x in found))
 
     return Mesh(
         info.link,
@@ -100,8 +149,9 @@ def _mesh(plain: Beam, forces: Sequence[Profile], places: Sequence[int], unknown
         plain.dofs,
         called,
         plain.joints,
-        tuple(owner(lump.at) for lump in plain.lumps),
-        tuple(owner(f.at) if f.is_point else -1 for f in forces),
+        tuple(owners(lump.at)[0] for lump in plain.lumps),
+        tuple(owners(f.at)[0] if f.is_point else -1 for f in forces),
+        tuple(owners(x * plain.properties.length) for x in at),
     )
 
 

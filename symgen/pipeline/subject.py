@@ -108,6 +108,15 @@ class Subject:
     @cached_property
     def record(self) -> tuple[Step, ...]:
         """The derivation record, step by step."""
+        if not self.is_assembled:
+            return self._before_assembly
+        from symgen.pipeline.assembled import assembled_record
+
+        steps = assembled_record(cast("Linkage", self.resolved), self.assembled)
+        return (*self._before_assembly, *steps)
+
+    @cached_property
+    def _before_assembly(self) -> tuple[Step, ...]:
         if self.is_scene and not self._kinematic and method_of(self.resolved).record:
             return record(self.resolved, self.system)
         whole = of_system(self.system)
@@ -139,9 +148,9 @@ class Subject:
 
     @property
     def recorded(self) -> tuple[NamedMatrix, ...]:
-        """Matrices of the derivation record that are in none of :attr:`parts`."""
+        """Matrices of the derivation record that are in none of :attr:`parts`, without assembled ones."""
         known = {m.name for prefix, part in self.parts if not prefix for m in part.matrices}
-        return tuple(m for step in self.record for m in step.matrices if m.name not in known)
+        return tuple(m for step in self._before_assembly for m in step.matrices if m.name not in known)
 
     def choose(self, name: str, *, numbers: bool = False) -> Chosen:
         """Return what a name stands for, with its System: a matrix, a kernel, a shared term, an argument.
@@ -179,12 +188,14 @@ class Subject:
         yield "", self.system
         yield from ((f"{kind}.", system) for kind, system in self.further.items())
         seen = {id(self.system)}
-        for step in self.record:
+        for step in self._before_assembly:
             if id(step.system) not in seen:
                 seen.add(id(step.system))
                 yield "", step.system
         if self.system.saddle_point:
             yield "", _solved(self.system, self.system.saddle_point)
+        if self.is_assembled:
+            yield "", self.assembled
 
     def _momentum(self, row: str, numbers: bool) -> Chosen:
         method = method_of(self.resolved)

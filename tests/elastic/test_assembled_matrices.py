@@ -139,6 +139,7 @@ def without_ratios(data):
     return data
 
 
+_OF_METRE = {"rad": 3.0, "1/m": 10.0}
 #: Scenes by what their equations have.
 IN_LETTERS = {
     "thesis_four_bar": {},
@@ -166,12 +167,12 @@ def test_matrices_in_letters_have_the_values_of_runs(name):
         for k, m in zip(names, Exact(system).matrices(names, state), strict=True)
     }
     for matrix in system.matrices:
-        if "condensation" in matrix.name:
+        if "condensation" in matrix.name or "." in matrix.name:
             continue
         expected = found[matrix.name]
         assert matrix.rows == expected.rows and matrix.columns == expected.columns, matrix.name
         whole = expected.values.reshape(matrix.matrix.shape)
-        size = np.array([{"m": 1.0, "rad": 3.0, "1/m": 10.0}[unit] for unit in expected.row_units])
+        size = np.array([_OF_METRE.get(unit, 1.0) for unit in expected.row_units])
         scale = np.outer(size, size) if matrix.columns and matrix.rows == matrix.columns else 1.0
         gap = np.abs(value[matrix.name] - whole) * scale
         assert np.max(gap) <= 1e-12 * np.max(np.abs(whole * scale)), matrix.name
@@ -202,6 +203,33 @@ def test_matrices_in_letters_are_those_of_the_thesis():
     listed = call("show", "thesis_four_bar")
     assert all(name in listed for name in ("elastic_geometric_stiffness", "assembly", "boundary"))
     assert "condensation" not in listed and "condensation" in call("show", "elastic_slider_crank")
+
+
+def test_elements_and_strains_are_those_of_the_thesis():
+    """(F.1); at mid-span w'' = (-1.5 theta1 - kappa1 L/4 + 1.5 theta2 - kappa2 L/4)/L and u' = (u2 - u1)/L."""
+    subject = Subject("thesis_four_bar", {})
+    system = subject.assembled
+    length, mass = (sp.Symbol(f"coupler_{x}", real=True) for x in ("L", "mu"))
+    element = system["coupler.mass"]
+    assert element.part(["theta@0"], ["w@0"]).matrix[0] == 311 * mass * length**2 / 4620
+    assert element.part(["w@0"], ["w@1"]).matrix[0] == 25 * mass * length / 231
+    values = {d.quantity.symbol: d.expression for d in system.definitions}
+    half = sp.Rational(125, 2000) * sp.Rational(254, 10000)  # of an eighth of an inch
+    row = system["strain_recovery"].part(["coupler"])
+    for unknown, factor in (("coupler.theta@0", -1.5), ("coupler.theta@1", 1.5)):
+        assert float(row.part((), [unknown]).matrix[0].xreplace(values) / half * values[length]) == factor
+    cosine = sp.Symbol("coupler_cosine", real=True)
+    assert sp.expand(row.part((), ["B.x"]).matrix[0] - cosine / length).coeff(cosine) == 0
+    stress = system["stress_recovery"].part(["coupler"], ["coupler.theta@1"]).matrix[0]
+    modulus = stress / row.part((), ["coupler.theta@1"]).matrix[0]
+    assert float(modulus) == pytest.approx(10.3e6 * 6894.757293168361)
+    titles = [step.title for step in subject.record]
+    assert titles[-3:] == [
+        "Elastic link: element",
+        "Elastic linkage: assembly",
+        "Elastic linkage: strain and stress",
+    ]
+    assert subject.choose("coupler.mass").matrices == (element,)
 
 
 def _compare_condensation(system, value, found):

@@ -9,7 +9,7 @@ import sympy as sp
 from symgen.elements.element import PLACE, Element
 from symgen.mechanics.elastic.beam_matrices import shape_rows, stiffened
 from symgen.mechanics.elastic.hamilton import X
-from symgen.mechanics.elastic.places import AT_A_PLACE, ROTATING, at_a_place
+from symgen.mechanics.elastic.places import AT_A_PLACE, ROTATING, SHAPES, at_a_place
 
 Constants = dict[str, sp.ImmutableMatrix]
 
@@ -51,6 +51,17 @@ def of_force(element: Element, place: Place, follows: bool) -> Constants:
     return {name: _over(shape, there[name]) for name in names} | {
         "geometric_force": stiffened(element, place.xi)
     }
+
+
+def fibre_strain(element: Element, place: Place, fibre: sp.Expr) -> sp.ImmutableMatrix:
+    """Return the strain of a fibre at a place of the element by its unknowns, a row: h phi' + u', Eq. (8.7).
+
+    ``fibre`` is the distance h [m] from the neutral axis, not the depth as in the thesis. The stress is the
+    strain times Young's modulus.
+    """
+    rows = dict(zip(SHAPES, _shape(element, place).tolist(), strict=True))
+    pairs = zip(rows["curvature"], rows["axial_strain"], strict=True)
+    return sp.ImmutableMatrix([[fibre * curvature + stretch for curvature, stretch in pairs]])
 
 
 def _shape(element: Element, place: Place) -> sp.ImmutableMatrix:

@@ -10,7 +10,7 @@ import sympy as sp
 
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, Element
-from symgen.mechanics.elastic.along import Place, of_force, with_lump
+from symgen.mechanics.elastic.along import Place, fibre_strain, of_force, with_lump
 from symgen.mechanics.elastic.beam_matrices import Before, Section, beam_matrices, profile_constants
 from symgen.models.elastic.element import PROPERTIES
 from symgen.models.elastic.links import loads_along, lumps
@@ -60,6 +60,8 @@ class Mesh:
         Places of (u, w) at joints, which are displacements in fixed axes.
     lumps, profiles
         For each mass and each force along it the element that has it; -1 for one that is spread.
+    stations
+        For each station on it the elements that meet there.
     """
 
     link: str
@@ -69,6 +71,7 @@ class Mesh:
     joints: tuple[tuple[int, int], ...]
     lumps: tuple[int, ...]
     profiles: tuple[int, ...]
+    stations: tuple[tuple[int, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,6 +234,26 @@ def _profiles(
             }
         )
     return found
+
+
+def strains(linkage: Linkage, mesh: Mesh) -> Iterator[tuple[str, list[tuple[Part, sp.ImmutableMatrix]]]]:
+    """Yield the stations of a link, each with the strain there by the unknowns of the elements that meet.
+
+    Where two of them meet, it is the mean of both.
+    """
+    stations = [x for x in linkage.stations if x.link == mesh.link]
+    beam, length = _beam(linkage, mesh.link), sp.Symbol(f"{mesh.link}_L", real=True)
+    for station, owners in zip(stations, mesh.stations, strict=True):
+        at = station.at * linkage.link(mesh.link).length
+        outer = sp.Add(*(c * at**k for k, c in enumerate(beam.section.fibre)))
+        fibre = outer if station.fibre is None else station.fibre
+        rows = []
+        for part in (mesh.parts[k] for k in owners):
+            place = Place(_exact(linkage.number(station.at), part), at)
+            row = fibre_strain(ELEMENTS[beam.element], place, fibre)
+            row = row.xreplace({LENGTH.symbol: length * (part.stop - part.start)}) / len(owners)
+            rows.append((part, sp.ImmutableMatrix(row if part.basis is None else row * part.basis)))
+        yield station.name, rows
 
 
 def _shapes(motion: System, linkage: Linkage, mesh: Mesh) -> list[list[sp.Expr]]:

@@ -18,7 +18,7 @@ from symgen.mechanics.elastic.turning_axes import COSINE, SINE, Pairs, parts_of_
 from symgen.mechanics.elastic.weights import Weight
 from symgen.mechanics.rods.condensation import BASIS, allowed_motions
 from symgen.mechanics.sources import ASSEMBLY
-from symgen.models.assembled.mesh import Constants, Mesh, Structure, letters, of_elements
+from symgen.models.assembled.mesh import Constants, Mesh, Structure, letters, of_elements, strains
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import quantity
@@ -43,6 +43,19 @@ ASSEMBLED = {
         name: (unit, f"R{mark} of S = R p, displacements by the independent ones")
         for (name, unit), mark in zip(BASIS, ("", "'", "''"), strict=True)
     },
+    "strain_recovery": ("1/m; *m per angle, *m^2 per curvature", "strain at the stations by the unknowns"),
+    "stress_recovery": ("Pa/m; *m per angle, *m^2 per curvature", "stress at the stations by the unknowns"),
+}
+#: Unit and meaning of the constants of an element that are shown for every link, as ``LINK.NAME``.
+CONSTANTS_SHOWN = {
+    "mass": ("kg", "mass matrix [MD]"),
+    "gyroscopic": ("kg", "gyroscopic matrix [AD]"),
+    "stiffness": ("N/m", "stiffness matrix [K]"),
+    "geometric0": ("1/m", "geometric stiffness of a unit axial force"),
+    "load_x": ("kg", "load vector m E"),
+    "load_y": ("kg", "load vector m G"),
+    "load_out": ("kg*m", "load vector m N"),
+    "load_turn": ("kg*m", "load vector m L"),
 }
 #: Entries are shared terms of elements by these parts of their names.
 _ENTRY = {"mass": "M", "gyroscopic": "A", "stiffness": "K", "centrifugal": "Mc", "damping": "D"}
@@ -71,7 +84,8 @@ def assembled_system(linkage: Linkage, structure: Structure, motion: System, joi
         _add_link(sums, linkage, mesh, motion, weights, names)
     rest = _at_rest(motion, (*motion.definitions, *others))
     _add_others(sums, joined, motion, structure.shaft, rest)
-    matrices = [*sums.matrices(), *_assembly(structure, sums)]
+    matrices = [*sums.elements, *sums.matrices(), *_assembly(structure, sums)]
+    matrices += _recovery(structure, linkage, motion, sums)
     if structure.pivots:
         matrices += _condensation(structure, joined, sums, names)
     definitions = (*motion.definitions, *others, *sections, *names.definitions)
@@ -95,6 +109,8 @@ class _Sums:
         self.every = tuple(dict.fromkeys((*of_links, *structure.others)))
         self.names = tuple(name for name in self.every if name not in structure.held)
         self.place = {name: k for k, name in enumerate(self.names)}
+        #: Constants of the first element of every link, in letters.
+        self.elements: list[NamedMatrix] = []
         self._terms: dict[str, dict[tuple[int, int], list[sp.Expr]]] = {name: {} for name in MATRICES}
 
     def add(self, matrix: str, row: str, column: str, term: sp.Expr) -> None:
@@ -129,6 +145,8 @@ def _add_link(
     for k, (constants, forces) in enumerate(of_elements(linkage, mesh, motion), 1):
         label = mesh.link if len(mesh.parts) == 1 else f"{mesh.link}_{k}"
         at = mesh.parts[k - 1].at
+        if k == 1:
+            sums.elements += _element(mesh, constants)
         _add_part(sums, mesh, at, label, constants, row, names)
         for number, (force, values) in enumerate(zip(forces, loads, strict=True), 1):
             weights = dict(zip(motion["loads"].columns, values, strict=True))
@@ -186,6 +204,43 @@ def _scatter(sums: _Sums, name: str, mesh: Mesh, at: Sequence[int], matrix: sp.M
     for i, row in enumerate(unknowns):
         for j, column in enumerate(unknowns if matrix.cols > 1 else ("",)):
             sums.add(name, row, column, matrix[i, j])
+
+
+def _element(mesh: Mesh, constants: Constants) -> Iterator[NamedMatrix]:
+    """Yield the constants of the first element of a link, as they are."""
+    rows = tuple(mesh.dofs[k] for k in mesh.parts[0].at)
+    for name, (unit, meaning) in CONSTANTS_SHOWN.items():
+        matrix = constants[name]
+        columns = rows if matrix.cols > 1 else ()
+        yield NamedMatrix(
+            f"{mesh.link}.{name}",
+            matrix,
+            entry_unit(unit),
+            f"{meaning}, first element of {mesh.link}",
+            rows,
+            columns,
+        )
+
+
+def _recovery(structure: Structure, linkage: Linkage, motion: System, sums: _Sums) -> Iterator[NamedMatrix]:
+    """Yield strains and stresses at the stations by the unknowns: s = T^T Z S and the shapes of elements."""
+    table, names, strain, stress = motion["links"], [], [], []
+    for mesh in structure.meshes:
+        weights = dict(zip(table.columns, table.matrix.row(table.rows.index(mesh.link)), strict=True))
+        modulus = next(b.modulus for b in linkage.elastic if b.link == mesh.link)
+        for name, rows in strains(linkage, mesh):
+            total = [sp.Integer(0)] * len(sums.names)
+            for part, row in rows:
+                turned = row * _turned(mesh, part.at, weights).T
+                for k, entry in zip(part.at, turned, strict=True):
+                    if mesh.unknowns[k] in sums.place:
+                        total[sums.place[mesh.unknowns[k]]] += entry
+            names.append(name)
+            strain.append(total)
+            stress.append([modulus * e for e in total])
+    if names:
+        for name, entries in (("strain_recovery", strain), ("stress_recovery", stress)):
+            yield NamedMatrix(name, sp.ImmutableMatrix(entries), *ASSEMBLED[name], tuple(names), sums.names)
 
 
 def _add_force(

@@ -15,7 +15,8 @@ from symgen.symbolic.notation import latex, latex_name, text_name
 from symgen.symbolic.system import NamedMatrix, System
 
 FORMATS = ("unicode", "latex", "shared", "c", "numeric")
-#: The end of a row of a matrix in LaTeX.
+#: The beginning of a matrix, and the end of a row, in LaTeX.
+_BEGIN = r"\begin{matrix}"
 _ROW_END = re.compile(r"\\\\(?!\n)")
 #: Maximum number of rows and columns, and of characters, of a matrix that LaTeX shows as a whole.
 _WHOLE, _LETTERS = 12, 4000
@@ -94,8 +95,11 @@ def as_latex(system: System, matrices: Sequence[NamedMatrix], width: int = WIDTH
 def latex_lines(lines: Iterable[str], width: int) -> Iterator[str]:
     """Yield lines of LaTeX within a width, each row of a matrix on lines of its own."""
     for line in lines:
-        for row in _ROW_END.sub(r"\\\\\n", line).splitlines():
-            yield from wrapped(row, width, "  ", inside=False)
+        for row in _ROW_END.sub(r"\\\\\n", line.replace(_BEGIN, f"{_BEGIN}\n")).splitlines():
+            parts = wrapped(row, width, "  ", inside=False)
+            if any(columns(part) > width for part in parts):  # blanks between arguments are ignored
+                parts = wrapped(row.replace("}{", "} {"), width, "  ", inside=False)
+            yield from parts
 
 
 def terms_in_latex(system: System, matrices: Sequence[NamedMatrix]) -> list[str]:

@@ -17,8 +17,6 @@ _WORKING, _PRINTED = 40, 12
 _NUMBER = 19
 #: Maximum number of symbols named in an error.
 _NAMED = 8
-#: Columns of text.
-_WIDTH = 100
 
 
 def in_numbers(
@@ -49,13 +47,13 @@ def in_numbers(
 def table_of_numbers(
     title: str, rows: Sequence[str], columns: Sequence[str], values: Sequence[Sequence[float]]
 ) -> str:
-    """Return numbers with the names of their rows and columns, in blocks of columns that fit ``_WIDTH``.
+    """Return numbers with the names of their rows and columns, in blocks of columns within ``WIDTH``.
 
     Without ``columns`` the values are one column.
     """
     width, cell = max(map(len, rows), default=0), max(17, *(len(c) + 1 for c in columns), 0)
-    count = max(1, (_WIDTH - width) // cell)
-    lines = [title]
+    count = max(1, (WIDTH - width) // cell)
+    lines = wrapped(title)
     for first in range(0, max(1, len(columns)), count):
         heads = columns[first : first + count]
         lines += ["", " " * width + "".join(f"{c:>{cell}}" for c in heads)] if heads else []

@@ -10,6 +10,7 @@ import numpy as np
 from symgen.runtime import _beams
 from symgen.runtime._beams import MATRICES, SPREAD, VECTORS
 from symgen.runtime.arrays import Array, Indices
+from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import Layout, entries_of
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.modes import Assembled, AssembledMatrices
@@ -56,7 +57,7 @@ def assembled_at(motion: ElasticMotion, t: float) -> AssembledMatrices:
             ("load", load, "N", "load of the rigid motion"),
         )
     ]
-    found += pose.assembly()
+    found += (*pose.assembly(), *pose.recovery())
     if basis is not None:
         found += pose.condensed(reduced, basis)
     return AssembledMatrices((m.name, m) for m in found)
@@ -68,7 +69,7 @@ class _Pose:
     def __init__(self, motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> None:
         self.motion, self.t, self.layout = motion, t, motion.layout
         self.moved = equations.motion
-        (q, u, solutions), _, _ = motion.rigid_motion(equations, np.array([t]))
+        (q, u, solutions), self.links, _ = motion.rigid_motion(equations, np.array([t]))
         self.state = q[0], u[0], solutions[0]
         self.order = _by_links(self.layout)
         self.names = tuple(self.layout.names[j] for j in self.order)
@@ -176,6 +177,29 @@ class _Pose:
         zero = {name: float(k) for k, name in enumerate(columns, 1) if name in held}
         about = "numbers of the unknowns that are zero: columns of the assembly, counted from 1"
         yield Assembled("boundary", np.array([*zero.values()]), tuple(zero), (), "1", about)
+
+    def recovery(self) -> Iterator[Assembled]:
+        """Yield strains and stresses at the stations by the unknowns."""
+        names, strains, moduli = list[str](), list[Array](), list[float]()
+        for name, k, at, fibre in self.motion.stations:
+            plain, places = self.motion.beams[k], self.layout.of_links[k]
+            rows = plain.rows(at)
+            local = fibre * rows.curvature + rows.axial_strain
+            u, w = (list(ends) for ends in zip(*plain.joints, strict=True))
+            local[u], local[w] = frames(self.links[:, k]).fixed(local[u], local[w])
+            total = np.zeros(self.layout.unknowns)
+            np.add.at(total, places[places >= 0], local[places >= 0])
+            names.append(name)
+            strains.append(total[self.order])
+            moduli.append(plain.properties.modulus)
+        if names:
+            strain = np.array(strains)
+            for kind, values, unit in (
+                ("strain", strain, "1/m"),
+                ("stress", strain * np.array(moduli)[:, None], "Pa/m"),
+            ):
+                about = f"{kind} at the stations by the unknowns"
+                yield Assembled(f"{kind}_recovery", values, tuple(names), self.names, unit + _PER, about)
 
 
 def _by_links(layout: Layout) -> Indices:

@@ -233,6 +233,8 @@ class AssembledMatrices(dict[str, Assembled]):
 
 
 def unit_of(unknown: str) -> str:
-    """Return the unit of an unknown of the elastic motion: ``A.x``, ``coupler.theta@0``."""
+    """Return the unit of an unknown, ``A.x`` or ``coupler.theta@0``; empty of a station."""
+    if "." not in unknown:
+        return ""
     last = unknown.rpartition(".")[2] if "@" not in unknown else unknown.partition("@")[0].rpartition(".")[2]
     return "m" if last in ("x", "y") else _UNITS.get(last.rstrip("0123456789"), "1")
