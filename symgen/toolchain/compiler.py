@@ -12,14 +12,16 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import warnings
-from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from symgen.errors import BuildError, SlowBackendWarning, check_known
 
@@ -117,7 +119,7 @@ class Compiler:
             for source in sources:
                 object_file = source.with_suffix(".o")
                 command = [*self.command, *flags, "-fPIC", "-c", str(source), "-o", str(object_file)]
-                running.append((opened.enter_context(Process(command)), object_file))
+                running.append((_started(command, opened), object_file))
             linked = tuple(f"-l{name}" for name in libraries)
             return Compilation(self, tuple(running), library, linked, opened.pop_all())
 
@@ -152,12 +154,12 @@ class Compilation:
             slow = [process for process, _ in self.running if not process.ended(_LIMIT)]
             for process in slow:
                 process.kill()
-            again = [self.opened.enter_context(_unoptimised(process)) for process in slow]
+            again = [_started(_unoptimised(process), self.opened) for process in slow]
             for process in (*again, *(p for p, _ in self.running if p not in slow)):
                 process.check(_LIMIT)
             objects = [object_file for _, object_file in self.running]
             command = [*self.compiler.command, *self.compiler.flags, "-shared", "-o", str(self.library)]
-            link = self.opened.enter_context(Process([*command, *map(str, objects), *self.linked]))
+            link = _started([*command, *map(str, objects), *self.linked], self.opened)
             link.check(_LIMIT)
         if not self.library.is_file():
             raise BuildError(
@@ -169,8 +171,32 @@ class Compilation:
         return self.library
 
 
-def _unoptimised(process: Process) -> Process:
-    """Restart a compilation that exceeded the limit at ``-O0``; raise BuildError if it ran at ``-O0``."""
+def _started(command: list[str], opened: ExitStack) -> Process:
+    """Start a compiler that ends with ``opened``, also if a signal arrives in between."""
+    with _signals_later():
+        return opened.enter_context(Process(command))
+
+
+@contextmanager
+def _signals_later() -> Iterator[None]:
+    """Let signals act at the end: their handlers, which Python calls in the main thread, raise exceptions."""
+    met: list[int] = []
+    handlers: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+            if number not in handlers and callable(signal.getsignal(number)):
+                handlers[number] = signal.signal(number, lambda number, _: met.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for number in met:
+            handlers[number](number, None)
+
+
+def _unoptimised(process: Process) -> list[str]:
+    """Return the command of a compilation that exceeded the limit, at ``-O0``; BuildError if it was that."""
     plain = [word for word in process.command if not re.fullmatch(r"-O\w*", word)]
     if plain == process.command or "-O0" in process.command:
         raise BuildError(process.over_limit(_LIMIT))
@@ -180,7 +206,7 @@ def _unoptimised(process: Process) -> Process:
         SlowBackendWarning,
         stacklevel=2,
     )
-    return Process([*plain, "-O0"])
+    return [*plain, "-O0"]
 
 
 class Process:
