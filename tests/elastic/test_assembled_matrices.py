@@ -10,6 +10,7 @@ import sympy as sp
 from scipy.linalg import eigh
 from shared.commands import call
 from shared.elastic_linkages import six_bar_scene, two_loops_scene
+from shared.full import full
 from shared.thesis_assembly import BOUNDARY, HELD, assembled, assembly
 
 import symgen
@@ -67,14 +68,35 @@ def test_frequencies_of_the_matrices_are_those_of_modes(angle):
     assert np.sqrt(squares) / (2 * np.pi) == pytest.approx(modes.frequencies, rel=1e-9)
 
 
+def spread():
+    """A blade under a force along it that turns with its sections."""
+    blade = {
+        "points": ["O", "tip"], "mass_per_length": "1 kg/m",
+        "section": {"area": "1 m^2", "second_moment": "1e-6 m^4", "fibre": "0.01 m"},
+        "elastic": {"E": "1e6 Pa", "elements": 3},
+    }  # fmt: skip
+    force = {"link": "blade", "force": ["-3 N/m", "2 N/m"], "end": ["1 N/m", "4 N/m"], "axes": "section"}
+    return {
+        "title": "Blade",
+        "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "tip": {"at": ["1 m", "0 m"]}},
+        "links": {"blade": blade},
+        "distributed_forces": [force],
+        "crank": {"link": "blade", "speed": "3 rad/s"},
+    }
+
+
 SCENES = {
+    "spread": spread,
     "loops": lambda: two_loops_scene({"mode": "motor", "torque": "stall*cos(this.angle) - drag*this.rate"}),
     "turned": lambda: six_bar_scene(("coupler", "rocker", "lever"), turned=True),
     "bodies": lambda: six_bar_scene(("rocker", "link"), 0.3),
 }
 
 
-@pytest.mark.parametrize("name", ["elastic_four_bar_motor", "elastic_slider_crank", *SCENES])
+@pytest.mark.parametrize(
+    "name",
+    ["elastic_four_bar_motor", "elastic_slider_crank", "spread", "loops", full("turned"), full("bodies")],
+)
 def test_parts_sum_to_the_matrices_of_runs(name):
     """With dampers, torsion springs, forces along links, a motor, damping ratios, rigid links: what runs take."""
     built = symgen.build(symgen.Scene(**SCENES[name]())) if name in SCENES else model(name)
@@ -143,13 +165,17 @@ _OF_METRE = {"rad": 3.0, "1/m": 10.0}
 #: Scenes by what their equations have.
 IN_LETTERS = {
     "thesis_four_bar": {},
-    "elastic_slider_crank": {"links.rod.elastic.damping": {"mass": "2 1/s", "stiffness": "1e-5 s"}},
-    "rotating_cantilever": {},
+    "elastic_slider_crank": {
+        "links.rod.elastic.axial": False,
+        "links.rod.elastic.element": "beam9",
+        "links.rod.elastic.damping": {"mass": "2 1/s", "stiffness": "1e-5 s"},
+    },
+    "rotating_cantilever": {"links.strip.elastic.element": "beam9"},
     "elastic_four_bar_free": {f"links.{k}.elastic.axial": False for k in ("crank", "coupler", "output")},
 }
 
 
-@pytest.mark.parametrize("name", [*IN_LETTERS, *SCENES])
+@pytest.mark.parametrize("name", [*IN_LETTERS, *SCENES][:-2] + [full(name) for name in [*SCENES][-2:]])
 def test_matrices_in_letters_have_the_values_of_runs(name):
     if name in SCENES:
         scene = symgen.Scene(**without_ratios(SCENES[name]()))
@@ -178,6 +204,18 @@ def test_matrices_in_letters_have_the_values_of_runs(name):
         assert np.max(gap) <= 1e-12 * np.max(np.abs(whole * scale)), matrix.name
     if "condensation" in names:
         _compare_condensation(system, value, found)
+
+
+def test_names_of_a_scene_may_be_those_of_letters():
+    """Parameters like the length of a link, and links like the elements of another one."""
+    data = without_ratios(two_loops_scene({"mode": "held"}))
+    data["parameters"]["rod_L"] = {"value": "200 N/m", "tunable": True}
+    data["springs"][0]["stiffness"] = "rod_L"
+    data["links"] = {{"follower": "rod_2"}.get(k, k): link for k, link in data["links"].items()}
+    system = Subject.of(text_of(symgen.Scene(**data))).assembled
+    terms = {d.quantity.name: float(d.expression) for d in system.definitions if d.expression.is_number}
+    assert terms["rod__L"] == 0.6 and terms["rod_2_L"] == 0.3
+    assert system.group("p").quantities[-1].name == "rod_L"
 
 
 def test_matrices_in_letters_are_those_of_the_thesis():

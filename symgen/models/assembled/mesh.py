@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import sympy as sp
@@ -21,6 +21,7 @@ from symgen.symbolic.system import Definition, System
 
 Constants = dict[str, sp.ImmutableMatrix]
 #: Letters of the section of a link, by the names of ``PROPERTIES``.
+_POWERS = 1 + max(count for _, _, count, _, _ in PROPERTIES)
 _LETTERS = {"mass": "mu", "rotary": "J", "axial": "EA", "bending": "EI", "shear": "kGA"}
 
 
@@ -62,6 +63,8 @@ class Mesh:
         For each mass and each force along it the element that has it; -1 for one that is spread.
     stations
         For each station on it the elements that meet there.
+    label
+        Its name in those of shared terms.
     """
 
     link: str
@@ -72,6 +75,25 @@ class Mesh:
     lumps: tuple[int, ...]
     profiles: tuple[int, ...]
     stations: tuple[tuple[int, ...], ...] = ()
+    label: str = ""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of its elements in those of shared terms."""
+        several = len(self.parts) > 1
+        return tuple(f"{self.label}_{k}" for k, _ in enumerate(self.parts, 1)) if several else (self.label,)
+
+    def labelled(self, taken: Container[str], others: Container[str]) -> Mesh:
+        """Return the mesh with a label that leaves shared terms apart from taken names and other labels."""
+        mesh = replace(self, label=self.label or self.link)
+        own = (mesh.label, *mesh.labels)
+        letters = {
+            f"{mesh.label}_L",
+            *(_letter(mesh.label, of, k) for of in _LETTERS for k in range(_POWERS)),
+        }
+        if any(name in taken for name in letters) or any(name in others for name in own):
+            return replace(self, label=f"{mesh.label}_").labelled(taken, others)
+        return mesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +119,10 @@ def of_elements(linkage: Linkage, mesh: Mesh, motion: System) -> Iterator[tuple[
         )
     ]
     shapes = _shapes(motion, linkage, mesh)
-    length, mass = sp.Symbol(f"{mesh.link}_L", real=True), _section(_beam(linkage, mesh.link))["mass"]
+    length, mass = (
+        sp.Symbol(f"{mesh.label}_L", real=True),
+        _section(_beam(linkage, mesh.link), mesh.label)["mass"],
+    )
     for k, part in enumerate(mesh.parts):
         start = length * part.start
         lumped = [(at, m) for at, m, _, owner in masses if owner < k]
@@ -113,16 +138,17 @@ def of_elements(linkage: Linkage, mesh: Mesh, motion: System) -> Iterator[tuple[
         yield constants, [part.by_unknowns(force) for force in forces]
 
 
-def letters(linkage: Linkage, name: str) -> list[Definition]:
+def letters(linkage: Linkage, mesh: Mesh) -> list[Definition]:
     """Return length and section of a link as shared terms."""
-    found = [Definition(quantity(f"{name}_L", "m", f"length of {name}"), linkage.link(name).length)]
+    name, label = mesh.link, mesh.label
+    found = [Definition(quantity(f"{label}_L", "m", f"length of {name}"), linkage.link(name).length)]
     section = _beam(linkage, name).section
     for of, _, _, unit, meaning in PROPERTIES:
         for k, value in enumerate(getattr(section, of)):
             if value != 0:
                 about = f"{meaning}, {name}" + (f": factor of x^{k}" if k else "")
                 found.append(
-                    Definition(quantity(_letter(name, of, k), f"{unit}/m^{k}" if k else unit, about), value)
+                    Definition(quantity(_letter(label, of, k), f"{unit}/m^{k}" if k else unit, about), value)
                 )
     return found
 
@@ -135,11 +161,11 @@ def _beam(linkage: Linkage, name: str) -> ElasticLink:
     return next(b for b in linkage.elastic if b.link == name)
 
 
-def _section(beam: ElasticLink) -> dict[str, list[sp.Expr]]:
+def _section(beam: ElasticLink, label: str) -> dict[str, list[sp.Expr]]:
     """Return the letters of a section by its properties and powers of x from the first point of the link."""
     return {
         of: [
-            sp.Symbol(_letter(beam.link, of, k), real=True) if value != 0 else sp.Integer(0)
+            sp.Symbol(_letter(label, of, k), real=True) if value != 0 else sp.Integer(0)
             for k, value in enumerate(getattr(beam.section, of))
         ]
         for of in _LETTERS
@@ -162,7 +188,7 @@ def _constants(
 ) -> Constants:
     """Return the constants of an element with the masses along it."""
     beam, part = _beam(linkage, mesh.link), mesh.parts[number]
-    element, length = ELEMENTS[beam.element], sp.Symbol(f"{mesh.link}_L", real=True)
+    element, length = ELEMENTS[beam.element], sp.Symbol(f"{mesh.label}_L", real=True)
     own = length * (part.stop - part.start)
     constants, letters, generic = _element_in_letters(element)
     known: dict[sp.Symbol, sp.Expr] = {LENGTH.symbol: own}
@@ -173,7 +199,7 @@ def _constants(
             strict=True,
         )
     )
-    for of, coefficients in _section(beam).items():
+    for of, coefficients in _section(beam, mesh.label).items():
         shifted = _shifted(coefficients, before.distance)
         for k, symbol in enumerate(letters[of]):
             known[symbol] = shifted[k] * own**k if k < len(shifted) else sp.Integer(0)
@@ -211,7 +237,7 @@ def _profiles(
 ) -> list[Constants]:
     """Return the constants of every force along a link on one of its elements."""
     beam, part = _beam(linkage, mesh.link), mesh.parts[number]
-    element, length = ELEMENTS[beam.element], sp.Symbol(f"{mesh.link}_L", real=True)
+    element, length = ELEMENTS[beam.element], sp.Symbol(f"{mesh.label}_L", real=True)
     found: list[Constants] = []
     for (at, even, slope, follows, _), owner in zip(shapes, mesh.profiles, strict=True):
         if owner < 0:
@@ -242,7 +268,7 @@ def strains(linkage: Linkage, mesh: Mesh) -> Iterator[tuple[str, list[tuple[Part
     Where two of them meet, it is the mean of both.
     """
     stations = [x for x in linkage.stations if x.link == mesh.link]
-    beam, length = _beam(linkage, mesh.link), sp.Symbol(f"{mesh.link}_L", real=True)
+    beam, length = _beam(linkage, mesh.link), sp.Symbol(f"{mesh.label}_L", real=True)
     for station, owners in zip(stations, mesh.stations, strict=True):
         at = station.at * linkage.link(mesh.link).length
         outer = sp.Add(*(c * at**k for k, c in enumerate(beam.section.fibre)))

@@ -75,8 +75,12 @@ def assembled_system(linkage: Linkage, structure: Structure, motion: System, joi
     """
     others, joined = _apart(motion.definitions, joints)
     taken = {q.name for group in motion.groups for q in group.quantities}
-    names = Names(taken | {d.quantity.name for d in (*motion.definitions, *others)})
-    sections = [d for mesh in structure.meshes for d in letters(linkage, mesh.link)]
+    taken |= {d.quantity.name for d in (*motion.definitions, *others)}
+    meshes: list[Mesh] = []
+    for mesh in structure.meshes:
+        meshes.append(mesh.labelled(taken, {x for m in meshes for x in (m.label, *m.labels)}))
+    structure, names = replace(structure, meshes=tuple(meshes)), Names(taken)
+    sections = [d for mesh in meshes for d in letters(linkage, mesh)]
     sums = _Sums(structure)
     rows = iter(motion["loads"].matrix.tolist() if "loads" in motion else ())
     for mesh in structure.meshes:
@@ -143,7 +147,7 @@ def _add_link(
     table = motion["links"]
     row = dict(zip(table.columns, table.matrix.row(table.rows.index(mesh.link)), strict=True))
     for k, (constants, forces) in enumerate(of_elements(linkage, mesh, motion), 1):
-        label = mesh.link if len(mesh.parts) == 1 else f"{mesh.link}_{k}"
+        label = mesh.labels[k - 1]
         at = mesh.parts[k - 1].at
         if k == 1:
             sums.elements += _element(mesh, constants)
