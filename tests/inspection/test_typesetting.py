@@ -98,19 +98,27 @@ def test_entries_and_blocks_hold_the_whole_matrix():
 
 @pytest.mark.parametrize(
     "name",
-    ["rod", "four_bar", "peaucellier", "slider_crank", "thesis_four_bar", "element_cubic", "direction"],
+    [
+        *("rod", "four_bar", "slider_crank", "thesis_four_bar"),
+        *(
+            pytest.param(name, marks=pytest.mark.full)
+            for name in ("peaucellier", "element_cubic", "direction")
+        ),
+    ],
 )
 def test_no_line_is_wider_than_asked_for(name):
     """At 100 columns, and in a narrow terminal, in every format; the derivation as well."""
     widest = {}
     for width in (WIDTH, 72):
         lines = record_in_text(subject(name).record, width).splitlines()
-        lines += record_in_latex("title", subject(name).record, width).splitlines()
+        if width == WIDTH:  # a name in LaTeX may be longer than a narrow line
+            lines += record_in_latex("title", subject(name).record, width).splitlines()
         for _, part in subject(name).parts:
-            for m in part.matrices[:: 1 + len(part.matrices) // 12]:
+            for k, m in enumerate(part.matrices[:: 1 + len(part.matrices) // 12]):
                 if len(str(m.matrix)) > 6000:
                     continue
-                for form in FORMATS[:1] if width < WIDTH else ("unicode", "latex", "shared", "c"):
+                forms = ("unicode", "latex", "shared", "c") if k % 4 == 0 and width == WIDTH else FORMATS[:1]
+                for form in forms:
                     lines += show(part, [m], form, width=width).splitlines()
         widest[width] = max(lines, key=columns)
     assert {width: columns(line) <= width for width, line in widest.items()} == {WIDTH: True, 72: True}, (
@@ -180,7 +188,7 @@ def displays(shown):
 def compiled(tex):
     """Compile LaTeX by KaTeX, which raises an error for unknown commands, braces, double subscripts, ..."""
     katex = pytest.importorskip("pykatex", reason="KaTeX: wheels of pykatex are for Linux on x86-64 alone")
-    return katex.renderToString(tex, displayMode=True, throwOnError=True, strict="error")
+    return katex.renderToString(tex, displayMode=True, throwOnError=True, strict="error", output="mathml")
 
 
 @pytest.mark.parametrize("name", [*dict.fromkeys(name for name, _ in SHOWN)])

@@ -110,6 +110,19 @@ def test_every_page_in_a_browser(name, tmp_path):
 
 
 @in_chromium
+def test_buttons_copy_matrices(pages, tmp_path):
+    """As LaTeX and as Python, from a file on disk."""
+    click = (
+        "<script>navigator.clipboard.writeText = async (text) => console.error(`copied ${text}`);"
+        "document.querySelectorAll('button[data-copy]:not([hidden])').forEach((button) => button.click());</script>"
+    )
+    page = tmp_path / "copied.html"
+    page.write_text(pages["four_bar"].read_text().replace("</body>", f"{click}</body>"))
+    faults = " | ".join(browser.look([page], WIDTHS[1:], tmp_path)["copied", WIDTHS[1]].faults)
+    assert r"copied \[" in faults and "copied from sympy import *" in faults
+
+
+@in_chromium
 def test_the_browser_sees_what_is_wrong(seen):
     """A page with faults is distinguished from one without."""
     faults = " | ".join(seen["bad", 390].faults)
