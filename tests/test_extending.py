@@ -33,6 +33,8 @@ from symgen.loads.measure import RATES, VALUE, Term
 from symgen.loads.of_points import Length, Position
 from symgen.methods import METHODS
 from symgen.models.momentum.rows import momentum_system
+from symgen.pipeline.subject import Subject
+from symgen.pipeline.user_model import supply_elements
 from symgen.report.page.page import Fact, render
 from symgen.runtime.beams import elements
 from symgen.scene import units
@@ -41,6 +43,7 @@ from symgen.scene.resolve import resolve, resolved_linkage
 from symgen.scene.rods.linkage import Linkage
 from symgen.scene.table import Name, Table, Value
 from symgen.study.accuracy.accuracy import accuracy
+from symgen.toolchain.kernels import tools_for
 
 # --- loads ----------------------------------------------------------------------------------------------------
 
@@ -546,6 +549,30 @@ def test_an_element_is_in_explanations_pages_and_exports(cantilever, tmp_path):
     page = render(scene_page(read_scene(cantilever.path), speed=False, progress=lambda _: None))
     assert "elastic unknowns" in page
     checked_export(cantilever.path, tmp_path / "cantilever")
+
+
+def test_an_element_is_in_assembled_equations(cantilever, monkeypatch):
+    monkeypatch.setattr(elements, "SUPPLIED", {})
+    system = Subject(str(cantilever.path), {}).assembled
+    mass = system["strip.mass"].part(["mid@0.1"], ["mid@0.1"]).matrix[0]
+    length, per_length = (sp.Symbol(f"strip_{x}", real=True) for x in ("L", "mu"))
+    assert mass == per_length * length / 8 * sp.Rational(8, 15)  # of (4 x/l (1 - x/l))^2
+
+
+def test_an_element_of_symgen_is_compiled_where_its_module_is_missing(monkeypatch):
+    shipped, q = elements.kernels("element_beam8"), np.linspace(1.0, 2.0, 20)
+    expected = [shipped.mass(q=q, u=np.zeros(1)), shipped.geometric(q=q, u=np.zeros(1))]
+
+    def missing(block):
+        raise ModuleNotFoundError(block)
+
+    monkeypatch.setattr(elements, "_shipped", missing)
+    monkeypatch.setattr(elements, "SUPPLIED", {})
+    beam = SimpleNamespace(block="element_beam8", element="beam8")
+    supply_elements([beam], tools_for("auto", "float64", None, "off", "none"))
+    found = elements.kernels("element_beam8")
+    assert found.mass(q=q) == pytest.approx(expected[0], rel=1e-13)
+    assert found.geometric(q=q) == pytest.approx(expected[1], rel=1e-13)
 
 
 def test_an_unknown_element_is_refused(cantilever):

@@ -14,6 +14,7 @@ from symgen.models.assembled.system import CONSTANTS_SHOWN, MATRICES, assembled_
 from symgen.models.elastic.joints import joints_system
 from symgen.models.elastic.links import motion_system
 from symgen.pipeline.describe import elastic_info
+from symgen.pipeline.user_model import supply_elements
 from symgen.runtime.beams.data import Lump, Profile
 from symgen.runtime.beams.elements import Segment, meshed, segment_at
 from symgen.runtime.beams.layout import unknowns_of
@@ -22,6 +23,7 @@ from symgen.runtime.elastic.mesh import properties_of
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.exact import Exact
 from symgen.symbolic.system import Step, System
+from symgen.toolchain.kernels import tools_for
 
 #: Largest denominator of the fraction of a link at which a node lies.
 _DENOMINATOR = 1000
@@ -35,6 +37,7 @@ def assembled_of(linkage: Linkage) -> System:
     """
     motion, joints = motion_system(linkage), joints_system(linkage)
     info = elastic_info(linkage)
+    supply_elements(info.beams, tools_for("auto", "float64", None, "off", "none"))
 
     def table(name: str) -> np.ndarray:
         rows = motion[name].matrix if name in motion else sp.zeros(0, 1)

@@ -71,9 +71,10 @@ class _Module:
         self, kernel: str, q: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         place = np.zeros(1) if u is None else u  # of a station, which only the kernel shape reads
-        return np.concatenate(
-            [block.ravel() for block in self._model.evaluate(kernel, q=q, u=place).values()]
-        )
+        shown = self._model.description.arrays.get("p")  # arguments of matrices that no kernel gives
+        none = np.zeros(len(shown.names) if shown else 0)
+        blocks = self._model.evaluate(kernel, q=q, u=place, p=none).values()
+        return np.concatenate([block.ravel() for block in blocks])
 
 
 def _element(name: str, tools: Tools) -> SystemModel:
