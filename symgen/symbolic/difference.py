@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from symgen.symbolic.record import Record, RecordedMatrix
 
 #: Values with a smaller relative difference are the same mathematics in another form.
 _SAME = Fraction(1, 10**15)
+#: Largest denominator of a factor that entries have in common, or of its inverse.
+_DENOMINATOR = 1000
+_NAME = re.compile(r"[^\W\d]\w*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,13 +21,15 @@ class Change:
     """Change of an entry, a shared subexpression or a unit.
 
     ``kind`` is ``added`` (previously zero or absent), ``removed``, ``changed``, or ``rewritten``: another
-    text of the same value. An absent text is empty.
+    text of the same value. An absent text is empty. ``through`` names the shared subexpressions with another
+    text that an entry of the same text uses, directly or by others: the nearest first.
     """
 
     kind: str
     place: str
     before: str = ""
     after: str = ""
+    through: tuple[str, ...] = ()
 
     @property
     def through_shared_terms(self) -> bool:
@@ -33,12 +39,23 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class MatrixDifference:
-    """Change of a matrix: ``kind`` as in :class:`Change`, and its changed entries."""
+    """Change of a matrix: ``kind`` as in :class:`Change`, and its changed entries.
+
+    ``factor`` is the rational number that every changed entry is multiplied by; empty if there is none.
+    ``entries`` counts the entries that are not zero in either record.
+    """
 
     kind: str
     name: str
     shapes: tuple[tuple[int, int], tuple[int, int]]
     changes: tuple[Change, ...]
+    factor: str = ""
+    entries: int = 0
+
+    @property
+    def whole(self) -> bool:
+        """Whether all entries are multiplied by the factor, and nothing else changed."""
+        return bool(self.factor) and len(self.changes) == self.count("changed") == self.entries
 
     def count(self, kind: str) -> int:
         """Return the number of entries with this kind of change."""
@@ -94,8 +111,15 @@ _NOTHING = RecordedMatrix("", 0, 0, {}, {})
 
 def _matrix(name: str, before: Record, after: Record) -> MatrixDifference | None:
     old, new = before.matrices.get(name, _NOTHING), after.matrices.get(name, _NOTHING)
-    changes = [_entry(place, old, new) for place in _names(old.entries, new.entries)]
-    differences = [c for c in changes if c]
+    there = _names(old.entries, new.entries)
+    differences = [c for place in there if (c := _entry(place, old, new))]
+    factor = _factor([c.place for c in differences if c.kind == "changed"], old, new)
+    if any(c.through_shared_terms for c in differences):
+        shared = _shared(name, before, after)
+        differences = [
+            replace(c, through=_through(c.after, shared)) if c.through_shared_terms else c
+            for c in differences
+        ]
     if old is not _NOTHING and new is not _NOTHING and old.unit != new.unit:
         differences.insert(0, Change("changed", "unit", old.unit, new.unit))
     shapes = (old.rows, old.columns), (new.rows, new.columns)
@@ -104,7 +128,7 @@ def _matrix(name: str, before: Record, after: Record) -> MatrixDifference | None
     kind = "added" if old is _NOTHING else "removed" if new is _NOTHING else "changed"
     if kind == "changed" and shapes[0] == shapes[1] and all(c.kind == "rewritten" for c in differences):
         kind = "rewritten"
-    return MatrixDifference(kind, name, shapes, tuple(differences))
+    return MatrixDifference(kind, name, shapes, tuple(differences), factor, len(there))
 
 
 def _entry(place: str, old: RecordedMatrix, new: RecordedMatrix) -> Change | None:
@@ -117,6 +141,48 @@ def _entry(place: str, old: RecordedMatrix, new: RecordedMatrix) -> Change | Non
     if not _equal(*values):
         return Change("changed", place, before, after)
     return None if before == after else Change("rewritten", place, before, after)
+
+
+def _factor(places: list[str], old: RecordedMatrix, new: RecordedMatrix) -> str:
+    """Return the rational number that the values at these places are multiplied by; empty if none is."""
+    try:
+        pairs = [(Fraction(old.values[p]), Fraction(new.values[p])) for p in places]
+        factors = {_rational(after / before) for before, after in pairs}
+    except (KeyError, ValueError, ZeroDivisionError):  # no value, or none whose ratio is defined
+        return ""
+    return str(factors.pop() or "") if len(factors) == 1 else ""
+
+
+def _rational(ratio: Fraction) -> Fraction | None:
+    """Return the simple fraction that a ratio of values is within their digits."""
+    if abs(ratio) < 1:
+        inverse = _rational(1 / ratio)
+        return 1 / inverse if inverse else None
+    near = ratio.limit_denominator(_DENOMINATOR)
+    return near if abs(near - ratio) <= _SAME * abs(ratio) else None
+
+
+def _shared(matrix: str, before: Record, after: Record) -> dict[str, tuple[str, str]]:
+    """Return both texts of each shared subexpression of the system of a matrix."""
+    names = _names(before.definitions, after.definitions)
+    parts = matrix.split(".")
+    prefixes = (".".join(parts[:k]) + "." for k in range(len(parts) - 1, 0, -1))
+    prefix = next((p for p in prefixes if any(n.startswith(p) for n in names)), "")
+    own = [n for n in names if n.startswith(prefix)]
+    return {
+        n.removeprefix(prefix): (before.definitions.get(n, ""), after.definitions.get(n, "")) for n in own
+    }
+
+
+def _through(text: str, shared: Mapping[str, tuple[str, str]]) -> tuple[str, ...]:
+    """Return the shared subexpressions with other texts that a text uses, the nearest first."""
+    used: dict[str, None] = {}
+    front = [text]
+    while front:
+        found = dict.fromkeys(n for t in front for n in _NAME.findall(t) if n in shared and n not in used)
+        used |= found
+        front = [t for n in found for t in shared[n]]
+    return tuple(n for n in used if shared[n][0] != shared[n][1])
 
 
 def _equal(before: str | None, after: str | None) -> bool:

@@ -215,7 +215,7 @@ def test_what_changed_is_derived_anew_and_said(checkout):
     ]
     start = said.index("rigid_element:")
     assert said[start + 1 : start + 5] == [
-        "  nodal_matrix (3 x 6): 1 changed",
+        "  nodal_matrix (3 x 6): 1 changed (times 2)",
         "    changed [moment, M at k]",
         "      - -1",
         "      + -2",

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import sympy as sp
 
+from symgen.regeneration.generate import Regenerated
+from symgen.regeneration.sources import compare, systems
 from symgen.report.mathematics.difference import difference_lines
+from symgen.report.mathematics.regeneration import regenerated_lines
 from symgen.symbolic.difference import difference
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.record import places, read_record, record
@@ -61,7 +66,145 @@ def test_a_shared_term_changes_the_entries_that_use_it():
     found = difference(recorded(PLAIN), recorded(PLAIN, definition=x - y))
     assert [(c.kind, c.before, c.after) for c in found.definitions] == [("changed", "a + b", "a - b")]
     assert changes(recorded(PLAIN), recorded(PLAIN, definition=x - y)) == [("changed", "s, 1")]
-    assert "    d  (through shared terms)" in difference_lines(found)
+    assert "    d  (through d)" in difference_lines(found)
+
+
+def with_terms(matrices, definitions):
+    """Return the record of matrices by name, and of shared terms by name in the order of their use."""
+    terms = tuple(Definition(quantity(n, "m", f"term {n}"), e) for n, e in definitions.items())
+    made = tuple(NamedMatrix(n, sp.ImmutableMatrix(m), "m", "a matrix") for n, m in matrices.items())
+    group = Group("q", "lengths", (a, b, c))
+    return record("m", "A model", {"": System("m", "A model", (group,), made, (), terms)}, {})
+
+
+def test_what_a_change_through_shared_terms_comes_from():
+    e, f, g = (quantity(n, "m", f"term {n}").symbol for n in "efg")
+    matrices = {"k": [[g, e], [f, x]]}
+    before = with_terms(matrices, {"e": x + y, "f": y * z, "g": e * f + x})
+    after = with_terms(matrices, {"e": x - y, "f": y * z, "g": e * f + x})
+    (matrix,) = difference(before, after).matrices
+    assert [(c.place, c.through) for c in matrix.changes] == [("0, 0", ("e",)), ("0, 1", ("e",))]
+    both = with_terms(matrices, {"e": x - y, "f": y * z, "g": e * f + y})
+    (matrix,) = difference(before, both).matrices
+    assert [(c.place, c.through) for c in matrix.changes] == [("0, 0", ("g", "e")), ("0, 1", ("e",))]
+    assert "    g  (through g, e)" in difference_lines(difference(before, both))
+
+
+def test_terms_of_another_system_are_no_cause():
+    e = quantity("e", "m", "term e")
+
+    def made(first, second):
+        systems = {
+            prefix: System(
+                "m",
+                "A model",
+                (Group("q", "lengths", (a, b, c)),),
+                (NamedMatrix("k", sp.ImmutableMatrix([[e.symbol]]), "m", "a matrix"),),
+                (),
+                (Definition(e, term),),
+            )
+            for prefix, term in (("", first), ("further.", second))
+        }
+        return record("m", "A model", systems, {})
+
+    (matrix,) = difference(made(x + y, x * y), made(x - y, x * y)).matrices
+    assert (matrix.name, matrix.changes[0].through) == ("k", ("e",))
+    (matrix,) = difference(made(x + y, x * y), made(x + y, x / y)).matrices
+    assert (matrix.name, matrix.changes[0].through) == ("further.k", ("e",))
+
+
+@pytest.mark.parametrize("factor", [sp.Rational(1, 2), -1, 12, sp.Rational(-127, 5000), 10**9])
+def test_one_factor_of_all_entries(factor):
+    first, second = sp.Matrix([[x, y / 3], [0, x * y + z]]), sp.Matrix([[y, z], [0, x / 7]])
+    before = with_terms({"g0": first, "g1": second, "g2": second.T, "h": first}, {})
+    after = with_terms({"g0": factor * first, "g1": factor * second, "g2": factor * second.T, "h": first}, {})
+    found = difference(before, after)
+    assert [(m.name, m.factor, m.whole) for m in found.matrices] == [
+        (f"g{k}", str(factor), True) for k in range(3)
+    ]
+    lines = list(difference_lines(found))
+    assert lines[:2] == [f"g0 to g2: all entries times {factor}", f"g0 (2 x 2): all entries times {factor}"]
+    assert sum(line.startswith("  changed") for line in lines) == 9
+
+
+@pytest.mark.parametrize(
+    "entries, said",
+    [
+        ([3 * x, 0, x * y, 3 * shared], "2 changed (times 3)"),
+        ([3 * x, z, 3 * x * y, 3 * shared], "1 added, 3 changed (times 3)"),
+        ([3 * x, 0, 3 * x * y, 2 * shared], "3 changed"),
+        ([x * z, 0, x * y * z, shared * z], "3 changed"),  # no number
+        ([3 * x, 0, 3 * x * y, 3 * (1 + sp.Rational(1, 10**14)) * shared], "3 changed"),
+    ],
+)
+def test_a_factor_is_said_only_of_what_it_covers(entries, said):
+    assert next(difference_lines(difference(recorded(PLAIN), recorded(entries)))) == f"k (2 x 2): {said}"
+
+
+def test_equal_changes_are_listed_once():
+    before = with_terms({"left": [[x, 0], [0, x]], "right": [[x, 0], [0, x]], "other": [[x, 0], [0, y]]}, {})
+    new = [[x + y, 0], [0, x + y]]
+    after = with_terms({"left": new, "right": new, "other": [[x + y, 0], [0, x + y]]}, {})
+    assert list(difference_lines(difference(before, after))) == [
+        "left and right (2 x 2): 2 changed",
+        "  changed [0, 0] and [1, 1]",
+        "    - a",
+        "    + a + b",
+        "other (2 x 2): 2 changed",
+        "  changed [0, 0]",
+        "    - a",
+        "    + a + b",
+        "  changed [1, 1]",
+        "    - b",
+        "    + a + b",
+    ]
+
+
+def test_equal_changes_of_several_models_are_listed_once():
+    first, second = (
+        difference(recorded(PLAIN, operations={"k": n}), recorded([2 * x, 0, 2 * x * y, 2 * shared]))
+        for n in (5, 7)
+    )
+    other = difference(recorded(PLAIN), recorded([2 * x, 0, 3 * x * y, 2 * shared]))
+    made = Regenerated({}, (), {"beam": first, "stub": other, "frame": second, "new": None})
+    assert list(regenerated_lines(made, 1)) == [
+        "new: no record of its mathematics before",
+        "beam and frame:",
+        "  k (2 x 2): all entries times 2",
+        "    changed [r, 0]",
+        "      - a",
+        "      + 2*a",
+        "    ... and 2 entries more",
+        "  operations of frame, before and after:",
+        "    k                 7      5",
+        "    all kernels       7      5",
+        "stub:",
+        "  k (2 x 2): 3 changed",
+        "    changed [r, 0]",
+        "      - a",
+        "      + 2*a",
+        "    ... and 2 entries more",
+        "generated/ is current",
+    ]
+
+
+def test_differences_of_scenes():
+    """Half the geometric stiffness of an element, and a crank without its length."""
+    element = systems("element_cubic").all[""]
+    halved = [
+        replace(m, matrix=m.matrix / 2) if m.name.startswith("geometric") else m for m in element.matrices
+    ]
+    two = (replace(element, matrices=tuple(m)) for m in (element.matrices, halved))
+    before, after = (record("e", "An element", {"": s}, {}) for s in two)
+    lines = list(difference_lines(difference(before, after)))
+    assert lines[0] == "geometric0 to geometric2: all entries times 1/2"
+
+    _, _, found = compare("slider_crank", "slider_crank", {"a1": "0 in"})
+    causes = {(m.name, c.place): c.through for m in found.matrices for c in m.changes}
+    assert causes["closure_defect", "x, 3"] == ("p_a2_x", "p_a1_x")
+    assert causes["closure_jacobian", "vx, eta3"] == ("p_a2_y", "p_a1_y")
+    assert all(c.through for m in found.matrices for c in m.changes if c.through_shared_terms)
+    assert not any("(through shared terms)" in line for line in difference_lines(found))
 
 
 def test_a_shared_term_written_otherwise_changes_no_entry():

@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from symgen.report.mathematics.difference import difference_lines
+from symgen.report.mathematics.difference import (
+    difference_lines,
+    grouped,
+    mathematics_lines,
+    operation_lines,
+    series,
+)
 
 if TYPE_CHECKING:
     from symgen.regeneration.generate import Regenerated
@@ -16,15 +22,23 @@ _REASONS = 3
 
 
 def regenerated_lines(regenerated: Regenerated, shown: int | None) -> Iterator[str]:
-    """Yield derived models with reasons, changes in the mathematics of each model, and written files."""
+    """Yield derived models with reasons, changes in the mathematics, and written files.
+
+    Models with the same changes are listed once; the operation counts of each follow.
+    """
     for name, because in regenerated.derived.items():
         yield f"derived {name}: {_reason(because)}"
-    for name, change in regenerated.changes.items():
-        if change is None:
+    changes = {name: change for name, change in regenerated.changes.items() if change is not None}
+    for name in regenerated.changes:
+        if name not in changes:
             yield f"{name}: no record of its mathematics before"
-            continue
-        yield f"{name}:"
-        yield from (f"  {line}" for line in difference_lines(change, shown))
+    alike = grouped((tuple(mathematics_lines(change, shown)), name) for name, change in changes.items())
+    for lines, names in alike.items():
+        yield f"{series(names)}:"
+        yield from (f"  {line}" for line in lines)
+        for name in names:
+            counts = operation_lines(changes[name], name if len(names) > 1 else "")
+            yield from (f"  {line}" for line in counts)
     yield from (f"generated/{name}" for name in regenerated.written)
     if not regenerated.written:
         yield "generated/ is current"
