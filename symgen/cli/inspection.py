@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -107,6 +109,9 @@ def show(
         list[str] | None,
         typer.Option("--with", metavar="NAME=NUMBER", help="Numeric value of a symbol, in SI units."),
     ] = None,
+    numeric: Annotated[
+        bool, typer.Option("--numeric", help="Values instead of the letters of the scene's constants.")
+    ] = False,
     set_: o.Set = None,
 ) -> None:
     """Show the derived equations in a selected format.
@@ -128,18 +133,26 @@ def show(
     ):
         print(numbers(subject, matrix, at, rows, columns))
         return
-    if form != "numeric" and (at or with_):
-        raise ModelError("--at and --with select numeric values: they require --format numeric")
-    if matrix in (None, RECORD) and (rows or columns or by):
-        raise ModelError("--rows, --columns and --by apply to one matrix: name it")
+    if form != "numeric" and at:
+        raise ModelError("--at selects a state for numeric values: it requires --format numeric")
+    if matrix in (None, RECORD) and (rows or columns or by or with_):
+        raise ModelError("--rows, --columns, --by and --with apply to one matrix: name it")
     if matrix is None:
         _list(subject)
     elif matrix == RECORD:
-        _show_record(subject, form)
+        _show_record(subject, form, numeric)
     else:
         chosen = subject.choose(matrix, numbers=form == "numeric")
         chosen = chosen.by(by) if by else chosen
-        _show_chosen(subject, chosen.part(rows, columns), form, at, with_)
+        chosen, values = chosen.part(rows, columns), _numbers(with_)
+        if form == "numeric":
+            _show_numbers(subject, chosen, at, values)
+        else:
+            from symgen.report.mathematics.equations import show as print_matrices
+
+            if values or numeric:
+                chosen = chosen.valued(values, constants=numeric)
+            print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
 
 
 def _list_models() -> None:
@@ -156,11 +169,15 @@ def _list_models() -> None:
 def _list(subject: Subject) -> None:
     """Print the list of matrices."""
     from symgen.inspection.assembled import assembled_names
-    from symgen.report.mathematics.equations import overview
+    from symgen.report.mathematics.equations import overview, value_of
     from symgen.report.tables import table
 
     head = ("matrix", "shape", "unit", "meaning", "source")
     for prefix, part in subject.parts:
+        values = [(x.name, x.unit, value_of(c), x.description) for c in part.constants for x in [c.quantity]]
+        if values and not prefix:
+            columns = ("constant", "unit", "value", "meaning")
+            console().print(table("Constants of the scene", columns, values, texts=(0, 3)))
         listed = [(prefix + name, *more) for name, *more in overview(part.matrices)]
         console().print(table(part.title, head, listed, texts=(0, 3, 4)), width=_width())
     if assembled := assembled_names(subject):
@@ -172,7 +189,7 @@ def _list(subject: Subject) -> None:
         console().print(table("Steps of the derivation", head, listed, texts=(0, 3, 4)), width=_width())
 
 
-def _show_record(subject: Subject, form: str) -> None:
+def _show_record(subject: Subject, form: str, numeric: bool) -> None:
     """Print the derivation step by step."""
     from symgen.report.mathematics.record import record_in_latex, record_in_text
 
@@ -181,6 +198,8 @@ def _show_record(subject: Subject, form: str) -> None:
             f"the derivation is shown as unicode or latex, not as {form}: name a matrix for this format"
         )
     steps = subject.record
+    if numeric:
+        steps = tuple(replace(step, system=step.system.in_numbers()) for step in steps)
     print(
         record_in_latex(subject.system.title, steps, _width())
         if form == "latex"
@@ -188,19 +207,12 @@ def _show_record(subject: Subject, form: str) -> None:
     )
 
 
-def _show_chosen(
-    subject: Subject, chosen: Chosen, form: str, at: str | None, with_: list[str] | None
-) -> None:
-    """Print matrices in one format, with numeric values at a state if selected."""
-    from symgen.report.mathematics.equations import show as print_matrices
-
-    if form != "numeric":
-        print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
-        return
+def _show_numbers(subject: Subject, chosen: Chosen, at: str | None, numbers: Mapping[str, float]) -> None:
+    """Print matrices as numbers, at a state of a scene."""
     from symgen.inspection.state import NOWHERE, state_of
     from symgen.pipeline.build import build_scene as build_model
+    from symgen.report.mathematics.equations import show as print_matrices
 
-    numbers = _numbers(with_)
     if not subject.is_scene and (at or not numbers):
         kind = "a building block" if subject.is_block else "not a scene"
         raise ModelError(
@@ -209,7 +221,7 @@ def _show_chosen(
         )
     state = state_of(build_model(subject.text), at) if subject.is_scene else NOWHERE
     values = state.of(chosen.system, numbers)
-    print(print_matrices(chosen.system, chosen.matrices, form, values, state.label, _width()))
+    print(print_matrices(chosen.system, chosen.matrices, "numeric", values, state.label, _width()))
 
 
 def _width() -> int:

@@ -38,7 +38,7 @@ class Values:
         ModelError
             If the system has no argument of a given name.
         """
-        known = {x.name for group in system.groups for x in group.quantities}
+        known = {x.name for x in system.symbols()}
         for name in inputs:
             check_known(name, known, f"{system.name} has no argument")
         values = {

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 import sympy as sp
 
 from symgen.loads.measure import Measure, Term, Vector
+from symgen.symbolic.letters import Letter
 
 if TYPE_CHECKING:
     from symgen.scene.table import Table
@@ -87,6 +88,8 @@ class Load(ABC):
         Whether its quantities have names ``NOUN_NUMBER``, which links and parameters cannot have.
     drawn
         How pages draw a line between two points on which it acts.
+    letters
+        Letters of the fields that hold constants.
     name
         Name of its quantities.
     """
@@ -96,6 +99,7 @@ class Load(ABC):
     schema: ClassVar[type[Table]]
     named: ClassVar[bool] = True
     drawn: ClassVar[Literal["spring", "actuator"]] = "actuator"
+    letters: ClassVar[Mapping[str, Letter]] = {}
 
     name: str
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import sympy as sp
 from pydantic import Field
@@ -13,6 +14,7 @@ from symgen.loads.load import Load, Reading
 from symgen.loads.measure import RATE, VALUE, Term
 from symgen.loads.of_points import Length
 from symgen.scene import table, units
+from symgen.symbolic.letters import Letter
 
 
 class Spring(table.Table):
@@ -27,6 +29,12 @@ class Spring(table.Table):
 @dataclass(frozen=True, slots=True)
 class LinearSpring(Load):
     """A spring between two points: stiffness [N/m], slack length [m], damping [N s/m]."""
+
+    letters: ClassVar[Mapping[str, Letter]] = {
+        "stiffness": Letter("k", "N/m", "stiffness"),
+        "length": Letter("l0", "m", "slack length"),
+        "damping": Letter("c", "N*s/m", "damping"),
+    }
 
     noun, plural, schema, drawn = "spring", "springs and dampers", Spring, "spring"
 

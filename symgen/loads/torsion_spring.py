@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import sympy as sp
 from pydantic import Field
@@ -14,6 +15,7 @@ from symgen.loads.measure import RATE, VALUE, Term
 from symgen.loads.of_links import Angle, Bend
 from symgen.loads.torque import check_couple
 from symgen.scene import table, units
+from symgen.symbolic.letters import Letter
 
 
 class TorsionSpring(table.Table):
@@ -33,6 +35,12 @@ class AngularSpring(Load):
 
     Stiffness [N m/rad], free angle [rad], damping [N m s/rad].
     """
+
+    letters: ClassVar[Mapping[str, Letter]] = {
+        "stiffness": Letter("k", "N*m/rad", "stiffness"),
+        "angle": Letter("phi", "rad", "free angle"),
+        "damping": Letter("c", "N*m*s/rad", "damping"),
+    }
 
     noun, plural, schema = "torsion spring", "torsion springs", TorsionSpring
 

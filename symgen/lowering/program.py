@@ -17,7 +17,11 @@ ALL_ZEROS = 20_000
 
 
 def lower_system(system: System) -> Program:
-    """Lower every export of a system, and the solution of its equations of motion, to kernels."""
+    """Lower every export of a system, and the solution of its equations of motion, to kernels.
+
+    Constants are replaced by their values.
+    """
+    system = system.in_numbers()
     point = system.saddle_point
     names = dict.fromkeys(name for export in system.exports for name in export.matrices)
     if point:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from symgen.errors import DerivationError
 from symgen.methods import method_of
+from symgen.scene.letters import in_letters
 from symgen.symbolic.system import NamedMatrix, Step, System
 
 if TYPE_CHECKING:
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
 
 def record(resolved: Linkage | Loop, system: System) -> tuple[Step, ...]:
     """Return the record of a scene whose System is ``system``; elastic links have their own behind it."""
-    return tuple(method_of(resolved).load("record")(resolved, system))
+    written, letters = in_letters(resolved)
+    steps = method_of(resolved).load("record")(written, system)
+    return tuple(replace(step, system=letters.kept(step.system)) for step in steps)
 
 
 def of_system(system: System) -> Step:

@@ -18,6 +18,7 @@ from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
 from symgen.pipeline.systems import system_of
 from symgen.pipeline.user_system import is_user_file, load
+from symgen.scene.letters import in_letters
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
@@ -43,6 +44,22 @@ class Chosen:
         """Return selected rows and columns, given as comma-separated names or numbers."""
         labels = [[x.strip() for x in text.split(",")] if text else [] for text in (rows, columns)]
         return replace(self, matrices=tuple(m.part(*labels) for m in self.matrices))
+
+    def valued(self, values: Mapping[str, float], *, constants: bool) -> Chosen:
+        """Return the matrices with values [SI] of some symbols, and of all ``constants`` of the scene.
+
+        Raises
+        ------
+        ModelError
+            For a symbol that there is not.
+        """
+        system = replace(self.system, matrices=self.matrices, exports=(), saddle_point=None)
+        known = {x.name: x.symbol for x in system.symbols()}
+        for name in values:
+            check_known(name, known, f"{system.name} has no symbol")
+        system = system.substituted({known[name]: sp.Rational(str(x)) for name, x in values.items()})
+        system = system.in_numbers() if constants else system
+        return Chosen(system, system.matrices)
 
     def by(self, name: str) -> Chosen:
         """Return the partial derivatives with respect to an argument."""
@@ -97,7 +114,10 @@ class Subject:
     @cached_property
     def further(self) -> dict[str, System]:
         """Further systems, by the prefix of their matrix names (before the dot)."""
-        return further_of(self.resolved) if self.is_scene else {}
+        if not self.is_scene:
+            return {}
+        written, letters = in_letters(self.resolved)
+        return {kind: letters.kept(system) for kind, system in further_of(written).items()}
 
     @cached_property
     def steps(self) -> System | None:
@@ -206,7 +226,8 @@ class Subject:
                 f"{self.name} is a kinematic analysis, which has no momentum rows\n"
                 "  Give --set analysis.kind=dynamics."
             )
-        system = method.load("momentum")(self.resolved)
+        written, letters = in_letters(self.resolved)
+        system = letters.kept(method.load("momentum")(written))
         if row:
             check_known(row, {*system.names()}, f"{self.name} has no momentum row")
             return Chosen(system, system.named(row))

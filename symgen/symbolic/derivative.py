@@ -30,14 +30,18 @@ def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> Sy
     DerivationError
         When there is no such argument.
     """
-    known = {x.name: x for group in system.groups for x in group.quantities}
+    known = {x.name: x for x in system.symbols()}
     if name not in known:
         raise DerivationError(
             f"{system.name} has no argument {name!r} to differentiate by. {nearest(name, known)}\n"
-            "  A parameter is one where the scene says tunable = true; all others are folded."
+            "  Arguments are its parameters, letters and state: symgen show lists them."
         )
     by = known[name]
     slopes: dict[sp.Symbol, sp.Expr] = {by.symbol: sp.Integer(1)}
+    for constant in system.constants:
+        slope = _through(constant.expression, slopes)
+        if slope != 0:
+            slopes[constant.quantity.symbol] = slope
     derivatives: list[Definition] = []
     for definition in system.definitions:
         symbol = definition.quantity

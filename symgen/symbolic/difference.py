@@ -70,6 +70,8 @@ class Difference:
     ----------
     matrices
         Changed matrices.
+    constants
+        Constants of the scene that changed.
     definitions
         Shared subexpressions that changed as text.
     operations
@@ -81,13 +83,14 @@ class Difference:
     """
 
     matrices: tuple[MatrixDifference, ...]
+    constants: tuple[Change, ...]
     definitions: tuple[Change, ...]
     operations: Mapping[str, tuple[int | None, int | None]]
     totals: tuple[int, int]
     values: tuple[Change, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.matrices or self.definitions or self.operations)
+        return bool(self.matrices or self.constants or self.definitions or self.operations)
 
 
 def difference(before: Record, after: Record) -> Difference:
@@ -95,6 +98,7 @@ def difference(before: Record, after: Record) -> Difference:
     costs = before.operations, after.operations
     return Difference(
         tuple(d for name in _names(before.matrices, after.matrices) if (d := _matrix(name, before, after))),
+        texts(before.constants, after.constants),
         texts(before.definitions, after.definitions),
         {k: c for k in _names(*costs) if len(set(c := (costs[0].get(k), costs[1].get(k)))) > 1},
         (sum(costs[0].values()), sum(costs[1].values())),

@@ -42,6 +42,8 @@ class Exact:
                 for g in self.system.groups
                 for x, value in zip(g.quantities, values[g.name], strict=True)
             }
+            for constant in self.system.constants:
+                known[constant.quantity.symbol] = _value(constant.expression, known)
             for symbol, expression in self._used(matrices):
                 known[symbol] = _value(expression, known)
             results = [mpmath.zeros(*m.shape) for m in matrices]

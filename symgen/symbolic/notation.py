@@ -70,8 +70,16 @@ _SHOWN = 15
 def readable(expression: Expression) -> Expression:
     """Return an expression for readers: multiples of pi as such, long rationals as decimal fractions."""
     expression = with_pi(expression)
+    expression = expression.xreplace({m: _whole(m) for m in expression.atoms(sp.Mul) if m.atoms(sp.Add)})
     long = {r: sp.Float(r, _SHOWN) for r in expression.atoms(sp.Rational) if len(str(r.q)) > _SHOWN}
     return expression.xreplace(long)
+
+
+def _whole(product: sp.Expr) -> sp.Expr:
+    """Return a product with the common number of each sum in front: k (2 l - 2 l0)/2 is k (l - l0)."""
+    pairs = [f.primitive() if f.is_Add else (sp.S.One, f) for f in product.args]
+    numbers, factors = zip(*pairs, strict=True)
+    return sp.Mul(sp.Mul(*numbers), *factors) if any(n != 1 for n in numbers) else product
 
 
 def pretty(expression: sp.Basic | sp.MatrixBase) -> str:

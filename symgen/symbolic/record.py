@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -37,13 +37,14 @@ class RecordedMatrix:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """The mathematics of one model: shared subexpressions, matrices, and operations of each kernel."""
+    """The mathematics of one model: constants, shared subexpressions, matrices, operations of each kernel."""
 
     name: str
     title: str
     definitions: Mapping[str, str]
     matrices: Mapping[str, RecordedMatrix]
     operations: Mapping[str, int]
+    constants: Mapping[str, str] = field(default_factory=dict)
 
     def to_json(self) -> str:
         """Return the record as JSON text, one line per entry, so that a change shows as a changed line."""
@@ -71,14 +72,16 @@ def record(name: str, title: str, systems: Mapping[str, System], operations: Map
     """
     from sympy import sstr
 
+    constants: dict[str, str] = {}
     definitions: dict[str, str] = {}
     matrices: dict[str, RecordedMatrix] = {}
     for prefix, system in systems.items():
+        constants |= {f"{prefix}{c.quantity.name}": sstr(c.expression) for c in system.constants}
         definitions |= {f"{prefix}{d.quantity.name}": sstr(d.expression) for d in system.definitions}
         values = _values(system)
         for m in system.matrices:
             matrices[prefix + m.name] = _recorded(m, values[m.name])
-    return Record(name, title, definitions, matrices, operations)
+    return Record(name, title, definitions, matrices, operations, constants)
 
 
 def _recorded(m: NamedMatrix, texts: list[str]) -> RecordedMatrix:
@@ -105,7 +108,9 @@ def _values(system: System) -> dict[str, list[str]]:
     """Return every entry at arguments between 1/2 and 3/2, derived from their names and so reproducible."""
     import mpmath
 
-    known: dict[sp.Basic, Any] = {x.symbol: _argument(x.name) for g in system.groups for x in g.quantities}
+    arguments = [x for group in system.groups for x in group.quantities]
+    arguments += [c.quantity for c in system.constants]
+    known: dict[sp.Basic, Any] = {x.symbol: _argument(x.name) for x in arguments}
     with mpmath.workdps(_WORKING):
         for definition in system.definitions:
             known[definition.quantity.symbol] = _value(definition.expression, known)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from html import escape
@@ -11,6 +11,7 @@ import sympy as sp
 
 from symgen.errors import DerivationError, ModelError, check_known, nearest
 from symgen.symbolic.quantity import Quantity
+from symgen.symbolic.substitution import Substitution
 
 #: Name of the kernel of values with a limit, which checks parameters before a run is set up.
 LIMITS = "limits"
@@ -151,6 +152,7 @@ class System:
     references: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()
+    constants: tuple[Definition, ...] = ()
     _index: dict[str, NamedMatrix] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -177,12 +179,20 @@ class System:
     def _source(self, name: str) -> str:
         return next((source for pattern, source in self.sources if fnmatchcase(name, pattern)), NO_SOURCE)
 
-    def quantities(self) -> Iterator[Quantity]:
-        """Yield every declared quantity: arguments first, then the shared subexpressions."""
+    def arguments(self) -> Iterator[Quantity]:
+        """Yield the arguments of the kernels."""
         for group in self.groups:
             yield from group.quantities
-        for definition in self.definitions:
-            yield definition.quantity
+
+    def symbols(self) -> Iterator[Quantity]:
+        """Yield the arguments and the constants."""
+        yield from self.arguments()
+        yield from (c.quantity for c in self.constants)
+
+    def quantities(self) -> Iterator[Quantity]:
+        """Yield every declared quantity: arguments, constants, shared subexpressions."""
+        yield from self.symbols()
+        yield from (d.quantity for d in self.definitions)
 
     def __contains__(self, name: str) -> bool:
         return name in self._index
@@ -233,6 +243,43 @@ class System:
             for m in self.matrices
         ]
         return html_table(self.title, ("matrix", "shape", "unit", "meaning", "source"), rows)
+
+    def substituted(self, values: Mapping[sp.Symbol, sp.Expr]) -> System:
+        """Return the system with values for arguments, constants or shared subexpressions.
+
+        Subexpressions that become numbers or symbols are no longer named.
+        """
+        if not values:
+            return self
+        substitution = Substitution(values)
+        known, definitions = substitution.values, []
+        for definition in self.definitions:
+            if definition.quantity.symbol in known:
+                continue
+            expression = substitution(definition.expression)
+            simple = expression.is_number or expression.is_Atom or (-expression).is_Atom
+            if simple and expression != definition.expression:
+                known[definition.quantity.symbol] = expression
+            else:
+                definitions.append(replace(definition, expression=expression))
+        return replace(
+            self,
+            groups=tuple(
+                replace(g, quantities=tuple(x for x in g.quantities if x.symbol not in known))
+                for g in self.groups
+            ),
+            matrices=tuple(replace(m, matrix=m.matrix.applyfunc(substitution)) for m in self.matrices),
+            definitions=tuple(definitions),
+            constants=tuple(
+                replace(c, expression=substitution(c.expression))
+                for c in self.constants
+                if c.quantity.symbol not in known
+            ),
+        )
+
+    def in_numbers(self) -> System:
+        """Return the system with the values of its constants."""
+        return self.substituted({c.quantity.symbol: c.expression for c in self.constants})
 
     def expanded(self, name: str) -> sp.ImmutableMatrix:
         """Return the matrix with every shared subexpression substituted, over the arguments alone."""

@@ -40,6 +40,7 @@ def order_of(
     bodies, rods that are not in the tree come last and the factor of their part is full, unless the order is
     of minimum degree.
     """
+    masses, jacobian = (m.xreplace(model.linkage.constants) for m in (masses, jacobian))
     n = masses.rows
     at = {p: range(i * len(model.axes), (i + 1) * len(model.axes)) for i, p in enumerate(model.free)}
     lengths = {c.link: n + i for i, c in enumerate(model.constraints) if c.link}

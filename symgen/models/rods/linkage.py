@@ -46,6 +46,7 @@ class RodsModel(ConstrainedPoints):
         """Raise SceneError where a point carries no mass."""
         for point in self.free:
             mass = self.mass_entries.get((self.q[point][0].symbol,) * 2, ZERO)
+            mass = mass.xreplace(self.linkage.constants)
             if mass.is_number and vanishes(mass):
                 raise SceneError(
                     f"{point} carries no mass: its acceleration is not determined",

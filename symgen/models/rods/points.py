@@ -116,7 +116,8 @@ class Points:
     def varies(self, component: sp.Expr) -> bool:
         """Return whether an expression depends on coordinates by more than the digits of the drawing."""
         slopes = self.calculus.gradient(component)
-        free = (slopes[x.symbol] for x in self.coordinates if x.symbol in slopes)
+        constants = self.linkage.constants
+        free = (slopes[x.symbol].xreplace(constants) for x in self.coordinates if x.symbol in slopes)
         return any(not (k.is_number and abs(k) < _DRAWN) for k in free)
 
     @cached_property

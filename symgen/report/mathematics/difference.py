@@ -46,6 +46,9 @@ def mathematics_lines(difference: Difference, shown: int | None) -> Iterator[str
         matrix = same[0]
         yield f"{series([m.name for m in same])}{_shape(matrix)}: {_summary(matrix)}"
         yield from _changes(matrix.changes, shown, "entries")
+    if difference.constants:
+        yield "constants:"
+        yield from _changes(difference.constants, shown, "constants")
     if difference.definitions:
         yield "shared terms:"
         yield from _changes(difference.definitions, shown, "terms")

@@ -11,8 +11,8 @@ from symgen.errors import check_known
 from symgen.report.mathematics.layout import WIDTH, columns, defined, heading, in_lines, wrapped
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
 from symgen.report.mathematics.numbers import in_numbers
-from symgen.symbolic.notation import latex, latex_name, text_name
-from symgen.symbolic.system import NamedMatrix, System
+from symgen.symbolic.notation import latex, latex_name, readable, text_name
+from symgen.symbolic.system import Definition, NamedMatrix, System
 
 FORMATS = ("unicode", "latex", "shared", "c", "numeric")
 #: The beginning of a matrix, and the end of a row, in LaTeX.
@@ -148,21 +148,30 @@ def _legend(
     """Return the undefined symbols that occur, with name, unit and description."""
     there = set[sp.Basic]().union(*(m.matrix.free_symbols for m in matrices))
     there = there.union(*(e.free_symbols for e in used.values()))
-    known = [x for group in system.groups for x in group.quantities if x.symbol in there]
+    known = [(x, "") for x in system.arguments() if x.symbol in there]
+    known += [(c.quantity, f" = {value_of(c)}") for c in system.constants if c.quantity.symbol in there]
     if not known:
         return []
-    written = [text_name(x.name) for x in known]
-    first, second = max(map(columns, written)), max(len(x.name) for x in known)
-    renamed = any(w != x.name for w, x in zip(written, known, strict=True))
+    written = [text_name(x.name) for x, _ in known]
+    first, second = max(map(columns, written)), max(len(x.name) for x, _ in known)
+    renamed = any(w != x.name for w, (x, _) in zip(written, known, strict=True))
     lines = ["where"]
-    for w, x in zip(written, known, strict=True):
+    for w, (x, value) in zip(written, known, strict=True):
         name = f"  {w}{' ' * (first - columns(w))}"
         name += f"  {x.name:<{second}}" if renamed else ""
         indent = " " * (columns(name) + 2)
         if len(indent) > width // 2:
             indent = "      "
-        lines += wrapped(f"{name}  {x.description} [{x.unit}]", width, indent)
+        lines += wrapped(f"{name}  {x.description} [{x.unit}]{value}", width, indent)
     return lines
+
+
+def value_of(constant: Definition) -> str:
+    """Return the value of a constant as text: a decimal number, multiples of pi as such, or an expression."""
+    value = constant.expression
+    if value.is_number and not (constant.quantity.unit == "rad" and value.has(sp.pi)):
+        return f"{float(value):.12g}"
+    return str(readable(value))
 
 
 def used_terms(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Symbol, sp.Expr]:

@@ -14,7 +14,7 @@ from symgen.lowering.nodes import Node, rename
 from symgen.lowering.program import lower_system
 from symgen.precision import Precision
 from symgen.report.mathematics.layout import WIDTH, wrapped
-from symgen.symbolic.system import Export, NamedMatrix, System
+from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 #: Digits of constants in readable text.
 _DIGITS = 12
@@ -27,6 +27,7 @@ def in_shared_terms(system: System, matrices: Sequence[NamedMatrix], width: int 
     """
     kernel = _kernel(system, matrices)
     names = {f"{group.name}[{i}]": x.name for group in system.groups for i, x in enumerate(group.quantities)}
+    names |= {f"c[{i}]": c.quantity.name for i, c in enumerate(system.constants)}
     prints = Printer({}, literal=_short)
 
     def text(node: Node) -> str:
@@ -49,7 +50,8 @@ def in_c(system: System, matrix: NamedMatrix, width: int = WIDTH) -> str:
     printer = Printer({})
     comment = [f"/* {matrix.description} [{matrix.unit}]: {kernel.counts}"]
     for array, _ in kernel.inputs:
-        comment.append(f" * {array}: {', '.join(x.name for x in system.group(array).quantities)}")
+        named = system.group(array).quantities or tuple(c.quantity for c in system.constants)
+        comment.append(f" * {array}: {', '.join(x.name for x in named)}")
     lines = [part for line in comment for part in wrapped(line, width, " *     ")]
     code = [f"const double {a.target} = {printer(a.value)};" for a in kernel.assignments]
     code += [f"{s.array}[{s.index}] = {printer(s.value)};" for s in kernel.stores]
@@ -65,9 +67,18 @@ def _kernel(system: System, matrices: Sequence[NamedMatrix]) -> Kernel:
     names = tuple(m.name for m in matrices)
     about = matrices[0].description if len(matrices) == 1 else ", ".join(names)
     # A single kernel, including the terms that are otherwise precomputed once per run.
-    groups = tuple(replace(group, per_run=False) for group in system.groups)
+    groups = [replace(group, per_run=False) for group in system.groups]
+    if system.constants:
+        groups.append(Group("c", "constants of the scene", tuple(c.quantity for c in system.constants)))
     exports = (Export("shown", about, names),)
-    alone = replace(system, groups=groups, matrices=tuple(matrices), exports=exports, saddle_point=None)
+    alone = replace(
+        system,
+        groups=tuple(groups),
+        constants=(),
+        matrices=tuple(matrices),
+        exports=exports,
+        saddle_point=None,
+    )
     return lower_system(alone).kernels[0]
 
 

@@ -73,14 +73,10 @@ def evaluated(system: System, matrix: NamedMatrix, values: Mapping[str, float]) 
     ModelError
         If the matrix contains an argument without a value in ``values``.
     """
-    known = {
-        x.symbol: sp.Rational(values[x.name])
-        for group in system.groups
-        for x in group.quantities
-        if x.name in values
-    }
-    for definition in system.definitions:
-        known[definition.quantity.symbol] = _number(definition.expression.xreplace(known), _WORKING)
+    known = {x.symbol: sp.Rational(values[x.name]) for x in system.symbols() if x.name in values}
+    for definition in (*system.constants, *system.definitions):
+        if definition.quantity.symbol not in known:
+            known[definition.quantity.symbol] = _number(definition.expression.xreplace(known), _WORKING)
     numbers = matrix.matrix.applyfunc(lambda e: _number(e.xreplace(known), _PRINTED))
     missing = sorted(s.name for s in numbers.free_symbols)
     if missing:

@@ -11,8 +11,9 @@ import sympy as sp
 
 from symgen.scene.limit import Limit
 from symgen.scene.rods.held import Switch
-from symgen.scene.rods.linkage import Parameter, number
+from symgen.scene.rods.linkage import Parameter, defaults, number
 from symgen.scene.units import Shown
+from symgen.symbolic.letters import Letter
 from symgen.symbolic.quantity import Quantity
 
 Vector = tuple[sp.Expr, sp.Expr, sp.Expr]
@@ -116,6 +117,11 @@ class LoopBody:
         that spin: then it is axisymmetric, and its inertia about that line is omitted.
     """
 
+    letters: ClassVar[Mapping[str, Letter]] = {
+        "mass": Letter("m", "kg", "mass"),
+        "centre": Letter("s", "m", "centre of mass"),
+    }
+
     link: str
     row: int
     mass: sp.Expr
@@ -182,8 +188,8 @@ class Loop:
 
     @cached_property
     def defaults(self) -> Mapping[sp.Symbol, sp.Expr]:
-        """Value of every tunable parameter in the scene."""
-        return {p.quantity.symbol: p.default for p in self.parameters}
+        """Value of every parameter in the scene."""
+        return defaults(self.parameters)
 
     def number(self, expression: sp.Expr) -> float:
         """Return the value of an expression at the scene's own parameters and t = 0."""

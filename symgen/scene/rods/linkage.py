@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import sympy as sp
 
@@ -20,6 +20,7 @@ from symgen.scene.rods.held import Switch, Winding
 from symgen.scene.rods.hinges import Hinge
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
+from symgen.symbolic.letters import Letter
 from symgen.symbolic.quantity import AXES, Quantity, quantity
 
 TIME = quantity("t", "s", "time")
@@ -33,12 +34,14 @@ _T = TypeVar("_T")
 class Parameter:
     """A tunable parameter: it stays an argument of the kernels. ``default`` is its value in the scene.
 
-    ``input``: it is an external signal, which may change during a motion.
+    ``input``: it is an external signal, which may change during a motion. ``fixed``: it is the letter of a
+    constant, and ``default`` the value, over the others, that replaces it in the kernels.
     """
 
     quantity: Quantity
     default: sp.Expr
     input: bool = False
+    fixed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +61,11 @@ class CarriedPoint:
 
     ``joined``: it has coordinates of its own, since an elastic link is joined to another component there.
     """
+
+    letters: ClassVar[Mapping[str, Letter]] = {
+        "along": Letter("a", "1", "place along the link"),
+        "across": Letter("b", "1", "place across the link"),
+    }
 
     name: str
     along: sp.Expr
@@ -83,6 +91,14 @@ class RigidLink:
     carried
         Further points of the body.
     """
+
+    letters: ClassVar[Mapping[str, Letter]] = {
+        "length": Letter("l", "m", "length"),
+        "mass": Letter("m", "kg", "mass"),
+        "centre": Letter("s", "m", "centre of mass along the line"),
+        "offset": Letter("h", "m", "centre of mass to the left of the line"),
+        "inertia": Letter("I", "kg*m^2", "moment of inertia about the centre of mass"),
+    }
 
     name: str
     start: str
@@ -157,6 +173,11 @@ class SpatialBody:
 @dataclass(frozen=True, slots=True)
 class PlacedMass:
     """A mass [kg] at a point; its moment of inertia [kg m^2] rotates with the link, which includes it."""
+
+    letters: ClassVar[Mapping[str, Letter]] = {
+        "mass": Letter("m", "kg", "mass"),
+        "inertia": Letter("I", "kg*m^2", "moment of inertia"),
+    }
 
     point: str
     mass: sp.Expr
@@ -313,8 +334,13 @@ class Linkage:
 
     @cached_property
     def defaults(self) -> Mapping[sp.Symbol, sp.Expr]:
-        """Value of every tunable parameter in the scene."""
-        return {p.quantity.symbol: p.default for p in self.parameters}
+        """Value of every parameter in the scene."""
+        return defaults(self.parameters)
+
+    @cached_property
+    def constants(self) -> Mapping[sp.Symbol, sp.Expr]:
+        """Value of every letter, over the tunable parameters."""
+        return {p.quantity.symbol: p.default for p in self.parameters if p.fixed}
 
     @cached_property
     def _points(self) -> Mapping[str, PlacedPoint]:
@@ -370,6 +396,12 @@ class Linkage:
     def body(self, name: str) -> SpatialBody | None:
         """Return the body in space called ``name``, if it is one."""
         return next((k for k in self.bodies if k.name == name), None)
+
+
+def defaults(parameters: Sequence[Parameter]) -> dict[sp.Symbol, sp.Expr]:
+    """Return the value of every parameter in the scene."""
+    tunable = {p.quantity.symbol: p.default for p in parameters if not p.fixed}
+    return tunable | {p.quantity.symbol: p.default.xreplace(tunable) for p in parameters if p.fixed}
 
 
 def state_symbol(name: str) -> sp.Symbol:

@@ -1,0 +1,236 @@
+"""A resolved scene with letters for its constants, of which its equations are derived for readers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import sympy as sp
+
+from symgen.scene.loop.loop import ENTRIES, Loop, LoopBody, LoopLoad, Row, Variable
+from symgen.scene.rods.linkage import (
+    TIME,
+    Driver,
+    Linkage,
+    Parameter,
+    PlacedPoint,
+    RigidLink,
+    SpatialBody,
+    Vector,
+)
+from symgen.scene.rods.windings import with_windings
+from symgen.symbolic.constants import vanishes
+from symgen.symbolic.letters import Letters
+from symgen.symbolic.quantity import AXES
+
+
+def in_letters(resolved: Linkage | Loop) -> tuple[Any, Letters]:
+    """Return a linkage or loop whose constants are letters, further parameters of it, and the letters.
+
+    Zeros stay, and right angles between joint axes. A uniform link has its centre at l/2 and the moment of
+    inertia m l^2/12. What only the start or a run needs stays in numbers, and so do the sections of a rotor.
+    """
+    if isinstance(resolved, Loop):
+        return _loop(resolved)
+    return _linkage(resolved) if isinstance(resolved, Linkage) else (resolved, Letters((), ()))
+
+
+def _added(letters: Letters) -> tuple[Parameter, ...]:
+    return tuple(Parameter(c.quantity, c.expression, fixed=True) for c in letters.constants)
+
+
+def _linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
+    states = (f"{p.name}_{word}{axis}" for p in linkage.points for word in ("", "v", "a") for axis in AXES)
+    letters = Letters([*states, *(p.quantity.name for p in linkage.parameters)], linkage.defaults)
+    links = tuple(_link(letters, link) for link in linkage.links)
+    bodies = tuple(_body(letters, body) for body in linkage.bodies)
+    points = tuple(_ground(letters, p, linkage.axes) if p.ground else p for p in linkage.points)
+    loads = tuple(
+        replace(load, **letters.record(load, load.name, load.name.replace("_", " ")))
+        for load in linkage.loads
+    )
+    masses = tuple(
+        replace(m, **letters.record(m, f"at_{m.point}", f"the mass at {m.point}")) for m in linkage.masses
+    )
+    written = replace(
+        linkage,
+        points=points,
+        links=links,
+        bodies=bodies,
+        gravity=_gravity(letters, linkage.gravity, linkage.axes),
+        masses=masses,
+        loads=loads,
+        drivers=tuple(_driver(letters, d) for d in linkage.drivers),
+    )
+    return with_windings(replace(written, parameters=(*linkage.parameters, *_added(letters)))), letters
+
+
+def _link(letters: Letters, link: RigidLink) -> RigidLink:
+    constants = letters.record(link, link.name, f"link {link.name}")
+    length, mass = constants["length"], constants["mass"]
+    uniform = {
+        "centre": (link.length / 2, length / 2),
+        "inertia": (link.mass * link.length**2 / 12, mass * length**2 / 12),
+    }
+    for name, (value, form) in uniform.items():
+        if mass != 0 and _equal(getattr(link, name), value):
+            letters.forget(constants[name])
+            constants[name] = form
+    carried = tuple(
+        replace(p, **letters.record(p, f"{link.name}_{p.name}", f"{p.name} on {link.name}"))
+        for p in link.carried
+    )
+    return replace(link, **constants, carried=carried)
+
+
+def _equal(first: sp.Expr, second: sp.Expr) -> bool:
+    difference = first - second
+    return bool(difference == 0 or (difference.is_number and vanishes(difference)))
+
+
+def _body(letters: Letters, body: SpatialBody) -> SpatialBody:
+    """Return a body in space; the matrices of its base points are symmetric."""
+    name, named = body.name, f"body {body.name}"
+    bars = tuple(
+        replace(
+            b,
+            length=letters.scalar(
+                f"l_{b.start}_{b.end}_{name}", b.length, "m", f"distance from {b.start} to {b.end} on {name}"
+            ),
+        )
+        for b in body.bars
+    )
+    weights = tuple(
+        letters.scalar(f"w_{p}_{name}", w, "1", f"weight of {p} in the centre of mass of {named}")
+        for p, w in zip(body.base, body.centre, strict=True)
+    )
+    carried = tuple(
+        replace(
+            c,
+            weights=tuple(
+                letters.scalar(
+                    f"w_{c.name}_{p}_{name}", w, "1", f"weight of {p} in the place of {c.name} on {name}"
+                )
+                for p, w in zip(body.base, c.weights, strict=True)
+            ),
+        )
+        for c in body.carried
+    )
+    return replace(
+        body,
+        bars=bars,
+        mass=letters.scalar(f"m_{name}", body.mass, "kg", f"mass of {named}"),
+        centre=weights,
+        masses=_symmetric(letters, "m", body.masses, name, "kg", "mass matrix of the base points"),
+        inverse=_symmetric(letters, "g", body.inverse, name, "1/m^2", "inverse of the products of edges"),
+        carried=carried,
+    )
+
+
+def _symmetric(
+    letters: Letters, letter: str, matrix: tuple[Vector, ...], name: str, unit: str, about: str
+) -> tuple[Vector, ...]:
+    known: dict[tuple[int, int], sp.Expr] = {}
+    for i, row in enumerate(matrix):
+        for j in range(i, len(row)):
+            new = letters.scalar(
+                f"{letter}{i}{j}_{name}", row[j], unit, f"entry {i}, {j} of the {about} of {name}"
+            )
+            known[i, j] = known[j, i] = new
+    return tuple(tuple(known[i, j] for j in range(len(row))) for i, row in enumerate(matrix))
+
+
+def _ground(letters: Letters, point: PlacedPoint, axes: tuple[str, ...]) -> PlacedPoint:
+    motion = tuple(
+        letters.scalar(f"{axis}_{point.name}", c, "m", f"{axis} coordinate of ground point {point.name}")
+        for axis, c in zip(axes, point.motion, strict=True)
+    )
+    at = tuple(
+        new if c == drawn else drawn for new, c, drawn in zip(motion, point.motion, point.at, strict=True)
+    )
+    return replace(point, motion=motion, at=at)
+
+
+def _gravity(letters: Letters, gravity: Vector, axes: tuple[str, ...]) -> Vector:
+    """Return gravity as its size g along an axis, or by components."""
+    there = [i for i, c in enumerate(gravity) if c != 0]
+    if len(there) == 1 and gravity[there[0]].is_number:
+        value, sign = gravity[there[0]], 1 if gravity[there[0]].is_positive else -1
+        size = sign * letters.scalar("g", sign * value, "m/s^2", "gravity")
+        return tuple(size if i == there[0] else c for i, c in enumerate(gravity))
+    return letters.vector("g", gravity, "m/s^2", "gravity", axes)
+
+
+def _driver(letters: Letters, driver: Driver) -> Driver:
+    return replace(driver, angle=_motion(letters, driver.angle, driver.link, ("rad", "rad/s"), driver.link))
+
+
+def _motion(letters: Letters, motion: sp.Expr, owner: str, units: tuple[str, str], named: str) -> sp.Expr:
+    """Return a uniform motion by its value at the start and its rate; any other stays."""
+    rate = sp.diff(motion, TIME.symbol)
+    if rate.free_symbols & {TIME.symbol}:
+        return motion
+    start = motion.xreplace({TIME.symbol: sp.S.Zero})
+    first, second = ("phi", "omega") if units[0] == "rad" else ("x", "v")
+    return letters.scalar(f"{first}0_{owner}", start, units[0], f"prescribed value of {named} at t = 0") + (
+        letters.scalar(f"{second}_{owner}", rate, units[1], f"prescribed rate of {named}") * TIME.symbol
+    )
+
+
+def _loop(loop: Loop) -> tuple[Loop, Letters]:
+    known = [x.name for v in loop.variables for x in (v.quantity, v.rate, v.acceleration)]
+    letters = Letters([*known, *(p.quantity.name for p in loop.parameters)], loop.defaults)
+    written = replace(
+        loop,
+        rows=tuple(_row(letters, i, row, loop) for i, row in enumerate(loop.rows, 1)),
+        variables=tuple(_input(letters, v) if v.role == "input" else v for v in loop.variables),
+        bodies=tuple(_loop_body(letters, b) for b in loop.bodies),
+        gravity=_gravity(letters, loop.gravity, tuple(AXES)),
+        loads=tuple(_loop_load(letters, load) for load in loop.loads),
+    )
+    return replace(written, parameters=(*loop.parameters, *_added(letters))), letters
+
+
+def _row(letters: Letters, number: int, row: Row, loop: Loop) -> Row:
+    variables = {v.quantity.symbol for v in loop.variables}
+    values = {}
+    for entry in ENTRIES:
+        value = getattr(row, entry)
+        moving = sp.Add(*(term for term in sp.Add.make_args(value) if term.free_symbols & variables))
+        fixed, angle = value - moving, entry not in ("S", "a")
+        if angle and fixed.is_number and vanishes(sp.sin(2 * fixed)) and not vanishes(fixed):
+            continue  # a right angle: its sine and cosine are zero and one
+        unit = "rad" if angle else "m"
+        values[entry] = moving + letters.scalar(f"{entry}{number}", fixed, unit, f"{entry} of row {number}")
+    return replace(row, **values)
+
+
+def _input(letters: Letters, variable: Variable) -> Variable:
+    units = (variable.quantity.unit, variable.rate.unit)
+    return replace(variable, motion=_motion(letters, variable.motion, variable.name, units, variable.name))
+
+
+def _loop_body(letters: Letters, body: LoopBody) -> LoopBody:
+    constants = letters.record(body, body.link, f"link {body.link}")
+    known: dict[tuple[int, int], sp.Expr] = {}
+    for i, j in _upper():
+        name = f"I_{AXES[i]}{AXES[j]}_{body.link}"
+        about = f"{AXES[i]}{AXES[j]} entry of the inertia matrix of link {body.link} about its centre of mass"
+        known[i, j] = known[j, i] = letters.scalar(name, body.inertia[i][j], "kg*m^2", about)
+    x, y, z = (tuple(known[i, j] for j in range(3)) for i in range(3))
+    return replace(body, **constants, inertia=(x, y, z))
+
+
+def _upper() -> Iterator[tuple[int, int]]:
+    return ((i, j) for i in range(3) for j in range(i, 3))
+
+
+def _loop_load(letters: Letters, load: LoopLoad) -> LoopLoad:
+    owner = load.name.replace(".", "_")
+    return replace(
+        load,
+        at=letters.vector(f"r_{owner}", load.at, "m", f"point of {load.name}"),
+        force=letters.vector(f"F_{owner}", load.force, "N", f"force of {load.name}"),
+        torque=letters.vector(f"T_{owner}", load.torque, "N*m", f"couple of {load.name}"),
+    )

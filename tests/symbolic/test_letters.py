@@ -1,0 +1,115 @@
+"""Letters for the constants of a scene: equations with them are those with numbers, and those of the papers."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+
+import symgen
+from symgen.lowering.program import lower_system
+from symgen.methods import method_of
+from symgen.pipeline.systems import system_of
+from symgen.scene.letters import in_letters
+from symgen.scene.loading import check_scene, read_scene
+from symgen.scene.resolve import resolve
+from symgen.symbolic.exact import Exact
+
+#: Scenes of every method, with bodies, springs, drives, spatial links, loads.
+SCENES = (
+    "andrews_squeezer", "car_axis", "crank_rocker", "double_four_bar", "peaucellier", "tumbling_body",
+    "two_four_bars", "spatial_slider_crank", "thesis_four_bar", "rssr", "screw_jack", "bricard",
+)  # fmt: skip
+
+
+def resolved(name: str):
+    return resolve(check_scene(read_scene(name)))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_equations_in_letters_are_those_derived_from_numbers(name):
+    scene = resolved(name)
+    lettered = system_of(scene)
+    numbers = method_of(scene).load("system")(scene)
+    generator = np.random.default_rng(0)
+    values = {g.name: generator.uniform(0.5, 1.5, len(g.quantities)) for g in numbers.groups}
+    assert lettered.constants
+    names = [m.name for m in numbers.matrices]
+    pairs = zip(Exact(lettered).matrices(names, values), Exact(numbers).matrices(names, values), strict=True)
+    for matrix, (a, b) in zip(names, pairs, strict=True):
+        size = max((abs(x) for x in b), default=0)
+        assert all(abs(x - y) <= mpmath.mpf(10) ** -30 * size for x, y in zip(a, b, strict=True)), matrix
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_kernels_of_equations_in_letters_have_no_more_operations(name):
+    scene = resolved(name)
+    kernels = [
+        {k.name: k.counts.flops for k in lower_system(s).kernels}
+        for s in (system_of(scene), method_of(scene).load("system")(scene))
+    ]
+    grown = {kernel: n - kernels[1][kernel] for kernel, n in kernels[0].items() if n > kernels[1][kernel]}
+    # A stiffness multiplied into the extension of a spring, which the accelerations share, is not that of the energy.
+    assert grown == ({"energy": 1} if name == "car_axis" else {})
+
+
+def test_a_uniform_rod_has_the_masses_of_the_source():
+    """Attia, section 2.1: m/3 at each end, m/6 between them."""
+    system = symgen.derive("four_bar")
+    m = {c.quantity.name: c.quantity.symbol for c in system.constants}
+    crank, coupler, rocker = (m[f"m_{name}"] for name in ("crank", "coupler", "rocker"))
+    a, b, ab = crank / 3 + coupler / 3, coupler / 3 + rocker / 3, coupler / 6
+    assert system["mass_matrix"].matrix == sp.Matrix(
+        [[a, 0, ab, 0], [0, a, 0, ab], [ab, 0, b, 0], [0, ab, 0, b]]
+    )
+
+
+def test_the_link_joint_table_has_the_letters_of_the_source():
+    rows = symgen.derive("slider_crank")["rows"].matrix
+    assert [str(x) for x in rows] == [
+        "theta1", "s1", "0", "0", "a1",
+        "theta2", "0", "eta2", "0", "a2",
+        "theta3", "0", "eta3", "alpha3", "0",
+        "0", "S4", "0", "alpha4", "a4",
+    ]  # fmt: skip
+
+
+def test_zeros_and_right_angles_have_no_letters():
+    system = system_of(resolved("rssr"))
+    assert all(not c.expression.is_number or c.expression != 0 for c in system.constants)
+    angles = [c.expression for c in system.constants if c.quantity.name[:-1] in ("theta", "eta", "alpha")]
+    assert all(sp.N(sp.sin(2 * x)) != 0 for x in angles)
+
+
+def test_a_letter_may_depend_on_a_parameter():
+    """Rods of rho kg/m: the derivative by rho passes through their masses."""
+    from symgen.symbolic.derivative import derivative
+
+    system = symgen.derive("peaucellier")
+    by = derivative(system, [system["mass_matrix"]], "rho")["mass_matrix_by_rho"].matrix
+    masses = system.in_numbers()["mass_matrix"].matrix
+    rho = next(x.symbol for x in system.group("p").quantities if x.name == "rho")
+    assert sp.simplify(by - masses.diff(rho)) == sp.zeros(*masses.shape)
+
+
+def test_letters_avoid_the_names_of_a_scene():
+    tables = {
+        "points": {"O": {"at": [0, 0], "ground": True}, "A": {"at": ["0.3 m", 0]}},
+        "links": {"rod": {"points": ["O", "A"], "mass": "m_rod", "length": "0.3 m"}},
+        "parameters": {"m_rod": {"value": "2 kg", "tunable": True}, "l_rod": "2 s"},
+    }
+    system = symgen.derive(symgen.Scene(**tables))
+    assert "m_rod" in {x.name for x in system.group("p").quantities}
+    assert {c.quantity.name for c in system.constants} == {"l_rod"}
+
+
+def test_what_only_the_start_needs_stays_in_numbers():
+    scene = resolved("four_bar")
+    written, letters = in_letters(scene)
+    assert written.start == scene.start
+    assert {c.quantity.name for c in letters.constants} == {
+        *(f"{letter}_{link}" for letter in "lm" for link in ("crank", "coupler", "rocker")),
+        "x_C",
+        "g",
+    }
