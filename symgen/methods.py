@@ -42,6 +42,8 @@ class Method:
         Scene -> resolved scene, which may carry the name of another method that shares this one's tables.
     system
         Resolved scene -> System.
+    letters
+        Resolved scene -> the same with letters for its constants, and the letters; none where empty.
     further
         Resolved scene -> Systems of analyses besides, by name; none where empty.
     describe
@@ -75,6 +77,7 @@ class Method:
     schema: str = ""
     resolve: str = ""
     system: str = ""
+    letters: str = ""
     further: str = ""
     describe: str = ""
     description: str = ""
@@ -110,10 +113,21 @@ class Method:
 
 
 #: The entries of a row on which kernels and descriptions depend.
-_DECIDING = ("schema", "resolve", "system", "further", "describe", "description", "start", "momentum")
+_DECIDING = (
+    "schema",
+    "resolve",
+    "system",
+    "letters",
+    "further",
+    "describe",
+    "description",
+    "start",
+    "momentum",
+)
 _LINKAGE = {
     "resolve": "symgen.scene.resolve:resolved_linkage",
     "system": "symgen.pipeline.systems:linkage_system_of",
+    "letters": "symgen.scene.letters:of_linkage",
     "further": "symgen.models.analyses:elastic_systems",
     "describe": "symgen.pipeline.describe:of_linkage",
     "description": "symgen.runtime.kernels.description:Description",
@@ -161,6 +175,7 @@ METHODS = Registry[Method](
                 claims=("loop",),
                 resolve="symgen.scene.resolve:resolved_loop",
                 system="symgen.models.loop.system:loop_system",
+                letters="symgen.scene.letters:of_loop",
                 describe="symgen.pipeline.describe:of_loop",
                 description="symgen.runtime.kernels.description:LoopDescription",
                 start="symgen.pipeline.describe:with_pose",

@@ -10,7 +10,6 @@ from symgen.calls import checked
 from symgen.errors import SceneError
 from symgen.methods import method_of
 from symgen.pipeline.user_system import is_user_file, load
-from symgen.scene.letters import in_letters
 from symgen.scene.loading import SceneText, check_scene, text_of
 
 if TYPE_CHECKING:
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
 
 def system_of(resolved: Linkage | Loop) -> System:
     """Return the System of a resolved scene; raise SceneError for outputs that it does not have."""
+    from symgen.scene.letters import in_letters
+
     try:
         written, letters = in_letters(resolved)
         system: System = method_of(resolved).load("system")(written)

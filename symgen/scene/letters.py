@@ -8,50 +8,72 @@ from typing import Any
 
 import sympy as sp
 
+from symgen.loads.load import Load
+from symgen.loads.torsion_spring import AngularSpring
+from symgen.methods import method_of
 from symgen.scene.loop.loop import ENTRIES, Loop, LoopBody, LoopLoad, Row, Variable
+from symgen.scene.parameter import Parameter
 from symgen.scene.rods.linkage import (
     TIME,
     Driver,
     Linkage,
-    Parameter,
     PlacedPoint,
     RigidLink,
     SpatialBody,
     Vector,
 )
-from symgen.scene.rods.windings import with_windings
 from symgen.symbolic.constants import vanishes
-from symgen.symbolic.letters import Letters
+from symgen.symbolic.letters import Letter, Letters
 from symgen.symbolic.quantity import AXES
 
+#: Letters of the fields that hold constants.
+_OF_LINK = {
+    "length": Letter("l", "m", "length"),
+    "mass": Letter("m", "kg", "mass"),
+    "centre": Letter("s", "m", "centre of mass along the line"),
+    "offset": Letter("h", "m", "centre of mass to the left of the line"),
+    "inertia": Letter("I", "kg*m^2", "moment of inertia about the centre of mass"),
+}
+_OF_POINT = {
+    "along": Letter("a", "1", "place along the link"),
+    "across": Letter("b", "1", "place across the link"),
+}
+_OF_MASS = {
+    "mass": Letter("m", "kg", "mass"),
+    "inertia": Letter("I", "kg*m^2", "moment of inertia"),
+}
+_OF_LOOP_BODY = {
+    "mass": Letter("m", "kg", "mass"),
+    "centre": Letter("s", "m", "centre of mass"),
+}
 
-def in_letters(resolved: Linkage | Loop) -> tuple[Any, Letters]:
-    """Return a linkage or loop whose constants are letters, further parameters of it, and the letters.
+
+def in_letters(resolved: Any) -> tuple[Any, Letters]:
+    """Return a resolved scene whose constants are letters, further parameters of it, and the letters.
 
     Zeros stay, and right angles between joint axes. A uniform link has its centre at l/2 and the moment of
     inertia m l^2/12. What only the start or a run needs stays in numbers, and so do the sections of a rotor.
     """
-    if isinstance(resolved, Loop):
-        return _loop(resolved)
-    return _linkage(resolved) if isinstance(resolved, Linkage) else (resolved, Letters((), ()))
+    method = method_of(resolved)
+    return method.load("letters")(resolved) if method.letters else (resolved, Letters((), ()))
 
 
 def _added(letters: Letters) -> tuple[Parameter, ...]:
     return tuple(Parameter(c.quantity, c.expression, fixed=True) for c in letters.constants)
 
 
-def _linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
+def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
+    """Return a linkage in letters."""
     states = (f"{p.name}_{word}{axis}" for p in linkage.points for word in ("", "v", "a") for axis in AXES)
     letters = Letters([*states, *(p.quantity.name for p in linkage.parameters)], linkage.defaults)
     links = tuple(_link(letters, link) for link in linkage.links)
     bodies = tuple(_body(letters, body) for body in linkage.bodies)
     points = tuple(_ground(letters, p, linkage.axes) if p.ground else p for p in linkage.points)
-    loads = tuple(
-        replace(load, **letters.record(load, load.name, load.name.replace("_", " ")))
-        for load in linkage.loads
-    )
+    angles: dict[tuple[str, str, sp.Expr], sp.Expr] = {}
+    loads = tuple(_load(letters, load, angles) for load in linkage.loads)
     masses = tuple(
-        replace(m, **letters.record(m, f"at_{m.point}", f"the mass at {m.point}")) for m in linkage.masses
+        replace(m, **letters.record(m, _OF_MASS, f"at_{m.point}", f"the mass at {m.point}"))
+        for m in linkage.masses
     )
     written = replace(
         linkage,
@@ -63,11 +85,25 @@ def _linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
         loads=loads,
         drivers=tuple(_driver(letters, d) for d in linkage.drivers),
     )
-    return with_windings(replace(written, parameters=(*linkage.parameters, *_added(letters)))), letters
+    windings = tuple(
+        replace(w, free=angles.get((w.link, w.against, w.free), w.free)) for w in linkage.windings
+    )
+    return replace(written, windings=windings, parameters=(*linkage.parameters, *_added(letters))), letters
+
+
+def _load(letters: Letters, load: Load, angles: dict[tuple[str, str, sp.Expr], sp.Expr]) -> Load:
+    """Return a load with letters; torsion springs with one free angle share it, as they share revolutions."""
+    constants = letters.record(load, load.letters, load.name, load.name.replace("_", " "))
+    if isinstance(load, AngularSpring):
+        angle = load.link, load.against, load.angle
+        if angle in angles:
+            letters.forget(constants["angle"])
+        constants["angle"] = angles.setdefault(angle, constants["angle"])
+    return replace(load, **constants)
 
 
 def _link(letters: Letters, link: RigidLink) -> RigidLink:
-    constants = letters.record(link, link.name, f"link {link.name}")
+    constants = letters.record(link, _OF_LINK, link.name, f"link {link.name}")
     length, mass = constants["length"], constants["mass"]
     uniform = {
         "centre": (link.length / 2, length / 2),
@@ -78,7 +114,7 @@ def _link(letters: Letters, link: RigidLink) -> RigidLink:
             letters.forget(constants[name])
             constants[name] = form
     carried = tuple(
-        replace(p, **letters.record(p, f"{link.name}_{p.name}", f"{p.name} on {link.name}"))
+        replace(p, **letters.record(p, _OF_POINT, f"{link.name}_{p.name}", f"{p.name} on {link.name}"))
         for p in link.carried
     )
     return replace(link, **constants, carried=carried)
@@ -178,7 +214,8 @@ def _motion(letters: Letters, motion: sp.Expr, owner: str, units: tuple[str, str
     )
 
 
-def _loop(loop: Loop) -> tuple[Loop, Letters]:
+def of_loop(loop: Loop) -> tuple[Loop, Letters]:
+    """Return a loop in letters."""
     known = [x.name for v in loop.variables for x in (v.quantity, v.rate, v.acceleration)]
     letters = Letters([*known, *(p.quantity.name for p in loop.parameters)], loop.defaults)
     written = replace(
@@ -212,7 +249,7 @@ def _input(letters: Letters, variable: Variable) -> Variable:
 
 
 def _loop_body(letters: Letters, body: LoopBody) -> LoopBody:
-    constants = letters.record(body, body.link, f"link {body.link}")
+    constants = letters.record(body, _OF_LOOP_BODY, body.link, f"link {body.link}")
     known: dict[tuple[int, int], sp.Expr] = {}
     for i, j in _upper():
         name = f"I_{AXES[i]}{AXES[j]}_{body.link}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -70,10 +70,10 @@ class Letters:
             for axis, value in zip(axes, values, strict=False)
         )
 
-    def record(self, record: Any, owner: str, named: str) -> dict[str, Any]:
-        """Return the fields of a record that has ``letters``: ``LETTER_OWNER``, of what is ``named`` so."""
+    def record(self, record: Any, fields: Mapping[str, Letter], owner: str, named: str) -> dict[str, Any]:
+        """Return fields of a record as letters ``LETTER_OWNER``, of what is ``named`` so."""
         changed: dict[str, Any] = {}
-        for name, (letter, unit, meaning) in record.letters.items():
+        for name, (letter, unit, meaning) in fields.items():
             value = getattr(record, name)
             new = self.vector if isinstance(value, tuple) else self.scalar
             changed[name] = new(f"{letter}_{owner}", value, unit, f"{meaning} of {named}")

@@ -10,10 +10,10 @@ from typing import ClassVar, Literal
 import sympy as sp
 
 from symgen.scene.limit import Limit
+from symgen.scene.parameter import Parameter, defaults
 from symgen.scene.rods.held import Switch
-from symgen.scene.rods.linkage import Parameter, defaults, number
+from symgen.scene.rods.linkage import number
 from symgen.scene.units import Shown
-from symgen.symbolic.letters import Letter
 from symgen.symbolic.quantity import Quantity
 
 Vector = tuple[sp.Expr, sp.Expr, sp.Expr]
@@ -116,11 +116,6 @@ class LoopBody:
         Whether the joints leave it free to spin about the line of its two balls, and a constant entry holds
         that spin: then it is axisymmetric, and its inertia about that line is omitted.
     """
-
-    letters: ClassVar[Mapping[str, Letter]] = {
-        "mass": Letter("m", "kg", "mass"),
-        "centre": Letter("s", "m", "centre of mass"),
-    }
 
     link: str
     row: int

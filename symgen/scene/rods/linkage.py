@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 import sympy as sp
 
@@ -16,32 +16,18 @@ from symgen.loads.load import Load
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.limit import Limit
+from symgen.scene.parameter import Parameter, defaults
 from symgen.scene.rods.held import Switch, Winding
 from symgen.scene.rods.hinges import Hinge
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
-from symgen.symbolic.letters import Letter
-from symgen.symbolic.quantity import AXES, Quantity, quantity
+from symgen.symbolic.quantity import AXES, quantity
 
 TIME = quantity("t", "s", "time")
 _DIGITS = 30
 
 Vector = tuple[sp.Expr, ...]
 _T = TypeVar("_T")
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A tunable parameter: it stays an argument of the kernels. ``default`` is its value in the scene.
-
-    ``input``: it is an external signal, which may change during a motion. ``fixed``: it is the letter of a
-    constant, and ``default`` the value, over the others, that replaces it in the kernels.
-    """
-
-    quantity: Quantity
-    default: sp.Expr
-    input: bool = False
-    fixed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +47,6 @@ class CarriedPoint:
 
     ``joined``: it has coordinates of its own, since an elastic link is joined to another component there.
     """
-
-    letters: ClassVar[Mapping[str, Letter]] = {
-        "along": Letter("a", "1", "place along the link"),
-        "across": Letter("b", "1", "place across the link"),
-    }
 
     name: str
     along: sp.Expr
@@ -91,14 +72,6 @@ class RigidLink:
     carried
         Further points of the body.
     """
-
-    letters: ClassVar[Mapping[str, Letter]] = {
-        "length": Letter("l", "m", "length"),
-        "mass": Letter("m", "kg", "mass"),
-        "centre": Letter("s", "m", "centre of mass along the line"),
-        "offset": Letter("h", "m", "centre of mass to the left of the line"),
-        "inertia": Letter("I", "kg*m^2", "moment of inertia about the centre of mass"),
-    }
 
     name: str
     start: str
@@ -173,11 +146,6 @@ class SpatialBody:
 @dataclass(frozen=True, slots=True)
 class PlacedMass:
     """A mass [kg] at a point; its moment of inertia [kg m^2] rotates with the link, which includes it."""
-
-    letters: ClassVar[Mapping[str, Letter]] = {
-        "mass": Letter("m", "kg", "mass"),
-        "inertia": Letter("I", "kg*m^2", "moment of inertia"),
-    }
 
     point: str
     mass: sp.Expr
@@ -396,12 +364,6 @@ class Linkage:
     def body(self, name: str) -> SpatialBody | None:
         """Return the body in space called ``name``, if it is one."""
         return next((k for k in self.bodies if k.name == name), None)
-
-
-def defaults(parameters: Sequence[Parameter]) -> dict[sp.Symbol, sp.Expr]:
-    """Return the value of every parameter in the scene."""
-    tunable = {p.quantity.symbol: p.default for p in parameters if not p.fixed}
-    return tunable | {p.quantity.symbol: p.default.xreplace(tunable) for p in parameters if p.fixed}
 
 
 def state_symbol(name: str) -> sp.Symbol:
