@@ -12,7 +12,6 @@ from symgen.loads.load import Load
 from symgen.loads.torsion_spring import AngularSpring
 from symgen.methods import method_of
 from symgen.scene.loop.loop import ENTRIES, Loop, LoopBody, LoopLoad, Row, Variable
-from symgen.scene.parameter import Parameter
 from symgen.scene.rods.linkage import (
     TIME,
     Driver,
@@ -22,6 +21,7 @@ from symgen.scene.rods.linkage import (
     SpatialBody,
     Vector,
 )
+from symgen.scene.rods.parameter import Parameter
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.letters import Letter, Letters
 from symgen.symbolic.quantity import AXES

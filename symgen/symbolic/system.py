@@ -10,8 +10,8 @@ from html import escape
 import sympy as sp
 
 from symgen.errors import DerivationError, ModelError, check_known, nearest
+from symgen.symbolic.constants import Substitution
 from symgen.symbolic.quantity import Quantity
-from symgen.symbolic.substitution import Substitution
 
 #: Name of the kernel of values with a limit, which checks parameters before a run is set up.
 LIMITS = "limits"
