@@ -1,4 +1,4 @@
-"""Numerical constants of expressions: substituted, enclosed by intervals, rounded once, zero where they vanish.
+"""Numerical constants of expressions: substituted, enclosed by intervals, rounded once, zero if they vanish.
 
 SymPy evaluates a vanishing sum to noise of one significant bit, and arithmetic with such a number reduces
 other numbers to one bit too. Here every part of a number is enclosed by an interval, with as many bits as
