@@ -137,6 +137,8 @@ def show(
         raise ModelError("--at selects a state for numeric values: it requires --format numeric")
     if matrix in (None, RECORD) and (rows or columns or by or with_):
         raise ModelError("--rows, --columns, --by and --with apply to one matrix: name it")
+    if matrix is None and numeric:
+        raise ModelError("--numeric applies to a matrix or to the derivation: name it")
     if matrix is None:
         _list(subject)
     elif matrix == RECORD:
@@ -169,7 +171,8 @@ def _list_models() -> None:
 def _list(subject: Subject) -> None:
     """Print the list of matrices."""
     from symgen.inspection.assembled import assembled_names
-    from symgen.report.mathematics.equations import overview, value_of
+    from symgen.report.mathematics.equations import overview
+    from symgen.report.mathematics.numbers import value_of
     from symgen.report.tables import table
 
     head = ("matrix", "shape", "unit", "meaning", "source")

@@ -59,6 +59,9 @@ class Chosen:
             check_known(name, known, f"{system.name} has no symbol")
         system = system.substituted({known[name]: sp.Rational(str(x)) for name, x in values.items()})
         system = system.in_numbers() if constants else system
+        for m in system.matrices:
+            if m.matrix.has(sp.zoo, sp.nan, sp.oo):
+                raise ModelError(f"{m.name} has no finite value where {', '.join(values)} have these values")
         return Chosen(system, system.matrices)
 
     def by(self, name: str) -> Chosen:

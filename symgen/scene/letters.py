@@ -55,7 +55,7 @@ def in_letters(resolved: Any) -> tuple[Any, Letters]:
     inertia m l^2/12. What only the start or a run needs stays in numbers, and so do the sections of a rotor.
     """
     method = method_of(resolved)
-    return method.load("letters")(resolved) if method.letters else (resolved, Letters((), ()))
+    return method.load("letters")(resolved) if method.letters else (resolved, Letters((), (), ()))
 
 
 def _added(letters: Letters) -> tuple[Parameter, ...]:
@@ -65,7 +65,9 @@ def _added(letters: Letters) -> tuple[Parameter, ...]:
 def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
     """Return a linkage in letters."""
     states = (f"{p.name}_{word}{axis}" for p in linkage.points for word in ("", "v", "a") for axis in AXES)
-    letters = Letters([*states, *(p.quantity.name for p in linkage.parameters)], linkage.defaults)
+    owners = [p.name for p in linkage.points]
+    owners += [x.name for of in (linkage.links, linkage.bodies, linkage.loads) for x in of]
+    letters = Letters([*states, *(p.quantity.name for p in linkage.parameters)], owners, linkage.defaults)
     links = tuple(_link(letters, link) for link in linkage.links)
     bodies = tuple(_body(letters, body) for body in linkage.bodies)
     points = tuple(_ground(letters, p, linkage.axes) if p.ground else p for p in linkage.points)
@@ -153,13 +155,16 @@ def _body(letters: Letters, body: SpatialBody) -> SpatialBody:
         )
         for c in body.carried
     )
+    mass = letters.scalar(f"m_{name}", body.mass, "kg", f"mass of {name}")
+    of_mass = tuple(tuple(x / body.mass for x in row) for row in body.masses) if mass != 0 else body.masses
+    shares = _symmetric(letters, "r", of_mass, name, "1", "mass matrix of the base points, over the mass,")
     return replace(
         body,
         bars=bars,
         mass=letters.scalar(f"m_{name}", body.mass, "kg", f"mass of {named}"),
         centre=weights,
-        masses=_symmetric(letters, "m", body.masses, name, "kg", "mass matrix of the base points"),
-        inverse=_symmetric(letters, "g", body.inverse, name, "1/m^2", "inverse of the products of edges"),
+        masses=tuple(tuple(mass * x for x in row) for row in shares),
+        inverse=_symmetric(letters, "e", body.inverse, name, "1/m^2", "inverse of the products of edges"),
         carried=carried,
     )
 
@@ -178,14 +183,12 @@ def _symmetric(
 
 
 def _ground(letters: Letters, point: PlacedPoint, axes: tuple[str, ...]) -> PlacedPoint:
+    """Return a ground point whose place is in letters; it is drawn in numbers."""
     motion = tuple(
         letters.scalar(f"{axis}_{point.name}", c, "m", f"{axis} coordinate of ground point {point.name}")
         for axis, c in zip(axes, point.motion, strict=True)
     )
-    at = tuple(
-        new if c == drawn else drawn for new, c, drawn in zip(motion, point.motion, point.at, strict=True)
-    )
-    return replace(point, motion=motion, at=at)
+    return replace(point, motion=motion)
 
 
 def _gravity(letters: Letters, gravity: Vector, axes: tuple[str, ...]) -> Vector:
@@ -217,7 +220,7 @@ def _motion(letters: Letters, motion: sp.Expr, owner: str, units: tuple[str, str
 def of_loop(loop: Loop) -> tuple[Loop, Letters]:
     """Return a loop in letters."""
     known = [x.name for v in loop.variables for x in (v.quantity, v.rate, v.acceleration)]
-    letters = Letters([*known, *(p.quantity.name for p in loop.parameters)], loop.defaults)
+    letters = Letters([*known, *(p.quantity.name for p in loop.parameters)], (), loop.defaults)
     written = replace(
         loop,
         rows=tuple(_row(letters, i, row, loop) for i, row in enumerate(loop.rows, 1)),

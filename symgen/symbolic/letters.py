@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain, count
 from typing import Any, NamedTuple
 
 import sympy as sp
@@ -32,13 +33,15 @@ class Letters:
     Parameters
     ----------
     taken
-        Names of other quantities: a letter with the same name gets a suffix.
+        Names of other quantities.
+    owners
+        Names with which names of derived quantities begin, such as those of points and links.
     known
         The parameters of the scene.
     """
 
-    def __init__(self, taken: Collection[str], known: Collection[sp.Symbol]) -> None:
-        self._taken, self._known = set(taken), set(known)
+    def __init__(self, taken: Collection[str], owners: Collection[str], known: Collection[sp.Symbol]) -> None:
+        self._taken, self._owners, self._known = set(taken), set(owners), set(known)
         self.constants: list[Definition] = []
         #: Names of the constants that are zero.
         self.zero: list[str] = []
@@ -50,16 +53,23 @@ class Letters:
             return sp.S.Zero
         if (
             value.is_Symbol
+            or (-value).is_Symbol
             or not value.free_symbols <= self._known
             or (unit == "1" and value in (_ONE, -_ONE))
         ):
             return value
-        while name in self._taken:
-            name += "_"
+        name = self._free(name)
         self._taken.add(name)
         new = quantity(name, unit, meaning)
         self.constants.append(Definition(new, value))
         return new.symbol
+
+    def _free(self, name: str) -> str:
+        """Return the name, numbered where the scene has another quantity or an owner called so."""
+        letter, _, owner = name.partition("_")
+        numbered = (f"{letter}{i}_{owner}" if owner else f"{name}_{i}" for i in count(2))
+        fits = (x for x in chain([name], numbered) if x not in self._taken)
+        return next(x for x in fits if x.partition("_")[0] not in self._owners)
 
     def vector(
         self, name: str, values: Collection[sp.Expr], unit: str, meaning: str, axes: Sequence[str] = AXES

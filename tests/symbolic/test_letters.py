@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mpmath
 import numpy as np
 import pytest
@@ -15,16 +17,19 @@ from symgen.scene.letters import in_letters
 from symgen.scene.loading import check_scene, read_scene
 from symgen.scene.resolve import resolve
 from symgen.symbolic.exact import Exact
+from symgen.symbolic.notation import latex_name
 
 #: Scenes of every method, with bodies, springs, drives, spatial links, loads.
 SCENES = (
     "andrews_squeezer", "car_axis", "crank_rocker", "double_four_bar", "peaucellier", "tumbling_body",
     "two_four_bars", "spatial_slider_crank", "thesis_four_bar", "rssr", "screw_jack", "bricard",
+    "universal_joint.toml", "delta_robot.toml",
 )  # fmt: skip
+CASES = Path(__file__).parents[1] / "cases"
 
 
 def resolved(name: str):
-    return resolve(check_scene(read_scene(name)))
+    return resolve(check_scene(read_scene(str(CASES / name) if name.endswith(".toml") else name)))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -94,14 +99,28 @@ def test_a_letter_may_depend_on_a_parameter():
 
 
 def test_letters_avoid_the_names_of_a_scene():
+    """Those of parameters, coordinates and what is derived from points and links."""
+    bar = {"mass": "2 kg", "length": "0.3 m"}
     tables = {
-        "points": {"O": {"at": [0, 0], "ground": True}, "A": {"at": ["0.3 m", 0]}},
-        "links": {"rod": {"points": ["O", "A"], "mass": "m_rod", "length": "0.3 m"}},
-        "parameters": {"m_rod": {"value": "2 kg", "tunable": True}, "l_rod": "2 s"},
+        "points": {"O": {"at": [0, 0], "ground": True}, "l": {"at": ["0.3 m", 0]}, "B": {"at": ["0.6 m", 0]}},
+        "links": {"x": {"points": ["O", "l"], **bar}, "dx": {"points": ["l", "B"], **bar}},
+        "parameters": {"m_x": {"value": "2 kg", "tunable": True}},
+        "masses": [{"point": "B", "mass": "m_x"}],
     }
     system = symgen.derive(symgen.Scene(**tables))
-    assert "m_rod" in {x.name for x in system.group("p").quantities}
-    assert {c.quantity.name for c in system.constants} == {"l_rod"}
+    names = {c.quantity.name: c.expression for c in system.constants}
+    assert set(names) == {"l2_x", "l2_dx", "m2_x", "m_dx"}
+    written = [latex_name(x.name) for x in system.symbols()]
+    assert len(set(written)) == len(written)
+
+
+def test_the_mass_of_a_body_is_a_letter_of_its_equations():
+    """The kinetic energy is proportional to it."""
+    system = symgen.derive("tumbling_body")
+    energy = system["kinetic_energy"].matrix[0, 0]
+    mass = next(c.quantity.symbol for c in system.constants if c.quantity.name == "m_body")
+    assert mass in energy.free_symbols
+    assert sp.expand(energy.diff(mass) * mass - energy) == 0
 
 
 def test_what_only_the_start_needs_stays_in_numbers():

@@ -10,9 +10,9 @@ import sympy as sp
 from symgen.errors import check_known
 from symgen.report.mathematics.layout import WIDTH, columns, defined, heading, in_lines, wrapped
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
-from symgen.report.mathematics.numbers import in_numbers
-from symgen.symbolic.notation import latex, latex_name, readable, text_name
-from symgen.symbolic.system import Definition, NamedMatrix, System
+from symgen.report.mathematics.numbers import in_numbers, value_of
+from symgen.symbolic.notation import latex, latex_name, text_name
+from symgen.symbolic.system import NamedMatrix, System
 
 FORMATS = ("unicode", "latex", "shared", "c", "numeric")
 #: The beginning of a matrix, and the end of a row, in LaTeX.
@@ -164,14 +164,6 @@ def _legend(
             indent = "      "
         lines += wrapped(f"{name}  {x.description} [{x.unit}]{value}", width, indent)
     return lines
-
-
-def value_of(constant: Definition) -> str:
-    """Return the value of a constant as text: a decimal number, multiples of pi as such, or an expression."""
-    value = constant.expression
-    if value.is_number and not (constant.quantity.unit == "rad" and value.has(sp.pi)):
-        return f"{float(value):.12g}"
-    return str(readable(value))
 
 
 def used_terms(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Symbol, sp.Expr]:

@@ -14,6 +14,7 @@ from symgen.lowering.nodes import Node, rename
 from symgen.lowering.program import lower_system
 from symgen.precision import Precision
 from symgen.report.mathematics.layout import WIDTH, wrapped
+from symgen.report.mathematics.numbers import value_of
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 #: Digits of constants in readable text.
@@ -50,8 +51,10 @@ def in_c(system: System, matrix: NamedMatrix, width: int = WIDTH) -> str:
     printer = Printer({})
     comment = [f"/* {matrix.description} [{matrix.unit}]: {kernel.counts}"]
     for array, _ in kernel.inputs:
-        named = system.group(array).quantities or tuple(c.quantity for c in system.constants)
-        comment.append(f" * {array}: {', '.join(x.name for x in named)}")
+        comment.append(f" * {array}: {', '.join(x.name for x in system.group(array).quantities)}")
+    if any(array == "c" for array, _ in kernel.inputs):
+        values = (f"{c.quantity.name} = {value_of(c)}" for c in system.constants)
+        comment.append(f" * c: {', '.join(values)}")
     lines = [part for line in comment for part in wrapped(line, width, " *     ")]
     code = [f"const double {a.target} = {printer(a.value)};" for a in kernel.assignments]
     code += [f"{s.array}[{s.index}] = {printer(s.value)};" for s in kernel.stores]

@@ -9,7 +9,8 @@ import sympy as sp
 from symgen.errors import ModelError
 from symgen.report.mathematics.layout import WIDTH, wrapped
 from symgen.symbolic.constants import rounded
-from symgen.symbolic.system import NamedMatrix, System
+from symgen.symbolic.notation import readable
+from symgen.symbolic.system import Definition, NamedMatrix, System
 
 #: Working digits and retained digits.
 _WORKING, _PRINTED = 40, 12
@@ -17,6 +18,14 @@ _WORKING, _PRINTED = 40, 12
 _NUMBER = 19
 #: Maximum number of symbols named in an error.
 _NAMED = 8
+
+
+def value_of(constant: Definition) -> str:
+    """Return the value of a constant as text: a decimal number, multiples of pi as such, or an expression."""
+    value = constant.expression
+    if value.is_number and not (constant.quantity.unit == "rad" and value.has(sp.pi)):
+        return f"{float(value):.12g}"
+    return str(readable(value))
 
 
 def in_numbers(

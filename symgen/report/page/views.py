@@ -10,9 +10,10 @@ import sympy as sp
 from markupsafe import Markup
 
 from symgen.report.mathematics.equations import displayed, in_python
+from symgen.report.mathematics.numbers import value_of
 from symgen.symbolic.notation import mathml, mathml_name
 from symgen.symbolic.quantity import Quantity
-from symgen.symbolic.system import NamedMatrix, SaddlePoint, System
+from symgen.symbolic.system import Definition, NamedMatrix, SaddlePoint, System
 
 #: Maximum number of characters of a matrix shown as a whole, of an entry, and of all entries of a list
 #: together.
@@ -132,7 +133,7 @@ def _math(expression: sp.Basic | sp.MatrixBase) -> Markup:
 
 
 def symbols(systems: Sequence[System]) -> dict[str, tuple[SymbolView, ...]]:
-    """Return every argument of the systems once, by group."""
+    """Return every argument of the systems once, by group, and the constants with their values."""
     views: dict[str, tuple[SymbolView, ...]] = {}
     known: set[str] = set()
     for system in systems:
@@ -142,7 +143,17 @@ def symbols(systems: Sequence[System]) -> dict[str, tuple[SymbolView, ...]]:
             if new:
                 head = f"{group.name}: {group.description}"
                 views[head] = (*views.get(head, ()), *map(_symbol, new))
+        constants = [c for c in system.constants if c.quantity.name not in known]
+        known |= {c.quantity.name for c in constants}
+        if constants:
+            head = "constants of the scene"
+            views[head] = (*views.get(head, ()), *map(_constant, constants))
     return views
+
+
+def _constant(constant: Definition) -> SymbolView:
+    view = _symbol(constant.quantity)
+    return replace(view, about=f"{view.about} = {value_of(constant)}")
 
 
 def _symbol(x: Quantity) -> SymbolView:
