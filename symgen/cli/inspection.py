@@ -172,6 +172,7 @@ def _list(subject: Subject) -> None:
     """Print the list of matrices."""
     from symgen.inspection.assembled import assembled_names
     from symgen.report.mathematics.equations import overview
+    from symgen.report.mathematics.layout import wrapped
     from symgen.report.mathematics.numbers import value_of
     from symgen.report.tables import table
 
@@ -180,7 +181,10 @@ def _list(subject: Subject) -> None:
         values = [(x.name, x.unit, value_of(c), x.description) for c in part.constants for x in [c.quantity]]
         if values and not prefix:
             columns = ("constant", "unit", "value", "meaning")
-            console().print(table("Constants of the scene", columns, values, texts=(0, 3)))
+            console().print(table("Constants of the scene", columns, values, texts=(0, 3)), width=_width())
+            if part.absent:
+                absent = f"Zero, so that their terms are absent: {', '.join(part.absent)}."
+                print("\n".join(wrapped(absent, _width(), "  ")))
         listed = [(prefix + name, *more) for name, *more in overview(part.matrices)]
         console().print(table(part.title, head, listed, texts=(0, 3, 4)), width=_width())
     if assembled := assembled_names(subject):

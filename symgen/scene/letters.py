@@ -242,7 +242,9 @@ def _row(letters: Letters, number: int, row: Row, loop: Loop) -> Row:
         if angle and fixed.is_number and vanishes(sp.sin(2 * fixed)) and not vanishes(fixed):
             continue  # a right angle: its sine and cosine are zero and one
         unit = "rad" if angle else "m"
-        values[entry] = moving + letters.scalar(f"{entry}{number}", fixed, unit, f"{entry} of row {number}")
+        if fixed != 0 or moving == 0:
+            fixed = letters.scalar(f"{entry}{number}", fixed, unit, f"{entry} of row {number}")
+        values[entry] = moving + fixed
     return replace(row, **values)
 
 

@@ -98,7 +98,7 @@ class Letters:
             replace(g, quantities=tuple(x for x in g.quantities if x.name not in names))
             for g in system.groups
         )
-        return replace(system, groups=groups, constants=tuple(self.constants))
+        return replace(system, groups=groups, constants=tuple(self.constants), absent=tuple(self.zero))
 
     def forget(self, letter: sp.Expr) -> None:
         """Omit a letter whose value follows from others."""

@@ -133,6 +133,8 @@ class SaddlePoint:
 class System:
     """Everything derived for one model.
 
+    ``constants`` are the letters of the scene with their values, ``absent`` those that are zero.
+
     ``sources`` lists patterns of names of matrices with their equations in the source; the first that matches
     becomes the source of a matrix that states none. Where nothing matches, it is not in the source.
 
@@ -153,6 +155,7 @@ class System:
     left_out: tuple[str, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()
     constants: tuple[Definition, ...] = ()
+    absent: tuple[str, ...] = ()
     _index: dict[str, NamedMatrix] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

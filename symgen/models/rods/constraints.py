@@ -217,8 +217,7 @@ def guide_rows(model: Points) -> Iterator[GuideRow]:
 
 def _keeps_direction(model: Points, start: str, end: str) -> bool:
     """Return whether a link between ground points keeps its direction."""
-    points = [model.linkage.point(p) for p in (start, end)]
-    moved = [tuple(b - a for a, b in zip(p.at, p.motion, strict=True)) for p in points if p.ground]
+    moved = [model.shift(p) for p in (start, end) if model.linkage.point(p).ground]
     return len(moved) == 2 and moved[0] == moved[1]
 
 

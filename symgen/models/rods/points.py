@@ -155,8 +155,8 @@ class Points:
         if self.linkage.elastic or not _keeps_shape(link):
             return ()
         pending = {(k.name, p.name) for k, p in self.shared[joint:]}
-        shift = self._shift(point.name)
-        ground = [p for p in self.ground if self._shift(p) == shift]
+        shift = self.shift(point.name)
+        ground = [p for p in self.ground if self.shift(p) == shift]
         others = [("", ground), *((k.name, _names(k)) for k in self.parts if k != link and _keeps_shape(k))]
         found: list[tuple[str, ...]] = [()]
         for name, points in others:
@@ -165,10 +165,10 @@ class Points:
                 found.append(tuple(p for p in _names(link) if p in joined and p != point.name))
         return max(found, key=len)
 
-    def _shift(self, point: str) -> Vector:
+    def shift(self, point: str) -> Vector:
         """Return the motion of a point from where it is drawn, which ground points have [m]."""
-        placed = self.linkage.point(point)
-        return tuple(a - b for a, b in zip(placed.motion, placed.at, strict=True))
+        placed, constants = self.linkage.point(point), self.linkage.constants
+        return tuple(a.xreplace(constants) - b for a, b in zip(placed.motion, placed.at, strict=True))
 
     @cached_property
     def along(self) -> dict[str, Vector]:

@@ -72,12 +72,7 @@ def metric_of(model: RodsModel) -> list[NamedMatrix]:
 
 def _displaced(model: RodsModel) -> bool:
     """Return whether some ground point differs from its drawn position at the start."""
-    start = {**model.linkage.constants, TIME.symbol: ZERO}
-    return any(
-        there.xreplace(start) != drawn
-        for p in model.ground
-        for there, drawn in zip(model.linkage.point(p).motion, model.linkage.point(p).at, strict=True)
-    )
+    return any(c.xreplace({TIME.symbol: ZERO}) != 0 for p in model.ground for c in model.shift(p))
 
 
 def _driven(model: RodsModel) -> bool:
