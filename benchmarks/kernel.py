@@ -47,7 +47,7 @@ def main() -> int:
 
 def measured(model: symgen.Model) -> Measurement:
     """Measure once."""
-    system, scene = symgen.derive(SCENE), symgen.load_scene(SCENE)
+    system, scene = symgen.derive(SCENE).in_numbers(), symgen.load_scene(SCENE)
     states = random_states(model)
     n = model.description.coordinates
     exact = Exact(system, list(model.parameters.values()))

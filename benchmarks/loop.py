@@ -167,7 +167,7 @@ class Lambdified:
         from symgen.runtime.result.records import converters
 
         d = loop.model.description
-        system = symgen.derive(loop.name)
+        system = symgen.derive(loop.name).in_numbers()
         given = [x.symbol for g in system.groups for x in g.quantities]
         self.functions: dict[str, Callable[..., list[float]]] = {}
         for export in system.exports:

@@ -148,7 +148,7 @@ class Equations:
     """The equations of a linkage as functions of decimal numbers."""
 
     def __init__(self, case: Setting) -> None:
-        self.case, system = case, symgen.derive(case.scene)
+        self.case, system = case, symgen.derive(case.scene).in_numbers()
         point = system.saddle_point
         assert point is not None
         self.groups = {g.name: [x.symbol for x in g.quantities] for g in system.groups}

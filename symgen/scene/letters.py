@@ -9,7 +9,7 @@ from typing import Any
 import sympy as sp
 
 from symgen.loads.load import Load
-from symgen.loads.torsion_spring import AngularSpring
+from symgen.loads.of_links import Angle
 from symgen.methods import method_of
 from symgen.scene.loop.loop import ENTRIES, Loop, LoopBody, LoopLoad, Row, Variable
 from symgen.scene.rods.linkage import (
@@ -72,7 +72,7 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
     bodies = tuple(_body(letters, body) for body in linkage.bodies)
     points = tuple(_ground(letters, p, linkage.axes) if p.ground else p for p in linkage.points)
     angles: dict[tuple[str, str, sp.Expr], sp.Expr] = {}
-    loads = tuple(_load(letters, load, angles) for load in linkage.loads)
+    loads = tuple(_load(letters, load, len(linkage.axes), angles) for load in linkage.loads)
     masses = tuple(
         replace(m, **letters.record(m, _OF_MASS, f"at_{m.point}", f"the mass at {m.point}"))
         for m in linkage.masses
@@ -93,14 +93,16 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
     return replace(written, windings=windings, parameters=(*linkage.parameters, *_added(letters))), letters
 
 
-def _load(letters: Letters, load: Load, angles: dict[tuple[str, str, sp.Expr], sp.Expr]) -> Load:
-    """Return a load with letters; torsion springs with one free angle share it, as they share revolutions."""
+def _load(letters: Letters, load: Load, axes: int, angles: dict[tuple[str, str, sp.Expr], sp.Expr]) -> Load:
+    """Return a load with letters; loads of one angle share its letter, as they share its revolutions."""
     constants = letters.record(load, load.letters, load.name, load.name.replace("_", " "))
-    if isinstance(load, AngularSpring):
-        angle = load.link, load.against, load.angle
-        if angle in angles:
-            letters.forget(constants["angle"])
-        constants["angle"] = angles.setdefault(angle, constants["angle"])
+    written = replace(load, **constants)
+    for number, letter in zip(load.measures(axes), written.measures(axes), strict=True):
+        if isinstance(number, Angle) and isinstance(letter, Angle):
+            shared = angles.setdefault((number.link, number.against, number.free), letter.free)
+            if shared != letter.free:
+                letters.forget(letter.free)
+                constants = {k: shared if x == letter.free else x for k, x in constants.items()}
     return replace(load, **constants)
 
 

@@ -102,7 +102,7 @@ def test_free_variables_need_masses():
         ("crank.joint3.force", "crank.joint"),
         ("rod.joint2.torque", "rod.joint"),
         ("ground.position", "Did you mean"),
-        ("work", "Known"),
+        ("work", "The nearest of"),
     ],
 )
 def test_unknown_outputs_are_refused_with_what_is_near(name, hint):

@@ -10,6 +10,9 @@ from symgen.mechanics.rods.recursion import chain_recursion
 from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
 
+#: Names of arguments of kernels, which no term has.
+_ARRAYS = ("t", "q", "u", "p", "work", "out")
+
 
 def chain_system(dimension: int) -> System:
     """Return the steps of the recursion over rods in the plane (2) or in space (3) as one System.
@@ -18,7 +21,7 @@ def chain_system(dimension: int) -> System:
     meaning in an earlier step carries the name of its step as well.
     """
     recursion = chain_recursion(dimension)
-    known: dict[str, object] = {}
+    known: dict[str, object] = dict.fromkeys(_ARRAYS)
     arguments: dict[str, Quantity] = {}
     definitions: list[Definition] = []
     matrices: list[NamedMatrix] = []
