@@ -127,7 +127,7 @@ _DECIDING = (
 _LINKAGE = {
     "resolve": "symgen.scene.resolve:resolved_linkage",
     "system": "symgen.pipeline.systems:linkage_system_of",
-    "letters": "symgen.scene.letters:of_linkage",
+    "letters": "symgen.scene.rods.letters:of_linkage",
     "further": "symgen.models.analyses:elastic_systems",
     "describe": "symgen.pipeline.describe:of_linkage",
     "description": "symgen.runtime.kernels.description:Description",
@@ -175,7 +175,7 @@ METHODS = Registry[Method](
                 claims=("loop",),
                 resolve="symgen.scene.resolve:resolved_loop",
                 system="symgen.models.loop.system:loop_system",
-                letters="symgen.scene.letters:of_loop",
+                letters="symgen.scene.loop.letters:of_loop",
                 describe="symgen.pipeline.describe:of_loop",
                 description="symgen.runtime.kernels.description:LoopDescription",
                 start="symgen.pipeline.describe:with_pose",

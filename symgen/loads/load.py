@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 import sympy as sp
 
 from symgen.loads.measure import Measure, Term, Vector
-from symgen.symbolic.letters import Letter
+from symgen.symbolic.names import Letter
 
 if TYPE_CHECKING:
     from symgen.scene.table import Table

@@ -14,7 +14,7 @@ from symgen.loads.load import Load, Reading
 from symgen.loads.measure import RATE, VALUE, Term
 from symgen.loads.of_points import Length
 from symgen.scene import table, units
-from symgen.symbolic.letters import Letter
+from symgen.symbolic.names import Letter
 
 
 class Spring(table.Table):

@@ -15,7 +15,7 @@ from symgen.loads.measure import RATE, VALUE, Term
 from symgen.loads.of_links import Angle, Bend
 from symgen.loads.torque import check_couple
 from symgen.scene import table, units
-from symgen.symbolic.letters import Letter
+from symgen.symbolic.names import Letter
 
 
 class TorsionSpring(table.Table):

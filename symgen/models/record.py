@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from symgen.errors import DerivationError
 from symgen.methods import method_of
-from symgen.scene.letters import in_letters
+from symgen.scene.rods.letters import in_letters
 from symgen.symbolic.system import NamedMatrix, Step, System
 
 if TYPE_CHECKING:

@@ -18,10 +18,10 @@ from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
 from symgen.pipeline.systems import system_of
 from symgen.pipeline.user_system import is_user_file, load
-from symgen.scene.letters import in_letters
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
+from symgen.scene.rods.letters import in_letters
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.derivative import derivative
 from symgen.symbolic.system import DerivedMatrix, Export, Matrices, NamedMatrix, SaddlePoint, Step, System

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def system_of(resolved: Linkage | Loop) -> System:
     """Return the System of a resolved scene; raise SceneError for outputs that it does not have."""
-    from symgen.scene.letters import in_letters
+    from symgen.scene.rods.letters import in_letters
 
     try:
         written, letters = in_letters(resolved)

@@ -13,8 +13,8 @@ from symgen.errors import SceneError, nearest
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
 from symgen.scene.limit import Limit
+from symgen.scene.rods.held import Parameter
 from symgen.scene.rods.linkage import TIME, PlacedPoint, number, state_symbol
-from symgen.scene.rods.parameter import Parameter
 from symgen.scene.schema import Scene, Units
 from symgen.scene.units import Dimension, Shown, is_quantity, parse_quantity
 from symgen.symbolic.quantity import AXES, quantity

@@ -18,9 +18,9 @@ import symgen
 from symgen.cli import app
 from symgen.errors import SymgenError
 from symgen.models.record import record
-from symgen.scene.letters import in_letters
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve
+from symgen.scene.rods.letters import in_letters
 from symgen.scene.units import parse_quantity
 from symgen.symbolic.constants import PI
 from symgen.symbolic.derivative import derivative

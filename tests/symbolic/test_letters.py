@@ -13,9 +13,9 @@ import symgen
 from symgen.lowering.program import lower_system
 from symgen.methods import method_of
 from symgen.pipeline.systems import system_of
-from symgen.scene.letters import in_letters
 from symgen.scene.loading import check_scene, read_scene
 from symgen.scene.resolve import resolve
+from symgen.scene.rods.letters import in_letters
 from symgen.symbolic.exact import Exact
 from symgen.symbolic.notation import latex_name
 

@@ -15,7 +15,7 @@ from symgen.scene.elastic.spatial_section import section_in_space
 from symgen.scene.limit import Limit
 from symgen.scene.reading import Reader, check_count, shown_units
 from symgen.scene.rods.bodies import points
-from symgen.scene.rods.parameter import Parameter
+from symgen.scene.rods.held import Parameter
 from symgen.scene.schema import Link, Scene
 from symgen.scene.units import Shown
 

@@ -16,9 +16,8 @@ from symgen.loads.load import Load
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.limit import Limit
-from symgen.scene.rods.held import Switch, Winding
+from symgen.scene.rods.held import Parameter, Switch, Winding, defaults
 from symgen.scene.rods.hinges import Hinge
-from symgen.scene.rods.parameter import Parameter, defaults
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
 from symgen.symbolic.quantity import AXES, quantity

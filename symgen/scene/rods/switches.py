@@ -11,9 +11,8 @@ from itertools import count
 import sympy as sp
 
 from symgen.scene.loop.loop import Loop, LoopLoad, Variable
-from symgen.scene.rods.held import Switch
+from symgen.scene.rods.held import Parameter, Switch
 from symgen.scene.rods.linkage import TIME, Linkage, Vector
-from symgen.scene.rods.parameter import Parameter
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.switch import Sign
 

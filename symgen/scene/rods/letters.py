@@ -1,8 +1,7 @@
-"""A resolved scene with letters for its constants, of which its equations are derived for readers."""
+"""A resolved scene with letters for its constants, of which its equations are derived; linkages."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +10,7 @@ import sympy as sp
 from symgen.loads.load import Load
 from symgen.loads.of_links import Angle
 from symgen.methods import method_of
-from symgen.scene.loop.loop import ENTRIES, Loop, LoopBody, LoopLoad, Row, Variable
+from symgen.scene.rods.held import Parameter
 from symgen.scene.rods.linkage import (
     TIME,
     Driver,
@@ -21,9 +20,8 @@ from symgen.scene.rods.linkage import (
     SpatialBody,
     Vector,
 )
-from symgen.scene.rods.parameter import Parameter
 from symgen.symbolic.constants import vanishes
-from symgen.symbolic.letters import Letter, Letters
+from symgen.symbolic.names import Letter, Letters
 from symgen.symbolic.quantity import AXES
 
 #: Letters of the fields that hold constants.
@@ -42,10 +40,6 @@ _OF_MASS = {
     "mass": Letter("m", "kg", "mass"),
     "inertia": Letter("I", "kg*m^2", "moment of inertia"),
 }
-_OF_LOOP_BODY = {
-    "mass": Letter("m", "kg", "mass"),
-    "centre": Letter("s", "m", "centre of mass"),
-}
 
 
 def in_letters(resolved: Any) -> tuple[Any, Letters]:
@@ -58,7 +52,8 @@ def in_letters(resolved: Any) -> tuple[Any, Letters]:
     return method.load("letters")(resolved) if method.letters else (resolved, Letters((), (), ()))
 
 
-def _added(letters: Letters) -> tuple[Parameter, ...]:
+def added(letters: Letters) -> tuple[Parameter, ...]:
+    """Return letters as parameters of the scene."""
     return tuple(Parameter(c.quantity, c.expression, fixed=True) for c in letters.constants)
 
 
@@ -82,7 +77,7 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
         points=points,
         links=links,
         bodies=bodies,
-        gravity=_gravity(letters, linkage.gravity, linkage.axes),
+        gravity=gravity_of(letters, linkage.gravity, linkage.axes),
         masses=masses,
         loads=loads,
         drivers=tuple(_driver(letters, d) for d in linkage.drivers),
@@ -90,7 +85,7 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
     windings = tuple(
         replace(w, free=angles.get((w.link, w.against, w.free), w.free)) for w in linkage.windings
     )
-    return replace(written, windings=windings, parameters=(*linkage.parameters, *_added(letters))), letters
+    return replace(written, windings=windings, parameters=(*linkage.parameters, *added(letters))), letters
 
 
 def _load(letters: Letters, load: Load, axes: int, angles: dict[tuple[str, str, sp.Expr], sp.Expr]) -> Load:
@@ -193,7 +188,7 @@ def _ground(letters: Letters, point: PlacedPoint, axes: tuple[str, ...]) -> Plac
     return replace(point, motion=motion)
 
 
-def _gravity(letters: Letters, gravity: Vector, axes: tuple[str, ...]) -> Vector:
+def gravity_of(letters: Letters, gravity: Vector, axes: tuple[str, ...]) -> Vector:
     """Return gravity as its size g along an axis, or by components."""
     there = [i for i, c in enumerate(gravity) if c != 0]
     if len(there) == 1 and gravity[there[0]].is_number:
@@ -204,10 +199,10 @@ def _gravity(letters: Letters, gravity: Vector, axes: tuple[str, ...]) -> Vector
 
 
 def _driver(letters: Letters, driver: Driver) -> Driver:
-    return replace(driver, angle=_motion(letters, driver.angle, driver.link, ("rad", "rad/s"), driver.link))
+    return replace(driver, angle=motion_of(letters, driver.angle, driver.link, ("rad", "rad/s"), driver.link))
 
 
-def _motion(letters: Letters, motion: sp.Expr, owner: str, units: tuple[str, str], named: str) -> sp.Expr:
+def motion_of(letters: Letters, motion: sp.Expr, owner: str, units: tuple[str, str], named: str) -> sp.Expr:
     """Return a uniform motion by its value at the start and its rate; any other stays."""
     rate = sp.diff(motion, TIME.symbol)
     if rate.free_symbols & {TIME.symbol}:
@@ -216,65 +211,4 @@ def _motion(letters: Letters, motion: sp.Expr, owner: str, units: tuple[str, str
     first, second = ("phi", "omega") if units[0] == "rad" else ("x", "v")
     return letters.scalar(f"{first}0_{owner}", start, units[0], f"prescribed value of {named} at t = 0") + (
         letters.scalar(f"{second}_{owner}", rate, units[1], f"prescribed rate of {named}") * TIME.symbol
-    )
-
-
-def of_loop(loop: Loop) -> tuple[Loop, Letters]:
-    """Return a loop in letters."""
-    known = [x.name for v in loop.variables for x in (v.quantity, v.rate, v.acceleration)]
-    letters = Letters([*known, *(p.quantity.name for p in loop.parameters)], (), loop.defaults)
-    written = replace(
-        loop,
-        rows=tuple(_row(letters, i, row, loop) for i, row in enumerate(loop.rows, 1)),
-        variables=tuple(_input(letters, v) if v.role == "input" else v for v in loop.variables),
-        bodies=tuple(_loop_body(letters, b) for b in loop.bodies),
-        gravity=_gravity(letters, loop.gravity, tuple(AXES)),
-        loads=tuple(_loop_load(letters, load) for load in loop.loads),
-    )
-    return replace(written, parameters=(*loop.parameters, *_added(letters))), letters
-
-
-def _row(letters: Letters, number: int, row: Row, loop: Loop) -> Row:
-    variables = {v.quantity.symbol for v in loop.variables}
-    values = {}
-    for entry in ENTRIES:
-        value = getattr(row, entry)
-        moving = sp.Add(*(term for term in sp.Add.make_args(value) if term.free_symbols & variables))
-        fixed, angle = value - moving, entry not in ("S", "a")
-        if angle and fixed.is_number and vanishes(sp.sin(2 * fixed)) and not vanishes(fixed):
-            continue  # a right angle: its sine and cosine are zero and one
-        unit = "rad" if angle else "m"
-        if fixed != 0 or moving == 0:
-            fixed = letters.scalar(f"{entry}{number}", fixed, unit, f"{entry} of row {number}")
-        values[entry] = moving + fixed
-    return replace(row, **values)
-
-
-def _input(letters: Letters, variable: Variable) -> Variable:
-    units = (variable.quantity.unit, variable.rate.unit)
-    return replace(variable, motion=_motion(letters, variable.motion, variable.name, units, variable.name))
-
-
-def _loop_body(letters: Letters, body: LoopBody) -> LoopBody:
-    constants = letters.record(body, _OF_LOOP_BODY, body.link, f"link {body.link}")
-    known: dict[tuple[int, int], sp.Expr] = {}
-    for i, j in _upper():
-        name = f"I_{AXES[i]}{AXES[j]}_{body.link}"
-        about = f"{AXES[i]}{AXES[j]} entry of the inertia matrix of link {body.link} about its centre of mass"
-        known[i, j] = known[j, i] = letters.scalar(name, body.inertia[i][j], "kg*m^2", about)
-    x, y, z = (tuple(known[i, j] for j in range(3)) for i in range(3))
-    return replace(body, **constants, inertia=(x, y, z))
-
-
-def _upper() -> Iterator[tuple[int, int]]:
-    return ((i, j) for i in range(3) for j in range(i, 3))
-
-
-def _loop_load(letters: Letters, load: LoopLoad) -> LoopLoad:
-    owner = load.name.replace(".", "_")
-    return replace(
-        load,
-        at=letters.vector(f"r_{owner}", load.at, "m", f"point of {load.name}"),
-        force=letters.vector(f"F_{owner}", load.force, "N", f"force of {load.name}"),
-        torque=letters.vector(f"T_{owner}", load.torque, "N*m", f"couple of {load.name}"),
     )
