@@ -52,6 +52,8 @@ LOOP: Sources = (
     ("*_operator", "Rahman (17)"),
     ("closure_jacobian", "Rahman (12)-(17): the columns of (24) as screws"),
     ("screws", "Rahman (12)-(17): the columns of (24) as screws"),
+    ("closure_matrix", "Rahman (38), corrected: A"),
+    ("closure_rhs", "Rahman (38), corrected: V"),
     ("screw_rates", "Rahman (38a)-(42a), corrected"),
     ("screw_drift", "Rahman (38a)-(42a), corrected"),
     ("inputs", "Rahman (27)-(28a)"),

@@ -166,7 +166,13 @@ def of_loop(loop: Loop, system: System) -> Iterator[Step]:
             "Screws times rates sum to zero round the loop, and so do their rates; partial sums are "
             "the motions of the links.",
             "Rahman, Eqs. (29)-(45), corrected",
-            (*known("inputs"), *ending("_frame", "_motion", "_motion_rate"), "screw_drift"),
+            (
+                *known("inputs"),
+                "closure_matrix",
+                "closure_rhs",
+                *ending("_frame", "_motion", "_motion_rate"),
+                "screw_drift",
+            ),
         ),
         (
             "Momenta and inertia wrenches",

@@ -112,6 +112,20 @@ class Paths:
         """Return the screw of every motion in the first frame, each by the shorter path."""
         return [self.frames[i if i < self.meet else i + 1].screw(m.screw) for i, m in enumerate(self.motions)]
 
+    @property
+    def meeting_screws(self) -> list[DualVector]:
+        """Return the screws in the frame where both paths meet, about its origin: the columns of Eq. (38).
+
+        Each is carried along its own path; those of constant motions are zero.
+        """
+        ahead: list[DualVector] = []
+        for m in self.motions[: self.meet]:
+            ahead = [*(_carried(m.matrix.T, screw) for screw in ahead), m.screw if m.slopes else NOTHING]
+        behind: list[DualVector] = []
+        for m in reversed(self.motions[self.meet :]):
+            behind = [*(_carried(m.matrix, screw) for screw in behind), m.screw if m.slopes else NOTHING]
+        return [*ahead, *reversed(behind)]
+
     def columns(self, screws: Sequence[DualVector], variables: int) -> sp.ImmutableMatrix:
         """Return the 6xN matrix of the screws of the joint variables, from the screws of the motions."""
         matrix = sp.zeros(6, variables)
@@ -194,3 +208,19 @@ class Paths:
     ) -> DualVector:
         where = f"of the frame at {motion.entry} of row {motion.row}"
         return self.names.screw(name, vector, kinds, where)
+
+
+def _carried(matrix: DualMatrix, screw: DualVector) -> DualVector:
+    """Return the product of a matrix of few entries with a screw, without the conversions of matrices."""
+    if screw is NOTHING:
+        return screw
+    real, dual = (
+        [[(k, x) for k in range(3) if (x := part[i, k]) != 0] for i in range(3)]
+        for part in (matrix.real, matrix.dual)
+    )
+    turned = tuple(sp.Add(*(x * screw.real[k] for k, x in row)) for row in real)
+    moved = (
+        sp.Add(*(x * screw.dual[k] for k, x in row), *(x * screw.real[k] for k, x in shift))
+        for row, shift in zip(real, dual, strict=True)
+    )
+    return DualVector(turned, tuple(moved))

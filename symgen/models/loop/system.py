@@ -236,6 +236,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
         )
         for j, v in enumerate(model.variables)
     ]
+    steps += _closure_of_velocities(model)
     for k, link in enumerate(model.links, 1):
         frame = model.frame(k)
         placed = frame.turn.row_join(sp.Matrix(frame.origin))
@@ -282,6 +283,32 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
             for k, wrench in enumerate(model.joints[0], 1)
         ]
     return steps
+
+
+def _closure_of_velocities(model: LoopModel) -> list[NamedMatrix]:
+    """Return A and V of A q' = V for the rates of the dependent variables, as in the source."""
+    screws = model.paths.columns(model.paths.meeting_screws, len(model.variables))
+    found = [j for j, v in enumerate(model.variables) if v.role == "dependent"]
+    given = [j for j in range(len(model.variables)) if j not in found]
+    rates = sp.Matrix([model.rates[j] for j in given])
+    where = "in the frame where both paths meet"
+    return [
+        named(
+            "closure_matrix",
+            screws.extract(list(range(6)), found),
+            "1, m",
+            f"A of A q' = V, the closure of velocities {where}: screws of the dependent variables",
+            _SCREW,
+            [model.variables[j].name for j in found],
+        ),
+        named(
+            "closure_rhs",
+            -screws.extract(list(range(6)), given) * rates if given else sp.zeros(6, 1),
+            "rad/s, m/s",
+            f"V of A q' = V {where}: less the screws of the other variables times their rates",
+            _SCREW,
+        ),
+    ]
 
 
 def _left_out(model: LoopModel, needs: Iterable[str]) -> Iterable[str]:
