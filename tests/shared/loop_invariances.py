@@ -50,7 +50,8 @@ def many(loop: Loop) -> Results:
     values = model.parameters[pace] * np.array([0.8, 1.0, 1.2])
     times = np.array([0.0, 0.6]) * REACH * loop.scales[2]
     runs = model.inverse_dynamics_many(parameters={pace: values}, at=times, over="time")
-    return {str(name): runs[name].values for name in runs.data_vars}
+    beside = ("error", "constraint_drift")  # messages, and round-off
+    return {str(name): runs[name].values for name in runs.data_vars if name not in beside}
 
 
 def differences(expected: Results, found: Results, by: Change) -> dict[str, float]:
