@@ -9,10 +9,12 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 import shared.elastic_golden as golden
 from shared.commands import call
 from shared.golden import reference
+from shared.thesis_assembly import BOUNDARY, HELD, assembled
 
 from symgen.cli.common import changes
 from symgen.mechanics import sources
@@ -242,3 +244,8 @@ def test_numbers_are_those_computed_independently():
     for place, words in (("Table III", (5607.360, 1607.880)), ("Table IV", (7156.710, 9795.920))):
         shown = [float(x) for x in numbers(place, "thesis")]
         assert shown == pytest.approx([x * 1e-4 for x in words], abs=5e-7)
+    of = assembled(np.radians(60))
+    shape = np.linalg.solve(of["elastic_stiffness"] + of["elastic_geometric_stiffness"], of["elastic_load"])
+    unknowns = [k for k in range(1, 21) if k not in (*BOUNDARY, HELD)]
+    nodes = [f"{shape[unknowns.index(k)]:.6g}" for k in (4, 7)]
+    assert numbers("Table V", "thesis") == nodes

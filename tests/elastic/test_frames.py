@@ -211,6 +211,9 @@ def test_a_beam_between_ground_points_under_its_weight(welds, factor):
     assert found["beam.deflection"].values[-1] == pytest.approx(-sag, rel=1e-9)
     assert found["beam.Q.force"].values[-1] == pytest.approx([0.0, weight * LENGTH / 2], rel=1e-9, abs=1e-9)
     assert not np.any(found["beam.length_change"].values)
+    # Half the integral of w'^2.
+    longer = (1 / 60480 if welds else 17 / 40320) * (weight / BENDING) ** 2 * LENGTH**7
+    assert found["beam.arc_length_change"].values[-1] == pytest.approx(longer, rel=1e-9)
     if welds:
         assert found["beam.Q.couple"].values[-1] == pytest.approx(weight * LENGTH**2 / 12, rel=1e-9)
 

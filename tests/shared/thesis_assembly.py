@@ -190,11 +190,11 @@ def assembly() -> np.ndarray:
     return z
 
 
-def assembled(theta: float) -> dict[str, np.ndarray]:
-    """Return the matrices of the linkage with its crank held at constant speed, in SI units."""
+def assembled(theta: float, held: bool = True) -> dict[str, np.ndarray]:
+    """Return the matrices of the linkage about constant speed, in SI units; the crank is held or free."""
     *links, accelerations = rigid_motion(theta)
     parts, z = [of_link(link) for link in links], assembly()
-    free = np.array([k for k in range(20) if k + 1 not in (*BOUNDARY, HELD)])
+    free = np.array([k for k in range(20) if k + 1 not in (*BOUNDARY, *[HELD] * held)])
     size = np.zeros(20)
     size[np.ravel(NUMBERS) - 1] = np.tile(SIZES, 6)
     found = {}

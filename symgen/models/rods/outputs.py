@@ -229,6 +229,7 @@ OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
 #: Outputs of elastic links, which their runs recover.
 OF_ELASTIC = (
     *("bending_strain", "axial_strain", "stress", "deflection", "displacement", "length_change"),
+    *("arc_length_change", "rotation", "curvature", "shaft_angle"),
     *("strain_energy", "dissipated_power", "shaft_power", "omitted_power"),
     *("greatest_stress", "greatest_stress_at"),
 )

@@ -1,9 +1,9 @@
-"""Recorded outputs of elastic links: strains, stresses, displacements, changes of length, powers; errors."""
+"""Recorded outputs of elastic links: strains, stresses, displacements, rotations, lengths; errors."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import RLock
@@ -15,7 +15,7 @@ from symgen.errors import SceneError, SimulationError, nearest
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.beams.forces import Motion
+from symgen.runtime.beams.forces import Motion, crank_rotation
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.description import Description
@@ -39,7 +39,7 @@ _SHARED = 60
 
 
 def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[Variable]:
-    """Return strains at the stations, displacements of joints and changes of length.
+    """Return strains at stations, displacements, rotations and curvatures at joints, changes of length.
 
     Parameters
     ----------
@@ -59,8 +59,25 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
         info = beam.info
         # The ground holds the distance of its points: a bent link between them is stretched.
         held = {info.start, info.end} <= ground
-        variables.append(length_change(info.link, np.zeros(len(values)) if held else _stretch(beam, values)))
+        (u0, _), *_, (u1, _) = beam.joints
+        shortened = _shortening(beam, values)
+        apart = 0.0 * shortened if held else values[:, u1] - values[:, u0] - shortened
+        variables.append(length_change(info.link, apart))
+        about = f"change of the length of the deformed centre line of {info.link}"
+        variables.append(Variable(f"{info.link}.arc_length_change", "m", about, (), apart + shortened))
+        variables += _at_joints(beam, values)
     return variables
+
+
+def _at_joints(beam: Beam, local: Array) -> Iterator[Variable]:
+    """Yield rotation and curvature of a link at its joints."""
+    info = beam.info
+    for point, node in zip(info.points, info.joint_nodes, strict=True):
+        rows = beam.rows(info.node(node))
+        about = f"rotation of the section of {info.link} at {point} from the rigid motion"
+        yield Variable(f"{info.link}.{point}.rotation", "rad", about, (), local @ rows.rotation)
+        about = f"curvature of {info.link} at {point}"
+        yield Variable(f"{info.link}.{point}.curvature", "1/m", about, (), local @ rows.curvature)
 
 
 def _strains(motion: ElasticMotion, local: Sequence[Array]) -> list[Variable]:
@@ -150,24 +167,24 @@ def length_change(link: str, values: Array) -> Variable:
     return Variable(f"{link}.length_change", "m", about, (), values)
 
 
-def _stretch(beam: Beam, local: Array) -> Array:
-    """Return the change of the distance between the ends [m], to the second order of bending.
+def _shortening(beam: Beam, local: Array) -> Array:
+    """Return by how much bending brings the ends of a link closer [m], to the second order.
 
-    The integral of the axial strain, less half the integral of the square of the slope from the line between
-    the ends. Turning the link as a whole changes nothing, however far linear displacements go.
+    Half the integral of the square of the slope from the line between the ends: turning the link as a whole
+    changes nothing, however far linear displacements go.
     """
-    (u0, w0), *_, (u1, w1) = beam.joints
+    (_, w0), *_, (_, w1) = beam.joints
     turned = (local[:, w1] - local[:, w0]) / beam.properties.length
     whole = local if beam.expansion is None else local @ beam.expansion.T
     shortened = -beam.properties.length * turned**2
     for part in beam.segments:
         here = whole[:, list(part.dofs)]
         shortened += np.einsum("ti,ij,tj->t", here, part.matrix("geometric", 3)[0], here)
-    return local[:, u1] - local[:, u0] - shortened / 2
+    return np.asarray(shortened / 2)
 
 
 def recovered(motion: ElasticMotion, run: Motion) -> list[Variable]:
-    """Return deformed positions of moving joints, deflections at stations, and greatest stresses of links."""
+    """Return positions of moving joints, deflections at stations, greatest stresses, and the crank angle."""
     d, names, variables = motion.rigid.description, motion.layout.names, []
     for k, point in enumerate(d.free):
         columns = [names.index(f"{point}.{axis}") for axis in d.axes]
@@ -187,7 +204,11 @@ def recovered(motion: ElasticMotion, run: Motion) -> list[Variable]:
         variables.append(Variable(f"{link}.greatest_stress", "Pa", about, (), stress))
         about = f"fraction of the length of {link} at which its stress is greatest"
         variables.append(Variable(f"{link}.greatest_stress_at", "1", about, (), place))
-    return variables
+    crank, angle = motion.info.crank, motion.angle_at(run.times)
+    if motion.info.mode != "held":
+        angle = angle + crank_rotation(motion, run)
+    about = f"angle of {crank} at its shaft: of the rigid motion, and its rotation from there"
+    return [*variables, Variable(f"{crank}.shaft_angle", "rad", about, (), angle)]
 
 
 def bow(name: str, beam: Beam, at: float, values: Array) -> Variable:
