@@ -269,6 +269,12 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"Known: {', '.join(words)}." if words else "None are defined."
 
 
+def no_component(whole: str, part: str, components: Iterable[str]) -> str:
+    """Return the message on a component that an output does not have."""
+    known = ", ".join(components)
+    return f"{whole} has no component {part!r}: " + (f"it has {known}" if known else "it is one number")
+
+
 def check_known(name: str, known: Collection[str], problem: str) -> None:
     """Raise ModelError with the nearest name unless a name is known; ``problem`` precedes the name."""
     if name not in known:

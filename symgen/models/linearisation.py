@@ -210,14 +210,9 @@ def _entries(model: RodsModel, name: str) -> Iterator[Entry]:
     """Yield the scalars of an output, or its time derivative, with their names and units."""
     whole = name.rstrip(RATE)
     order = len(name) - len(whole)
-    owner, _, last = whole.rpartition(".")
-    axis = model.shown_axes.index(last) if last in model.shown_axes else None
-    expressions, unit, _ = outputs.entries(model, whole if axis is None else owner)
-    if axis is not None and len(expressions) < len(model.shown_axes):
-        raise SceneError(f"{owner} has no component {last}")
-    several = len(expressions) > 1 and axis is None
-    for i, expression in enumerate(expressions if axis is None else [expressions[axis]]):
-        full = f"{whole}.{model.shown_axes[i]}" if several else whole
+    expressions, unit, _ = outputs.entries(model, whole)
+    for i, expression in enumerate(expressions):
+        full = f"{whole}.{model.shown_axes[i]}" if len(expressions) > 1 else whole
         yield _derived(model, full, expression, unit, order)
 
 

@@ -1,15 +1,18 @@
-"""A symbol with unit and meaning; both are required for every symbol in the equations."""
+"""A symbol with unit and meaning, required for every symbol in the equations; components of outputs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
 
-from symgen.errors import DerivationError
+from symgen.errors import DerivationError, SceneError, no_component
 
 #: Names of the coordinate axes; the plane has the first two.
 AXES = "xyz"
+#: Scalars of an output, their unit and its description.
+Entries = tuple[Sequence[sp.Expr], str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,3 +44,32 @@ class Quantity:
 def quantity(name: str, unit: str, description: str) -> Quantity:
     """Return a real scalar :class:`Quantity` named ``name``."""
     return Quantity(sp.Symbol(name, real=True), unit, description)
+
+
+def parted(name: str) -> tuple[str, str]:
+    """Return the name of an output and its component, as of ``C.position.x``; empty if there is none."""
+    owner, _, last = name.rpartition(".")
+    return (owner, last) if owner and last in AXES else (name, "")
+
+
+def resolved(name: str, axes: Sequence[str], entries: Callable[[str], Entries]) -> Entries:
+    """Return the entries of an output, or the one of a component; raise SceneError if there is none.
+
+    ``entries`` returns those of a whole output or raises SceneError; vectors have a component per axis.
+    """
+    whole, part = parted(name)
+    if not part:
+        try:
+            return entries(name)
+        except SceneError as error:
+            whole, _, part = name.rpartition(".")
+            try:
+                scalars, unit, about = entries(whole)
+            except SceneError:
+                raise error from None
+    else:
+        scalars, unit, about = entries(whole)
+    components = axes if len(scalars) > 1 else ()
+    if part not in components:
+        raise SceneError(no_component(whole, part, components))
+    return [scalars[components.index(part)]], unit, f"{about}: component {part}"

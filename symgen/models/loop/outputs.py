@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
-from symgen.symbolic.quantity import AXES, Quantity
+from symgen.symbolic.quantity import AXES, Entries, Quantity, parted, resolved
 from symgen.symbolic.system import NamedMatrix
 from symgen.symbolic.vectors import cross
 
 if TYPE_CHECKING:
     from symgen.models.loop.derivation import LoopModel
-
-Entries = tuple[Sequence[sp.Expr], str, str]
 
 
 def _of(quantity: Quantity) -> Entries:
@@ -162,8 +160,8 @@ def requested_outputs(model: LoopModel) -> list[NamedMatrix]:
 
 
 def output(model: LoopModel, name: str) -> NamedMatrix:
-    """Return the matrix of one output; raise SceneError as :func:`asked`."""
-    entries, unit, description = _entries(model, name)
+    """Return the matrix of an output or a component; raise SceneError as :func:`requested_outputs`."""
+    entries, unit, description = resolved(name, AXES, lambda whole: _entries(model, whole))
     rows = tuple(AXES) if len(entries) == 3 else ()
     matrix = sp.ImmutableMatrix(len(entries), 1, list(entries))
     return NamedMatrix(name, matrix, unit, description, rows)
@@ -181,7 +179,7 @@ def default(model: LoopModel) -> list[str]:
 
 def needs(name: str) -> set[str]:
     """Return the needs of an output besides motion: ``mass``, and ``forces`` for the closing wrench."""
-    word = name.rpartition(".")[2]
+    word = parted(name)[0].rpartition(".")[2]
     return ({"mass"} if word in INERTIAL | DYNAMIC else set()) | ({"forces"} if word in DYNAMIC else set())
 
 

@@ -21,7 +21,7 @@ from symgen.models.loop.derivation import REFERENCE, LoopModel
 from symgen.models.loop.system import groups
 from symgen.models.reverse_mode import Gradients
 from symgen.scene.rods.linkage import TIME
-from symgen.symbolic.quantity import AXES, quantity
+from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import Export, NamedMatrix, System
 
 if TYPE_CHECKING:
@@ -44,10 +44,10 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
     """
     model = LoopModel(loop)
     try:
-        requested = [_component(model, name) for name in loop.outputs or ()]
+        requested = [outputs.output(model, name) for name in loop.outputs or ()]
     except SceneError as error:
         raise ModelError(str(error)) from None
-    needs = [outputs.needs(_parted(name)[0]) for name in loop.outputs or ()]
+    needs = [outputs.needs(name) for name in loop.outputs or ()]
     forces = balanced or any("forces" in of_one for of_one in needs)
     if balanced:
         model.check_masses("the motion of free variables")
@@ -147,21 +147,6 @@ def _equations(model: LoopModel, forces: bool) -> dict[str, list[sp.Expr]]:
         pairs = zip(model.joints[1], model.given_efforts, strict=True)
         of["efforts"] = [effort - applied for effort, applied in pairs]
     return of
-
-
-def _component(model: LoopModel, name: str) -> NamedMatrix:
-    """Return an output, or a component of it such as ``crank.joint1.force.x``."""
-    whole, axis = _parted(name)
-    matrix = outputs.output(model, whole)
-    if axis and not matrix.rows:
-        raise SceneError(f"{whole} has no component {axis}")
-    return replace(matrix.part(rows=[axis]), name=name) if axis else matrix
-
-
-def _parted(name: str) -> tuple[str, str]:
-    """Return the name of an output and its component, empty for all."""
-    owner, _, last = name.rpartition(".")
-    return (owner, last) if last in AXES and owner else (name, "")
 
 
 def _column(name: str, entries: Sequence[sp.Expr], about: str) -> NamedMatrix:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -11,13 +11,12 @@ from symgen.errors import SceneError, nearest
 from symgen.models.rods.matrix import named
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.quantity import Entries, parted, resolved
 from symgen.symbolic.system import NamedMatrix
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 if TYPE_CHECKING:
     from symgen.models.rods.linkage import RodsModel
-
-Entries = tuple[Sequence[sp.Expr], str, str]
 
 
 def _reaction(model: RodsModel, name: str) -> Entries:
@@ -264,14 +263,14 @@ def requested_outputs(model: RodsModel) -> list[NamedMatrix]:
         )
     matrices = []
     for i, name in enumerate(names):
+        word = parted(name)[0].rpartition(".")[2]
         try:
             if name in names[:i]:
                 raise SceneError(f"{name!r} is listed twice")
-            if model.linkage.elastic and name.rpartition(".")[2] in OF_ELASTIC:
+            if model.linkage.elastic and word in OF_ELASTIC:
                 continue
             scalars, unit, description = entries(model, name)
         except SceneError as error:
-            word = name.rpartition(".")[2]
             if model.linkage.method == "spatial" and name not in names[:i]:
                 if word in OF_ELASTIC_IN_SPACE:
                     continue  # which runs select, or refuse
@@ -284,7 +283,11 @@ def requested_outputs(model: RodsModel) -> list[NamedMatrix]:
 
 
 def entries(model: RodsModel, name: str) -> Entries:
-    """Return the scalars of an output, their unit and its description; raise SceneError if there is none."""
+    """Return the scalars of an output or a component, the unit and the description, or raise SceneError."""
+    return resolved(name, model.shown_axes, lambda whole: _entries(model, whole))
+
+
+def _entries(model: RodsModel, name: str) -> Entries:
     owner, _, word = name.rpartition(".")
     if word in ELSEWHERE:
         raise SceneError(f"there is no output {name!r}", hint=ELSEWHERE[word])

@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import tee
 from threading import RLock
 from typing import Any
 
 import numpy as np
 
-from symgen.errors import SceneError, SimulationError, nearest
+from symgen.errors import SceneError, SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams
 from symgen.runtime.arrays import Array, Indices
@@ -20,7 +21,7 @@ from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.modes import ElasticModes
-from symgen.runtime.result.records import Coordinate, Variable, over_time
+from symgen.runtime.result.records import Coordinate, Variable, of_names, over_time, unknown
 
 Counts = Indices
 
@@ -111,22 +112,18 @@ def selected(variables: Iterable[Variable], d: Description) -> tuple[Variable, .
     """
     names = d.elastic.outputs if d.elastic else None
     feet = {foot: d.links[lug][1] for lug, foot in d.lugs.items() if foot}
-    variables = (_at_point(v, feet) for v in variables)
+    variables, again = tee(_at_point(v, feet) for v in variables)
     if names is None:
         return tuple(v for v in variables if v.name.partition(".")[0] not in feet)
-    known: dict[str, Variable] = {}
-    for v in variables:
-        known[v.name] = v
-        if known.keys() >= set(names):  # further ones need not be computed
-            break
+    found = of_names(variables, names)
     for name in names:
-        if name not in known:
+        if name not in found:
+            known = [v for v in again if v.name.partition(".")[0] not in feet]
             raise SceneError(
-                f"runs of elastic links have no output {name!r}. "
-                + nearest(name, [k for k in known if k.partition(".")[0] not in feet]),
+                f"runs of elastic links have no output {name!r}. {unknown(name, known)}",
                 where="analysis.outputs",
             )
-    return tuple(known[name] for name in names)
+    return tuple(found[name] for name in names)
 
 
 def _at_point(variable: Variable, feet: Mapping[str, str]) -> Variable:

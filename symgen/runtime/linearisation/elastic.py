@@ -12,12 +12,12 @@ displacements, K S + J^T mu = Q, have K dS + J^T dmu = dQ - dK S - dJ^T mu and J
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError
 from symgen.runtime._beams import APPLIED, AT_REST, MOTION, QUASI_STATIC, BeamEquations
 from symgen.runtime.arrays import Array, Dual
 from symgen.runtime.beams.links import Beam, beam
@@ -31,7 +31,7 @@ from symgen.runtime.linearisation.elastic_matrices import Assembled, assembled, 
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, with_outputs
 from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.state_space import Tangents
-from symgen.runtime.result.records import Variable
+from symgen.runtime.result.records import Variable, columns, of_names, unknown
 
 #: The part of their size by which frequencies must differ, and by which places along a link may move over it.
 _APART, _MOVED = 1e-6, 1e-12
@@ -250,32 +250,26 @@ def derived(
     ModelError
         For a name that is not known, ``where``; ``others`` are further names for the hint.
     """
-    each = [_scalars(requested, {v.name: v for v in variables}, where, others) for variables in along]
+    each = [_scalars(requested, [*variables], where, others) for variables in along]
     units, duals = each[-1]
     return units, duals.real, np.stack([x.imag for _, x in each], axis=-1) / UNIT
 
 
 def _scalars(
-    requested: Sequence[str], known: Mapping[str, Variable], where: str, others: Sequence[str]
+    requested: Sequence[str], known: Sequence[Variable], where: str, others: Sequence[str]
 ) -> tuple[dict[str, str], Dual]:
     """Return the units of scalar outputs by name, each once, and their values (times, scalars)."""
     units: dict[str, str] = {}
-    columns: list[Dual] = []
+    rows: list[Dual] = []
+    found = of_names(known, requested)
     for name in requested:
-        owner, _, part = name.rpartition(".")
-        v = known.get(name) or known.get(owner)
-        if v is None or (v.name != name and part not in v.components):
-            raise ModelError(
-                f"there are no derivatives of {name!r} {where}. {nearest(name, [*others, *known])}"
-            )
-        parts = [part] if v.name != name else [*v.components] or [""]
-        rows = v.values.reshape(len(v.values), -1).T
-        for c in parts:
-            scalar = f"{v.name}.{c}" if c else name
-            if scalar not in units:
-                units[scalar] = v.unit
-                columns.append(rows[v.components.index(c) if c else 0])
-    return units, np.array(columns).T
+        if name not in found:
+            raise ModelError(f"there are no derivatives of {name!r} {where}. {unknown(name, known, others)}")
+        for scalar in columns([found[name]]):
+            if scalar.name not in units:
+                units[scalar.name] = scalar.unit
+                rows.append(scalar.values)
+    return units, np.array(rows).T
 
 
 def _differential(at: Assembled, shape: Array) -> Array:

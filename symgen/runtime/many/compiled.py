@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,9 +67,8 @@ class Compiled:
         states = None if self.states is None else self.states[rows]
         regular, out, turned, drifts = self._runs().carry_out(self.parameters[rows], states)
         info, along = self.evaluator.find("outputs"), over_time(self.times)
-        if info and keep.outputs is not None:
-            info = replace(info, blocks=tuple(b for b in info.blocks if b.name in keep.outputs))
-        variables = continued(shaped(info, out), d.turns, turned) if info else ()
+        recorded = tuple(v for v in shaped(info, out) if keep.takes(v)) if info else ()
+        variables = continued(recorded, d.turns, turned)
         is_done = regular & ~self.single[rows]
         if not is_done.all():
             variables = tuple(v.of(v.values[is_done]) for v in variables)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.many.reductions import HISTORY, mean_weights, reduced, reductions
-from symgen.runtime.result.records import Coordinate, Variable
+from symgen.runtime.result.records import Coordinate, Variable, found, of_names, unknown
 
 if TYPE_CHECKING:
     import xarray
@@ -68,6 +68,15 @@ class Keep:
         names = reductions(self.reduce)
         return () if HISTORY in names else names
 
+    def takes(self, variable: Variable) -> bool:
+        """Return whether an output, or a component of it, is selected by its name."""
+        return self.outputs is None or not {*variable.names}.isdisjoint(self.outputs)
+
+    def within(self, variables: Iterable[Variable]) -> bool:
+        """Return whether names are given, and all are those of outputs, or components, among some."""
+        names = {*(self.outputs or ())}
+        return bool(names) and len(found(variables, names)) == len(names)
+
     def __call__(
         self,
         variables: Sequence[Variable],
@@ -118,14 +127,14 @@ def _drifts(drift: Mapping[str, Array]) -> tuple[Variable, ...]:
 
 
 def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tuple[Variable, ...]:
-    """Return the variables of some names, all for None."""
+    """Return the variables of some names, or components of variables, all for None."""
     if outputs is None:
         return variables
-    named = {v.name: v for v in variables}
+    named = of_names(variables, outputs)
     for name in outputs:
         if name not in named:
             raise ModelError(
-                f"the runs have no output {name!r}. {nearest(name, named)}\n"
+                f"the runs have no output {name!r}. {unknown(name, variables)}\n"
                 "  Each analysis has its own: kinematics positions and angles, inverse_dynamics forces, "
                 "simulate those under [analysis] outputs."
             )

@@ -87,9 +87,7 @@ class Driven:
     def __call__(self, first: int, last: int, keep: Keep) -> list[Record | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
         results: list[Record | None] = [None] * (last - first)
-        if self.forces and not {*(keep.outputs or ("",))} <= {
-            v.name for v in self._of_forces(*self._nothing)
-        }:
+        if self.forces and not keep.within(self._of_forces(*self._nothing)):
             return results  # reactions and section forces take the balance of every element
         d, evaluator, rows = self.model.description, self.model.evaluator, self.parameters[first:last]
         start = start_of(evaluator)
@@ -125,8 +123,8 @@ class Driven:
             variables = self._of_forces(rows[runs], states, joints[which])
         else:
             variables = self._of_motion(rows[runs], states, places[is_done], velocities[is_done])
-        if keep.outputs is not None and {*keep.outputs} <= {v.name for v in variables}:
-            variables = [v for v in variables if v.name in (*keep.outputs, self.drive)]
+        if keep.within(variables):
+            variables = [v for v in variables if v.name == self.drive or keep.takes(v)]
         along, sampled = coordinate_of(times, variables, self.drive)
         of_time, drift = None if along.name == "time" else times, {"constraint": missed}
         if along.values.ndim == 2 and not np.any(along.values != along.values[0]):
@@ -148,9 +146,9 @@ class Driven:
 
     def reduces(self, keep: Keep) -> bool:
         """Return whether forces are reduced to values that their extremes over the samples give."""
-        names = {of_unknown(u, (), np.zeros(2)).name for u, _ in self.unknowns}
-        forces = self.forces is not None and {*(keep.outputs or ("",))} <= names
-        return forces and {*(keep.names or ("",))} <= {*EXTREMES} and self.nodes[0] >= self.t
+        axes, nothing = self.model.description.axes, np.zeros(3)
+        forces = [of_unknown(u, axes, nothing) for u, _ in self.unknowns] if self.forces else []
+        return keep.within(forces) and {*(keep.names or ("",))} <= {*EXTREMES} and self.nodes[0] >= self.t
 
     def _by_extremes(
         self,
@@ -168,6 +166,8 @@ class Driven:
         number = {name: 2 * i for i, name in enumerate(d.points)}
         ends = [[number[p] for p in points[:2]] for points in d.links.values()] if len(d.axes) == 2 else []
         extremes = [{k for name in keep.names for k in EXTREMES[name][vector]} for vector in (False, True)]
+        wholes = {of_unknown(u, (), np.zeros(3)).name for u, _ in self.unknowns}
+        extremes[1] |= extremes[0] if {*(keep.outputs or ())} - wholes else set()  # of components
         selections = [sum(1 << k for k in numbers) for numbers in extremes]
         rows, missed, is_done, steady = self._lanes().extremes(
             self.t,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.errors import nearest, no_component
 from symgen.runtime.arrays import Array
 
 if TYPE_CHECKING:
@@ -70,14 +71,49 @@ class Variable:
         """Return the same output with other values; ``replace`` takes three times as long."""
         return Variable(self.name, self.unit, self.about, self.components, values)
 
+    def component(self, name: str) -> Variable:
+        """Return a component as an output of its own, such as ``C.position.x``."""
+        values = self.values[..., self.components.index(name)]
+        return Variable(f"{self.name}.{name}", self.unit, self.about, (), values)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its name, and those of its components."""
+        return (self.name, *(f"{self.name}.{c}" for c in self.components))
+
 
 def columns(variables: Sequence[Variable]) -> tuple[Variable, ...]:
-    """Return every component of outputs as an output of its own, such as ``C.position.x``."""
-    return tuple(
-        Variable(f"{v.name}.{c}", v.unit, v.about, (), v.values.reshape(len(v.values), -1)[:, i]) if c else v
-        for v in variables
-        for i, c in enumerate(v.components or ("",))
-    )
+    """Return every component of outputs as an output of its own."""
+    return tuple(v.component(c) if c else v for v in variables for c in v.components or ("",))
+
+
+def found(variables: Iterable[Variable], names: Iterable[str]) -> dict[str, tuple[Variable, str]]:
+    """Return the outputs of some names, each with its component or an empty text; without unknown names.
+
+    Outputs behind the last one that is needed are not computed.
+    """
+    missing, known = {*names}, dict[str, tuple[Variable, str]]()
+    for v in variables if missing else ():
+        of_parts = dict(zip(v.names, ("", *v.components), strict=True))
+        known.update((name, (v, of_parts[name])) for name in missing.intersection(of_parts))
+        missing -= {*of_parts}
+        if not missing:
+            break
+    return known
+
+
+def of_names(variables: Iterable[Variable], names: Iterable[str]) -> dict[str, Variable]:
+    """Return the outputs, and components as outputs of their own, of some names; without unknown names."""
+    return {name: v.component(c) if c else v for name, (v, c) in found(variables, names).items()}
+
+
+def unknown(name: str, variables: Iterable[Variable], others: Iterable[str] = ()) -> str:
+    """Return a hint on the name of an output that is not there: its components, or the nearest name."""
+    known = {v.name: v for v in variables}
+    owner, _, last = name.rpartition(".")
+    if owner in known:
+        return no_component(owner, last, known[owner].components) + "."
+    return nearest(name, [*others, *known])
 
 
 class Later(dict[str, Any]):  # noqa: PLW1641 - dicts have no hash

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.display import seconds
-from symgen.errors import ResultError, nearest
+from symgen.errors import ResultError
 from symgen.runtime.arrays import Array
 from symgen.runtime.digest import digest
 from symgen.runtime.result.findings import Findings, Pictures
@@ -27,8 +27,10 @@ from symgen.runtime.result.records import (
     Variable,
     columns,
     converted,
+    found,
     labelled,
     plain,
+    unknown,
 )
 
 if TYPE_CHECKING:
@@ -135,7 +137,7 @@ class Result(Findings, Pictures):
 
     def __contains__(self, name: object) -> bool:
         """Return True if an output, a component of one, or the coordinate has this name."""
-        known = [v.name for v in (*self.variables, *columns(self.variables))]
+        known = (n for v in self.variables for n in v.names)
         return isinstance(name, str) and name in (self.coordinate.name, *known)
 
     def __iter__(self) -> Iterator[str]:
@@ -145,24 +147,21 @@ class Result(Findings, Pictures):
     def variable(self, name: str) -> Variable:
         """Return an output, a component of one, or the coordinate, else raise ResultError."""
         whole, component = self._find(name)
-        return columns([whole])[whole.components.index(component)] if component else whole
+        return whole.component(component) if component else whole
 
     def _find(self, name: str) -> tuple[Variable, str]:
         """Return an output, or the coordinate, and the component of it that has the name; else raise."""
         known = self.__dict__.get("variables")
         if known is None:  # outputs of one kind are computed only when they are reached
             known = getattr(self.__dict__["_source"], "outputs", lambda: self.variables)()
-        owner, _, component = name.rpartition(".")
-        for v in known:
-            if v.name == name:
-                return v, ""
-            if v.name == owner and component in v.components:
-                return v, component
+        by_name = found(known, [name])
+        if name in by_name:
+            return by_name[name]
         along = self.coordinate
         if along.name == name:
             return Variable(name, along.unit, along.about, (), along.values), ""
         raise ResultError(
-            f"the result holds no {name!r}. {nearest(name, [v.name for v in self.variables])}\n"
+            f"the result holds no {name!r}. {unknown(name, self.variables)}\n"
             "  The outputs of a run are listed under [analysis] outputs in the scene."
         )
 

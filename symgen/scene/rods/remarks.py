@@ -8,6 +8,7 @@ from itertools import combinations
 
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink, SpatialBody
 from symgen.scene.schema import Scene
+from symgen.symbolic.quantity import parted
 
 _HERTZ = re.compile(r"\b[kM]?(Hz|hertz)\b")
 _NAME = re.compile(r"[^\W\d]\w*")
@@ -114,7 +115,7 @@ def _of_reactions(linkage: Linkage) -> Iterator[str]:
                 f"link {link.name} lies between the ground points {link.start} and {link.end}: of the "
                 "reactions along it only the sum is determined; parts by the lever rule are given"
             )
-    requested = linkage.outputs or ()
+    requested = {parted(name)[0] for name in linkage.outputs or ()}
     for a, b in combinations(_parts(linkage) if linkage.dimension == 3 else (), 2):
         shared = sorted(_points(a) & _points(b))
         forces = (f"{part.name}.{p}.force" for part in (a, b) for p in shared)
