@@ -71,7 +71,7 @@ def tell(message: str) -> None:
 
 
 def changes(options: list[str] | None) -> dict[str, Any]:
-    """Return the values of --set by key: integers, booleans, TOML lists and tables, else text."""
+    """Return the values of --set by key: integers, booleans, none, TOML lists and tables, else text."""
     result: dict[str, Any] = {}
     for change in options or []:
         name, equals, value = change.partition("=")
@@ -87,7 +87,7 @@ def _plain(text: str) -> Any:
     if text.startswith(("[", "{")):
         with suppress(tomllib.TOMLDecodeError):
             return tomllib.loads(f"value = {text}")["value"]
-    return {"true": True, "false": False}.get(text, int(text) if _is_whole(text) else text)
+    return {"true": True, "false": False, "none": None}.get(text, int(text) if _is_whole(text) else text)
 
 
 def _is_whole(text: str) -> bool:

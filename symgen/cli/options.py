@@ -70,7 +70,8 @@ Set = Annotated[
         "--set",
         metavar="KEY=VALUE",
         group=_SCENE,
-        help='Set a parameter, or a key by its path: rho="2 kg/m", links.OA.mass="1 kg". May be repeated.',
+        help='Set a parameter, or a key by its path: rho="2 kg/m", links.OA.mass="1 kg"; KEY=none '
+        "removes a key or a table. May be repeated.",
     ),
 ]
 Plot = Annotated[

@@ -123,7 +123,7 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
     set
         Values to replace, by parameter name or by dotted key: ``{"rho": "2 kg/m"}``,
         ``{"links.OA.mass": "1 kg"}``. A table replaces that of the scene; ``parameters`` and ``inputs``
-        replace or add the values that they name.
+        replace or add the values that they name. None removes a key or a table.
 
     Raises
     ------
@@ -139,14 +139,22 @@ _TABLES = ("analysis", "gravity", "start", "inputs", "parameters", "units")
 NAMED = ("parameters", "inputs")
 
 
+#: Stands for an entry that is removed, so that entries behind it keep their numbers until the end.
+_REMOVED = object()
+
+
 def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
-    """Return the scene with the values at these parameters or dotted keys replaced."""
+    """Return the scene with the values at these parameters or dotted keys replaced, or removed for None."""
     if not changes:
         return text
     data = json.loads(json.dumps(text.data, default=str))
-    for key, value in by_name(text, changes).items():
+    changes = by_name(text, changes)
+    for key, value in changes.items():
         named = [table for table in map(data.get, NAMED) if isinstance(table, dict)]
         parameters = next((table for table in named if key in table), None)
+        if value is None:
+            _remove(text, data if parameters is None else parameters, key)
+            continue
         if parameters is not None:
             if isinstance(parameters[key], dict) and not isinstance(value, Mapping):
                 parameters[key]["value"] = value
@@ -171,7 +179,33 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
                 or _respelled(path, last, table)
                 or nearest(key, [name for table in named for name in table]),
             )
-    return SceneText(text.name, text.file, data)
+    return SceneText(text.name, text.file, _left(data))
+
+
+def _remove(text: SceneText, table: Any, key: str) -> None:
+    """Mark what is at a dotted key of a table as removed; raise SceneError if there is nothing."""
+    *path, last = key.split(".")
+    for depth, part in enumerate(path):
+        if _inside(table, part) is None:
+            path, last = path[:depth], part
+            break
+        table = _inside(table, part)
+    if _inside(table, last) in (None, _REMOVED):
+        numbers = range(len(table)) if isinstance(table, list) else ()
+        known = table if isinstance(table, dict) else map(str, numbers)
+        raise SceneError(
+            f"there is no key {key!r} to remove",
+            file=text.file,
+            hint=nearest(".".join([*path, last]), [".".join([*path, name]) for name in known]),
+        )
+    table[int(last) if isinstance(table, list) else last] = _REMOVED
+
+
+def _left(data: Any) -> Any:
+    """Return tables and lists without what was removed."""
+    if isinstance(data, dict):
+        return {key: _left(value) for key, value in data.items() if value is not _REMOVED}
+    return [_left(value) for value in data if value is not _REMOVED] if isinstance(data, list) else data
 
 
 def by_name(text: SceneText, changes: Mapping[str, Any]) -> dict[str, Any]:

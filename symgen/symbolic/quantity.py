@@ -47,9 +47,9 @@ def quantity(name: str, unit: str, description: str) -> Quantity:
 
 
 def parted(name: str) -> tuple[str, str]:
-    """Return the name of an output and its component, as of ``C.position.x``; empty if there is none."""
+    """Return the name of an output and its component's letter, as of ``C.position.x``; empty for none."""
     owner, _, last = name.rpartition(".")
-    return (owner, last) if owner and last in AXES else (name, "")
+    return (owner, last) if owner and len(last) == 1 else (name, "")
 
 
 def resolved(name: str, axes: Sequence[str], entries: Callable[[str], Entries]) -> Entries:
@@ -58,17 +58,14 @@ def resolved(name: str, axes: Sequence[str], entries: Callable[[str], Entries]) 
     ``entries`` returns those of a whole output or raises SceneError; vectors have a component per axis.
     """
     whole, part = parted(name)
-    if not part:
-        try:
-            return entries(name)
-        except SceneError as error:
-            whole, _, part = name.rpartition(".")
-            try:
-                scalars, unit, about = entries(whole)
-            except SceneError:
-                raise error from None
-    else:
+    try:
         scalars, unit, about = entries(whole)
+    except SceneError:
+        if part in AXES:  # or empty
+            raise
+        return entries(name)  # raises
+    if not part:
+        return scalars, unit, about
     components = axes if len(scalars) > 1 else ()
     if part not in components:
         raise SceneError(no_component(whole, part, components))

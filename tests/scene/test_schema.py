@@ -8,9 +8,10 @@ import tomllib
 import pytest
 
 import symgen
+from symgen.cli.common import changes
 from symgen.errors import SceneError
 from symgen.scene.faults import tables_in
-from symgen.scene.loading import SHIPPED, SceneText, check_scene, override
+from symgen.scene.loading import SHIPPED, SceneText, check_scene, override, read_scene
 from symgen.scene.schema import Scene
 
 SCHEMA = Scene.model_json_schema()
@@ -241,6 +242,45 @@ def test_a_point_called_like_a_python_type_keeps_its_place():
     with pytest.raises(SceneError) as caught:
         symgen.Scene(**tables(start={"rates": {"str": True}}))
     assert caught.value.where == "start.rates.str"
+
+
+def test_overrides_remove_keys_tables_and_entries():
+    springs = [{"points": ["O", "A"], "stiffness": f"{k} N/m"} for k in range(4)]
+    text = SceneText("x", "x.toml", tables(title="old", springs=springs))
+    removed = {"springs.0": None, "springs.2": None, "springs.3.stiffness": "9 N/m", "points.A.ground": True}
+    data = override(text, {**removed, "title": None, "rho": None}).data
+    assert [spring["stiffness"] for spring in data["springs"]] == ["1 N/m", "9 N/m"]
+    assert "title" not in data
+    assert "rho" not in data["parameters"]
+    assert "title" in text.data
+    assert "springs" not in override(text, {"springs": None}).data
+    assert "rho" not in override(text, {"parameters": {"rho": None}}).data["parameters"]
+    assert "mass" not in override(read_scene("four_bar"), {"links.crank.mass": None}).data["links"]["crank"]
+
+
+@pytest.mark.parametrize(
+    ("key", "hint"),
+    [
+        ("links.crank.masss", "Did you mean 'links.crank.mass'?"),
+        ("links.crnk.mass", "Did you mean 'links.crank'?"),
+        ("gravity.acceleration.2", "Did you mean 'gravity.acceleration.[01]'?"),
+        ("springs.0", "Known|nearest|Did you mean"),
+        ("nothing", "Known|nearest|Did you mean"),
+    ],
+)
+def test_what_is_not_there_is_not_removed(key, hint):
+    with pytest.raises(SceneError, match=f"there is no key '{key}' to remove\n.*({hint})"):
+        override(read_scene("four_bar"), {key: None})
+    with pytest.raises(SceneError, match="to remove"):
+        override(read_scene("four_bar"), {"links.crank": None, "links.crank.mass": None})
+
+
+@pytest.mark.parametrize(
+    "removed", [changes(["masses=none"]), {"masses": None}, changes(["masses.1=none", "masses.0=none"])]
+)
+def test_a_scene_without_what_was_removed(removed):
+    assert len(symgen.load_scene("elastic_four_bar").masses) == 2
+    assert not symgen.load_scene("elastic_four_bar", set=removed).masses
 
 
 def test_overrides_reach_into_lists():

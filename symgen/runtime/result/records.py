@@ -111,7 +111,7 @@ def unknown(name: str, variables: Iterable[Variable], others: Iterable[str] = ()
     """Return a hint on the name of an output that is not there: its components, or the nearest name."""
     known = {v.name: v for v in variables}
     owner, _, last = name.rpartition(".")
-    if owner in known:
+    if owner in known and len(last) == 1:
         return no_component(owner, last, known[owner].components) + "."
     return nearest(name, [*others, *known])
 
