@@ -155,7 +155,7 @@ FAULTS = (
     Fault("lift left out of the potential", "elastic/energies.py", '-steps["gravity_work"][0] - MU.symbol * LIFT.symbol', '-steps["gravity_work"][0]', "weight", ENERGIES),
     Fault("rotation of displacements in the virtual work", "elastic/energies.py", "moved[t.test] * t.motion", 'moved[t.test] * (-1 if t.test == "w" else 1) * t.motion', "elastic", ENERGIES),
     Fault("masses along a link in its energy", "elastic/energies.py", "distribution[k] * at**power", "2 * distribution[k] * at**power", "elastic", ENERGIES),
-    Fault("crank and coupler in line", "synthesis/limits.py", "_triangle(b - a, c, d, folded)", "_triangle(b - a / 2, c, d, folded)", "limits", SYNTHESIS),
+    Fault("crank and coupler in line", "synthesis/limits.py", "*triangle(b - a, c, d, folded)", "*triangle(b - a / 2, c, d, folded)", "limits", SYNTHESIS),
     Fault("swing of the rocker doubled", "synthesis/limits.py", '- x["swing"]', '- 2 * x["swing"]', "limits", SYNTHESIS),
     Fault("cosine rule", "synthesis/limits.py", "b**2 + c**2 - 2 * b * c", "b**2 + c**2 - b * c", "limits", SYNTHESIS),
     Fault("rotation of the coupler reversed", "synthesis/points.py", "sin * joint[0] + cos * joint[1]", "cos * joint[1] - sin * joint[0]", "motion", SYNTHESIS),

@@ -58,6 +58,7 @@ def _tangents(of: str, block: str, kernels: Sequence[str], groups: Sequence[str]
 
 _SYNTHESIS_ABOUT = {
     "limits": "limit positions of a crank-rocker",
+    "spherical_limits": "limit positions of a spherical crank-rocker",
     "slider_limits": "limit positions of a slider-crank",
     "dyad": "a dyad in one pose of the coupler",
     "slide": "a slider in one pose of the coupler",

@@ -21,6 +21,15 @@ def synthesis_limits_system() -> System:
     )
 
 
+def synthesis_spherical_limits_system() -> System:
+    """Return the conditions on limit positions and transmission angles of a spherical crank-rocker."""
+    quantities = tuple(quantity(*row) for row in limits.SPHERICAL_QUANTITIES)
+    residual = limits.spherical_conditions({x.name: x.symbol for x in quantities})
+    units = "1, 1, 1, 1, 1, 1, rad, 1, 1, rad"
+    title = "Limit positions of a spherical crank-rocker"
+    return _conditions("synthesis_spherical_limits", title, quantities, residual, units)
+
+
 def synthesis_slider_limits_system() -> System:
     """Return the conditions on limit positions and transmission angles of a slider-crank."""
     quantities = tuple(quantity(*row) for row in limits.SLIDER_QUANTITIES)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 #: Most linkages of which a page has drawings.
 _DRAWN = 60
 _NOUNS = {"spherical": "spherical four-bar"}
-#: Name of the output's range by linkage, and columns for it.
-_RANGES = {"four-bar": "swing", "slider-crank": "stroke"}
+#: Name of the output's range by linkage.
+_RANGES = {"four-bar": "swing", "slider-crank": "stroke", "spherical": "swing"}
 #: Error of a fit; smaller ones are rounding [rad, size].
 _FITTED = 1e-9
 
@@ -32,6 +32,11 @@ def _shown_in(synthesis: Any) -> tuple[tuple[str, float], tuple[str, float]]:
     return synthesis.units.get("length", ("m", 1.0)), synthesis.units.get("angle", ("deg", math.radians(1.0)))
 
 
+def _of_links(synthesis: Any) -> tuple[str, float]:
+    """Return the unit of the links: of lengths, or of arcs on a sphere."""
+    return _shown_in(synthesis)[synthesis.linkage == "spherical"]
+
+
 def _unit_of(synthesis: Any, si: str) -> tuple[str, float]:
     length, angle = _shown_in(synthesis)
     return {"m": length, "rad": angle}.get(si, ("", 1.0))
@@ -39,22 +44,19 @@ def _unit_of(synthesis: Any, si: str) -> tuple[str, float]:
 
 def _heads(synthesis: Any, design: Any) -> tuple[str, ...]:
     """Return the heads of the columns that tables of designs and charts share."""
-    moves = _RANGES.get(synthesis.linkage)
     names = (name.removesuffix("_link") for name in design.linkage.lengths)
-    return (*names, *((moves, "time ratio") if moves else ()), "mu min", "mu max")
+    return (*names, _RANGES[synthesis.linkage], "time ratio", "mu min", "mu max")
 
 
 def _cells(synthesis: Any, design: Any) -> Iterator[str]:
     """Yield lengths or arcs, range of the output, time ratio and transmission angles of a linkage."""
     length, angle = _shown_in(synthesis)
-    arcs = synthesis.linkage == "spherical"
     for value in design.linkage.lengths.values():
-        yield f"{value / (angle if arcs else length)[1]:.5g}"
-    moves = _RANGES.get(synthesis.linkage)
-    if moves:
-        size = (length if moves == "stroke" else angle)[1]
-        yield _or_dash(design.quantities.get(moves, math.nan) / size, ".5g")
-        yield _or_dash(design.quantities.get("time_ratio", math.nan), ".4g")
+        yield f"{value / _of_links(synthesis)[1]:.5g}"
+    moves = _RANGES[synthesis.linkage]
+    size = (length if moves == "stroke" else angle)[1]
+    yield _or_dash(design.quantities.get(moves, math.nan) / size, ".5g")
+    yield _or_dash(design.quantities.get("time_ratio", math.nan), ".4g")
     for end in ("minimum", "maximum"):
         value = design.quantities.get(f"transmission_{end}", math.nan) / angle[1]
         yield _or_dash(value, ".2f" if angle[0] == "deg" else ".5g")
@@ -160,7 +162,7 @@ def plot_chart(chart: Any, file: str | os.PathLike[str] | None = None) -> Figure
 
     figure = Figure(figsize=(8, 7), layout="constrained")
     panels = figure.subplots(2, 1, sharex=True)
-    (length, per_length), (angle, per_angle) = _shown_in(chart)
+    (length, per_length), (angle, per_angle) = _of_links(chart), _shown_in(chart)[1]
     _, size = _unit_of(chart, chart.unit)
     rows = [(x / size, d) for x, designs in zip(chart.values, chart.designs, strict=True) for d in designs]
     several = any(len(designs) > 1 for designs in chart.designs)
@@ -173,7 +175,7 @@ def plot_chart(chart: Any, file: str | os.PathLike[str] | None = None) -> Figure
     for name in angles:
         ys = [d.quantities[name] / per_angle for _, d in rows]
         panels[1].plot([x for x, _ in rows], ys, label=name, **line)
-    panels[0].set_ylabel(f"lengths [{length}]")
+    panels[0].set_ylabel(f"{'arcs' if chart.linkage == 'spherical' else 'lengths'} [{length}]")
     panels[1].set_ylabel(f"angles [{angle}]")
     panels[1].set_xlabel(_over(chart))
     for panel in panels:

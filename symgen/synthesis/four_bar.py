@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from symgen.synthesis.linkage import (
     place_on_coupler,
     tunable,
 )
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
 
@@ -110,6 +113,24 @@ class FourBar(PlanarLinkage):
                 return [(towards + folded, towards + 2 * math.pi - folded)]
             return [(towards + folded, towards + stretched), (towards - stretched, towards - folded)]
         return [] if math.isinf(stretched) else [(towards - stretched, towards + stretched)]
+
+    @property
+    def extremes(self) -> tuple[list[float], str, float]:
+        """Directions of the crank at extremes; the rocker's are above or below the fixed link, by branch."""
+        moves = "swing" if self.grashof == "crank-rocker" else ""
+        a, b, c, d = self.lengths.values()
+        towards = float(np.arctan2(*(self.C - self.O)[::-1]))
+        inline = [angle(c, d, b + a), math.pi + angle(c, d, b - a)] if moves else []
+        more = inline[1] - math.pi - inline[0] if moves else 0.0
+        return [towards + x for x in (0.0, math.pi, *inline, *(-x for x in inline))], moves, more
+
+    def output(self, run: Result) -> Array:
+        """Return angles of the rocker [rad]."""
+        return np.asarray(run["rocker.angle"].values)
+
+    def transmission(self, run: Result) -> Array:
+        """Return angles between coupler and rocker [rad]."""
+        return np.asarray(np.abs(run["A.B.C.angle"].values))
 
     def tables(self) -> dict[str, Any]:
         """Return the tables of :attr:`scene`."""

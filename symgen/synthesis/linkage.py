@@ -71,6 +71,24 @@ class Linkage(ABC):
     def ranges(self) -> list[tuple[float, float]]:
         """Ranges of directions of the crank [rad], in which the linkage closes; none where it turns."""
 
+    @property
+    @abstractmethod
+    def extremes(self) -> tuple[list[float], str, float]:
+        """Directions of the crank [rad] at which extremes are, and the name of the output's range.
+
+        The last value is the rotation of the crank [rad] from one limit position to the other, over half a
+        revolution. Extremes of the transmission angle are on the fixed link, or normal to the guide; in those
+        of the output coupler and crank are in line.
+        """
+
+    @abstractmethod
+    def output(self, run: Result) -> Array:
+        """Return angles of the rocker [rad], or positions of the slider along its guide [m]."""
+
+    @abstractmethod
+    def transmission(self, run: Result) -> Array:
+        """Return angles between coupler and rocker, or coupler and normal of the guide [rad]."""
+
     @abstractmethod
     def tables(self) -> dict[str, Any]:
         """Return the tables of :attr:`scene`."""
@@ -198,15 +216,20 @@ def _model(kind: type[PlanarLinkage]) -> KinematicModel:
 
 
 @cache
-def _cosine() -> Callable[[float, float, float], float]:
-    sides = sp.symbols("far one other", positive=True)
-    return sp.lambdify(sides, cosine_opposite(*sides), "math")
+def _cosine(on_sphere: bool) -> Callable[[float, float, float], float]:
+    far, one, other = sp.symbols("far one other", positive=True)
+    return sp.lambdify((far, one, other), cosine_opposite(far, one, other, on_sphere), "math")
 
 
-def angle(far: float, one: float, other: float) -> float:
+def angle(far: float, one: float, other: float, on_sphere: bool = False) -> float:
     """Return the angle [rad] between two sides of a triangle; nan if the sides do not close."""
-    cosine = _cosine()(far, one, other)
+    cosine = _cosine(on_sphere)(far, one, other)
     return math.acos(cosine) if abs(cosine) <= 1 else math.nan
+
+
+def turn(x: Array) -> Array:
+    """Return angles less whole revolutions."""
+    return np.asarray(x - 2 * np.pi * np.round(x / (2 * np.pi)))
 
 
 def longer_than_zero(lengths: dict[str, float], unit: str = "m") -> None:

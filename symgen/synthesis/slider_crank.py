@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from symgen.synthesis.linkage import (
     shown,
     tunable,
 )
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
 
@@ -122,6 +125,25 @@ class SliderCrank(PlanarLinkage):
         else:
             ranges = [(start, end), (math.pi - end, math.pi - start)]
         return [(self.guide + x, self.guide + y) for x, y in ranges]
+
+    @property
+    def extremes(self) -> tuple[list[float], str, float]:
+        """Directions of the crank at extremes of the coupler's angle and of the slider."""
+        r, l, _ = self.lengths.values()
+        inline = [math.asin(self.height / (l + r)), math.pi + math.asin(self.height / (l - r))]
+        more = inline[1] - math.pi - inline[0]
+        if (self.B - self.A) @ self.along < 0:
+            inline = [math.pi - x for x in inline]
+        return [self.guide + x for x in (math.pi / 2, -math.pi / 2, *inline)], "stroke", more
+
+    def output(self, run: Result) -> Array:
+        """Return positions of the slider along its guide [m]."""
+        return np.asarray((run["B.position"].values - self.O) @ self.along)
+
+    def transmission(self, run: Result) -> Array:
+        """Return angles between coupler and the normal of the guide [rad]."""
+        side = -1.0 if self.height < 0 else 1.0
+        return np.pi / 2 - side * np.arcsin(np.sin(run["coupler.angle"].values - self.guide))
 
     def tables(self) -> dict[str, Any]:
         """Return the tables of :attr:`scene`."""

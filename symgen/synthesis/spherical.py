@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.synthesis.linkage import Linkage, longer_than_zero, tunable
+from symgen.synthesis.linkage import Linkage, angle, longer_than_zero, tunable, turn
+from symgen.synthesis.search import ONE_LINK
 
 if TYPE_CHECKING:
     from symgen.runtime.model.kinematic import KinematicModel
@@ -20,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: Difference of the sums of arcs that counts as none [rad]: a change-point linkage.
 _CHANGE_POINT = 1e-9
+#: The angle [rad] between two arcs of a spherical triangle; nan if they do not close.
+corner = partial(angle, on_sphere=True)
 _LINKS = ("crank", "coupler", "rocker", "fixed_link")
 _CLASSES = ("crank-rocker", "double-rocker", "rocker-crank", "double-crank")
 
@@ -71,16 +75,23 @@ class SphericalFourBar(Linkage):
         return dict(zip(_LINKS, arcs, strict=True))
 
     @property
-    def grashof(self) -> str:
-        """Grashof class by the link that turns against its neighbours, triple-rocker or change-point.
+    def least_arcs(self) -> Array:
+        """Arcs [rad] of crank, coupler, rocker and fixed link, of least sum among the same linkage's.
 
-        An axis and its opposite are one: replaced by it, two neighbouring arcs become their supplements. The
-        class is that of the linkage whose arcs have the least sum.
+        An axis and its opposite are one: replaced by it, two neighbouring arcs become their supplements.
         """
         arcs = np.array([*self.lengths.values()])
         flips = np.array([[(f >> i & 1) ^ (f >> (i + 1) % 4 & 1) for i in range(4)] for f in range(8)])
         every = np.where(flips, math.pi - arcs, arcs)
-        least = every[int(np.argmin(every.sum(axis=1)))]
+        return np.asarray(every[int(np.argmin(every.sum(axis=1)))])
+
+    @property
+    def grashof(self) -> str:
+        """Grashof class by the link that turns against its neighbours, triple-rocker or change-point.
+
+        It is that of :attr:`least_arcs`.
+        """
+        least = self.least_arcs
         s, p, q, longest = np.sort(least)
         if abs(s + longest - p - q) <= _CHANGE_POINT:
             return "change-point"
@@ -140,17 +151,30 @@ class SphericalFourBar(Linkage):
     def ranges(self) -> list[tuple[float, float]]:
         """Ranges of the crank's angle [rad] from C: between those with coupler and rocker in line."""
         a, b, c, d = self.lengths.values()
-        widest, narrowest = min(b + c, 2 * math.pi - b - c), abs(b - c)
-        sines = math.sin(a) * math.sin(d)
-        stretched = (math.cos(widest) - math.cos(a) * math.cos(d)) / sines
-        folded = (math.cos(narrowest) - math.cos(a) * math.cos(d)) / sines
-        low = math.acos(folded) if abs(folded) < 1 else 0.0
-        high = math.acos(stretched) if abs(stretched) < 1 else math.pi
-        if abs(folded) >= 1 and abs(stretched) >= 1:
-            return []
-        if abs(folded) >= 1:
-            return [(-high, high)]
-        return [(low, 2 * math.pi - low)] if abs(stretched) >= 1 else [(low, high), (-high, -low)]
+        stretched, folded = corner(b + c, a, d), corner(b - c, a, d)
+        stops, starts = stretched < math.pi, folded > 0  # false for triangles that do not close
+        if not starts:
+            return [(-stretched, stretched)] if stops else []
+        return [(folded, stretched), (-stretched, -folded)] if stops else [(folded, 2 * math.pi - folded)]
+
+    @property
+    def extremes(self) -> tuple[list[float], str, float]:
+        """Directions of the crank at extremes; the rocker's are on a side of the fixed link, by branch."""
+        if self.grashof != "crank-rocker":
+            return [0.0, math.pi], "", 0.0
+        a, b, c, d = self.lengths.values()
+        sides = a + b, b - a  # of more than half a circle, or below zero: the triangle is on the other side
+        extended, folded = (math.copysign(corner(c, side, d), math.sin(side)) for side in sides)
+        inline = extended, math.pi + folded
+        return [0.0, math.pi, *inline, *(-x for x in inline)], "swing", folded - extended
+
+    def output(self, run: Result) -> Array:
+        """Return angles of the rocker [rad]."""
+        return np.asarray(-run["theta4"].values)
+
+    def transmission(self, run: Result) -> Array:
+        """Return angles between coupler and rocker [rad]."""
+        return np.asarray(np.pi - np.abs(turn(run["theta3"].values)))
 
     def tables(self) -> dict[str, Any]:
         """Return the tables of :attr:`scene`: a loop of four joints."""
@@ -182,6 +206,15 @@ class SphericalFourBar(Linkage):
         from symgen.pipeline.build import build
 
         return cast("KinematicModel", build(self.scene))
+
+
+def without_opposites(linkages: list[SphericalFourBar]) -> list[SphericalFourBar]:
+    """Return linkages of which no two differ by opposite axes alone: those of least arcs."""
+    kept: list[SphericalFourBar] = []
+    for linkage in sorted(linkages, key=lambda x: sum(x.lengths.values())):
+        if all(np.abs(linkage.least_arcs - other.least_arcs).max() > ONE_LINK for other in kept):
+            kept.append(linkage)
+    return kept
 
 
 def _row(theta: float, alpha: float) -> Array:

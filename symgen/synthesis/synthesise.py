@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 from symgen.calls import checked
 from symgen.errors import NoLinkageError, SimulationError
 from symgen.scene.units import Shown
-from symgen.synthesis import dyads, function, limits
-from symgen.synthesis.four_bar import FourBar
-from symgen.synthesis.linkage import Linkage, angle
+from symgen.synthesis import dyads, function
+from symgen.synthesis.limits import search as limits
+from symgen.synthesis.limits.crank_rocker import CRANK_ROCKER, SPHERICAL_CRANK_ROCKER
+from symgen.synthesis.limits.kind import Kind, time_ratio
+from symgen.synthesis.limits.slider_crank import SLIDER_CRANK
+from symgen.synthesis.linkage import Linkage, turn
 from symgen.synthesis.search import Search, Solutions
 from symgen.synthesis.slider_crank import SliderCrank
 from symgen.synthesis.spherical import SphericalFourBar
-from symgen.synthesis.tasks import LimitTask, SliderLimitTask, Task, read_task
+from symgen.synthesis.tasks import LIMIT_TASKS, Task, read_task
 
 Array = NDArray[np.float64]
 #: Measured quantities, and faults of the motion.
@@ -115,7 +118,7 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
         For anything wrong in the task; ``NoLinkageError`` when no linkage was found or can exist.
     """
     head, fields = read_task(task)
-    if isinstance(fields, LimitTask | SliderLimitTask):
+    if isinstance(fields, LIMIT_TASKS):
         kind = LIMITS[fields.linkage]
         prescribed, ranges = fields.prescribed()
         if ranges:
@@ -150,7 +153,7 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
 
 
 #: Limit positions by linkage.
-LIMITS = {"four-bar": limits.CRANK_ROCKER, "slider-crank": limits.SLIDER_CRANK}
+LIMITS = {"four-bar": CRANK_ROCKER, "slider-crank": SLIDER_CRANK, "spherical": SPHERICAL_CRANK_ROCKER}
 _GENERATIONS: dict[tuple[str, str], Callable[[Any], Solutions]] = {
     ("function", "four-bar"): function.four_bars,
     ("function", "slider-crank"): function.slider_cranks,
@@ -177,10 +180,10 @@ def _nothing(task: Task, search: Search) -> str:
 
 
 def _greatest(
-    kind: limits.Kind,
+    kind: Kind,
     prescribed: dict[str, float],
     ranges: dict[str, tuple[float, float]],
-    task: LimitTask | SliderLimitTask,
+    task: Any,
 ) -> str:
     """Return the greatest transmission angle of linkages with the other values, if more is prescribed."""
     name = "transmission_least"
@@ -211,7 +214,7 @@ def _stopped(linkage: Linkage, time: float) -> str:
     return f"the crank stops at {stop:.6g} deg, before it has passed all poses"
 
 
-def _limits(kind: limits.Kind, prescribed: dict[str, float], linkage: Linkage, *, optimised: bool) -> Faults:
+def _limits(kind: Kind, prescribed: dict[str, float], linkage: Linkage, *, optimised: bool) -> Faults:
     quantities = _over_revolution(linkage) | dict(kind.measured(linkage))
     size = max(linkage.lengths.values())
     sizes = {n: size if n in kind.lengths else 1.0 for n in prescribed if n in quantities}
@@ -228,73 +231,27 @@ def _over_revolution(linkage: Linkage) -> dict[str, float]:
     """Return extremes over a revolution: of transmission angles, and of the rocker or slider."""
     if not linkage.turns:
         return {}
-    directions, moves, more = _extremes(linkage)
+    directions, moves, more = linkage.extremes
     run = linkage.angles(np.array(directions))
-    transmission = _transmission(linkage, run)
+    transmission = linkage.transmission(run)
     extremes = {
         "transmission_minimum": float(transmission.min()),
         "transmission_maximum": float(transmission.max()),
     }
     if moves:
-        extremes[moves] = float(np.ptp(_output(linkage, run)))
-        extremes["time_ratio"] = limits.time_ratio(abs(more))
+        extremes[moves] = float(np.ptp(linkage.output(run)))
+        extremes["time_ratio"] = time_ratio(abs(more))
     return extremes
-
-
-def _extremes(linkage: Linkage) -> tuple[list[float], str, float]:
-    """Return directions of the crank [rad] at which extremes are, and the name of the output's range.
-
-    The last value is the rotation of the crank [rad] from one limit position to the other, over half a
-    revolution.
-
-    Those of the transmission angle are on the fixed link, or normal to the guide. In those of the output
-    coupler and crank are in line.
-    """
-    if isinstance(linkage, SliderCrank):
-        r, l, _ = linkage.lengths.values()
-        inline = [
-            float(np.arcsin(linkage.height / (l + r))),
-            np.pi + float(np.arcsin(linkage.height / (l - r))),
-        ]
-        more = inline[1] - np.pi - inline[0]
-        if (linkage.B - linkage.A) @ linkage.along < 0:
-            inline = [np.pi - x for x in inline]
-        return [linkage.guide + x for x in (np.pi / 2, -np.pi / 2, *inline)], "stroke", more
-    moves = "swing" if linkage.grashof == "crank-rocker" else ""
-    a, b, c, d = linkage.lengths.values()
-    if isinstance(linkage, SphericalFourBar):
-        return [0.0, np.pi], "", 0.0
-    towards = float(np.arctan2(*(cast("FourBar", linkage).C - cast("FourBar", linkage).O)[::-1]))
-    inline = [angle(c, d, b + a), np.pi + angle(c, d, b - a)] if moves else []
-    more = inline[1] - np.pi - inline[0] if moves else 0.0
-    return [towards + x for x in (0.0, np.pi, *inline, *(-x for x in inline))], moves, more
-
-
-def _transmission(linkage: Linkage, run: Any) -> Array:
-    """Return angles between coupler and rocker, or coupler and normal of the guide [rad]."""
-    if isinstance(linkage, SliderCrank):
-        side = -1.0 if linkage.height < 0 else 1.0
-        return np.pi / 2 - side * np.arcsin(np.sin(run["coupler.angle"].values - linkage.guide))
-    if isinstance(linkage, SphericalFourBar):
-        return np.pi - np.abs(_turn(run["theta3"].values))
-    return np.abs(run["A.B.C.angle"].values)
-
-
-def _output(linkage: Linkage, run: Any) -> Array:
-    """Return angles of the rocker [rad] or positions of the slider along its guide [m]."""
-    if isinstance(linkage, SliderCrank):
-        return np.asarray((run["B.position"].values - linkage.O) @ linkage.along)
-    return -run["theta4"].values if isinstance(linkage, SphericalFourBar) else run["rocker.angle"].values
 
 
 def _function(linkage: Linkage, poses: Array) -> Faults:
     """Return faults of the outputs at the angles of the crank."""
     directions = linkage.within_reach(poses[:, 0])
-    missed = _output(linkage, linkage.angles(directions.tolist())) - poses[:, 1]
+    missed = linkage.output(linkage.angles(directions.tolist())) - poses[:, 1]
     if isinstance(linkage, SliderCrank):
         size = float(np.ptp(poses[:, 1]))
         return _passed(linkage, missed / size, directions, linkage.error / size, "of the slider's way")
-    return _passed(linkage, _turn(missed), directions, linkage.error, "rad")
+    return _passed(linkage, turn(missed), directions, linkage.error, "rad")
 
 
 def _guidance(linkage: Linkage, poses: Array) -> Faults:
@@ -306,7 +263,7 @@ def _guidance(linkage: Linkage, poses: Array) -> Faults:
     extent = float(np.ptp(poses[:, :2], axis=0).max())
     size = max(linkage.lengths.values()) if linkage.error <= _AGREES * extent else extent
     places = np.linalg.norm(run["P.position"].values - poses[:, :2], axis=1)
-    turned = _turn(
+    turned = turn(
         (run["coupler.angle"].values - run["coupler.angle"].values[0]) - (poses[:, 2] - poses[0, 2])
     )
     missed = np.maximum(places / size, np.abs(turned))
@@ -320,7 +277,7 @@ def _on_sphere(linkage: SphericalFourBar, poses: Array) -> Faults:
     cranks = np.array([linkage.angle_of(r @ linkage.A) for r in from_first])
     rockers = np.array([linkage.rocker_angle_of(r @ linkage.B) for r in from_first])
     directions = linkage.within_reach(cranks)
-    missed = _turn(_output(linkage, linkage.angles(directions)) - rockers)
+    missed = turn(linkage.output(linkage.angles(directions)) - rockers)
     return _passed(linkage, missed, directions, linkage.error, "rad")
 
 
@@ -337,11 +294,6 @@ def _passed(linkage: Linkage, missed: Array, directions: Array, error: float, un
     elif wrong:
         faults.insert(0, f"{points} on another assembly branch")
     return _over_revolution(linkage), faults
-
-
-def _turn(x: Array) -> Array:
-    """Return angles less whole revolutions."""
-    return np.asarray(x - 2 * np.pi * np.round(x / (2 * np.pi)))
 
 
 def _order(linkage: Linkage, directions: Array) -> Iterator[str]:

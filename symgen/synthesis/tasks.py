@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
 
 from symgen.errors import SceneError, nearest
-from symgen.mechanics.synthesis.limits import QUANTITIES, SLIDER_QUANTITIES
+from symgen.mechanics.synthesis.limits import QUANTITIES, SLIDER_QUANTITIES, SPHERICAL_QUANTITIES
 from symgen.scene.expressions import parse_value
 from symgen.scene.faults import scene_error
 from symgen.scene.loading import read_scene
@@ -40,11 +40,8 @@ class _Search(Table):
     seed: Seed = 0
 
 
-class LimitTask(_Search):
-    """Limit positions and transmission angles of a crank-rocker: four of these quantities."""
-
+class _CrankRockerTask(_Search):
     kind: Literal["limits"]
-    linkage: Literal["four-bar"] = "four-bar"
     crank: Limit | None = None
     coupler: Limit | None = None
     rocker: Limit | None = None
@@ -61,9 +58,25 @@ class LimitTask(_Search):
     time_ratio: Limit | None = None
     starts: Starts = 60
 
+
+class LimitTask(_CrankRockerTask):
+    """Limit positions and transmission angles of a crank-rocker: four of these quantities."""
+
+    linkage: Literal["four-bar"] = "four-bar"
+
     def prescribed(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
         """Return the prescribed quantities [m, rad], and ranges of others."""
         return _prescribed(self, QUANTITIES)
+
+
+class SphericalLimitTask(_CrankRockerTask):
+    """Limit positions and transmission angles of a spherical crank-rocker: four of these quantities."""
+
+    linkage: Literal["spherical"]
+
+    def prescribed(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+        """Return the prescribed quantities [rad], and ranges of others."""
+        return _prescribed(self, SPHERICAL_QUANTITIES)
 
 
 class SliderLimitTask(_Search):
@@ -246,11 +259,13 @@ class SliderPathTask(_SliderCrank):
 
 
 Task = (
-    LimitTask | SliderLimitTask | FunctionTask | SliderFunctionTask | SphericalFunctionTask | MotionTask
-    | SliderMotionTask | SphericalMotionTask | PathTask | SliderPathTask
+    LimitTask | SliderLimitTask | SphericalLimitTask | FunctionTask | SliderFunctionTask
+    | SphericalFunctionTask | MotionTask | SliderMotionTask | SphericalMotionTask | PathTask | SliderPathTask
 )  # fmt: skip
+#: The kinds of tasks of limit positions.
+LIMIT_TASKS = LimitTask, SliderLimitTask, SphericalLimitTask
 _KINDS: dict[str, dict[str, type[Task]]] = {
-    "limits": {"four-bar": LimitTask, "slider-crank": SliderLimitTask},
+    "limits": {"four-bar": LimitTask, "slider-crank": SliderLimitTask, "spherical": SphericalLimitTask},
     "function": {
         "four-bar": FunctionTask,
         "slider-crank": SliderFunctionTask,

@@ -1,16 +1,17 @@
-"""Limit positions and transmission angles of crank-rockers and slider-cranks.
+"""Limit positions and transmission angles of crank-rockers, in the plane and on a sphere, and slider-cranks.
 
 Source: the thesis on kineto-elastodynamics, Chapter III, with its errata. In the limit positions of the
 rocker, crank and coupler are in line: extended, a triangle of the sides a + b, c and d, and folded, one of
 b - a, c and d. In the other two triangles the crank lies on the fixed link: d - a, and d + a. The thesis
 writes sines, cosines and a quotient by cos(theta1) that vanishes; here each triangle is closed by its two
 components, and no length or angle is divided by. In those of a slider-crank the offset of the guide takes
-the place of rocker and fixed link.
+the place of rocker and fixed link. On a sphere (Chapter I names the extension, and does not derive it) the
+same four triangles are spherical, with arcs as sides, and the cosine rule of each angle closes them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import sympy as sp
 
@@ -32,6 +33,14 @@ QUANTITIES = (
     ("time_ratio", "1", "rotation of the crank from extended to folded limit position, over that back"),
 )  # fmt: skip
 
+#: The quantities of a spherical four-bar: those of a planar one, with arcs as lengths.
+SPHERICAL_QUANTITIES = (
+    ("crank", "rad", "arc of the crank, a"),
+    ("coupler", "rad", "arc of the coupler, b"),
+    ("rocker", "rad", "arc of the rocker, c"),
+    ("fixed_link", "rad", "arc of the fixed link, d"),
+    *QUANTITIES[4:],
+)
 #: The quantities of a slider-crank, whose guide is at its offset to the left of the slider's direction.
 SLIDER_QUANTITIES = (
     ("crank", "m", "length of the crank, r"),
@@ -61,11 +70,26 @@ def _cosine_rule(side: sp.Expr, b: sp.Expr, c: sp.Expr, angle: sp.Expr) -> sp.Ex
     return b**2 + c**2 - 2 * b * c * sp.cos(angle) - side**2
 
 
-def cosine_opposite(side: sp.Symbol, b: sp.Symbol, c: sp.Symbol) -> sp.Expr:
+def cosine_opposite(side: sp.Symbol, b: sp.Symbol, c: sp.Symbol, on_sphere: bool = False) -> sp.Expr:
     """Return the cosine of the angle opposite to a side of a triangle, from the cosine rule."""
     cosine = sp.Symbol("cosine", real=True)
-    rule = _cosine_rule(side, b, c, sp.acos(cosine))
+    rule = (_spherical_rule if on_sphere else _cosine_rule)(side, b, c, sp.acos(cosine))
     return -rule.subs(cosine, 0) / rule.diff(cosine)
+
+
+def _spherical_rule(side: sp.Expr, b: sp.Expr, c: sp.Expr, angle: sp.Expr) -> sp.Expr:
+    """Return the error of the spherical cosine rule for the side opposite to the angle between b and c."""
+    return sp.cos(b) * sp.cos(c) + sp.sin(b) * sp.sin(c) * sp.cos(angle) - sp.cos(side)
+
+
+def _spherical_triangle(
+    side: sp.Expr, c: sp.Expr, d: sp.Expr, angles: tuple[sp.Expr, ...]
+) -> Iterator[sp.Expr]:
+    """Yield the closure of the spherical triangle with the angles at M, Q and B: each by its cosine rule."""
+    at_m, at_q, at_b = angles
+    yield _spherical_rule(c, side, d, at_m)
+    yield _spherical_rule(side, c, d, at_q)
+    yield _spherical_rule(d, side, c, at_b)
 
 
 def _time_ratio(x: dict[str, sp.Symbol]) -> sp.Expr:
@@ -76,17 +100,30 @@ def _time_ratio(x: dict[str, sp.Symbol]) -> sp.Expr:
 
 def conditions(x: dict[str, sp.Symbol]) -> list[sp.Expr]:
     """Return the ten closure errors of a crank-rocker's quantities."""
+    return _crank_rocker(x, _triangle, _cosine_rule)
+
+
+def spherical_conditions(x: dict[str, sp.Symbol]) -> list[sp.Expr]:
+    """Return the ten closure errors of the quantities of a spherical crank-rocker."""
+    return _crank_rocker(x, _spherical_triangle, _spherical_rule)
+
+
+def _crank_rocker(
+    x: dict[str, sp.Symbol],
+    triangle: Callable[..., Iterator[sp.Expr]],
+    cosine_rule: Callable[..., sp.Expr],
+) -> list[sp.Expr]:
     a, b, c, d = (x[name] for name in ("crank", "coupler", "rocker", "fixed_link"))
     extended, folded = (
         tuple(x[f"{part}_{pose}"] for part in ("crank", "rocker", "transmission"))
         for pose in ("extended", "folded")
     )
     return [
-        *_triangle(a + b, c, d, extended),
-        *_triangle(b - a, c, d, folded),
+        *triangle(a + b, c, d, extended),
+        *triangle(b - a, c, d, folded),
         x["rocker_extended"] - x["rocker_folded"] - x["swing"],
-        _cosine_rule(d - a, b, c, x["transmission_least"]),
-        _cosine_rule(d + a, b, c, x["transmission_greatest"]),
+        cosine_rule(d - a, b, c, x["transmission_least"]),
+        cosine_rule(d + a, b, c, x["transmission_greatest"]),
         _time_ratio(x),
     ]
 
@@ -113,12 +150,39 @@ def necessary(x: dict[str, sp.Symbol]) -> list[sp.Rel]:
     Grashof's condition with the crank as the shortest link, the sums of the angles of triangles, and the
     order of the angle at B, which grows with the distance AC: from d - a to d + a.
     """
+    return _of_crank_rocker(x, lambda angles: [sp.Eq(sp.Add(*angles), sp.pi)])
+
+
+def spherical_necessary(x: dict[str, sp.Symbol]) -> list[sp.Rel]:
+    """Return relations, linear but for the time ratio, of every spherical crank-rocker.
+
+    Those of :func:`necessary`, but for the sums of angles: spherical triangles have an excess, and two angles
+    exceed the third by less than 180 deg. The crank's arc is also less than the supplement of any other, and
+    the sum of all arcs is less than a circle: the triangles of crank and fixed link close with the opposite
+    axes, too.
+    """
+    a, *others = (x[name] for name in ("crank", "coupler", "rocker", "fixed_link"))
+    return [
+        *_of_crank_rocker(x, _excess),
+        *(a + other < sp.pi for other in others),
+        sp.Add(a, *others) < 2 * sp.pi,
+    ]
+
+
+def _excess(angles: list[sp.Symbol]) -> list[sp.Rel]:
+    total = sp.Add(*angles)
+    return [total > sp.pi, *(total < sp.pi + 2 * angle for angle in angles)]
+
+
+def _of_crank_rocker(
+    x: dict[str, sp.Symbol], of_angles: Callable[[list[sp.Symbol]], list[sp.Rel]]
+) -> list[sp.Rel]:
     a, b, c, d = (x[name] for name in ("crank", "coupler", "rocker", "fixed_link"))
     least, greatest = x["transmission_least"], x["transmission_greatest"]
     relations = [a > 0, a + b < c + d, a + c < b + d, a + d < b + c, a < b, a < c, a < d, least > 0]
     for pose in ("extended", "folded"):
         angles = [x[f"{part}_{pose}"] for part in ("crank", "rocker", "transmission")]
-        relations += [sp.Eq(sp.Add(*angles), sp.pi), angles[0] > 0, angles[1] > 0]
+        relations += [*of_angles(angles), angles[0] > 0, angles[1] > 0]
         relations += [least < angles[2], angles[2] < greatest]
     swing = sp.Eq(x["rocker_extended"] - x["rocker_folded"], x["swing"])
     return [*relations, greatest < sp.pi, swing, x["swing"] > 0, sp.Eq(_time_ratio(x), 0)]

@@ -1,0 +1,1 @@
+"""Linkages of prescribed limit positions and transmission angles."""
