@@ -50,6 +50,8 @@ LOOP: Sources = (
     ("eta3_operator", "Rahman (15), general form (17)"),
     ("S4_operator", "Rahman (16), general form (17)"),
     ("*_operator", "Rahman (17)"),
+    ("closure_step_matrix", "Rahman (19b), (24): A"),
+    ("closure_step_rhs", "Rahman (19a), (25), corrected: V"),
     ("closure_jacobian", "Rahman (12)-(17): the columns of (24) as screws"),
     ("screws", "Rahman (12)-(17): the columns of (24) as screws"),
     ("closure_matrix", "Rahman (38), corrected: A"),

@@ -162,6 +162,13 @@ def of_loop(loop: Loop, system: System) -> Iterator[Step]:
             (*ending("_operator"), "closure_jacobian", "screws"),
         ),
         (
+            "Newton's step",
+            "To the first order the sum of H δq is Bᵀ − 1, and both are skew: the entries above the "
+            "diagonal are A δq = V.",
+            "Rahman, Eqs. (19)-(26), corrected",
+            ("closure_step_matrix", "closure_step_rhs"),
+        ),
+        (
             "Velocities and accelerations",
             "Screws times rates sum to zero round the loop, and so do their rates; partial sums are "
             "the motions of the links.",

@@ -99,6 +99,17 @@ class Paths:
                     total = total + DualMatrix(slope * h.real, slope * h.dual)
         return total
 
+    def step(self, variables: Sequence[int]) -> tuple[sp.ImmutableMatrix, sp.ImmutableMatrix]:
+        """Return A and V of Newton's step A dq = V of some variables, Eqs. (20)-(26), corrected.
+
+        Rows are the entries above the diagonal, of real and of dual parts: of the operators H in A, and of
+        the skew part of B^T in V. To the first order, the sum of H dq is B^T - 1, and both are skew.
+        """
+        b = self.closure.dual
+        left = [_above(self.operator(j)) for j in variables]
+        right = _above(b.T + DualMatrix(-b.real, -b.dual)) / 2
+        return sp.ImmutableMatrix.hstack(sp.zeros(6, 0), *left), sp.ImmutableMatrix(right)
+
     @cached_property
     def frames(self) -> list[Frame]:
         """Return the same frames, each by the shorter path."""
@@ -208,6 +219,11 @@ class Paths:
     ) -> DualVector:
         where = f"of the frame at {motion.entry} of row {motion.row}"
         return self.names.screw(name, vector, kinds, where)
+
+
+def _above(matrix: DualMatrix) -> sp.Matrix:
+    """Return the entries above the diagonal, of the real part and of the dual part."""
+    return sp.Matrix([part[i, k] for part in (matrix.real, matrix.dual) for i, k in ((0, 1), (0, 2), (1, 2))])
 
 
 def _carried(matrix: DualMatrix, screw: DualVector) -> DualVector:

@@ -236,7 +236,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
         )
         for j, v in enumerate(model.variables)
     ]
-    steps += _closure_of_velocities(model)
+    steps += [*_step_of_closure(model), *_closure_of_velocities(model)]
     for k, link in enumerate(model.links, 1):
         frame = model.frame(k)
         placed = frame.turn.row_join(sp.Matrix(frame.origin))
@@ -283,6 +283,30 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
             for k, wrench in enumerate(model.joints[0], 1)
         ]
     return steps
+
+
+def _step_of_closure(model: LoopModel) -> list[NamedMatrix]:
+    """Return A and V of Newton's step A dq = V of the dependent variables, as in the source."""
+    found = [j for j, v in enumerate(model.variables) if v.role == "dependent"]
+    matrix, right = model.paths.step(found)
+    rows = [f"{part}{entry}" for part in "pd" for entry in (12, 13, 23)]
+    return [
+        named(
+            "closure_step_matrix",
+            matrix,
+            "1, m",
+            "A of A dq = V, Newton's step of the closure: entries of operators of dependent variables",
+            rows,
+            [model.variables[j].name for j in found],
+        ),
+        named(
+            "closure_step_rhs",
+            right,
+            "1, m",
+            "V of A dq = V, Newton's step: the same entries of the skew part of B^T",
+            rows,
+        ),
+    ]
 
 
 def _closure_of_velocities(model: LoopModel) -> list[NamedMatrix]:
