@@ -226,6 +226,8 @@ def slider_crank(name):
 def test_numbers_are_those_computed_independently():
     """Golden numbers, or those of the print, to the digits of the page."""
     assert numbers("Fig. 5", "Attia") == ["0.06", f"{0.0012604868770946:.6g}"]
+    acceleration = float(reference("rods_peaucellier_rest_horizontal")["acc"][1][1])
+    assert numbers("section 3", "Attia") == [f"{acceleration:.10g}"]
     values, _ = slider_crank("a4_S1")
     keys = ("S4", "F1i", "F1j", "T1i", "T1j", "F2i", "F3i", "F3j", "F3k", "F4i", "F4j", "F4k")
     for row, key in zip((r for r in rows() if r.outputs), keys, strict=True):

@@ -109,6 +109,13 @@ def show(
         list[str] | None,
         typer.Option("--with", metavar="NAME=NUMBER", help="Numeric value of a symbol, in SI units."),
     ] = None,
+    cut: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LINK.POINT[,...]",
+            help="Joints to cut in momentum_rows; default: a loop is cut where a point is reached twice.",
+        ),
+    ] = None,
     numeric: Annotated[
         bool, typer.Option("--numeric", help="Values instead of the letters of the scene's constants.")
     ] = False,
@@ -137,6 +144,8 @@ def show(
         raise ModelError("--at selects a state for numeric values: it requires --format numeric")
     if matrix in (None, RECORD) and (rows or columns or by or with_):
         raise ModelError("--rows, --columns, --by and --with apply to one matrix: name it")
+    if matrix in (None, RECORD) and cut:
+        raise ModelError("--cut applies to momentum_rows and momentum_rows.NAME: name them")
     if matrix is None and numeric:
         raise ModelError("--numeric applies to a matrix or to the derivation: name it")
     if matrix is None:
@@ -144,7 +153,8 @@ def show(
     elif matrix == RECORD:
         _show_record(subject, form, numeric)
     else:
-        chosen = subject.choose(matrix, numbers=form == "numeric")
+        cuts = [x.strip() for x in cut.split(",")] if cut else []
+        chosen = subject.choose(matrix, numbers=form == "numeric", cuts=cuts)
         chosen = chosen.by(by) if by else chosen
         chosen, values = chosen.part(rows, columns), _numbers(with_)
         if form == "numeric":
@@ -229,6 +239,10 @@ def _show_numbers(subject: Subject, chosen: Chosen, at: str | None, numbers: Map
     state = state_of(build_model(subject.text), at) if subject.is_scene else NOWHERE
     values = state.of(chosen.system, numbers)
     print(print_matrices(chosen.system, chosen.matrices, "numeric", values, state.label, _width()))
+    if chosen.is_square:
+        from symgen.report.mathematics.numbers import solution
+
+        print(f"\n{solution(chosen.system, values, state.label)}")
 
 
 def _width() -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,13 +10,13 @@ from typing import Any, cast
 
 import sympy as sp
 
-from symgen.errors import DerivationError, ModelError, check_known, nearest
+from symgen.errors import ModelError, check_known, nearest
 from symgen.lowering.program import lower_system
 from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
-from symgen.pipeline.systems import system_of
+from symgen.pipeline.systems import momentum_of, system_of
 from symgen.pipeline.user_system import is_user_file, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.loop.loop import Loop
@@ -29,6 +29,7 @@ from symgen.symbolic.system import DerivedMatrix, Export, Matrices, NamedMatrix,
 #: Name that selects the derivation record instead of a matrix.
 RECORD = "derivation"
 _MOMENTUM = "momentum_rows"
+_SQUARE = "matrix", "rhs"
 #: Maximum number of matrices named in an error.
 _NAMED = 5
 
@@ -39,6 +40,11 @@ class Chosen:
 
     system: System
     matrices: tuple[NamedMatrix, ...]
+
+    @property
+    def is_square(self) -> bool:
+        """Whether these are the square system of momentum rows."""
+        return tuple(m.name for m in self.matrices) == _SQUARE
 
     def part(self, rows: str | None, columns: str | None) -> Chosen:
         """Return selected rows and columns, given as comma-separated names or numbers."""
@@ -175,12 +181,12 @@ class Subject:
         known = {m.name for prefix, part in self.parts if not prefix for m in part.matrices}
         return tuple(m for step in self._before_assembly for m in step.matrices if m.name not in known)
 
-    def choose(self, name: str, *, numbers: bool = False) -> Chosen:
+    def choose(self, name: str, *, numbers: bool = False, cuts: Sequence[str] = ()) -> Chosen:
         """Return what a name stands for, with its System: a matrix, a kernel, a shared term, an argument.
 
         Names of the derivation record and of further systems are known as well, those of further systems
-        with and without their prefix. ``momentum_rows`` are all momentum rows; with ``numbers``, they are
-        returned as the square system that they form.
+        with and without their prefix. ``momentum_rows`` are all momentum rows, with the joints of ``cuts``
+        cut; with ``numbers``, they are returned as the square system that they form.
 
         Raises
         ------
@@ -189,7 +195,9 @@ class Subject:
         """
         kind, _, rest = name.partition(".")
         if kind == _MOMENTUM and self.is_scene:
-            return self._momentum(rest, numbers)
+            return self._momentum(rest, numbers, cuts)
+        if cuts:
+            raise ModelError(f"cuts apply to momentum_rows and momentum_rows.NAME of a scene, not to {name}")
         if self.steps and name in self.steps:  # a matrix of a step, rather than a symbol of the block
             return Chosen(self.steps, (self.steps[name],))
         if name in ASSEMBLED and self.is_assembled and name in self.assembled:
@@ -220,22 +228,12 @@ class Subject:
         if self.is_assembled:
             yield "", self.assembled
 
-    def _momentum(self, row: str, numbers: bool) -> Chosen:
-        method = method_of(self.resolved)
-        if not method.momentum:
-            raise DerivationError(f"{self.name} has no momentum rows: these are of points and links")
-        if self._kinematic:
-            raise DerivationError(
-                f"{self.name} is a kinematic analysis, which has no momentum rows\n"
-                "  Give --set analysis.kind=dynamics."
-            )
-        written, letters = in_letters(self.resolved)
-        system = letters.kept(method.load("momentum")(written))
+    def _momentum(self, row: str, numbers: bool, cuts: Sequence[str]) -> Chosen:
+        system = momentum_of(self.resolved, cuts, joined=numbers)
         if row:
             check_known(row, {*system.names()}, f"{self.name} has no momentum row")
             return Chosen(system, system.named(row))
-        square = ("matrix", "rhs")
-        return Chosen(system, tuple(m for m in system.matrices if (m.name in square) == numbers))
+        return Chosen(system, tuple(m for m in system.matrices if (m.name in _SQUARE) == numbers))
 
 
 def _solved(system: System, point: SaddlePoint) -> System:
@@ -252,6 +250,15 @@ class Equations(Matrices):
     def __init__(self, subject: Subject) -> None:
         super().__init__((name, DerivedMatrix.of(m)) for name, m in subject.system.by_name().items())
         self._subject = subject
+
+    def cut(self, *joints: str) -> System:
+        """Return the momentum rows of a linkage with joints ``LINK.POINT`` cut, and their system A x = b.
+
+        The cuts may leave no loop. Without joints, a loop is cut where a point is reached a second time.
+        """
+        if not self._subject.is_scene:
+            raise ModelError(f"{self._subject.name} is not a scene: it has no joints to cut")
+        return momentum_of(self._subject.resolved, joints)
 
     def _repr_html_(self) -> str:
         return self._subject.system._repr_html_()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from symgen.calls import checked
-from symgen.errors import SceneError
+from symgen.errors import DerivationError, ModelError, SceneError
 from symgen.methods import method_of
 from symgen.pipeline.user_system import is_user_file, load
 from symgen.scene.loading import SceneText, check_scene, text_of
@@ -42,15 +43,45 @@ def linkage_system_of(linkage: Linkage) -> System:
     return linkage_system(linkage)
 
 
+def momentum_of(resolved: Linkage | Loop, cuts: Sequence[str] = (), *, joined: bool = False) -> System:
+    """Return the momentum rows of a resolved scene with joints ``LINK.POINT`` cut.
+
+    ``joined`` places the particles of cut links at their joints.
+    """
+    from symgen.scene.rods.letters import in_letters
+
+    method = method_of(resolved)
+    if not method.momentum:
+        raise DerivationError(f"{resolved.name} has no momentum rows: these are of points and links")
+    if resolved.kinematic:
+        raise DerivationError(
+            f"{resolved.name} is a kinematic analysis, which has no momentum rows\n"
+            "  Give --set analysis.kind=dynamics."
+        )
+    written, letters = in_letters(resolved)
+    return letters.kept(method.load("momentum")(written, cuts, joined=joined))
+
+
 @checked
-def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
+def derive(scene: Scene | SceneText | str | os.PathLike[str], *, cut: Sequence[str] = ()) -> System:
     """Return the derived equations of a scene, a building block, or a Python file that returns a System.
 
     ``symgen show`` without arguments lists the scenes and the building blocks.
+
+    Parameters
+    ----------
+    scene
+        A scene, or the name of a building block or of a Python file.
+    cut
+        Joints ``LINK.POINT`` of a linkage: its momentum rows are returned, with these joints cut.
     """
     from symgen.models import BLOCKS
     from symgen.scene.resolve import resolve
 
+    if cut:
+        if is_user_file(scene) or (isinstance(scene, str) and scene in BLOCKS):
+            raise ModelError(f"{scene} is not a scene: it has no joints to cut, and no momentum rows")
+        return momentum_of(resolve(check_scene(text_of(scene))), cut)
     if is_user_file(scene):
         return load(Path(str(scene))).system
     if isinstance(scene, str) and scene in BLOCKS:

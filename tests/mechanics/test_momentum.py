@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 from shared.full import full_unless
 from shared.golden import reference
+from shared.momentum import in_numbers, solved
 from shared.random_mechanisms import draw, random_pose
 from shared.shipped import LINKAGES, REPEATED, rigid
 from typer.testing import CliRunner
@@ -148,28 +149,6 @@ def turn(axis, arm):
 
 
 # --- the solution ---------------------------------------------------------------------------------------------
-
-
-def in_numbers(rows):
-    """A and b as a function of t, q, u and p, through the shared subexpressions."""
-    symbols = [x.symbol for g in rows.groups if g.name != "x" for x in g.quantities]
-    shared = [(d.quantity.symbol, d.expression) for d in rows.definitions]
-    entries = [list(rows[n].matrix) for n in ("matrix", "rhs")]
-    return sp.lambdify(symbols, entries, "math", cse=lambda e: (shared, e))
-
-
-def solved(rows, model, state, function=None):
-    """Solve the momentum rows with the constraints densely; unknowns by name."""
-    held = [0.0] * model.description.held  # references of angles, branches of switching points
-    values = [state.t, *state.q, *state.u, *model.parameters.values(), *held]
-    a, b = (np.array(x, dtype=float) for x in (function or in_numbers(rows))(*values))
-    a, b = a.reshape(len(b), len(b)), b[:, None]
-    scale = np.max(np.abs(a), axis=1, keepdims=True)
-    if model.redundant:
-        x = np.linalg.lstsq(a / scale, b / scale, rcond=1e-10)[0][:, 0]
-    else:
-        x = np.linalg.solve(a / scale, b / scale)[:, 0]
-    return dict(zip(rows["matrix"].columns, x.tolist(), strict=True))
 
 
 def agrees(found, model, expected, tolerance=1e-12):

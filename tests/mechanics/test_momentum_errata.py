@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
-from shared.golden import reference
+from shared.momentum import chain_system, from_reference
 
 from symgen.mechanics.rods.momentum import perpendicular, smallest_axis, transverse
 from symgen.mechanics.rods.particles import particle_masses
@@ -30,49 +30,6 @@ def test_the_projection_vector_is_regular_in_every_direction(d):
     d = np.array(d) / np.linalg.norm(d)
     frame = np.array([d, *robust(d)])
     assert np.max(np.abs(frame @ frame.T - np.eye(3))) < 1e-15
-
-
-def chain_system(place, speed, rods, gravity, *, own_mass=False, couples=None, project=None):
-    """Eqs. (12), (13) and (14) of a pinned chain as printed, in numbers: A a = b.
-
-    ``own_mass`` takes m_{2i+1} for the third particle of rod i alone; ``couples`` are couples on the rods, taken
-    whole; ``project`` gives the two directions of Eq. (13).
-    """
-    n, dim = len(rods), place.shape[1]
-    rows, rhs = [], []
-
-    def skew(h):
-        return np.array([[-h[1], h[0]]]) if dim == 2 else np.cross(h, np.eye(3)).T
-
-    for j in range(n):
-        left, right = np.zeros((2 * dim - 3, (n + 1) * dim)), np.zeros(2 * dim - 3)
-        for i in range(j, n):
-            m, lc, l, masses = rods[i]["m"], rods[i]["lc"], rods[i]["l"], list(rods[i]["particles"])
-            end = masses[2] + (0 if own_mass or i + 1 == n else rods[i + 1]["particles"][0])
-            a, b = place[i] - place[j], place[i + 1] - place[j]
-            middle = (a + b) / 2
-            left[:, i * dim : (i + 1) * dim] += masses[1] / 2 * skew(middle)
-            left[:, (i + 1) * dim : (i + 2) * dim] += end * skew(b) + masses[1] / 2 * skew(middle)
-            right += skew(a + lc / l * (b - a)) @ (m * gravity)
-            if couples is not None:
-                right += couples[i]
-        axes = np.eye(1) if dim == 2 else np.array(project(place[j + 1] - place[j]))
-        rows.append(axes @ left)
-        rhs.append(axes @ right)
-        d, rate = place[j + 1] - place[j], speed[j + 1] - speed[j]
-        length = np.zeros((1, (n + 1) * dim))
-        length[0, j * dim : (j + 1) * dim], length[0, (j + 1) * dim : (j + 2) * dim] = -d, d
-        rows.append(length)
-        rhs.append([-rate @ rate])
-    return np.vstack(rows)[:, dim:], np.concatenate(rhs)
-
-
-def from_reference(name):
-    n = reference(name)
-    place, speed, acc = (np.array(n[k], dtype=float) for k in ("pos", "vel", "acc"))
-    rods = [{k: float(r[k]) for k in ("m", "lc", "l", "Io")} | {"particles": [float(x) for x in r["particles"]]}
-            for r in n["rods"]]  # fmt: skip
-    return n, place, speed, acc[1:].ravel(), rods, np.array(n["gravity"], dtype=float)
 
 
 def test_erratum_joint_masses_are_those_of_both_rods():

@@ -8,7 +8,7 @@ errors of the available text and where each is corrected.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -121,6 +121,27 @@ def open_tree(ground: Iterable[str], points: Sequence[str], bodies: Mapping[str,
                     seen.update(its)
                     waiting.extend(carried[body])
     return OpenTree(inner, carried, tuple(cuts), tuple(roots))
+
+
+def on_loop(ground: Collection[str], bodies: Mapping[str, Sequence[str]], body: str, point: str) -> bool:
+    """Return whether the joint of a body at a point is on a loop; all ground points are one body.
+
+    Parameters
+    ----------
+    ground
+        Names of the fixed points.
+    bodies
+        The points of every body.
+    body, point
+        The joint.
+    """
+    parts = [ground, *(its for name, its in bodies.items() if name != body)]
+    reached = {p for p in bodies[body] if p != point}
+    before = 0
+    while len(reached) > before:
+        before = len(reached)
+        reached.update(*(its for its in parts if not reached.isdisjoint(its)))
+    return point in reached
 
 
 def moment(lever: Vector, force: Vector) -> Vector:

@@ -14,6 +14,7 @@ from symgen.errors import DerivationError
 from symgen.loads.measure import PointForce
 from symgen.mechanics.rods.momentum import OpenTree, Particle, open_tree, particles, transverse
 from symgen.mechanics.rods.particles import Vector
+from symgen.models.momentum.cuts import Cut, check_open
 from symgen.models.rods.linkage import RodsModel
 from symgen.scene.rods.linkage import CarriedPoint, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO
@@ -40,8 +41,8 @@ class Outboard:
     Internal forces and couples, which act between two items inside a part, are omitted.
     """
 
-    def __init__(self, model: RodsModel) -> None:
-        self.model = model
+    def __init__(self, model: RodsModel, cuts: tuple[Cut, ...] = ()) -> None:
+        self.model, self.cuts = model, cuts
         self.linkage = model.linkage
         self.link = {k.name: k for k in model.rods}
         self.tree: OpenTree = open_tree(
@@ -50,11 +51,12 @@ class Outboard:
             {k.name: (k.start, k.end, *(c.name for c in k.carried)) for k in model.rods},
         )
         self.definitions: dict[sp.Symbol, Definition] = {}
+        check_open(self.tree, cuts)
         self.cut_forces = {
-            (body, point): self.unknown_force(
-                f"{body}_{point}_cut", f"force on {body} where it is cut at {point}"
+            cut: self.unknown_force(
+                f"{cut.link}_{cut.point}_cut", f"force on {cut.link} where it is cut at {cut.point}"
             )
-            for body, point in self.tree.cuts
+            for cut in cuts or tuple(Cut(body, point, point) for body, point in self.tree.cuts)
         }
         #: Constraints whose forces no cut and no tree takes up: guides and drives.
         self.forced = [c for c in model.constraints if not c.link and not c.carrier]
@@ -131,11 +133,11 @@ class Outboard:
                 if placed.point in points:
                     yield Push(position(placed.point), tuple(placed.mass * g for g in self.linkage.gravity))
         yield from self._applied(bodies, points)
-        for (body, point), force in self.cut_forces.items():
-            sign = (body in bodies) - (point in points)
+        for cut, force in self.cut_forces.items():
+            sign = (cut.link in bodies) - (cut.point in points)
             for i, component in enumerate(force if sign else ()):
                 unit = tuple(sp.Integer(sign * (i == k)) for k in range(len(force)))
-                yield Push(position(point), unit, component.symbol)
+                yield Push(position(cut.own if sign > 0 else cut.point), unit, component.symbol)
         for row in self.model.guides:
             sign = (row.point in points) - (row.link in bodies)
             if sign:

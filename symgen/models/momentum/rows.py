@@ -2,12 +2,13 @@
 
 Source: H. A. Attia, *Dynamic Analysis of a Chain of Rigid Rods*, Eqs. (12) to (16). Runs use the symmetric
 form of ``rods``; these rows are derived only for display. The two sides of a cut have one name, so
-the cut's own rows are satisfied identically, and its force is an unknown.
+the cut's own rows are satisfied identically, and its force is an unknown. Where the user selects the cuts, a
+cut link has a particle of its own, and the cut has rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from symgen.errors import DerivationError, SceneError
 from symgen.mechanics.rods.momentum import effective_lever, moment, perpendicular, smallest_axis
 from symgen.mechanics.rods.particles import Vector
 from symgen.models.momentum.completeness import check_complete
+from symgen.models.momentum.cuts import closed, cut_linkage
 from symgen.models.momentum.outboard import Outboard
 from symgen.models.rods.linkage import REFERENCE, RodsModel
 from symgen.models.rods.matrix import named
@@ -49,26 +51,45 @@ class Rows:
     rows: list[Row] = field(default_factory=list)
 
 
-def momentum_system(linkage: Linkage) -> System:
+def momentum_system(linkage: Linkage, cuts: Sequence[str] = (), *, joined: bool = False) -> System:
     """Return the momentum rows of a linkage as a System.
 
     One matrix for each set of rows, linear in the unknowns x (accelerations, forces at cuts, multipliers of
     guides and drives, reactions) and zero along the motion; then ``matrix`` and ``rhs`` of all of them,
     A x = b.
 
+    Parameters
+    ----------
+    linkage
+        The linkage.
+    cuts
+        Joints ``LINK.POINT`` to cut, which have constraint rows and leave no loop; the reactions of the
+        ground at other points are no unknowns then. If empty, a loop is cut where a point is reached twice.
+    joined
+        Place the particles of cut links at their joints: with the coordinates of the linkage only.
+
     Raises
     ------
     DerivationError
         When the linkage holds a mass or a load that these rows do not know.
+    ModelError
+        For joints that cannot be cut, or that leave a loop.
     """
     try:
-        model = RodsModel(linkage)
-        model.check_masses()
-        form = MomentumForm(model)
+        whole = RodsModel(linkage)
+        whole.check_masses()
+        opened, chosen = cut_linkage(whole, cuts)
+        model = RodsModel(opened) if chosen else whole
+        form = MomentumForm(model, chosen)
         check_complete(form)
     except SceneError as error:
         raise error.located(file=linkage.file) from None
-    return form.system()
+    system = form.system()
+    if not (joined and chosen):
+        return system
+    groups = {g.name: g for g in motion_groups(whole)}
+    system = system.substituted(closed(model, chosen, whole))
+    return replace(system, groups=tuple(groups.get(g.name, g) for g in system.groups))
 
 
 class MomentumForm(Outboard):
@@ -165,8 +186,13 @@ class MomentumForm(Outboard):
 
     @cached_property
     def reactions(self) -> dict[str, tuple[Quantity, ...]]:
-        """Reaction at each ground point, but for rails, whose guides put forces on them that no row tells."""
+        """Reaction at each ground point, but for rails, whose guides put forces on them that no row tells.
+
+        With cuts of the user, the reactions at the ground points that stay joined decouple, and are left out.
+        """
         model = self.model
+        if self.cuts:
+            return {}
         rails = {g.along for g in self.linkage.guides} & set(model.idle)
         ends = {p for name in rails for p in self.linkage.link(name).base}
         ends |= {p for p in model.points if model.is_fixed(p) and p not in model.ground}
@@ -189,6 +215,25 @@ class MomentumForm(Outboard):
             name = f"{c.name}_length" if c.link else c.name
             yield Rows(name, unit, f"{c.label}, twice differentiated", source, [Row(name, coefficients, rhs)])
 
+    def closures(self) -> Iterator[Rows]:
+        """Yield the constraint of each cut of the user, twice differentiated."""
+        model = self.model
+        for cut in self.cuts:
+            rows = Rows(
+                f"{cut.link}_{cut.point}_closure",
+                "m/s^2",
+                f"acceleration of {cut.link} where it is cut at {cut.point}, less that of {cut.point}",
+                "Attia, section 3",
+            )
+            sides = zip(model.position(cut.own), model.position(cut.point), strict=True)
+            for axis, (own, joint) in zip(model.axes, sides, strict=True):
+                coefficients: Coefficients = {}
+                for side, sign in ((own, 1), (joint, -1)):
+                    slopes = model.calculus.gradient(side)
+                    _add(coefficients, ((model.acceleration_of[q], sign * k) for q, k in slopes.items()))
+                rows.rows.append(Row(f"{rows.name}_{axis}", coefficients, ZERO))
+            yield rows
+
     # --- together -----------------------------------------------------------------------------------------
 
     def system(self) -> System:
@@ -196,7 +241,7 @@ class MomentumForm(Outboard):
         model = self.model
         parts = [self.moments(body) for body in self.tree.inner]
         parts += [r for p in (*self.tree.roots, *self.reactions) if (r := self.momentum(p)) is not None]
-        parts += self.constraints()
+        parts += [*self.constraints(), *self.closures()]
         rows = [row for part in parts for row in part.rows]
         appearing = {s for row in rows for s in row.coefficients}
         unknowns = [a for p in model.free for a in model.a[p]]
@@ -225,12 +270,13 @@ class MomentumForm(Outboard):
         return System(
             name=self.linkage.name,
             title=f"{self.linkage.title}: momentum rows",
-            groups=(
-                Group("t", "time", (TIME,)),
-                Group("q", "coordinates of the free points", tuple(model.coordinates)),
-                Group("u", "velocities of the free points", tuple(u for p in model.free for u in model.u[p])),
-                Group("p", "tunable parameters", tuple(p.quantity for p in self.linkage.parameters)),
-                Group("x", "accelerations, forces at cuts, multipliers, reactions", tuple(unknowns)),
+            groups=tuple(
+                replace(g, quantities=tuple(map(self._at_its_cut, g.quantities)))
+                for g in (
+                    *motion_groups(model),
+                    Group("p", "tunable parameters", tuple(p.quantity for p in self.linkage.parameters)),
+                    Group("x", "accelerations, forces at cuts, multipliers, reactions", tuple(unknowns)),
+                )
             ),
             matrices=tuple(matrices),
             exports=(),
@@ -238,6 +284,14 @@ class MomentumForm(Outboard):
             references=(REFERENCE,),
             sources=(("*", "Attia (12)-(16)"),),
         )
+
+    def _at_its_cut(self, x: Quantity) -> Quantity:
+        """Return a quantity whose description names the link where it means the particle of a cut link."""
+        for cut in self.cuts:
+            if x.description.endswith(f" of {cut.own}"):
+                about = f"{x.description.removesuffix(cut.own)}{cut.link} where it is cut at {cut.point}"
+                return replace(x, description=about)
+        return x
 
     def _shown(self, part: Rows) -> NamedMatrix:
         entries = [sp.Add(*(c * s for s, c in row.coefficients.items()), -row.rhs) for row in part.rows]
@@ -253,6 +307,15 @@ class MomentumForm(Outboard):
             row.rhs - sp.Add(*(row.coefficients[a] * a for a in ground if a in row.coefficients))
             for row in rows
         ]
+
+
+def motion_groups(model: RodsModel) -> tuple[Group, ...]:
+    """Return the arguments of a motion."""
+    return (
+        Group("t", "time", (TIME,)),
+        Group("q", "coordinates of the free points", tuple(model.coordinates)),
+        Group("u", "velocities of the free points", tuple(u for p in model.free for u in model.u[p])),
+    )
 
 
 def _difference(a: Vector, b: Vector) -> Vector:

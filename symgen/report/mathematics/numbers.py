@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import sympy as sp
 
 from symgen.errors import ModelError
@@ -16,6 +17,8 @@ from symgen.symbolic.system import Definition, NamedMatrix, System
 _WORKING, _PRINTED = 40, 12
 #: Columns that a number takes with the gap before it.
 _NUMBER = 19
+#: Singular values below this part of the largest are those of redundant constraints.
+_RANK = 1e-12
 #: Maximum number of symbols named in an error.
 _NAMED = 8
 
@@ -51,6 +54,20 @@ def in_numbers(
             line = f"{row:>{first}}  " + "  ".join(f"{float(x): .10e}" for x in numbers[i, k : k + count])
             lines.append(line)
     return "\n".join(lines)
+
+
+def solution(system: System, values: Mapping[str, float], label: str) -> str:
+    """Return the solution of the square system A x = b of momentum rows, one unknown per line with its unit.
+
+    With redundant constraints it is the one with the least sum of squares.
+    """
+    a, b = (np.array(evaluated(system, system[m], values).tolist(), dtype=float) for m in ("matrix", "rhs"))
+    scale = np.max(np.abs(a), axis=1, keepdims=True)
+    x = np.linalg.lstsq(a / scale, b / scale, rcond=_RANK)[0][:, 0]
+    unknowns = system.group("x").quantities
+    width = max(len(unknown.name) for unknown in unknowns)
+    lines = [f"{u.name:>{width}}  {v: .10g} {u.unit}" for u, v in zip(unknowns, x, strict=True)]
+    return "\n".join([f"solution x {label}", *lines])
 
 
 def table_of_numbers(
