@@ -105,7 +105,12 @@ def synthesis_study(synthesis: Any) -> Study:
     return Study(
         title=_title(synthesis),
         table=_table(synthesis),
-        notes=(_units(synthesis), *filter(None, [synthesis.search.incomplete]), *_faults(synthesis)),
+        notes=(
+            _units(synthesis),
+            *filter(None, [synthesis.search.incomplete]),
+            *(f"{count} omitted by the constraint {name}" for name, count in synthesis.omitted.items()),
+            *_faults(synthesis),
+        ),
         texts=(1,),
         keys=2,
         drawings=lambda: (

@@ -61,6 +61,7 @@ class FourBar(PlanarLinkage):
     """
 
     JOINTS: ClassVar[str] = "OABC"
+    CLASSES: ClassVar[tuple[str, ...]] = (*_CLASSES, "triple-rocker", "change-point")
 
     O: Array
     A: Array

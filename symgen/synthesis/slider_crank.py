@@ -60,6 +60,7 @@ class SliderCrank(PlanarLinkage):
     """
 
     JOINTS: ClassVar[str] = "OAB"
+    CLASSES: ClassVar[tuple[str, ...]] = ("slider-crank", "turning coupler", "rocking crank", "change-point")
 
     O: Array
     A: Array

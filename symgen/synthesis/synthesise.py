@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -15,6 +16,9 @@ from symgen.calls import checked
 from symgen.errors import NoLinkageError, SimulationError
 from symgen.scene.units import Shown
 from symgen.synthesis import dyads, function
+from symgen.synthesis.constraints import Constraints
+from symgen.synthesis.constraints import read as read_constraints
+from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.limits import search as limits
 from symgen.synthesis.limits.crank_rocker import CRANK_ROCKER, SPHERICAL_CRANK_ROCKER
 from symgen.synthesis.limits.kind import Kind, time_ratio
@@ -66,7 +70,8 @@ class Design:
 class Synthesis:
     """All linkages found; ``designs`` without faults come first, those of least error before others.
 
-    ``units`` are those of tables, by ``length`` and ``angle``; values are in SI.
+    ``units`` are those of tables, by ``length`` and ``angle``; values are in SI. ``omitted`` has the number
+    of further linkages that miss a constraint, by its name.
     """
 
     title: str
@@ -75,11 +80,12 @@ class Synthesis:
     designs: tuple[Design, ...]
     search: Search
     units: Shown
+    omitted: dict[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         good = sum(not d.faults for d in self.designs)
         count = len(self.designs)
-        return f"<Synthesis of {self.linkage}s, {self.kind}: {count} designs, {good} without a fault>"
+        return f"<Synthesis of {_NOUNS[self.linkage]}s, {self.kind}: {count} designs, {good} without a fault>"
 
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers, in SI units: what ``symgen synthesise --json`` prints."""
@@ -89,6 +95,7 @@ class Synthesis:
             "linkage": self.linkage,
             "starts": self.search.starts,
             "incomplete": self.search.incomplete,
+            "omitted": self.omitted,
             "designs": [
                 {
                     "class": d.linkage.grashof,
@@ -118,11 +125,13 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
         For anything wrong in the task; ``NoLinkageError`` when no linkage was found or can exist.
     """
     head, fields = read_task(task)
+    kind = LIMITS[fields.linkage]
+    constraints = read_constraints(fields, kind.quantities, CLASSES[fields.linkage])
     if isinstance(fields, LIMIT_TASKS):
-        kind = LIMITS[fields.linkage]
         prescribed, ranges = fields.prescribed()
         if ranges:
-            linkages, search = limits.best(kind, prescribed, ranges, fields.starts, fields.seed)
+            allowed = partial(_allowed, kind, constraints)
+            linkages, search = limits.best(kind, prescribed, ranges, fields.starts, fields.seed, allowed)
         else:
             linkages, search = limits.linkages(kind, prescribed, fields.starts, fields.seed)
         measured = partial(_limits, kind, prescribed, optimised=bool(ranges))
@@ -148,10 +157,38 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
         raise NoLinkageError(
             _nothing(fields, search), hint="Change the prescribed values, or try more starts."
         )
-    ordered = tuple(sorted(designs, key=lambda d: bool(d.faults)))
-    return Synthesis(head.title, fields.kind, fields.linkage, ordered, search, head.units)
+    kept, omitted = _kept(constraints, designs, _NOUNS[fields.linkage])
+    ordered = tuple(sorted(kept, key=lambda d: bool(d.faults)))
+    return Synthesis(head.title, fields.kind, fields.linkage, ordered, search, head.units, omitted)
 
 
+def _kept(constraints: Constraints, designs: list[Design], noun: str) -> tuple[list[Design], dict[str, int]]:
+    """Return the designs that meet the constraints, and the number of those that miss each of them."""
+    missed = [constraints.missed(d.linkage, d.quantities) for d in designs]
+    kept = [d for d, names in zip(designs, missed, strict=True) if not names]
+    if not kept:
+        count = (
+            f"the {noun} found does not meet"
+            if len(designs) == 1
+            else f"none of {len(designs)} {noun}s found meets"
+        )
+        reasons = [*constraints.why(designs)] or ["each meets some of them only"]
+        raise NoLinkageError(
+            f"{count} the constraints: {'; '.join(reasons)}",
+            hint="Change the constraints or the prescribed values.",
+        )
+    return kept, dict(Counter(name for names in missed for name in names))
+
+
+def _allowed(kind: Kind, constraints: Constraints, linkage: Linkage) -> bool:
+    """Return whether a linkage meets the constraints, by the closed forms of its limit positions."""
+    values = kind.derived([*linkage.lengths.values()])
+    ends = {"minimum": "least", "maximum": "greatest"}
+    values |= {f"transmission_{end}": values[f"transmission_{by}"] for end, by in ends.items()}
+    return not constraints.missed(linkage, values)
+
+
+CLASSES = {"four-bar": FourBar.CLASSES, "slider-crank": SliderCrank.CLASSES, "spherical": FourBar.CLASSES}
 #: Limit positions by linkage.
 LIMITS = {"four-bar": CRANK_ROCKER, "slider-crank": SLIDER_CRANK, "spherical": SPHERICAL_CRANK_ROCKER}
 _GENERATIONS: dict[tuple[str, str], Callable[[Any], Solutions]] = {

@@ -35,9 +35,20 @@ Limit = Value | Pair
 Values = Annotated[list[Value], Field(min_length=2, max_length=100)]
 
 
+class Bounds(Table):
+    """Bounds of a quantity of the linkages."""
+
+    least: Value | None = None
+    greatest: Value | None = None
+
+
 class _Search(Table):
     starts: Starts = 200
     seed: Seed = 0
+    constraints: dict[str, Bounds] = Field(
+        default_factory=dict, description="Bounds by quantity of the linkages, or expression of quantities."
+    )
+    classes: Annotated[list[str], Field(min_length=1)] | None = absent("Classes of the linkages allowed.")
 
 
 class _CrankRockerTask(_Search):

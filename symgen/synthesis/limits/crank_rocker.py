@@ -25,7 +25,7 @@ def _turns(a: float, *others: float) -> bool:
     return a < min(others) and 2 * (a + max(others)) < a + sum(others)
 
 
-def _quantities(lengths: list[float], angle: Angle) -> dict[str, float]:
+def _derived(angle: Angle, lengths: list[float]) -> dict[str, float]:
     a, b, c, d = lengths
     out = dict(zip(_LINKS, lengths, strict=True))
     for pose, side in (("extended", a + b), ("folded", b - a)):
@@ -37,18 +37,18 @@ def _quantities(lengths: list[float], angle: Angle) -> dict[str, float]:
     return out | {"time_ratio": time_ratio(out["crank_folded"] - out["crank_extended"])}
 
 
-def _random(generator: np.random.Generator) -> dict[str, float]:
+def _random(generator: np.random.Generator) -> list[float]:
     while True:
-        lengths = np.exp(generator.uniform(np.log(0.1), np.log(2.0), 4)).tolist()
+        lengths: list[float] = np.exp(generator.uniform(np.log(0.1), np.log(2.0), 4)).tolist()
         if _turns(*lengths):
-            return _quantities(lengths, angle)
+            return lengths
 
 
-def _random_on_sphere(generator: np.random.Generator) -> dict[str, float]:
+def _random_on_sphere(generator: np.random.Generator) -> list[float]:
     while True:
-        arcs = generator.uniform(0.05, 3.0, 4).tolist()
+        arcs: list[float] = generator.uniform(0.05, 3.0, 4).tolist()
         if _turns_on_sphere(*arcs):
-            return _quantities(arcs, corner)
+            return arcs
 
 
 def _turns_on_sphere(a: float, *others: float) -> bool:
@@ -108,17 +108,12 @@ def _measured(angle: Angle, linkage: Linkage) -> Iterator[tuple[str, float]]:
     yield "time_ratio", time_ratio(folded - extended)
 
 
-def _transmission(angle: Angle, linkage: Linkage) -> tuple[float, float]:
-    a, b, c, d = linkage.lengths.values()
-    return angle(d - a, b, c), angle(d + a, b, c)
-
-
 CRANK_ROCKER = Kind(
     "synthesis_limits", "a crank-rocker", relations.QUANTITIES, 10, relations.necessary, _random,
-    partial(_accepts, relations.QUANTITIES), _drawn, partial(_measured, angle), partial(_transmission, angle),
+    partial(_derived, angle), partial(_accepts, relations.QUANTITIES), _drawn, partial(_measured, angle),
 )  # fmt: skip
 SPHERICAL_CRANK_ROCKER = Kind(
     "synthesis_spherical_limits", "a spherical crank-rocker", relations.SPHERICAL_QUANTITIES, 10,
-    relations.spherical_necessary, _random_on_sphere, _accepts_on_sphere, _drawn_on_sphere,
-    partial(_measured, corner), partial(_transmission, corner),
+    relations.spherical_necessary, _random_on_sphere, partial(_derived, corner), _accepts_on_sphere,
+    _drawn_on_sphere, partial(_measured, corner),
 )  # fmt: skip

@@ -27,9 +27,9 @@ class Kind:
         Number of conditions.
     necessary
         Linear relations of the quantities, as SymPy.
-    random, accepts, drawn, measured, transmission
-        Functions: lengths and quantities of a random linkage; whether a root is a linkage; the linkage of a
-        root; quantities measured in a run; extremes of the transmission angle.
+    random, derived, accepts, drawn, measured
+        Functions: lengths of a random linkage; all quantities by lengths; whether a root is a linkage; the
+        linkage of a root; quantities measured in a run.
     """
 
     block: str
@@ -37,11 +37,11 @@ class Kind:
     quantities: tuple[tuple[str, str, str], ...]
     conditions: int
     necessary: Callable[[dict[str, Any]], list[Any]]
-    random: Callable[[np.random.Generator], dict[str, float]]
+    random: Callable[[np.random.Generator], list[float]]
+    derived: Callable[[list[float]], dict[str, float]]
     accepts: Callable[[dict[str, float]], bool]
     drawn: Callable[[dict[str, float]], Any]
     measured: Callable[[Any], Iterator[tuple[str, float]]]
-    transmission: Callable[[Any], tuple[float, float]]
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -73,13 +74,19 @@ def linkages(kind: Kind, prescribed: dict[str, float], starts: int, seed: int) -
 
 
 def best(
-    kind: Kind, prescribed: dict[str, float], ranges: dict[str, tuple[float, float]], starts: int, seed: int
+    kind: Kind,
+    prescribed: dict[str, float],
+    ranges: dict[str, tuple[float, float]],
+    starts: int,
+    seed: int,
+    allowed: Callable[[Any], bool],
 ) -> tuple[list[Any], Search]:
     """Return the linkage of best transmission, with one of its quantities in a range [m, rad].
 
     Its transmission angle is least off 90 deg, at worst, over a revolution of the crank: the thesis on
     kineto-elastodynamics (Chapter III) bounds this angle. Linkages are found at values of the range, with a
     fifth of the starts each, and the best of them is refined by Brent's method between its neighbours.
+    Linkages that are not ``allowed`` are worse than all others.
 
     Raises
     ------
@@ -99,8 +106,8 @@ def best(
         value = 0.0 if name in kind.lengths and value < SIZES[0] else float(value)  # an offset of zero
         candidates, search = linkages(kind, {**prescribed, name: value}, max(starts // 5, 1), seed)
         searches.append(search)
-        rated = [(_off_right(kind, linkage), linkage) for linkage in candidates]
-        return min(rated, key=lambda pair: pair[0], default=(np.pi, None))
+        rated = [(_off_right(kind, x) + np.pi * (not allowed(x)), x) for x in candidates]
+        return min(rated, key=lambda pair: pair[0], default=(2 * np.pi, None))
 
     values = np.linspace(low, high, _VALUES)
     tried = [at(value) for value in values]
@@ -138,7 +145,8 @@ def greatest_transmission(kind: Kind, prescribed: dict[str, float], starts: int,
 
 def _off_right(kind: Kind, linkage: Any) -> float:
     """Return the largest deviation of the transmission angle from a right angle [rad]."""
-    return max(abs(angle - np.pi / 2) for angle in kind.transmission(linkage))
+    values = kind.derived([*linkage.lengths.values()])
+    return max(abs(values[f"transmission_{end}"] - np.pi / 2) for end in ("least", "greatest"))
 
 
 def _check(kind: Kind, prescribed: dict[str, float]) -> None:
@@ -179,7 +187,7 @@ def _advice(kind: Kind, prescribed: dict[str, float]) -> str:
 
 def _sample(kind: Kind, generator: np.random.Generator, prescribed: dict[str, float]) -> Array:
     """Return the quantities of a random linkage, of the size of the first prescribed length."""
-    named = kind.random(generator)
+    named = kind.derived(kind.random(generator))
     sized = (name for name in kind.names if name in kind.lengths and prescribed.get(name))
     scale = next((prescribed[name] / named[name] for name in sized), 1.0)
     return np.array([named[n] * (scale if n in kind.lengths else 1.0) for n in kind.names])

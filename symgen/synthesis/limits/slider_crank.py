@@ -14,9 +14,13 @@ from symgen.synthesis.slider_crank import SliderCrank
 _ROUNDING = 1e-9
 
 
-def _random(generator: np.random.Generator) -> dict[str, float]:
-    l, share, part = 1.0, *generator.uniform(0.05, 0.95, 2)
-    r, e = share * part * l, share * (1 - part) * l
+def _random(generator: np.random.Generator) -> list[float]:
+    share, part = generator.uniform(0.05, 0.95, 2)
+    return [float(share * part), 1.0, float(share * (1 - part))]
+
+
+def _derived(lengths: list[float]) -> dict[str, float]:
+    r, l, e = lengths
     out = {"crank": r, "coupler": l, "offset": e}
     for pose, side in (("extended", l + r), ("folded", l - r)):
         out[f"crank_{pose}"] = float(np.arcsin(e / side))
@@ -64,12 +68,7 @@ def _measured(linkage: SliderCrank) -> Iterator[tuple[str, float]]:
     yield "time_ratio", time_ratio(folded - extended)
 
 
-def _transmission(linkage: SliderCrank) -> tuple[float, float]:
-    r, l, e = linkage.lengths.values()
-    return float(np.arccos((e + r) / l)), float(np.arccos((e - r) / l))
-
-
 SLIDER_CRANK = Kind(
     "synthesis_slider_limits", "a slider-crank", relations.SLIDER_QUANTITIES, 8, relations.slider_necessary,
-    _random, _accepts, _drawn, _measured, _transmission,
+    _random, _derived, _accepts, _drawn, _measured,
 )  # fmt: skip
