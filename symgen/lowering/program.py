@@ -21,7 +21,6 @@ def lower_system(system: System) -> Program:
 
     Constants are replaced by their values.
     """
-    system = system.in_numbers()
     point = system.saddle_point
     names = dict.fromkeys(name for export in system.exports for name in export.matrices)
     if point:

@@ -21,28 +21,41 @@ from symgen.lowering.nodes import (
     references,
     rename,
 )
-from symgen.symbolic.constants import rounded
+from symgen.symbolic.constants import Substitution, rounded
 from symgen.symbolic.system import System
 
 
-def fold(expression: sp.Expr) -> sp.Expr:
+def fold(expression: sp.Expr, known: dict[sp.Expr, sp.Expr] | None = None) -> sp.Expr:
     """Round every irrational constant in an expression to at least 40 digits; rationals stay exact.
 
     Constants that are added or multiplied are rounded together, so exact cancellation gives zero.
-    Exponentials below the range of doubles are zero, as in a kernel that evaluates them.
+    Exponentials below the range of doubles are zero, as in a kernel that evaluates them. ``known`` are
+    results for other expressions, to which this one and its parts are added.
     """
     if expression.is_Symbol or expression.is_Rational:
         return expression
+    known = {} if known is None else known
+    result = known.get(expression)
+    if result is None:
+        result = known[expression] = _folded(expression, known)
+    return result
+
+
+def _folded(expression: sp.Expr, known: dict[sp.Expr, sp.Expr]) -> sp.Expr:
     if expression.is_number:
         value = rounded(expression, digits())
         lost = value.is_Float and expression.has(sp.exp) and abs(value) < sys.float_info.min
         return sp.Integer(0) if lost else value
-    old = _collected(expression.args) if expression.is_Add else expression.args
+    old = expression.args
+    numbers = [a for a in old if a.is_number]
+    if all(a.is_Rational for a in numbers) and all(fold(a, known) is a for a in old):
+        return expression
+    old = _collected(old) if expression.is_Add else old
     if expression.is_Add or expression.is_Mul:
         numbers = [a for a in old if a.is_number]
         if len(numbers) > 1:
             old = (expression.func(*numbers), *(a for a in old if not a.is_number))
-    new = [fold(a) for a in old]
+    new = [fold(a, known) for a in old]
     same = len(new) == len(expression.args) and all(a is b for a, b in zip(expression.args, new, strict=True))
     return expression if same else expression.func(*new)
 
@@ -62,35 +75,38 @@ def _collected(terms: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
     ]
 
 
-def _definitions(system: System) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symbol, sp.Expr]]:
-    """Return the definitions that depend on arguments, and those that are numbers."""
-    expressions: dict[sp.Symbol, sp.Expr] = {}
-    numbers: dict[sp.Symbol, sp.Expr] = {}
-    for definition in system.definitions:
-        exact = definition.expression.xreplace(numbers)
-        value = fold(exact)
-        # Substitute the exact number: after rounding, it would not cancel against others.
-        if value.is_number:
-            numbers[definition.quantity.symbol] = value if value.is_Rational else exact
-        else:
-            expressions[definition.quantity.symbol] = value
-    return expressions, numbers
+def _is_simple(expression: sp.Expr) -> bool:
+    """Return whether an expression is a symbol or the negative of one."""
+    sign, bare = expression.as_coeff_Mul()
+    return bool(bare.is_Symbol and abs(sign) == 1)
 
 
 class Shared:
-    """All matrices of a system over one set of named subexpressions.
+    """All matrices of a system over one set of named subexpressions, its constants replaced by their values.
 
     ``values`` are the named subexpressions, ``entries[name]`` the nonzero entries of a matrix by their
     place in row-major order.
     """
 
     def __init__(self, system: System, names: Sequence[str]) -> None:
-        definitions, numbers = _definitions(system)
+        in_numbers = Substitution({c.quantity.symbol: c.expression for c in system.constants})
+        known: dict[sp.Expr, sp.Expr] = {}
+        definitions: dict[sp.Symbol, sp.Expr] = {}
+        for definition in system.definitions:
+            exact = in_numbers(definition.expression)
+            value = fold(exact, known)
+            # Substitute the exact number: after rounding, it would not cancel against others.
+            if value.is_number:
+                in_numbers.values[definition.quantity.symbol] = value if value.is_Rational else exact
+            elif exact is not definition.expression and _is_simple(exact):
+                in_numbers.values[definition.quantity.symbol] = exact
+            else:
+                definitions[definition.quantity.symbol] = value
         expressions: dict[str, dict[int, sp.Expr]] = {}
         for name in names:
             matrix = system[name].matrix
             folded = (
-                (i * matrix.cols + j, fold(e.xreplace(numbers)))
+                (i * matrix.cols + j, fold(in_numbers(e), known))
                 for (i, j), e in sorted(matrix.todok().items())
             )
             expressions[name] = {place: e for place, e in folded if e != 0}

@@ -85,9 +85,8 @@ class Calculus:
             factors = sp.Mul.make_args(rest)
             powers = dict(factor.as_base_exp() for factor in factors)
             monomial = all(base.is_Symbol and exponent.is_Integer for base, exponent in powers.items())
-            for s in sorted(term.free_symbols, key=lambda s: str(s.name)):
-                if not known.get(s):
-                    continue
+            varying = [s for s in term.free_symbols if known.get(s)]
+            for s in sorted(varying, key=lambda s: str(s.name)):
                 if monomial:
                     others = (f for f, base in zip(factors, powers, strict=True) if base != s)
                     yield s, sp.Mul(coefficient * powers[s], *others, s ** (powers[s] - 1))

@@ -69,10 +69,13 @@ def end_mass(
     offset
         Distance of the centre of mass from the line of the ends, to the left of it [m].
     """
+    squared, share = length**2, centre / length
+    if isinstance(share, sp.Rational) and offset == 0:
+        inertia, rest = inertia / squared, 1 - share
+        return EndMass(inertia + mass * rest**2, mass * (share * rest) - inertia, inertia + mass * share**2)
     rest, across = length - centre, mass * offset**2
     about_start, about_end = (inertia + mass * part**2 + across for part in (centre, rest))
     between = mass * centre * rest - across - inertia
-    squared = length**2
     return EndMass(about_end / squared, between / squared, about_start / squared, mass * offset / length)
 
 
