@@ -29,6 +29,7 @@ from symgen.runtime.elastic import run as run_of_elastic
 #: differences, at the scene's speed and at resonance: three to ten times what is seen.
 BALANCES = {
     ("thesis_four_bar", ""): ((1e-9, 2e-6), (5e-10, 1e-6)),
+    ("thesis_rig", ""): ((3e-12, 4e-7), (5e-11, 2e-7)),
     ("elastic_four_bar", ""): ((2e-11, 1e-6), (5e-10, 4e-7)),
     ("elastic_four_bar", "coupler"): ((1e-9, 2e-6), (3e-9, 2e-6)),
     ("elastic_slider_crank", ""): ((4e-12, 3e-8), (1e-8, 3e-6)),

@@ -34,6 +34,7 @@ with mp.workdps(DIGITS):
     SLOW = 95 * RPM
     CASES = {
         "thesis_four_bar": (STRIP, 0.01),
+        "thesis_rig": (STRIP | {"speed": SLOW}, 0.04),
         "elastic_four_bar": (STRIP | {"speed": SLOW, "thickness": INCH * 3 / 8}, 0.05),
         "elastic_four_bar_free": (STRIP, 0.02),
         "elastic_four_bar_motor": (STRIP | {"speed": SLOW, "flywheel": SLUG * FOOT**2 / 2}, 0.06),
@@ -278,6 +279,8 @@ def structure(scene, v, t, moving=False):
         return a, a + v["b"] * mp.expj(mp.arg(away) + inside)
 
     joints = {p: ({f"{p}.x": 1}, {f"{p}.y": 1}) for p in "AB"}
+    if scene == "thesis_rig":
+        joints["A"] = NOWHERE  # on a rigid crank that is held
     # The shaft may bear a couple, so that the curvature there is free.
     held = scene in ("thesis_four_bar", "elastic_four_bar")
     shaft = ("kappa",) if held else ("theta", "kappa")
@@ -288,7 +291,8 @@ def structure(scene, v, t, moving=False):
         for joint, x in zip("AB", accelerations, strict=True):
             made.push([-v["bearing"] * mp.re(x), -v["bearing"] * mp.im(x)], joints[joint])
     one = ("theta",)
-    made.link("crank", NOWHERE, joints["A"], angle, [v["a"], *section], 1, shaft, one, moved[0])
+    if joints["A"] != NOWHERE:
+        made.link("crank", NOWHERE, joints["A"], angle, [v["a"], *section], 1, shaft, one, moved[0])
     made.link("coupler", *joints.values(), mp.arg(b - a), [v["b"], *section], 1, one, one, moved[1])
     made.link("output", joints["B"], NOWHERE, mp.arg(q - b), [v["c"], *section], 1, one, one, moved[2])
     for place in (x for joint in joints.values() for x in joint):

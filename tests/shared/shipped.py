@@ -30,7 +30,7 @@ OF_ALL_TYPES = [name for name in symgen.shipped_scenes() if name not in IN_SPACE
 #: Chains and parallel linkages of the same elements and constraints as others.
 REPEATED = {
     "collinear_chain", "elastic_four_bar_free", "far_origin", "length_ratios", "parallelogram",
-    "peaucellier_limit", "peaucellier_perturbed", "two_four_bars", "whip",
+    "peaucellier_limit", "peaucellier_perturbed", "thesis_rig", "two_four_bars", "whip",
 }  # fmt: skip
 
 
