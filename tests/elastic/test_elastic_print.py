@@ -44,7 +44,7 @@ def shapes():
 
 
 def shown_in_thesis_form() -> dict[str, sp.Matrix]:
-    """Return the matrices that ``symgen show element_beam8 thesis_...`` prints, in the letters of the thesis."""
+    """Return what ``symgen show element_beam8 thesis_...``, ``KD`` and ``KT`` print, in the thesis' letters."""
     system = element("beam8")
     uniform = {"m0": m, "a0": EA, "b0": EI, "L": L, "omega": w, "omega_rate": a, "c": C, "s": S}
     uniform |= {"ax": p - w * Y, "ay": r + w * X}
@@ -56,7 +56,7 @@ def shown_in_thesis_form() -> dict[str, sp.Matrix]:
     return {
         of.name.removeprefix("thesis_"): sp.Matrix(of.matrix.xreplace(known))
         for of in system.matrices
-        if of.name.startswith("thesis_")
+        if of.name.startswith("thesis_") or of.name in ("KD", "KT")
     }
 
 
@@ -104,9 +104,9 @@ def derived() -> dict[str, sp.Matrix]:
         "F.3": turning,
         "T F.3": T * turning,
         "F.4": shown["damping"] / (-2 * w),
-        "F.5": shown["local_stiffness"],
-        "T F.5": T * shown["local_stiffness"],
-        "F.6": shown["stiffness"],
+        "F.5": shown["KD"],
+        "T F.5": T * shown["KD"],
+        "F.6": shown["KT"],
         "F.7": sp.Matrix(parts),
         "F.8": shown["load"].T,
     }
@@ -182,12 +182,24 @@ def test_the_integrals_follow_from_the_products():
         assert same(sp.integrate(value(text), (x, 0, L)), ours)
 
 
+def test_the_form_of_the_thesis_with_a_constant_section_has_the_printed_matrices():
+    shown = shown_in_thesis_form()
+    for tapered, printed in (("local_stiffness", "KD"), ("stiffness", "KT")):
+        assert all(same(one, two) for one, two in zip(shown[tapered], shown[printed], strict=True))
+
+
 @pytest.mark.parametrize(
-    ("name", "number"), [("thesis_local_stiffness", "(F.5)"), ("thesis_stiffness", "(F.6)")]
+    ("name", "number"),
+    [
+        ("thesis_local_stiffness", "(F.5)"),
+        ("thesis_stiffness", "(F.6)"),
+        ("KD", "(F.5)"),
+        ("KT", "(F.6)"),
+    ],
 )
 def test_a_command_prints_the_dynamic_stiffness(name, number):
     printed = call("show", "element_beam8", name)
-    assert number in printed and "ω²" in printed and "thesis" in printed and "N0" not in printed
+    assert number in printed and "ω" in printed and "thesis" in printed and "N0" not in printed
     assert "N0" in call("show", "element_beam8", "global_stiffness")
 
 
@@ -214,6 +226,31 @@ def test_matrices_of_a_constant_section_are_the_printed_ones(name, number):
     assert sp.simplify(
         ours - (m * derived()[number].T if name.startswith("load") else derived()[number])
     ) == sp.zeros(*ours.shape)
+
+
+def test_constant_sections_of_other_elements_are_those_of_textbooks():
+    """Of beams with cubic deflection, after elimination of the shear strains; the section may shear and turn."""
+    mass, stiffness, shear, inertia = sp.symbols("m0 b0 s0 j0", real=True)
+    length = LENGTH.symbol
+    bent = sp.Matrix([[12, 6 * length], [6 * length, 4 * length**2]]) / length**3
+
+    def part(element, name, rows=("w1", "theta1")):
+        return sp.Matrix(BLOCKS[f"element_{element}"]()[f"constant_{name}"].part(rows, rows).matrix)
+
+    assert part("cubic", "stiffness") == stiffness * bent
+    entries = [[156, 22 * length], [22 * length, 4 * length**2]]
+    assert part("cubic", "mass") == mass * length * sp.Matrix(entries) / 420
+    every = part("timoshenko", "stiffness", ("w1", "theta1", "gamma1", "gamma2"))
+    kept, crossed, inner = every[:2, :2], every[:2, 2:], every[2:, 2:]
+    phi = 12 * stiffness / (shear * length**2)
+    found = sp.simplify(kept - crossed * inner.inv() * crossed.T)
+    softened = (
+        stiffness
+        / ((1 + phi) * length**3)
+        * sp.Matrix([[12, 6 * length], [6 * length, (4 + phi) * length**2]])
+    )
+    assert sp.simplify(found - softened) == sp.zeros(2, 2)
+    assert part("rayleigh", "mass", ("w1",))[0].coeff(inertia) == sp.Rational(10, 7) / length
 
 
 def test_counts():

@@ -23,7 +23,10 @@ PROPERTIES = (
     ("bending", "b", 5, "N*m^2", "bending stiffness E I"),
     ("shear", "s", 3, "N", "shear stiffness k G A"),
 )
-_LOADS = ("load_x", "load_y", "load_out", "load_turn")
+#: Matrices that are shown for a constant section too, and their letters in the thesis.
+_CONSTANT = {"mass": "[MD] ", "gyroscopic": "[AD] ", "stiffness": "[K] "} | dict.fromkeys(
+    ("load_x", "load_y", "load_out", "load_turn"), ""
+)
 #: The element whose equation in fixed axes is shown too.
 SHOWN = "beam8"
 STATION = quantity("x", "m", "distance of the station from the first node")
@@ -55,18 +58,19 @@ def elastic_element_system(element: Element) -> System:
     for kernel, about, members in _matrices(element, beam):
         matrices += members
         exports.append(Export(kernel, about, tuple(m.name for m in members)))
+    uniform = _uniform(element, coefficients, names)
+    # Shown; no kernels, for runs assemble in the axes of the links, and any section.
+    shown = [_constant(m, uniform) for m in matrices if m.name in _CONSTANT]
     if element.name == SHOWN:
         from symgen.models.elastic.fixed_axes import MOVING, fixed_axes  # no other element depends on it
 
-        exact, thesis = fixed_axes(element, beam, names)
         groups.append(MOVING)
-        matrices += (*exact, *thesis, *_constant(matrices, coefficients, names))
-        # shown; no kernels, for runs assemble in the axes of the links
+        shown = [*fixed_axes(element, beam, uniform, names), *shown]
     return System(
         f"element_{element.name}",
         f"Element of an elastic link: {element.about}",
         tuple(groups),
-        tuple(matrices),
+        (*matrices, *shown),
         tuple(exports),
         names.definitions,
         references=(THESIS,),
@@ -74,21 +78,27 @@ def elastic_element_system(element: Element) -> System:
     )
 
 
-def _constant(
-    matrices: Sequence[NamedMatrix], coefficients: Mapping[str, Sequence[Quantity]], names: Names
-) -> Iterator[NamedMatrix]:
-    """Yield the matrices of a constant section without rotary inertia, as the thesis prints them."""
-    none = {c.symbol for name, of in coefficients.items() for c in (of if name == "rotary" else of[1:])}
+def _uniform(
+    element: Element, coefficients: Mapping[str, Sequence[Quantity]], names: Names
+) -> dict[sp.Symbol, int]:
+    """Return zero for the terms that a constant section does not have, and the element itself neglects."""
+    none = {
+        c.symbol
+        for name, of in coefficients.items()
+        for c in (of if name == "rotary" and not element.rotary else of[1:])
+    }
     zero = {d.quantity.symbol: 0 for d in names.definitions if d.expression.free_symbols & none}
-    zero |= dict.fromkeys(none, 0)
-    for m in matrices:
-        if m.name in ("mass", "gyroscopic", "stiffness", *_LOADS):
-            yield replace(
-                m,
-                name=f"constant_{m.name}",
-                matrix=sp.ImmutableMatrix(m.matrix.xreplace(zero)),
-                description=f"{m.description.partition(';')[0]}, of a constant section",
-            )
+    return zero | dict.fromkeys(none, 0)
+
+
+def _constant(m: NamedMatrix, uniform: Mapping[sp.Symbol, int]) -> NamedMatrix:
+    """Return a matrix of a constant section: with beam8 as the thesis prints it."""
+    return replace(
+        m,
+        name=f"constant_{m.name}",
+        matrix=sp.ImmutableMatrix(m.matrix.xreplace(dict(uniform))),
+        description=f"{_CONSTANT[m.name]}{m.description.partition(';')[0]}, of a constant section",
+    )
 
 
 def _scaled(name: str, unit: str, coefficients: Sequence[Quantity], names: Names) -> tuple[sp.Expr, ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import sympy as sp
 
@@ -38,39 +39,56 @@ _FORMS = {
 
 
 def fixed_axes(
-    element: Element, matrices: BeamMatrices, names: Names
-) -> tuple[tuple[NamedMatrix, ...], tuple[NamedMatrix, ...]]:
-    """Return the matrices of the exact equation and of the constant-transformation form, over ``MOVING``.
+    element: Element, matrices: BeamMatrices, uniform: Mapping[sp.Symbol, int], names: Names
+) -> Iterator[NamedMatrix]:
+    """Yield the matrices of the exact equation and of the constant-transformation form, over ``MOVING``.
 
-    Entries in link axes are named and shared. The latter form has its dynamic stiffness in link axes too.
+    Entries in link axes are named and shared. The latter form has its dynamic stiffness in link axes too, and
+    both for a constant section, where the terms of ``uniform`` vanish: [KD] and [KT] of the thesis.
     """
     local, printed = (
         _named(form, local_equation(matrices, geometric), names)
         for form, geometric in (("local", True), ("thesis_local", False))
     )
     exact, thesis = global_equation(element, local), thesis_equation(element, printed)
-    in_link = NamedMatrix(
-        "thesis_local_stiffness", printed.stiffness, entry_unit("N/m"),
-        f"dynamic stiffness {_FORMS['thesis_local']}", element.dofs, element.dofs,
-    )  # fmt: skip
-    return tuple(_turned("global", element, exact)), (in_link, *_turned("thesis", element, thesis))
+    yield from _turned("global", element, exact)
+
+    def stiffness(name: str, matrix: sp.ImmutableMatrix, about: str) -> NamedMatrix:
+        return NamedMatrix(
+            name, matrix, entry_unit("N/m"), f"dynamic stiffness {about}", element.dofs, element.dofs
+        )
+
+    yield stiffness("thesis_local_stiffness", printed.stiffness, _FORMS["thesis_local"])
+    yield from _turned("thesis", element, thesis)
+    whole = local_equation(matrices, geometric=False)
+    kd = sp.ImmutableMatrix(whole.stiffness.xreplace(dict(uniform)))
+    about = "of a constant section"
+    yield stiffness("KD", kd, f"[KD] {_FORMS['thesis_local']}, {about}")
+    in_letters = _entries("KD", kd, "N/m", f"[KD] {about}", names)
+    kt = thesis_equation(element, replace(whole, stiffness=in_letters)).stiffness
+    yield stiffness("KT", kt, f"[KT] {_FORMS['thesis']}, {about}")
 
 
 def _named(form: str, equation: Equation, names: Names) -> Equation:
     """Return an equation with every entry replaced by a name; entries of several forms have one name."""
-    matrices = []
-    for name, unit, about in _EQUATION:
-        matrix = getattr(equation, name)
-        entries = [
-            names.scalar(
-                f"{form}_{name}_{i + 1}_{j + 1}", matrix[i, j], entry_unit(unit),
-                f"{about} {_FORMS[form]}: entry ({i + 1}, {j + 1})",
-            )
-            for i in range(matrix.rows)
-            for j in range(matrix.cols)
-        ]  # fmt: skip
-        matrices.append(sp.ImmutableMatrix(*matrix.shape, entries))
-    return Equation(*matrices)
+    return Equation(
+        *(
+            _entries(f"{form}_{name}", getattr(equation, name), unit, f"{about} {_FORMS[form]}", names)
+            for name, unit, about in _EQUATION
+        )
+    )
+
+
+def _entries(
+    name: str, matrix: sp.ImmutableMatrix, unit: str, about: str, names: Names
+) -> sp.ImmutableMatrix:
+    """Return a matrix with every entry replaced by a name."""
+    return sp.ImmutableMatrix(
+        *matrix.shape,
+        lambda i, j: names.scalar(
+            f"{name}_{i + 1}_{j + 1}", matrix[i, j], entry_unit(unit), f"{about}: entry ({i + 1}, {j + 1})"
+        ),
+    )
 
 
 def _turned(form: str, element: Element, equation: Equation) -> Iterator[NamedMatrix]:
