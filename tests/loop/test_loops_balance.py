@@ -44,6 +44,7 @@ def test_joints_push_only_where_they_hold_or_are_driven(name):
 @pytest.mark.parametrize("name", SCENES)
 def test_action_is_reaction(name):
     judged(name).action_is_reaction()
+    judged(name).the_ground_is_shaken()
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from shared.force_balance import missing, random_linkage, samples
+from shared.force_balance import missing, random_linkage, samples, shaken
 from shared.full import full_unless
 from shared.in_numpy import build
 from shared.linkages import at, ground
@@ -32,6 +32,8 @@ def test_forces_balance_on_every_link(seed):
     for sample in samples(run):
         for name, rest in missing(made, sample):
             assert rest < TOLERANCE, (name, sample.t)
+        for name, rest in shaken(made, sample):
+            assert rest < TOLERANCE, ("whole", name, sample.t)
 
 
 def test_the_draw_covers_every_kind_of_load():

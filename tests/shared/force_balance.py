@@ -59,6 +59,7 @@ class Loaded:
     guided: dict[str, str] = field(default_factory=dict)
     rails: list[str] = field(default_factory=list)
     driven: dict[str, np.ndarray | None] = field(default_factory=dict)
+    on_ground: list[Callable[[Sample], np.ndarray]] = field(default_factory=list)
     gravity: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     @property
@@ -345,6 +346,8 @@ def _torsion_springs(made: Loaded) -> None:
             return np.array([-stiffness * ((angle - free + np.pi) % (2 * np.pi) - np.pi) - damping * rate])
 
         made.couple(link, unwind, against)
+        if not against:
+            made.on_ground.append(unwind)
 
 
 def _drawn_angle(draft: Draft, link: str) -> float:
@@ -398,7 +401,7 @@ def outputs(made: Loaded) -> list[str]:
         names += [f"{link}.{p}.force" for p in body.points]
         names.append(f"{link}.angular_velocity")
         names += [f"{link}.{word}" for word in ("angle", "angular_acceleration") if made.dimension == 2]
-    return names + [f"{link}.torque" for link in made.driven]
+    return [*names, "shaking_force", "shaking_moment", *(f"{link}.torque" for link in made.driven)]
 
 
 def samples(run: symgen.Result) -> Iterator[Sample]:
@@ -431,6 +434,32 @@ def missing(made: Loaded, s: Sample) -> Iterator[tuple[str, float]]:
     for link, body in made.bodies.items():
         for noun, rest in zip(("force", "moment"), _of_link(made, s, link, body, forces[link]), strict=True):
             yield f"{noun} on {link}", float(np.max(np.abs(rest), initial=0.0)) / size
+
+
+def shaken(made: Loaded, s: Sample) -> Iterator[tuple[str, float]]:
+    """What is missing to Newton's laws of the whole: weights and loads less inertia are on the ground.
+
+    Springs and actuators push both ends, the ground included. Torsion springs on the ground belong to it.
+    """
+    parts = [(load(s), s(point, "position"), made.zero) for point, load in made.on_points]
+    for point, mass in made.points.items():
+        weight = mass * (made.gravity - s(point, "acceleration"))
+        parts.append((weight, s(point, "position"), made.zero))
+    for link, body in made.bodies.items():
+        centre, acceleration, spin = _motion(made, s, link, body)
+        parts.append((body.mass * (made.gravity - acceleration), centre, -spin))
+    for link, load in made.on_links:
+        force, place, couple = load(s)
+        body = made.bodies[link]
+        if made.dimension == 3 and not isinstance(body.inertia, np.ndarray):  # its line takes no couple
+            a, b = (s(p, "position") for p in body.points[:2])
+            couple = couple - (couple @ (b - a)) * (b - a) / ((b - a) @ (b - a))
+        parts.append((force, place, couple))
+    parts += [(np.zeros(made.dimension), np.zeros(made.dimension), -load(s)) for load in made.on_ground]
+    moments = [moment(place, force) + couple for force, place, couple in parts]
+    for name, terms in (("force", [f for f, *_ in parts]), ("moment", moments)):
+        size = max(float(np.max(np.abs(x))) for x in terms)
+        yield name, float(np.max(np.abs(s.values[f"shaking_{name}"] - sum(terms)))) / size
 
 
 def _of_point(made: Loaded, s: Sample, point: str) -> np.ndarray:

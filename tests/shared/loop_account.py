@@ -48,7 +48,7 @@ def everything(loop):
     for i, link in enumerate(links):
         for side in (link, links[i - 1]):
             names += [f"{side}.joint{i + 1}.force", f"{side}.joint{i + 1}.moment"]
-    return [*names, "kinetic_energy", "potential_energy", "power"]
+    return [*names, "kinetic_energy", "potential_energy", "power", "shaking_force", "shaking_moment"]
 
 
 @dataclass
@@ -106,6 +106,18 @@ class Account:
                 here, there = (self.si(f"{link}.joint{i + 1}.{what}") for link in (row.link, before))
                 assert np.array_equal(here, -there)
 
+    def the_ground_is_shaken(self):
+        """By both joints on the ground, and by Newton's laws: weights and loads less inertia of all links."""
+        wrenches, rows = self.on_links(), range(len(self.loop.rows) - 1)
+        own = [self.motion.inertia_wrench(row) for row in rows]
+        loads = [load_wrench(self.motion, row, self.run.time) for row in rows]
+        for part, name in enumerate(("force", "moment")):
+            found = self.si(f"shaking_{name}")
+            size = max(1e-3, *(largest(w[part]) for w in (*own, *loads, *wrenches)))
+            left = sum(w[part] for w in loads) - sum(w[part] for w in own)
+            assert largest(found - left) <= EXACT * size
+            assert largest(found - (wrenches[-1][part] - wrenches[0][part])) <= 10 * EXACT * size
+
     def powers_balance(self):
         taken, size = self.motion.kinetic_power()
         given = 0.0
@@ -140,4 +152,5 @@ class Account:
         self.links_obey_newton_and_euler()
         self.joints_push_only_where_they_hold()
         self.action_is_reaction()
+        self.the_ground_is_shaken()
         self.powers_balance()

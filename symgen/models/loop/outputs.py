@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
+from symgen.symbolic.dual import Triple
 from symgen.symbolic.quantity import AXES, Entries, Quantity, parted, resolved
 from symgen.symbolic.system import NamedMatrix
 from symgen.symbolic.vectors import cross
@@ -91,6 +92,22 @@ def _idle(model: LoopModel, k: int) -> bool:
     return body is not None and body.idle
 
 
+def _on_ground(model: LoopModel) -> list[tuple[Triple, Triple]]:
+    """Return force and moment about the origin of {1} of weight and loads less inertia, of each link."""
+    pairs = []
+    for k, net in enumerate(model.net, 1):
+        frame = model.frame(k)
+        force, turning = (frame.vector([-x for x in part]) for part in (net.real, net.dual))
+        moment = [a + b for a, b in zip(turning, cross(frame.origin, force), strict=True)]
+        pairs.append((force, tuple(moment)))
+    return pairs
+
+
+def _shaking(model: LoopModel, part: int) -> list[sp.Expr]:
+    """Return the force (0) or the moment (1) on the ground: by Newton's laws of all links together."""
+    return [sp.Add(*c) for c in zip(*(pair[part] for pair in _on_ground(model)), strict=True)]
+
+
 #: Outputs of a variable, of a joint of a link, of a link, and of the whole loop, by word.
 OF_VARIABLES: dict[str, Callable[[LoopModel, int], Entries]] = {
     "": lambda model, j: _of(model.variables[j].quantity),
@@ -130,9 +147,15 @@ OF_THE_WHOLE: dict[str, Callable[[LoopModel], Entries]] = {
         "kinetic plus potential energy",
     ),
     "power": lambda model: ([model.power], "W", "power of drives and loads"),
+    "shaking_force": lambda model: (_shaking(model, 0), "N", "force of the loop on the ground, in {1}"),
+    "shaking_moment": lambda model: (
+        _shaking(model, 1),
+        "N*m",
+        "moment of the loop on the ground about the origin of {1}",
+    ),
 }
 #: Words that hold masses, and those that hold the closing wrench, so the forces of the loop.
-INERTIAL = {"kinetic_energy", "potential_energy", "energy"}
+INERTIAL = {"kinetic_energy", "potential_energy", "energy", "shaking_force", "shaking_moment"}
 WRENCHES = ("force", "moment")
 DYNAMIC = {"drive", "power", *WRENCHES, "force_in_ground"}
 

@@ -243,10 +243,27 @@ class RodsModel(ConstrainedPoints):
         """Return M a + J^T lambda - f at a point's rows [N]: the reaction of its pin."""
         result = []
         for coordinate in self.symbols(self.q[point]):
-            terms = [m * self.acceleration_of[q] for q, m in self.mass_rows.get(coordinate, {}).items()]
-            terms += self.constraint_forces.get(coordinate, ())
-            result.append(sp.Add(*terms) - self.force.get(coordinate, ZERO))
+            balanced = sp.Add(self._inertia(coordinate), *self.constraint_forces.get(coordinate, ()))
+            result.append(balanced - self.force.get(coordinate, ZERO))
         return tuple(result)
+
+    @cached_property
+    def on_ground(self) -> list[tuple[str, Vector]]:
+        """Weight and loads from outside less mass times acceleration, at each point with coordinates [N].
+
+        By Newton's laws of the whole linkage, springs and drives on the ground included, the sums of these
+        forces and of their moments are the force and the moment that it exerts on the ground.
+        """
+        outside = chained(self.loads.from_outside)
+        return [
+            (point, tuple(outside.get(q, ZERO) - self._inertia(q) for q in self.symbols(coordinates)))
+            for point, coordinates in self.q.items()
+        ]
+
+    def _inertia(self, coordinate: sp.Symbol) -> sp.Expr:
+        """Return mass times acceleration on a coordinate, ground included [N]."""
+        masses = self.mass_rows.get(coordinate, {})
+        return sp.Add(*(m * self.acceleration_of[q] for q, m in masses.items()))
 
     def second_rate(self, expression: sp.Expr) -> sp.Expr:
         """Return the second time derivative, accelerations included."""

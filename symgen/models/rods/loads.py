@@ -132,6 +132,15 @@ class Loads:
         """Virtual work of the forces without potential."""
         return [w for _, t in self.terms if t.force for w in t.on.works(self, self.with_state(t.force))]
 
+    @cached_property
+    def from_outside(self) -> list[tuple[sp.Expr, Gradient]]:
+        """Weight and the loads that join no components: forces, with the gradients of their measures."""
+        terms = [t for _, t in self.terms if not t.on.joins]
+        energies = [t.on.energy(self, t.energy) for t in terms if t.energy != 0]
+        forces = [(-ONE, self.calculus.gradient(sp.Add(*self._weights(), *energies)))]
+        works = (w for t in terms if t.force for w in t.on.works(self, self.with_state(t.force)))
+        return [*forces, *((force, slopes) for force, slopes, _ in works)]
+
     def actions(self, term: Term) -> list[Action]:
         """Return the equivalent forces on points and couples on links of a term."""
         if term not in self._actions:

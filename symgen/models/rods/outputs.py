@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -16,6 +16,7 @@ from symgen.symbolic.system import NamedMatrix
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 if TYPE_CHECKING:
+    from symgen.mechanics.rods.particles import Vector
     from symgen.models.rods.linkage import RodsModel
 
 
@@ -42,18 +43,17 @@ def _tension(model: RodsModel, name: str) -> Entries:
     )
 
 
-def _momentum(model: RodsModel) -> Entries:
-    momenta = [model.shown(p) for _, p in model.momenta]
-    return [sp.Add(*c) for c in zip(*momenta, strict=True)], "kg*m/s", "linear momentum"
+def _sum(model: RodsModel, at_points: Sequence[tuple[str, Vector]]) -> list[sp.Expr]:
+    """Return the sum of vectors at points, by the axes of the scene."""
+    return [sp.Add(*c) for c in zip(*(model.shown(v) for _, v in at_points), strict=True)]
 
 
-def _angular_momentum(model: RodsModel) -> Entries:
-    about = "angular momentum about the origin"
-    pairs = [(model.shown_position(point), model.shown(p)) for point, p in model.momenta]
+def _moment(model: RodsModel, at_points: Sequence[tuple[str, Vector]]) -> list[sp.Expr]:
+    """Return the sum of the moments of vectors at points about the origin."""
+    pairs = [(model.shown_position(point), model.shown(v)) for point, v in at_points]
     if len(model.shown_axes) == 2:
-        return [sp.Add(*(cross_in_plane(r, p) for r, p in pairs))], "kg*m^2/s", about
-    moments = [cross(r, p) for r, p in pairs]
-    return [sp.Add(*c) for c in zip(*moments, strict=True)], "kg*m^2/s", about
+        return [sp.Add(*(cross_in_plane(r, v) for r, v in pairs))]
+    return [sp.Add(*c) for c in zip(*(cross(r, v) for r, v in pairs), strict=True)]
 
 
 def _angle(model: RodsModel, name: str) -> Entries:
@@ -222,8 +222,22 @@ OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
         "J",
         "potential of gravity and springs",
     ),
-    "momentum": _momentum,
-    "angular_momentum": _angular_momentum,
+    "momentum": lambda model: (_sum(model, model.momenta), "kg*m/s", "linear momentum"),
+    "angular_momentum": lambda model: (
+        _moment(model, model.momenta),
+        "kg*m^2/s",
+        "angular momentum about the origin",
+    ),
+    "shaking_force": lambda model: (
+        _sum(model, model.on_ground),
+        "N",
+        "force of the linkage on the ground",
+    ),
+    "shaking_moment": lambda model: (
+        _moment(model, model.on_ground),
+        "N*m",
+        "moment of the linkage on the ground about the origin",
+    ),
 }
 #: Outputs of elastic links, which their runs recover.
 OF_ELASTIC = (
