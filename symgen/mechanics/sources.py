@@ -83,6 +83,13 @@ LOOP: Sources = (
     ("*.drive", "Rahman (62)-(64), corrected"),
     ("*transform", "Rahman (1)-(4)"),
 )
+#: Of the equilibrium of the links, in letters.
+EQUILIBRIUM: Sources = (
+    ("crank_equilibrium", "Rahman (62), signs corrected"),
+    ("rod_equilibrium", "Rahman (63), signs corrected"),
+    ("slider_equilibrium", "Rahman (64), signs corrected"),
+    ("*_equilibrium", "Rahman (62)-(64), signs corrected"),
+)
 #: Row transforms by the entries of the row that are not zero.
 _ROWS = {
     frozenset({"theta", "S", "a"}): "Rahman (1)",

@@ -189,7 +189,7 @@ def of_loop(loop: Loop, system: System) -> Iterator[Step]:
             ending("_binor", "_momentum", "_inertia_wrench"),
         ),
         (
-            "Equilibrium",
+            "Joint wrenches",
             "The loop is cut at the ground; every wrench follows from the closing wrench and the links "
             "outboard. The effort at a variable is the product of its screw and the wrench of its joint.",
             "Rahman, Eqs. (62)-(64)",
@@ -203,8 +203,25 @@ def of_loop(loop: Loop, system: System) -> Iterator[Step]:
             known("mass_matrix"),
         ),
     ):
+        if names and title == "Joint wrenches":
+            yield _equilibrium(loop)
         if names:
             yield Step(title, about, source, system, names)
+
+
+def _equilibrium(loop: Loop) -> Step:
+    """Return the equilibrium of the links with letters for the wrenches."""
+    from symgen.models.loop.equilibrium import equilibrium_system
+
+    system = equilibrium_system(loop)
+    return Step(
+        "Equilibrium of the links",
+        "The wrench of the joint before a link, carried to its frame, less that of the joint behind it, is "
+        "the inertia wrench less that of the loads.",
+        "Rahman, Eqs. (62)-(64), signs corrected",
+        system,
+        tuple(m.name for m in system.matrices),
+    )
 
 
 def elastic_record() -> tuple[Step, ...]:

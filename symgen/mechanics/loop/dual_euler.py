@@ -16,7 +16,7 @@ import sympy as sp
 
 from symgen.mechanics.loop.dual_paths import WRENCH
 from symgen.mechanics.loop.dual_rows import Motion
-from symgen.symbolic.dual import DualVector, Triple, skew
+from symgen.symbolic.dual import DualMatrix, DualVector, Triple, skew
 from symgen.symbolic.names import Names
 from symgen.symbolic.vectors import cross, dot
 
@@ -142,6 +142,15 @@ def inward(
         wrench = names.screw(f"{label}{m.name}", m.matrix.times(wrench), WRENCH, where)
         efforts.append(effort(m, wrench))
     return wrench, efforts[::-1]
+
+
+def balance(transform: DualMatrix, before: DualVector, behind: DualVector, inertia: DualVector) -> DualVector:
+    """Return what vanishes in the equilibrium of a link, in its frame, Eqs. (62)-(64).
+
+    ``before`` and ``behind`` are the wrenches of its two joints, each of the link before the joint on the one
+    behind it, in the frame before the joint; ``transform`` is that of its row.
+    """
+    return transform.T.times(before) - behind - inertia
 
 
 def joint_wrenches(

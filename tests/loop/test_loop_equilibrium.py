@@ -1,0 +1,102 @@
+"""Equilibrium of the links of a loop in letters: against the source's print, and met by the derived wrenches."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+import sympy as sp
+from shared.commands import call
+
+import symgen
+from symgen.errors import ModelError
+from symgen.pipeline.subject import Subject
+
+
+def equilibrium(scene, link):
+    return Subject(scene, {}).choose(f"{link}_equilibrium").matrices[0]
+
+
+def test_the_print():
+    """(62a)-(62f) and (63a)-(63f) with the letters of the source.
+
+    Corrected: one sign for action and reaction, and (62c), which repeats F1j.
+    """
+    crank, rod = (equilibrium("slider_crank", link) for link in ("crank", "rod"))
+    letters = {str(s): s for m in (crank, rod) for s in m.matrix.free_symbols}
+    t1, t2, e2, s1, a1, a2 = (letters[n] for n in ("theta1", "theta2", "eta2", "s1", "a1", "a2"))
+    f1i, f1j, f1k, t1i, t1j, t1k = (letters[f"{x}1_{i}"] for x in "FT" for i in "ijk")
+    f2i, f2j, f2k = (letters[f"F2_{i}"] for i in "ijk")
+    f3i, f3j, f3k = (letters[f"F3_{i}"] for i in "ijk")
+    f1, f2 = ([letters[f"f{k}_{a}{p}"] for p in "pd" for a in "xyz"] for k in (1, 2))
+    s, c = sp.sin, sp.cos
+    balls = {letters[f"T{k}_{i}"]: 0 for k in (2, 3) for i in "ijk"}
+    of_crank = [
+        f1i * c(t1) + f1j * s(t1) - f2i - f1[0],
+        -f1i * s(t1) + f1j * c(t1) - f2j - f1[1],
+        f1k - f2k - f1[2],
+        t1i * c(t1) - f1i * s1 * s(t1) + f1j * s1 * c(t1) + t1j * s(t1) - f1[3],
+        -t1i * s(t1) - f1i * s1 * c(t1) + t1j * c(t1) - f1j * s1 * s(t1) + a1 * f1k - f1[4],
+        f1i * a1 * s(t1) - f1j * a1 * c(t1) + t1k - f1[5],
+    ]
+    of_rod = [
+        f2i * c(t2) * c(e2) + f2j * s(t2) * c(e2) - f2k * s(e2) - f3i - f2[0],
+        -f2i * s(t2) + f2j * c(t2) - f3j - f2[1],
+        f2i * c(t2) * s(e2) + f2j * s(t2) * s(e2) + f2k * c(e2) - f3k - f2[2],
+        -f2[3],
+        f2i * a2 * c(t2) * s(e2) + f2j * a2 * s(t2) * s(e2) + f2k * a2 * c(e2) - f2[4],
+        f2i * a2 * s(t2) - f2j * a2 * c(t2) - f2[5],
+    ]
+    for found, printed in ((crank, of_crank), (rod, of_rod)):
+        assert sp.expand(found.matrix.subs(balls) - sp.Matrix(printed)) == sp.zeros(6, 1)
+
+
+@pytest.mark.parametrize("scene", ["slider_crank", "rssr", "rccc"])
+def test_derived_wrenches_meet_it(scene):
+    """Wrenches of joints and inertia at a random state; the last joint's follows from the closing wrench."""
+    subject = Subject(scene, {})
+    assert not subject.resolved.loads
+    system = subject.system
+    generator = np.random.default_rng(3)
+    values = {x.symbol: float(generator.uniform(0.3, 1.2)) for x in system.quantities()}
+    for d in (*system.constants, *system.definitions):
+        values[d.quantity.symbol] = float(d.expression.xreplace(values))
+    links = [
+        m.name.removesuffix("_inertia_wrench") for m in system.matrices if m.name.endswith("_inertia_wrench")
+    ]
+    wrenches = {}
+    for k, link in enumerate(links, 1):
+        f = system[f"{link}_inertia_wrench"].matrix.xreplace(values)
+        names = [f"f{k}_{a}{p}" for p in "pd" for a in "xyz"]
+        wrenches |= dict(zip(names, map(float, f), strict=True))
+    for k in range(1, len(links) + 2):
+        w = system[f"joint_{k}_wrench"].matrix.xreplace(values)
+        names = [f"{x}{k}_{i}" for x in "FT" for i in "ijk"]
+        wrenches |= dict(zip(names, map(float, w), strict=True))
+    size = max(map(abs, wrenches.values()))
+    known = {str(s): x for s, x in values.items()} | wrenches
+    for link in links:
+        matrix = equilibrium(scene, link).matrix
+        left = [float(e.subs({s: known[str(s)] for s in e.free_symbols})) for e in matrix]
+        assert np.max(np.abs(left)) < 1e-12 * size, link
+
+
+def test_it_is_shown_with_its_number_and_in_the_record():
+    assert "Rahman (63), signs corrected" in " ".join(call("show", "slider_crank", "rod_equilibrium").split())
+    assert "crank_equilibrium" in call("show", "slider_crank", "derivation")
+    model = symgen.build("slider_crank")
+    assert model.equations["slider_equilibrium"].shape == (6, 1)
+    with pytest.raises(ModelError, match="nothing called"):
+        Subject("bennett", {}).choose("ground_equilibrium")
+
+
+def test_letters_of_tunable_parameters_stay_theirs(tmp_path):
+    """A parameter with the name of a force at a joint keeps it; the force gets another."""
+    text = (files("symgen") / "scenes" / "rssr.toml").read_text("utf-8")
+    head, _, rest = text.partition("[parameters]\n")
+    file = tmp_path / "named.toml"
+    file.write_text(f'{head}[parameters]\nF1_i = {{ value = "1 m", tunable = true }}\n{rest}')
+    link = Subject(str(file), {}).resolved.rows[0].link
+    names = {str(s) for s in equilibrium(str(file), link).matrix.free_symbols}
+    assert "F1_i_" in names and "F1_i" not in names
