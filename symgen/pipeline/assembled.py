@@ -20,6 +20,7 @@ from symgen.runtime.beams.elements import Segment, meshed, segment_at
 from symgen.runtime.beams.layout import unknowns_of
 from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.elastic.mesh import properties_of
+from symgen.scene.elastic.letters import elastic_in_letters
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.exact import Exact
 from symgen.symbolic.system import Step, System
@@ -31,10 +32,11 @@ _SMALL = 1e-9
 
 
 def assembled_of(linkage: Linkage) -> System:
-    """Return the assembled equations.
+    """Return the assembled equations, in letters for the constants of the scene.
 
     A link whose elements runs choose has one between its joints and masses.
     """
+    linkage, letters = elastic_in_letters(linkage)
     motion, joints = motion_system(linkage), joints_system(linkage)
     info = elastic_info(linkage)
     supply_elements(info.beams, tools_for("auto", "float64", None, "off", "none"))
@@ -76,7 +78,7 @@ def assembled_of(linkage: Linkage) -> System:
         unknowns[shaft] if shaft >= 0 else "",
         _pivots(linkage, joints),
     )
-    return assembled_system(linkage, structure, motion, joints)
+    return letters.kept(assembled_system(linkage, structure, motion, joints))
 
 
 def assembled_record(linkage: Linkage, system: System) -> Iterator[Step]:

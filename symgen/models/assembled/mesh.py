@@ -16,13 +16,9 @@ from symgen.models.elastic.element import PROPERTIES
 from symgen.models.elastic.links import loads_along, lumps
 from symgen.scene.elastic.links import ElasticLink
 from symgen.scene.rods.linkage import Linkage
-from symgen.symbolic.quantity import quantity
-from symgen.symbolic.system import Definition, System
+from symgen.symbolic.system import System
 
 Constants = dict[str, sp.ImmutableMatrix]
-#: Letters of the section of a link, by the names of ``PROPERTIES``.
-_POWERS = 1 + max(count for _, _, count, _, _ in PROPERTIES)
-_LETTERS = {"mass": "mu", "rotary": "J", "axial": "EA", "bending": "EI", "shear": "kGA"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,16 +79,11 @@ class Mesh:
         several = len(self.parts) > 1
         return tuple(f"{self.label}_{k}" for k, _ in enumerate(self.parts, 1)) if several else (self.label,)
 
-    def labelled(self, taken: Container[str], others: Container[str]) -> Mesh:
-        """Return the mesh with a label that leaves shared terms apart from taken names and other labels."""
+    def labelled(self, others: Container[str]) -> Mesh:
+        """Return the mesh with a label that leaves shared terms apart from other labels."""
         mesh = replace(self, label=self.label or self.link)
-        own = (mesh.label, *mesh.labels)
-        letters = {
-            f"{mesh.label}_L",
-            *(_letter(mesh.label, of, k) for of in _LETTERS for k in range(_POWERS)),
-        }
-        if any(name in taken for name in letters) or any(name in others for name in own):
-            return replace(self, label=f"{mesh.label}_").labelled(taken, others)
+        if any(name in others for name in (mesh.label, *mesh.labels)):
+            return replace(self, label=f"{mesh.label}_").labelled(others)
         return mesh
 
 
@@ -119,10 +110,7 @@ def of_elements(linkage: Linkage, mesh: Mesh, motion: System) -> Iterator[tuple[
         )
     ]
     shapes = _shapes(motion, linkage, mesh)
-    length, mass = (
-        sp.Symbol(f"{mesh.label}_L", real=True),
-        _section(_beam(linkage, mesh.link), mesh.label)["mass"],
-    )
+    length, mass = linkage.link(mesh.link).length, _beam(linkage, mesh.link).section.mass
     for k, part in enumerate(mesh.parts):
         start = length * part.start
         lumped = [(at, m) for at, m, _, owner in masses if owner < k]
@@ -138,38 +126,8 @@ def of_elements(linkage: Linkage, mesh: Mesh, motion: System) -> Iterator[tuple[
         yield constants, [part.by_unknowns(force) for force in forces]
 
 
-def letters(linkage: Linkage, mesh: Mesh) -> list[Definition]:
-    """Return length and section of a link as shared terms."""
-    name, label = mesh.link, mesh.label
-    found = [Definition(quantity(f"{label}_L", "m", f"length of {name}"), linkage.link(name).length)]
-    section = _beam(linkage, name).section
-    for of, _, _, unit, meaning in PROPERTIES:
-        for k, value in enumerate(getattr(section, of)):
-            if value != 0:
-                about = f"{meaning}, {name}" + (f": factor of x^{k}" if k else "")
-                found.append(
-                    Definition(quantity(_letter(label, of, k), f"{unit}/m^{k}" if k else unit, about), value)
-                )
-    return found
-
-
-def _letter(link: str, of: str, power: int) -> str:
-    return f"{link}_{_LETTERS[of]}" + (f"_{power}" if power else "")
-
-
 def _beam(linkage: Linkage, name: str) -> ElasticLink:
     return next(b for b in linkage.elastic if b.link == name)
-
-
-def _section(beam: ElasticLink, label: str) -> dict[str, list[sp.Expr]]:
-    """Return the letters of a section by its properties and powers of x from the first point of the link."""
-    return {
-        of: [
-            sp.Symbol(_letter(label, of, k), real=True) if value != 0 else sp.Integer(0)
-            for k, value in enumerate(getattr(beam.section, of))
-        ]
-        for of in _LETTERS
-    }
 
 
 @lru_cache(maxsize=8)
@@ -188,7 +146,7 @@ def _constants(
 ) -> Constants:
     """Return the constants of an element with the masses along it."""
     beam, part = _beam(linkage, mesh.link), mesh.parts[number]
-    element, length = ELEMENTS[beam.element], sp.Symbol(f"{mesh.label}_L", real=True)
+    element, length = ELEMENTS[beam.element], linkage.link(mesh.link).length
     own = length * (part.stop - part.start)
     constants, letters, generic = _element_in_letters(element)
     known: dict[sp.Symbol, sp.Expr] = {LENGTH.symbol: own}
@@ -199,8 +157,8 @@ def _constants(
             strict=True,
         )
     )
-    for of, coefficients in _section(beam, mesh.label).items():
-        shifted = _shifted(coefficients, before.distance)
+    for of, *_ in PROPERTIES:
+        shifted = _shifted(getattr(beam.section, of), before.distance)
         for k, symbol in enumerate(letters[of]):
             known[symbol] = shifted[k] * own**k if k < len(shifted) else sp.Integer(0)
     found = {name: sp.ImmutableMatrix(m.xreplace(known)) for name, m in constants.items()}
@@ -237,7 +195,7 @@ def _profiles(
 ) -> list[Constants]:
     """Return the constants of every force along a link on one of its elements."""
     beam, part = _beam(linkage, mesh.link), mesh.parts[number]
-    element, length = ELEMENTS[beam.element], sp.Symbol(f"{mesh.label}_L", real=True)
+    element, length = ELEMENTS[beam.element], linkage.link(mesh.link).length
     found: list[Constants] = []
     for (at, even, slope, follows, _), owner in zip(shapes, mesh.profiles, strict=True):
         if owner < 0:
@@ -268,7 +226,7 @@ def strains(linkage: Linkage, mesh: Mesh) -> Iterator[tuple[str, list[tuple[Part
     Where two of them meet, it is the mean of both.
     """
     stations = [x for x in linkage.stations if x.link == mesh.link]
-    beam, length = _beam(linkage, mesh.link), sp.Symbol(f"{mesh.label}_L", real=True)
+    beam, length = _beam(linkage, mesh.link), linkage.link(mesh.link).length
     for station, owners in zip(stations, mesh.stations, strict=True):
         at = station.at * linkage.link(mesh.link).length
         outer = sp.Add(*(c * at**k for k, c in enumerate(beam.section.fibre)))

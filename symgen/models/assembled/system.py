@@ -18,7 +18,7 @@ from symgen.mechanics.elastic.turning_axes import COSINE, SINE, Pairs, parts_of_
 from symgen.mechanics.elastic.weights import Weight
 from symgen.mechanics.rods.condensation import BASIS, allowed_motions
 from symgen.mechanics.sources import ASSEMBLY
-from symgen.models.assembled.mesh import Constants, Mesh, Structure, letters, of_elements, strains
+from symgen.models.assembled.mesh import Constants, Mesh, Structure, of_elements, strains
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import quantity
@@ -67,7 +67,7 @@ def assembled_system(linkage: Linkage, structure: Structure, motion: System, joi
     Parameters
     ----------
     linkage
-        The linkage.
+        The linkage, in letters.
     structure
         Elements and unknowns.
     motion, joints
@@ -78,9 +78,8 @@ def assembled_system(linkage: Linkage, structure: Structure, motion: System, joi
     taken |= {d.quantity.name for d in (*motion.definitions, *others)}
     meshes: list[Mesh] = []
     for mesh in structure.meshes:
-        meshes.append(mesh.labelled(taken, {x for m in meshes for x in (m.label, *m.labels)}))
+        meshes.append(mesh.labelled({x for m in meshes for x in (m.label, *m.labels)}))
     structure, names = replace(structure, meshes=tuple(meshes)), Names(taken)
-    sections = [d for mesh in meshes for d in letters(linkage, mesh)]
     sums = _Sums(structure)
     rows = iter(motion["loads"].matrix.tolist() if "loads" in motion else ())
     for mesh in structure.meshes:
@@ -92,7 +91,7 @@ def assembled_system(linkage: Linkage, structure: Structure, motion: System, joi
     matrices += _recovery(structure, linkage, motion, sums)
     if structure.pivots:
         matrices += _condensation(structure, joined, sums, names)
-    definitions = (*motion.definitions, *others, *sections, *names.definitions)
+    definitions = (*motion.definitions, *others, *names.definitions)
     return System(
         f"{linkage.name}_assembled",
         f"{linkage.title}: assembled equations of the elastic motion",
