@@ -59,6 +59,7 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "forces": _later("symgen.models.elastic.rigid_forces:rigid_forces_system"),
     "elastic_motion": _later(_ELASTIC_MOTION),
     "elastic_joints": _later(_ELASTIC_JOINTS),
+    "shaking": _later("symgen.models.elastic.joints:shaking_system"),
     "elastic_motion_tangents": _tangents(_ELASTIC_MOTION, "constants", "links", "loads", "shaft"),
     "elastic_joints_tangents": _tangents(
         _ELASTIC_JOINTS, "joints", "constants", "energy", "driven", "drives"

@@ -15,7 +15,7 @@ from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linearised import analysis_of, linearised
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
-from symgen.models.rods.outputs import OF_LINKS
+from symgen.models.rods.outputs import OF_LINKS, OF_THE_WHOLE
 from symgen.scene.elastic.links import ElasticLink
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
 from symgen.symbolic.calculus import ZERO
@@ -88,6 +88,15 @@ def joints_system(linkage: Linkage) -> System:
         of_drives, more_exports = _drives(model, linkage)
         matrices, exports = [*matrices, *of_drives], [*exports, *more_exports]
     return analysis_of(model, "elastic_joints", matrices, exports)
+
+
+def shaking_system(linkage: Linkage) -> System:
+    """Return the System of the force and moment on the ground of all but the elastic links."""
+    model = RodsModel(_without_beams(linkage))
+    names = ("shaking_force", "shaking_moment")
+    matrices = [named(model, name, *OF_THE_WHOLE[name](model)) for name in names]
+    about = "force and moment on the ground of the linkage without its elastic links"
+    return analysis_of(model, "shaking", matrices, [Export("shaking", about, names)])
 
 
 def _powers(model: RodsModel, linkage: Linkage) -> Iterator[NamedMatrix]:

@@ -26,6 +26,7 @@ from symgen.runtime.beams.energies import Energies, energies, of_angles
 from symgen.runtime.beams.forces import Forces, Motion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.elastic.jumps import explicit, jump_times, with_error
+from symgen.runtime.elastic.large.shaking import in_linear_theory
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Once, Solution, coordinate_of, outputs, recovered, selected
@@ -286,7 +287,7 @@ class _Recorded:
     def outputs(self) -> Iterator[Variable]:
         """Yield all outputs; those of one kind are computed when it comes to them."""
         yield from self._shapes
-        yield from self._acting[1].variables
+        yield from (*self._acting[1].variables, *in_linear_theory(self.motion, *self._moved, *self._acting))
         yield from self._balance.variables() if self._balance else ()
 
     def variables(self) -> tuple[Variable, ...]:

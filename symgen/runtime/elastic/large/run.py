@@ -14,6 +14,7 @@ from symgen.runtime.elastic.exact import end_of_run, rigid_places, stiffness_dam
 from symgen.runtime.elastic.large.collocation import Moment, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
+from symgen.runtime.elastic.large.shaking import in_large_rotation
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import bow, coordinate_of, displacement, length_change, strains
 from symgen.runtime.elastic.steps import turn
@@ -91,6 +92,7 @@ def _outputs(motion: ElasticMotion, linkage: LargeLinkage, moments: Sequence[Mom
             variables.append(joint_force(name, point, force))
     for name, k, at, _ in motion.stations:
         variables.append(bow(name, linkage.links[k].beam, at, linkage.links[k].deflection(q, at)))
+    variables += in_large_rotation(linkage, motion.rigid, moments)
     if (of_shaft := linkage.torque(times, q, v, a, multipliers)) is not None:
         variables.append(torque(motion.info.crank, of_shaft))
     kinetic, strain, potential, dissipated = linkage.energies(times, q, v, a)
