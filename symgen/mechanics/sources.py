@@ -16,6 +16,7 @@ Sources = tuple[tuple[str, str], ...]
 
 ROD: Sources = (
     ("particle_masses", "Attia, section 2.1"),
+    ("particle_conditions", "Attia, section 2.1"),
     ("end_masses", "Attia (6): row sums are its coefficients"),
     ("mass_matrix", "Attia (6): row sums are its coefficients"),
     ("linear_momentum", "Attia (6)"),

@@ -7,7 +7,13 @@ from collections.abc import Sequence
 import sympy as sp
 
 from symgen.mechanics.rods.loads import vector_between
-from symgen.mechanics.rods.particles import end_mass, kinetic_energy, length_constraint, particle_masses
+from symgen.mechanics.rods.particles import (
+    EndMass,
+    end_mass,
+    kinetic_energy,
+    length_constraint,
+    printed_particle_masses,
+)
 from symgen.mechanics.sources import ROD
 from symgen.symbolic.calculus import Calculus
 from symgen.symbolic.quantity import AXES, Quantity, quantity
@@ -30,27 +36,33 @@ def rod_system(dimension: int) -> System:
     symbols = tuple(x.symbol for x in parameters)
     calculus = Calculus(q, u, sp.Symbol("t", real=True))
     ends = end_mass(*symbols)
+    entries = {
+        quantity(f"a{k}", "kg", f"entry {k} of the mass matrix of the ends, of each axis"): mass
+        for k, mass in zip(("11", "12", "22"), ends, strict=False)
+    }
+    named = EndMass(*(x.symbol for x in entries))
     start, end = (tuple(x.symbol for x in u[k : k + dimension]) for k in (0, dimension))
     inner, outer = (tuple(x.symbol for x in q[k : k + dimension]) for k in (0, dimension))
     along = vector_between(calculus, "rod", inner, outer, axes)
     phi = length_constraint(along, length.symbol)
-    block = sp.kronecker_product(sp.Matrix([[ends.a11, ends.a12], [ends.a12, ends.a22]]), sp.eye(dimension))
+    block = sp.kronecker_product(
+        sp.Matrix([[named.a11, named.a12], [named.a12, named.a22]]), sp.eye(dimension)
+    )
     names = tuple(x.name for x in q)
     particles = [quantity(f"m_{k}", "kg", f"mass of the particle {at}") for k, at in _PARTICLES.items()]
-    masses = particle_masses(*symbols)
+    about_start = quantity("I_o", "kg*m^2", "moment of inertia about end i, across the rod")
+    halves = [quantity(f"r21_{a}", "m", f"{a} component of the vector to the middle") for a in axes]
+    of_particles = tuple(x.symbol for x in particles)
+    printed = printed_particle_masses(
+        m.symbol, length.symbol, centre.symbol, about_start.symbol, of_particles[1:]
+    )
     accelerations = [
         quantity(f"{p}_a{a}", "m/s^2", f"{a} acceleration of end {p}") for p in "ij" for a in axes
     ]
-    momenta = _momenta(particles, accelerations, along)
+    momenta = _momenta(of_particles, accelerations, along, tuple(x.symbol for x in halves))
+    shown = (*_particles(of_particles, about_start.symbol, symbols), *momenta)
     matrices = (
-        *momenta,
-        _matrix(
-            "particle_masses",
-            list(masses),
-            "kg",
-            "equivalent particles at start, middle and end",
-            ("start", "middle", "end"),
-        ),
+        *shown,
         NamedMatrix(
             "mass_matrix",
             sp.ImmutableMatrix(block),
@@ -60,7 +72,7 @@ def rod_system(dimension: int) -> System:
             names,
             True,
         ),
-        _matrix("kinetic_energy", [kinetic_energy(ends, start, end)], "J", "kinetic energy"),
+        _matrix("kinetic_energy", [kinetic_energy(named, start, end)], "J", "kinetic energy"),
         _matrix("constraint", [phi], "m^2", "length constraint (d.d - l^2)/2"),
         NamedMatrix(
             "constraint_jacobian",
@@ -88,10 +100,13 @@ def rod_system(dimension: int) -> System:
             Group("work", "accelerations of the ends", tuple(accelerations)),
         ),
         matrices=matrices,
-        exports=tuple(Export(x.name, x.description, (x.name,)) for x in matrices[len(momenta) :]),
+        exports=tuple(Export(x.name, x.description, (x.name,)) for x in matrices[len(shown) :]),
         definitions=(
             *calculus.definitions,
-            *(Definition(x, e) for x, e in zip(particles, masses, strict=True)),
+            *(Definition(x, d / 2) for x, d in zip(halves, along, strict=True)),
+            *(Definition(x, e) for x, e in entries.items()),
+            Definition(about_start, inertia.symbol + m.symbol * centre.symbol**2),
+            *reversed([Definition(x, e) for x, e in zip(particles, printed, strict=True)]),
         ),
         references=(REFERENCE,),
         sources=ROD,
@@ -102,25 +117,48 @@ def rod_system(dimension: int) -> System:
 _PARTICLES = {1: "at end i", 2: "in the middle", 3: "at end j"}
 
 
+def _particles(
+    masses: Sequence[sp.Expr], about_start: sp.Expr, rod: Sequence[sp.Expr]
+) -> tuple[NamedMatrix, ...]:
+    """Return the particles, their conditions, and the masses of the ends without the middle particle."""
+    (m1, m2, m3), (m, length, centre, _) = masses, rod
+    three = [m1 + m2 + m3 - m, (m2 / 2 + m3) * length - m * centre, (m2 / 4 + m3) * length**2 - about_start]
+    ends = sp.ImmutableMatrix([[m1 + m2 / 4, m2 / 4], [m2 / 4, m3 + m2 / 4]])
+    conditions = "mass, first and second moment of the particles, less those of the rod; zero"
+    places, names = ("start", "middle", "end"), ("i", "j")
+    return (
+        _matrix("particle_conditions", three, "kg, kg*m, kg*m^2", conditions, ("mass", "first", "second")),
+        _matrix(
+            "particle_masses", [m1, m2, m3], "kg", f"equivalent particles at {', '.join(places)}", places
+        ),
+        NamedMatrix("end_masses", ends, "kg", "masses of the ends, of each axis", names, names, True),
+    )
+
+
 def _momenta(
-    particles: Sequence[Quantity], accelerations: Sequence[Quantity], along: Sequence[sp.Expr]
+    masses: Sequence[sp.Expr],
+    accelerations: Sequence[Quantity],
+    along: Sequence[sp.Expr],
+    middle: Sequence[sp.Expr],
 ) -> tuple[NamedMatrix, NamedMatrix]:
     """Return the rates of the linear momentum and of the moment of momentum about end i.
 
     The middle particle moves with the mean of the ends.
     """
-    m1, m2, m3 = (x.symbol for x in particles)
+    m1, m2, m3 = masses
     n = len(along)
     inner, outer = ([x.symbol for x in accelerations[k : k + n]] for k in (0, n))
     linear = [(m1 + m2 / 2) * a + (m3 + m2 / 2) * b for a, b in zip(inner, outer, strict=True)]
-    middle = tuple(x / 2 for x in along)
     weighted = tuple(m3 * x + m2 / 2 * y for x, y in zip(along, middle, strict=True))
     first, second = (_crossed(arm, a) for arm, a in ((middle, inner), (weighted, outer)))
     angular = [m2 / 2 * x + y for x, y in zip(first, second, strict=True)]
     about = "rate of the moment of momentum about end i: the moment of the forces, G"
+    axes = tuple(AXES[:n])
     return (
-        _matrix("linear_momentum", linear, "N", "rate of the linear momentum: the sum of the forces, R"),
-        _matrix("angular_momentum", angular, "N*m", about),
+        _matrix(
+            "linear_momentum", linear, "N", "rate of the linear momentum: the sum of the forces, R", axes
+        ),
+        _matrix("angular_momentum", angular, "N*m", about, axes if n == 3 else ()),
     )
 
 

@@ -76,10 +76,22 @@ def readable(expression: Expression) -> Expression:
 
 
 def _whole(product: sp.Expr) -> sp.Expr:
-    """Return a product with the common number of each sum in front: k (2 l - 2 l0)/2 is k (l - l0)."""
-    pairs = [f.primitive() if f.is_Add else (sp.S.One, f) for f in product.args]
+    """Return a product with common numbers and signs of sums in front.
+
+    k (2 l - 2 l0)/2 is k (l - l0), and g (-m1 - m2)/2 is -g (m1 + m2)/2; a (m1 + m2/2) stays.
+    """
+    pairs = [_common(f) if f.is_Add else (sp.S.One, f) for f in product.args]
     numbers, factors = zip(*pairs, strict=True)
     return sp.Mul(sp.Mul(*numbers), *factors) if any(n != 1 for n in numbers) else product
+
+
+def _common(total: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """Return the common number of the terms of a sum, negative if all are, and the sum without it."""
+    number, rest = total.primitive()
+    coefficients = [term.as_coeff_Mul()[0] for term in total.args]
+    if number.q != 1 and any(c.is_Integer for c in coefficients):
+        number, rest = sp.S.One, total
+    return (-number, -rest) if all(c.is_negative for c in coefficients) else (number, rest)
 
 
 def pretty(expression: sp.Basic | sp.MatrixBase) -> str:

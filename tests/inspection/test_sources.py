@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -10,6 +11,7 @@ import sympy as sp
 from shared.commands import call
 
 from symgen.inspection.explanation import explanation
+from symgen.mechanics.rods.particles import particle_masses
 from symgen.models import BLOCKS, RECURSIONS
 from symgen.pipeline.subject import Subject
 from symgen.symbolic.system import NO_SOURCE
@@ -82,6 +84,28 @@ def test_explanations_and_derivatives_state_sources():
     assert "acceleration_rhs" in lines and "; Attia (5a), (14), right side" in lines
     slope = subject("peaucellier").choose("mass_matrix").by("rho").matrices[0]
     assert slope.source == NO_SOURCE
+
+
+@pytest.mark.parametrize("name", ["rod", "rod_spatial"])
+def test_particles_of_a_rod_are_those_of_the_print(name):
+    """Section 2.1: the three conditions, their solution, and (6) and (7) in the masses of the particles."""
+    system = BLOCKS[name]()
+    m, l, c, i, j = (sp.Symbol(x, real=True) for x in ("m", "l", "l_c", "I_c", "I_o"))
+    about_start = i + m * c**2
+    assert system.expanded("particle_conditions").applyfunc(sp.simplify) == sp.zeros(3, 1)
+    middle, end = 4 / l**2 * (m * l * c - j), 2 / l**2 * (j - m / 2 * l * c)
+    printed = sp.Matrix([m - middle - end, middle, end]).subs(j, about_start)
+    assert (system.expanded("particle_masses") - printed).applyfunc(sp.simplify) == sp.zeros(3, 1)
+    assert (printed - sp.Matrix(particle_masses(m, l, c, i))).applyfunc(sp.simplify) == sp.zeros(3, 1)
+    ends = system["mass_matrix"].part(["i_x", "j_x"], ["i_x", "j_x"])
+    difference = replace(system, matrices=(ends,), exports=()).expanded("mass_matrix") - system.expanded(
+        "end_masses"
+    )
+    assert difference.applyfunc(sp.simplify) == sp.zeros(2, 2)
+    m1, m2, m3, a, b = (sp.Symbol(x, real=True) for x in ("m_1", "m_2", "m_3", "i_ax", "j_ax"))
+    assert system["linear_momentum"].matrix[0] == (m1 + m2 / 2) * a + (m3 + m2 / 2) * b
+    text = call("show", name, "end_masses")
+    assert "Attia (6)" in text and "m₂ = 4⋅(-I_o + l⋅l_c⋅m)/l²" in text and "m₁ = m - m₂ - m₃" in text
 
 
 @pytest.mark.parametrize("name", ["rod", "rod_spatial"])

@@ -76,6 +76,20 @@ def test_what_is_shown_is_what_was_derived(name, matrix):
     same([from_text(text(e), chosen.system) for e in m.matrix], m.matrix)
 
 
+def test_common_numbers_and_signs_of_sums_are_in_front():
+    """As in print; sums of whole and broken numbers stay."""
+    a, m1, m2, x, x0 = sp.symbols("a m1 m2 x x0")
+    for expression, shown in (
+        (a * (-m1 - m2) / 2, "-a⋅(m₁ + m₂)/2"),
+        (-a * x * (-m1 - m2) / 2, "a⋅x⋅(m₁ + m₂)/2"),
+        (a * (2 * x - 2 * x0) / 2, "a⋅(x - x₀)"),
+        (-a * (x - x0), "-a⋅(x - x₀)"),
+        (a * (m1 / 3 + m2 / 6), "a⋅(2⋅m₁ + m₂)/6"),
+        (a * (m1 + m2 / 2), "a⋅(m₁ + m₂/2)"),
+    ):
+        assert text(expression) == shown and readable(expression).expand() == expression.expand()
+
+
 def test_entries_and_blocks_hold_the_whole_matrix():
     """A list of entries, broken into lines, is read back; blocks have every column once, in order."""
     chosen = subject("slider_crank").choose("screw_drift")
@@ -86,10 +100,10 @@ def test_entries_and_blocks_hold_the_whole_matrix():
     known = dict(entry.split(": ", 1) for entry in entries)
     found = [from_text(known.get(row, "0").replace("\n", " "), chosen.system) for row in m.rows]
     same(found, m.matrix)
-    mass = subject("rod").system["mass_matrix"].part(["i_x", "j_x"], ["i_x", "j_x"])
+    mass = subject("four_bar").system["mass_matrix"].part(["A_x", "B_x"], ["A_x", "B_x"])
     for symmetric, count in ((True, 3), (False, 4)):
         lines = in_lines(replace(mass, symmetric=symmetric), 20)
-        assert sum(bool(re.match(r"  \w+, \w+: ", line)) for line in lines) == count
+        assert sum(bool(re.match(r"  \w+, \w+:", line)) for line in lines) == count
     (wide,) = subject("slider_crank").choose("closure_jacobian").matrices
     heads = [line for line in in_lines(wide, 60) if line.startswith(("columns:", "    "))]
     assert len(heads) > 1

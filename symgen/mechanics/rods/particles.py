@@ -8,6 +8,7 @@ of the end velocities. Simulations use only that form.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import sympy as sp
@@ -44,8 +45,31 @@ def particle_masses(mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp
     mass, length, centre, inertia
         Mass [kg], length [m], centre of mass from the start [m], moment of inertia about it [kg m^2].
     """
-    a11, a12, a22, _ = end_mass(mass, length, centre, inertia)
-    return a11 - a12, 4 * a12, a22 - a12
+    rest, half, squared = length - centre, length - 2 * centre, length**2
+    return (
+        (mass * rest * half + 2 * inertia) / squared,
+        4 * (mass * centre * rest - inertia) / squared,
+        (2 * inertia - mass * centre * half) / squared,
+    )
+
+
+def printed_particle_masses(
+    mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr, particles: Sequence[sp.Expr]
+) -> tuple[sp.Expr, ...]:
+    """Return the masses [kg] of the equivalent particles in the form of section 2.1, for inspection.
+
+    Parameters
+    ----------
+    mass, length, centre
+        As for :func:`particle_masses`.
+    inertia
+        Moment of inertia about the start, I_o [kg m^2].
+    particles
+        Symbols of the masses of the middle and the end, by which that of the start is given.
+    """
+    middle = 4 / length**2 * (mass * length * centre - inertia)
+    end = 2 / length**2 * (inertia - mass / 2 * length * centre)
+    return mass - sp.Add(*particles), middle, end
 
 
 def end_mass(
