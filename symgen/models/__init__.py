@@ -128,10 +128,12 @@ SHIPPED_BLOCKS = (
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.
-DERIVATIONS: dict[str, Callable[[], System]] = dict.fromkeys(
-    (f"element_{name}" for name in ELEMENTS),
-    partial(_call_entry, "models.elastic.derivation:elastic_derivation_system"),
-)
+DERIVATIONS: dict[str, Callable[[], System]] = {
+    f"element_{name}": partial(
+        _call_entry, "models.elastic.derivation:elastic_derivation_system", ELEMENTS[name]
+    )
+    for name in ELEMENTS
+}
 
 #: Recursions over rods, shipped as loops with the number of rods as an argument, by name.
 RECURSIONS: dict[str, Callable[[], Recursion]] = {

@@ -363,3 +363,17 @@ def test_every_step_says_where_it_stands():
     assert all(step.source and step.about for step in steps)
     shown = elastic_derivation_system()
     assert [m.name for m in shown.matrices] == [step.name for step in steps]
+
+
+@pytest.mark.parametrize("name", ELEMENTS)
+def test_the_transformation_turns_both_ends(name):
+    """(E.4): components of a displacement u, w of an end, in the link's axes, to those in fixed axes."""
+    element = ELEMENTS[name]
+    matrix = elastic_derivation_system(element)["transformation"].matrix
+    local = {dof: sp.Symbol(f"{dof}_local") for dof in element.dofs}
+    turned = dict(zip(element.dofs, matrix * sp.Matrix([*local.values()]), strict=True))
+    for dof in element.dofs:
+        u, w = (local.get(f"{letter}{dof[-1]}") for letter in "uw")
+        expected = {"u": lambda u=u, w=w: c * u - s * w, "w": lambda u=u, w=w: s * u + c * w}
+        at_end = dof[:-1] in expected and dof[-1] in "12"
+        assert turned[dof] == (expected[dof[:-1]]() if at_end else local[dof]), dof

@@ -63,7 +63,7 @@ def global_equation(element: Element, local: Equation) -> Equation:
 
 def thesis_equation(element: Element, local: Equation) -> Equation:
     """Return the constant-transformation form, in which a uniform translation has inertia forces."""
-    turned = turn(len(element.dofs), _pairs(element.dofs))
+    turned = transformation(element)
     return Equation(
         turned * local.mass * turned.T,
         turned * local.damping * turned.T,
@@ -127,6 +127,11 @@ def turn(size: int, pairs: Pairs) -> sp.ImmutableMatrix:
     for i, j in pairs:
         whole[i, i], whole[i, j], whole[j, i], whole[j, j] = c, -s, s, c
     return sp.ImmutableMatrix(whole)
+
+
+def transformation(element: Element) -> sp.ImmutableMatrix:
+    """Return T of the displacements of an element, (E.4) of the thesis."""
+    return turn(len(element.dofs), _pairs(element.dofs))
 
 
 @lru_cache(maxsize=32)
