@@ -13,6 +13,7 @@ from shared.full import full
 import symgen
 from symgen.errors import SceneError
 from symgen.mechanics.synthesis.limits import SPHERICAL_QUANTITIES
+from symgen.synthesis.spherical import SphericalFourBar
 
 NAMES = [name for name, _, _ in SPHERICAL_QUANTITIES]
 TASK = {"kind": "limits", "linkage": "spherical"}
@@ -178,3 +179,63 @@ def test_command_scene_and_chart(tmp_path):
     assert np.ptp(run["theta4"].values) == pytest.approx(math.radians(60), abs=1e-5)
     chart = call("synthesise", task, "--vary", "swing=50deg:70deg:2", "--plot", tmp_path / "chart.png")
     assert "arcs in deg" in chart and (tmp_path / "chart.png").stat().st_size > 10_000
+
+
+def case_1(d, swing, folded, least):
+    """Return arcs of all crank-rockers of Case I by a scan over the rocker: its triangles give crank and coupler."""
+    c = np.linspace(1e-3, math.pi - 1e-3, 100_001)
+    far, near = (
+        np.arccos(np.cos(c) * np.cos(d) + np.sin(c) * np.sin(d) * np.cos(x)) for x in (folded + swing, folded)
+    )
+    a, b = (far - near) / 2, (far + near) / 2
+    others = np.array([b, c, np.full_like(c, d)])
+    turns = (a > 0) & (a < others.min(axis=0)) & (a + others.max(axis=0) < math.pi)
+    turns &= (2 * (a + others.max(axis=0)) < a + others.sum(axis=0)) & (a + others.sum(axis=0) < 2 * math.pi)
+    with np.errstate(invalid="ignore"):
+        off = np.arccos((np.cos(d - a) - np.cos(b) * np.cos(c)) / (np.sin(b) * np.sin(c))) - least
+    at = np.flatnonzero(turns[:-1] & turns[1:] & (off[:-1] * off[1:] < 0))
+    return [(a[i], b[i], c[i], d) for i in at]
+
+
+@pytest.mark.parametrize("seed", [1, 6, *(full(n) for n in range(20, 40))])
+def test_all_linkages_of_case_1_are_found(seed):
+    """As many as a scan finds, but for those that differ by opposite axes alone."""
+    generator, wanted = np.random.default_rng(seed), []
+    while not wanted:
+        d, swing, folded, least = generator.uniform([0.3, 0.2, 0.1, 0.2], [2.8, 1.6, 1.5, 1.5]).tolist()
+        wanted = case_1(d, swing, folded, least)
+    shapes = []
+    for arcs in wanted:
+        shape = np.array(min(opposites(arcs), key=sum))
+        if all(np.abs(shape - other).max() > 1e-3 for other in shapes):
+            shapes.append(shape)
+    designs = found(fixed_link=d, swing=swing, rocker_folded=folded, transmission_least=least)
+    assert len(designs) == len(shapes)
+    for shape in shapes:
+        assert min(np.abs(design.linkage.least_arcs - shape).max() for design in designs) < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_limits_of_linkages_with_opposite_axes(seed):
+    """Directions of the crank at which the rocker stops, and their distance, for any representation of a linkage."""
+    generator = np.random.default_rng(seed)
+    arcs = random_arcs(generator)
+    arcs = [*opposites(arcs)][generator.integers(16)]
+    a, _, c, d = arcs
+    at_start, _ = drawn(arcs, [0.3])
+    o, ground = np.array([0.0, 0.0, 1.0]), np.array([math.sin(d), 0.0, math.cos(d)])
+    joint = np.array([math.sin(a) * math.cos(0.3), math.sin(a) * math.sin(0.3), math.cos(a)])
+    x, y = math.sin(c) * math.cos(at_start[0]), math.sin(c) * math.sin(at_start[0])
+    end = [math.cos(d) * x + math.sin(d) * math.cos(c), y, math.cos(d) * math.cos(c) - math.sin(d) * x]
+    linkage = SphericalFourBar(o, joint, end, ground)
+    assert linkage.grashof == "crank-rocker"
+    directions, moves, more = linkage.extremes
+    dense = np.linspace(0, 2 * math.pi, 7_201)
+    rocker, at_b = drawn(arcs, dense)
+    rocker = np.unwrap(rocker)
+    limits, angles = drawn(arcs, directions)
+    assert moves == "swing"
+    assert np.ptp(np.unwrap(limits)) == pytest.approx(np.ptp(rocker), abs=1e-6)
+    assert [angles.min(), angles.max()] == pytest.approx([at_b.min(), at_b.max()], abs=1e-6)
+    between = abs(dense[np.argmax(rocker)] - dense[np.argmin(rocker)])
+    assert abs(more) == pytest.approx(abs(between - math.pi), abs=3e-3)
