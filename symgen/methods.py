@@ -222,7 +222,7 @@ METHODS = Registry[Method](
                 record="symgen.models.record:of_linkage",
                 accuracy="symgen.study.accuracy.kernels:of_spatial",
                 view="symgen.inspection.linkages:SpatialView",
-                state="symgen.inspection.state:of_linkage",
+                state="symgen.inspection.state:of_spatial",
                 commands={
                     "simulate": Command("symgen.report.elastic:print_elastic_result"),
                     "equilibrium": _OF_RODS["equilibrium"],

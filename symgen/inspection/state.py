@@ -14,6 +14,7 @@ from symgen.errors import ModelError, SceneError, check_known
 from symgen.inspection.values import crank_or_time, of_input
 from symgen.methods import method_of
 from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.elastic.space.model import SpatialModel
 from symgen.runtime.loop.driven import moving
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.model.rods import RodModel
@@ -79,6 +80,11 @@ def of_elastic(model: ElasticModel, at: str | None) -> Values:
     value, over, label = crank_or_time(at)
     t = value if over == "time" else model._motion(True).time_at(value)
     return replace(_reached(model.rigid, t), label=label)
+
+
+def of_spatial(model: SpatialModel, at: str | None) -> Values:
+    """Return the arguments of the rigid motion of elastic links in space, at a time."""
+    return of_linkage(model.rigid, at)
 
 
 def of_linkage(model: RodModel, at: str | None) -> Values:

@@ -21,6 +21,7 @@ ROD: Sources = (
     ("mass_matrix", "Attia (6): row sums are its coefficients"),
     ("linear_momentum", "Attia (6)"),
     ("angular_momentum", "Attia (7)"),
+    ("projected_momentum", "Attia (8a), (8b), printed as (1), (2)"),
     ("constraint", "Attia (3a), halved"),
     ("constraint_jacobian", "Attia (5a), left side"),
     ("velocity_constraint", "Attia (4a)"),

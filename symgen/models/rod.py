@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import sympy as sp
 
@@ -60,7 +60,8 @@ def rod_system(dimension: int) -> System:
         quantity(f"{p}_a{a}", "m/s^2", f"{a} acceleration of end {p}") for p in "ij" for a in axes
     ]
     momenta = _momenta(of_particles, accelerations, along, tuple(x.symbol for x in halves))
-    shown = (*_particles(of_particles, about_start.symbol, symbols), *momenta)
+    across, projected = _projected(along, length.symbol, momenta[1]) if dimension == 3 else ((), ())
+    shown = (*_particles(of_particles, about_start.symbol, symbols), *momenta, *projected)
     matrices = (
         *shown,
         NamedMatrix(
@@ -107,6 +108,7 @@ def rod_system(dimension: int) -> System:
             *(Definition(x, e) for x, e in entries.items()),
             Definition(about_start, inertia.symbol + m.symbol * centre.symbol**2),
             *reversed([Definition(x, e) for x, e in zip(particles, printed, strict=True)]),
+            *across,
         ),
         references=(REFERENCE,),
         sources=ROD,
@@ -160,6 +162,35 @@ def _momenta(
         ),
         _matrix("angular_momentum", angular, "N*m", about, axes if n == 3 else ()),
     )
+
+
+def _projected(
+    along: Sequence[sp.Expr], length: sp.Expr, moment: NamedMatrix
+) -> tuple[list[Definition], tuple[NamedMatrix]]:
+    """Return the moment of momentum along the unit vectors of section 2.2, with what they are made of.
+
+    With r31 = l (cos(theta) cos(phi), sin(theta) cos(phi), sin(phi)) they are (-y, x, 0)/rho and (-x z, -y z,
+    rho^2)/(l rho), rho^2 = x^2 + y^2: as printed where x > 0, and across the rod for every x.
+    """
+    x, y, z = along
+    rho = quantity("rho", "m", "distance of end j from the axis z through end i")
+    vectors = {
+        "u_bar": (-y / rho.symbol, x / rho.symbol),
+        "u_hat": (-x * z / length / rho.symbol, -y * z / length / rho.symbol, rho.symbol / length),
+    }
+    definitions = [Definition(rho, sp.sqrt(x**2 + y**2))]
+
+    def defined(name: str, unit: str, expressions: Iterable[sp.Expr], about: str) -> list[sp.Symbol]:
+        pairs = zip(AXES, expressions, strict=False)
+        new = [Definition(quantity(f"{name}_{a}", unit, f"{a} component of {about}"), e) for a, e in pairs]
+        definitions.extend(new)
+        return [d.quantity.symbol for d in new]
+
+    sides = defined("G", moment.unit, moment.matrix, f"the {moment.description}")
+    units = [defined(name, "1", vector, "a unit vector across the rod") for name, vector in vectors.items()]
+    entries = [sp.Add(*(u * g for u, g in zip(unit, sides, strict=False))) for unit in units]
+    about = "rate of the moment of momentum about end i along two unit vectors across the rod"
+    return definitions, (_matrix("projected_momentum", entries, moment.unit, about, tuple(vectors)),)
 
 
 def _crossed(arm: Sequence[sp.Expr], vector: Sequence[sp.Expr]) -> tuple[sp.Expr, ...]:

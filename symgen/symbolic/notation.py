@@ -219,6 +219,27 @@ class _Text(StrPrinter):
     def _print_Pi(self, expr: sp.Expr) -> str:
         return "π"
 
+    def _print_Abs(self, expr: sp.Expr) -> str:
+        return f"|{self._print(expr.args[0])}|"
+
+    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
+        *cases, last = (
+            self._print(value) if condition == True else f"{self._print(value)} if {self._print(condition)}"  # noqa: E712
+            for value, condition in expr.args
+        )
+        return f"({', '.join([*cases, f'otherwise {last}'])})"
+
+    def _print_And(self, expr: sp.And) -> str:
+        parts = ((self._print(x), isinstance(x, sp.Or)) for x in expr.args)
+        return " and ".join(f"({part})" if either else part for part, either in parts)
+
+    def _print_Or(self, expr: sp.Or) -> str:
+        return " or ".join(map(self._print, expr.args))
+
+    def _print_Relational(self, expr: sp.Rel) -> str:
+        sign = {"<=": "≤", ">=": "≥"}.get(expr.rel_op, expr.rel_op)
+        return f"{self._print(expr.lhs)} {sign} {self._print(expr.rhs)}"
+
 
 class _Latex(LatexPrinter):
     def _print_Symbol(self, expr: sp.Symbol, style: str = "plain") -> str:

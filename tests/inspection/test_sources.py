@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 import sympy as sp
 from shared.commands import call
@@ -77,6 +78,25 @@ def test_sources_are_shown(name, matrix, source):
     assert m.source == source
     assert f"; {source}" in " ".join(call("show", name, matrix).split())
     assert source in " ".join(call("show", name, matrix, "--format", "latex").replace("%", "").split())
+
+
+@pytest.mark.parametrize("x", [0.3, -0.3])
+def test_moments_of_a_rod_in_space_are_along_the_unit_vectors_of_the_print(x):
+    """Eqs. (8a), (8b) with theta and phi in the quadrant of the rod; as printed for x > 0."""
+    system = BLOCKS["rod_spatial"]()
+    d = np.array([x, -0.5, 0.7])
+    length = np.linalg.norm(d)
+    values = {q.symbol: sp.Float(0.1 + 0.37 * i, 30) for i, q in enumerate(system.symbols())}
+    values |= {sp.Symbol(f"i_{a}", real=True): 0 for a in "xyz"}
+    values |= {sp.Symbol(f"j_{a}", real=True): c for a, c in zip("xyz", d, strict=True)}
+    values[sp.Symbol("l", real=True)] = length
+    theta, phi = np.arctan2(d[1], d[0]), np.arctan(d[2] / np.hypot(d[0], d[1]))
+    u_bar = [-np.sin(theta), np.cos(theta), 0]
+    u_hat = [-np.cos(theta) * np.sin(phi), -np.sin(theta) * np.sin(phi), np.cos(phi)]
+    assert np.allclose([d @ u_bar, d @ u_hat, np.dot(u_bar, u_hat)], 0, atol=1e-15)
+    moment, found = (np.array(system.expanded(m).xreplace(values), dtype=float)[:, 0]
+                     for m in ("angular_momentum", "projected_momentum"))  # fmt: skip
+    assert np.allclose(found, [moment @ u_bar, moment @ u_hat], rtol=1e-13)
 
 
 def test_explanations_and_derivatives_state_sources():

@@ -9,6 +9,7 @@ from functools import cache
 
 import pytest
 import sympy as sp
+from shared.commands import call
 from shared.read_latex import from_text, matrix_from_latex
 
 from symgen.inspection.page import block_page
@@ -88,6 +89,17 @@ def test_common_numbers_and_signs_of_sums_are_in_front():
         (a * (m1 + m2 / 2), "a⋅(m₁ + m₂/2)"),
     ):
         assert text(expression) == shown and readable(expression).expand() == expression.expand()
+
+
+def test_cases_in_text():
+    x, y, z = sp.symbols("x y z", real=True)
+    cases = sp.Piecewise((0, (abs(x) <= y) & ((x > z) | (y >= z))), (1, x < z), (2, True))
+    shown = text(2 * cases)
+    assert "(0 if " in shown and "1 if x < z, otherwise 2)" in shown
+    assert "y ≥ |x|" in shown and " and (" in shown and " or " in shown and "Piecewise" not in shown
+    lines = call("show", "vertical_rods", "momentum_rows.upper_moment")
+    assert "upper_e_x = (1 if |d_upper_x| ≤ |d_upper_y| and |d_upper_x| ≤ |d_upper_z|, otherwise 0)" in lines
+    assert "upper_e_z = -upper_e_x - upper_e_y + 1" in lines
 
 
 def test_entries_and_blocks_hold_the_whole_matrix():

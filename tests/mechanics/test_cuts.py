@@ -226,3 +226,13 @@ def test_show_and_equations():
         assert found[name] == pytest.approx(expected[name], rel=1e-9)
     for axis in "xy":
         assert found[f"rocker_C_cut_{axis}"] == pytest.approx(expected[f"C_reaction_{axis}"], rel=1e-9)
+
+
+def test_numbers_of_elastic_links_in_space():
+    """Those of the linkage with rigid links."""
+    text = call("show", "spatial_four_bar", "momentum_rows", "--format", "numeric")
+    found = {x[0]: float(x[1]) for x in map(str.split, text[text.index("solution x") :].splitlines()[1:])}
+    expected = rigid(symgen.build("spatial_four_bar")).accelerations()
+    for point in "BC":
+        mine = [found[f"{point}_a{axis}"] for axis in "xyz"]
+        assert mine == pytest.approx(expected[point], rel=1e-9, abs=1e-9)

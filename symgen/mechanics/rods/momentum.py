@@ -168,11 +168,9 @@ def smallest_axis(along: Vector) -> Vector:
     """Return the coordinate axis e on which a vector in space has its smallest component."""
     x, y, z = (sp.Abs(c) for c in along)
     is_x, is_y = sp.And(x <= y, x <= z), y <= z
-    return (
-        sp.Piecewise((ONE, is_x), (ZERO, True)),
-        sp.Piecewise((ZERO, is_x), (ONE, is_y), (ZERO, True)),
-        sp.Piecewise((ZERO, is_x), (ZERO, is_y), (ONE, True)),
-    )
+    first = sp.Piecewise((ONE, is_x), (ZERO, True))
+    second = sp.Piecewise((ZERO, is_x), (ONE, is_y), (ZERO, True))
+    return first, second, 1 - first - second
 
 
 def perpendicular(along: Vector, axis: Vector) -> tuple[Vector, sp.Expr]:

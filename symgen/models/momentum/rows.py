@@ -143,11 +143,11 @@ class MomentumForm(Outboard):
         d, length, names = self.model.along[body], self.link[body].length, self.model.axes
 
         def define(name: str, vector: Vector, unit: str, about: str) -> Vector:
-            described = (
-                (f"{body}_{name}_{a}", c, unit, f"{a} component of {about}")
-                for a, c in zip(names, vector, strict=True)
-            )
-            return tuple(self.define(*x) for x in described)
+            known: dict[sp.Expr, sp.Expr] = {}
+            for a, c in zip(names, vector, strict=True):
+                here = c.xreplace(known)
+                known[c] = self.define(f"{body}_{name}_{a}", here, unit, f"{a} component of {about}")
+            return tuple(known[c] for c in vector)
 
         axis = define("e", smallest_axis(d), "1", f"the axis nearest to lying across {body}")
         crossed, size = perpendicular(d, axis)
