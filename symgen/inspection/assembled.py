@@ -10,6 +10,7 @@ from symgen.mechanics.sources import ASSEMBLY
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.pipeline.build import build_scene
 from symgen.report.mathematics.numbers import table_of_numbers
+from symgen.runtime.elastic.large.matrices import LARGE
 from symgen.symbolic.system import NO_SOURCE
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def numbers(subject: Subject, name: str, at: str | None, rows: str | None, colum
     """
     model: Any = build_scene(subject.text)
     value, over, label = crank_or_time(at) if at else (None, "input", "at the start")
-    found = model.matrices(value, over=over)
+    found = model.matrices(value, over=over, elements=model._elements if name in LARGE else None)
     matrix = found[name].part(*(_listed(text) for text in (rows, columns)))
     return table_of_numbers(
         f"{name} {label}: {matrix.about} [{matrix.unit}]",
@@ -53,11 +54,11 @@ def is_assembled(name: str | None, subject: Subject, *, numeric: bool) -> TypeGu
     ModelError
         For such a name of a scene without elastic links in the plane.
     """
-    if not subject.is_scene or name not in (*ASSEMBLED, *CONDENSED):
+    if not subject.is_scene or name not in (*ASSEMBLED, *CONDENSED, *LARGE):
         return False
     if not subject.is_assembled:
         raise ModelError(f"{subject.name} has no elastic links in the plane, to which {name} belongs")
-    return numeric or name in CONDENSED
+    return numeric or name not in ASSEMBLED
 
 
 def assembled_names(subject: Subject) -> list[tuple[str, ...]]:
@@ -68,6 +69,6 @@ def assembled_names(subject: Subject) -> list[tuple[str, ...]]:
     sources = dict(ASSEMBLY)
     return [
         (name, *about, sources.get(name, NO_SOURCE))
-        for name, about in ASSEMBLED.items()
+        for name, about in (ASSEMBLED | LARGE).items()
         if bound or "condensation" not in name
     ]

@@ -184,17 +184,24 @@ class ElasticModel(ModelOfRigid):
         angle = motion.angle if at is None else real(at, "the direction of the crank")
         return modes_with_errors(motion, motion.time_at(angle), moving)
 
-    def _matrices(self, at: float | None = None, over: str | None = None) -> AssembledMatrices:
+    def _matrices(
+        self, at: float | None = None, over: str | None = None, elements: int | None = None
+    ) -> AssembledMatrices:
         from symgen.runtime.elastic.matrices import assembled_at
 
         over = over or "input"
         check_known(over, ("input", "time"), "matrices have no variable")
         motion = self._motion(True)
         if at is not None and over == "time":
-            return assembled_at(motion, real(at, "the time"))
-        return assembled_at(
-            motion, motion.time_at(motion.angle if at is None else real(at, "the angle of the crank"))
-        )
+            t = real(at, "the time")
+        else:
+            t = motion.time_at(motion.angle if at is None else real(at, "the angle of the crank"))
+        if elements is None and not motion.undetermined:
+            return assembled_at(motion, t)
+        from symgen.runtime.elastic.large.matrices import large_matrices
+
+        self._refuse_types("matrices in large rotation are")
+        return large_matrices(motion, self._elements if elements is None else elements, t)
 
     def in_mode(self, modes: ElasticModes, number: int, phases: Array, largest: float) -> list[Variable]:
         """Return the outputs of a mode, counted from 0, over its phase [rad], at most ``largest`` [m] off."""

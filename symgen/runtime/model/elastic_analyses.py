@@ -132,8 +132,13 @@ class ElasticAnalyses:
         raise NotImplementedError
 
     @verb
-    def matrices(self, at: float | None = None, *, over: str | None = None) -> AssembledMatrices:
+    def matrices(
+        self, at: float | None = None, *, over: str | None = None, elements: int | None = None
+    ) -> AssembledMatrices:
         """Return the assembled matrices of elastic links in the plane, with names of rows and columns.
+
+        Of linkages with free coordinates, and with ``elements``, they are those of the equation of motion in
+        large rotation, M a + r(q, v) + J^T lambda = 0, at the state that a run from the start reaches.
 
         Parameters
         ----------
@@ -141,5 +146,7 @@ class ElasticAnalyses:
             Angle of the crank [rad]; by default that of the start.
         over
             ``time`` if ``at`` is a time [s].
+        elements
+            Number of elements of each elastic link in large rotation.
         """
         raise NotImplementedError

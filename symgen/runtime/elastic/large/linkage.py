@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -116,6 +117,25 @@ class LargeLinkage(System):
             scale[link.places[:, 2]] = 1.0
         multipliers, known = len(rows) + welded + supported, supported + 2 * self._known
         super().__init__(motion.rigid.name, parts, scale, multipliers, known)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns: ``A.x`` of a free point, ``crank.theta@1`` of node 1 of a link."""
+        d = self.motion.rigid.description
+        found = {k: f"{p}.{axis}" for k, (p, axis) in enumerate(product(d.free, d.axes))}
+        for link in self.links:
+            for node, places in enumerate(link.places.tolist()):
+                for place, axis in zip(places, ("x", "y", "theta"), strict=True):
+                    found.setdefault(place, f"{link.beam.info.link}.{axis}@{node}")
+        return tuple(found[k] for k in range(self.unknowns))
+
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the constraints: of the rigid motion, welds to rigid links, unknowns that are held."""
+        names = self.names
+        held = [[names[k] for k in np.argsort(-row, kind="stable") if row[k]] for row in self._supports.rows]
+        welds = (f"{point} to {body}" for point, body in self.motion.info.welded_bodies)
+        return *self._names, *welds, *(" - ".join(of) for of in held)
 
     def _chord(self, number: int) -> Posed:
         """Return the calls of kernels with a link of undeformed length along the line between its ends."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -30,6 +30,9 @@ _STRIDES = 5.0
 #: The most elements of a link.
 _MOST_ELEMENTS = 1000
 
+#: Function that returns the outputs of a motion.
+Outputs = Callable[[ElasticMotion, LargeLinkage, Sequence[Moment]], list[Variable]]
+
 
 def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> ElasticResult:
     """Return strains, forces and displacements of a linkage with its elastic links in elements.
@@ -41,23 +44,38 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
     SimulationError
         If the run cannot continue.
     """
-    elements = whole(elements, "elements")
-    if not 1 <= elements <= _MOST_ELEMENTS:
-        raise ModelError(f"expected from 1 to {_MOST_ELEMENTS} elements of an elastic link, got {elements}")
     end = end_of_run(motion, task)
-    large = LargeMotion(
+    large = large_motion(motion, elements)
+    return refined_run(large, task, end, least_steps(motion, end), task.keeping())
+
+
+def large_motion(motion: ElasticMotion, elements: int, outputs_of: Outputs | None = None) -> LargeMotion:
+    """Return a linkage with its elastic links in elements; its outputs by default are those of runs."""
+    elements = counted(elements)
+    return LargeMotion(
         motion.rigid,
         LargeLinkage(motion, elements),
         partial(LargeLinkage, motion, 2 * elements),
-        partial(_outputs, motion),
+        partial(outputs_of or outputs, motion),
         partial(coordinate_of, motion),
         max(beam.properties.modulus for beam in motion.beams),
         f"{elements} elements a link",
         (*stiffness_damped(motion, "elements in large rotation"), *_stretching(motion), *_free(motion)),
         motion.identity,
     )
-    least = max(_STEPS * end / turn(motion), end / (_STRIDES * motion.stride))
-    return refined_run(large, task, end, least, task.keeping())
+
+
+def counted(elements: int) -> int:
+    """Return a number of elements; raise ModelError where it is out of range."""
+    elements = whole(elements, "elements")
+    if not 1 <= elements <= _MOST_ELEMENTS:
+        raise ModelError(f"expected from 1 to {_MOST_ELEMENTS} elements of an elastic link, got {elements}")
+    return elements
+
+
+def least_steps(motion: ElasticMotion, end: float) -> float:
+    """Return the number of steps that a run to a time [s] starts with."""
+    return max(_STEPS * end / turn(motion), end / (_STRIDES * motion.stride))
 
 
 def _free(motion: ElasticMotion) -> Iterator[str]:
@@ -69,7 +87,8 @@ def _free(motion: ElasticMotion) -> Iterator[str]:
         )
 
 
-def _outputs(motion: ElasticMotion, linkage: LargeLinkage, moments: Sequence[Moment]) -> list[Variable]:
+def outputs(motion: ElasticMotion, linkage: LargeLinkage, moments: Sequence[Moment]) -> list[Variable]:
+    """Return strains, displacements, forces, torque and energies."""
     times, q, v, a, multipliers = stacked(moments)
     d, variables = motion.rigid.description, list[Variable]()
     for name, k, at, fibre in motion.stations:
