@@ -16,6 +16,7 @@ from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
+from symgen.pipeline.citations import citing, is_equation
 from symgen.pipeline.systems import momentum_of, system_of
 from symgen.pipeline.user_system import is_user_file, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
@@ -185,8 +186,9 @@ class Subject:
         """Return what a name stands for, with its System: a matrix, a kernel, a shared term, an argument.
 
         Names of the derivation record and of further systems are known as well, those of further systems
-        with and without their prefix. ``momentum_rows`` are all momentum rows, with the joints of ``cuts``
-        cut; with ``numbers``, they are returned as the square system that they form.
+        with and without their prefix. The number of an equation, as in ``(47)`` or ``Attia (7)``, stands for
+        the matrices that correspond to it. ``momentum_rows`` are all momentum rows, with the joints of
+        ``cuts`` cut; with ``numbers``, they are returned as the square system that they form.
 
         Raises
         ------
@@ -202,6 +204,8 @@ class Subject:
             return Chosen(self.steps, (self.steps[name],))
         if name in ASSEMBLED and self.is_assembled and name in self.assembled:
             return Chosen(self.assembled, (self.assembled[name],))
+        if is_equation(name):
+            return self._citing(name)
         known: list[str] = []
         for prefix, system in self._searched():
             own = name.removeprefix(prefix) if name.startswith(prefix) else name
@@ -213,6 +217,18 @@ class Subject:
             f"{self.system.name} has nothing called {name!r}. {nearest(name, known)}\n"
             f"  symgen show {self.name} lists its matrices."
         )
+
+    def _citing(self, equation: str) -> Chosen:
+        systems = [system for _, system in self._searched()]
+        systems += [self.steps] if self.steps else []
+        ranked = [(*citing(equation, system.matrices), system) for system in systems]
+        rank, matrices, system = max(ranked, key=lambda of: of[0])
+        if not rank:
+            raise ModelError(
+                f"no matrix of {self.system.name} corresponds to the equation {equation}\n"
+                f"  symgen show {self.name} lists the equations of its matrices; see docs/papers.md for all."
+            )
+        return Chosen(system, matrices)
 
     def _searched(self) -> Iterator[tuple[str, System]]:
         """Yield the systems in which names are looked up, each derived when it is reached."""
