@@ -63,6 +63,7 @@ JOINED = "tests/elastic/test_joints_in_space.py"
 BENT = "tests/elastic/test_statics_in_space.py::test_bending_in_both_planes_with_twist_has_the_fourth_order"
 SYNTHESIS, NINE = "tests/synthesis/test_four_bar_synthesis.py", "tests/synthesis/test_nine_points.py"
 SLIDERS, SPHERES = "tests/synthesis/test_slider_cranks.py", "tests/synthesis/test_spherical.py"
+ARCS = "tests/synthesis/test_spherical_limits.py"
 FAULTS = (
     Fault("end masses exchanged", "rods/particles.py", "EndMass(about_end / squared, between / squared, about_start / squared", "EndMass(about_start / squared, between / squared, about_end / squared", "rods", PARTICLES),
     Fault("inertia in the coupling of ends", "rods/particles.py", "centre * rest - across - inertia", "centre * rest - across + inertia", "rods", PARTICLES),
@@ -166,6 +167,7 @@ FAULTS = (
     Fault("slider's closure", "synthesis/points.py", "offset - crank * sp.sin(angle)", "offset + crank * sp.sin(angle)", "slider", SLIDERS),
     Fault("coupler of a spherical dyad turns backwards", "synthesis/points.py", "ground.dot(rotation * joint)", "ground.dot(rotation.T * joint)", "sphere", SPHERES),
     Fault("crank on a sphere turns backwards", "synthesis/points.py", "sp.rot_axis3(-crank)", "sp.rot_axis3(crank)", "spherical", SPHERES),
+    Fault("spherical cosine rule", "synthesis/limits.py", "sp.sin(b) * sp.sin(c) * sp.cos(angle) - sp.cos(side)", "2 * sp.sin(b) * sp.sin(c) * sp.cos(angle) - sp.cos(side)", "arcs", ARCS),
     Fault("rotation eliminated by a wrong sign", "synthesis/points.py", "turned * back - common**2", "turned * back + common**2", "nine", NINE),
 )  # fmt: skip
 
@@ -185,6 +187,7 @@ TASKS = {
         "kind": "motion", "points": [["0 m", "0 m"], ["0.1 m", "0.2 m"], ["0.3 m", "0.3 m"]], "angles": [0.0, 0.2, 0.5],
         "ground_x": ["0 m", "1 m"], "ground_y": ["-1 m", "-1 m"],
     },
+    "arcs": {"kind": "limits", "linkage": "spherical", "swing": "60 deg", "rocker_folded": "40 deg", "transmission_least": "40 deg", "fixed_link": "80 deg"},
     "ratio": {"kind": "limits", "linkage": "slider-crank", "time_ratio": 1.2, "stroke": "0.2 m", "coupler": "0.4 m"},
     "slide": {
         "kind": "motion", "linkage": "slider-crank", "points": [["0 m", "0 m"], ["0.1 m", "0.2 m"], ["0.3 m", "0.3 m"]],
