@@ -6,11 +6,13 @@ import numpy as np
 import sympy as sp
 from shared.golden import reference
 
+from symgen.report.mathematics.equations import used_terms
+
 
 def in_numbers(rows):
     """A and b as a function of t, q, u and p, through the shared subexpressions."""
     symbols = [x.symbol for g in rows.groups if g.name != "x" for x in g.quantities]
-    shared = [(d.quantity.symbol, d.expression) for d in rows.definitions]
+    shared = [*used_terms(rows, [rows["matrix"], rows["rhs"]]).items()]
     entries = [list(rows[n].matrix) for n in ("matrix", "rhs")]
     return sp.lambdify(symbols, entries, "math", cse=lambda e: (shared, e))
 

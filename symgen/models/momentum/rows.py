@@ -33,11 +33,12 @@ Coefficients = dict[sp.Symbol, sp.Expr]
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One equation: the sum of coefficients times unknowns is ``rhs``."""
+    """One equation: the sum of coefficients times unknowns is ``rhs``; ``shown``: the difference in print."""
 
     name: str
     coefficients: Coefficients
     rhs: sp.Expr
+    shown: sp.Expr | None = None
 
 
 @dataclass(slots=True)
@@ -111,19 +112,30 @@ class MomentumForm(Outboard):
                 levers.setdefault(point, []).append(tuple(mass * c for c in effective))
         weighted = {p: self._weighted_lever(body, p, terms) for p, terms in levers.items()}
         axes = self._axes(body)
+        pushes, couples = [*self.pushes(bodies, points)], [*self.couples(bodies)]
         for axis_name, axis in axes.items():
             coefficients: Coefficients = {}
             for point, lever in weighted.items():
                 by = _turned(lever, axis)
                 _add(coefficients, zip(self.model.symbols(self.model.a[point]), by, strict=True))
             rhs = []
-            for push in self.pushes(bodies, points):
+            for push in pushes:
                 known = dot(axis, moment(_difference(push.place, pivot), push.force))
                 rhs.append(known) if push.unknown is None else _add(coefficients, [(push.unknown, -known)])
-            for couple, unknown in self.couples(bodies):
+            for couple, unknown in couples:
                 known = dot(axis, couple)
                 rhs.append(known) if unknown is None else _add(coefficients, [(unknown, -known)])
             rows.rows.append(Row(axis_name, coefficients, sp.Add(*rhs)))
+        if len(pivot) == 2:
+            return rows
+        terms = [moment(lever, self.model.symbols(self.model.a[p])) for p, lever in weighted.items()]
+        loads = [(moment(_difference(p.place, pivot), p.force), p.unknown) for p in pushes]
+        terms += [tuple(-c * (unknown or ONE) for c in load) for load, unknown in (*loads, *couples)]
+        whole = tuple(
+            self.define(f"{body}_moment_{axis}", sp.Add(*(t[i] for t in terms)), "N*m", f"{axis} {about}")
+            for i, axis in enumerate(self.model.axes)
+        )
+        rows.rows = [replace(row, shown=dot(axes[row.name], whole)) for row in rows.rows]
         return rows
 
     def _weighted_lever(self, body: str, point: str, terms: list[Vector]) -> Vector:
@@ -294,7 +306,12 @@ class MomentumForm(Outboard):
         return x
 
     def _shown(self, part: Rows) -> NamedMatrix:
-        entries = [sp.Add(*(c * s for s, c in row.coefficients.items()), -row.rhs) for row in part.rows]
+        entries = [
+            sp.Add(*(c * s for s, c in row.coefficients.items()), -row.rhs)
+            if row.shown is None
+            else row.shown
+            for row in part.rows
+        ]
         rows = [row.name for row in part.rows]
         about = f"{part.description}; zero"
         shown = named(self.model, part.name, entries, part.unit, about, rows=rows)
