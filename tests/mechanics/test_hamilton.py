@@ -377,3 +377,18 @@ def test_the_transformation_turns_both_ends(name):
         expected = {"u": lambda u=u, w=w: c * u - s * w, "w": lambda u=u, w=w: s * u + c * w}
         at_end = dof[:-1] in expected and dof[-1] in "12"
         assert turned[dof] == (expected[dof[:-1]]() if at_end else local[dof]), dof
+
+
+def test_integrals_of_shape_functions():
+    """(B.14), corrected, and for a constant section the mass matrix m (M + B), the gyroscopic m (A - A^T)."""
+    steps, block = elastic_derivation_system(ELEMENTS["beam8"]), derived("element_beam8")
+    a, b, m = (steps[name].matrix for name in "ABM")
+    length = a.free_symbols.pop()
+    row = [0, sp.Rational(5, 14), sp.Rational(13, 210), sp.Rational(1, 210)]
+    row += [0, sp.Rational(1, 7), sp.Rational(-4, 105), sp.Rational(1, 280)]
+    powers = [1, 1, 2, 3, 1, 1, 2, 3]
+    assert list(a.row(0)) == [k * length**n for k, n in zip(row, powers, strict=True)]
+    for name, product in (("constant_mass", m + b), ("constant_gyroscopic", a - a.T)):
+        matrix = sp.Matrix(block.expanded(name))
+        (mass,) = matrix.free_symbols - {length}
+        assert sp.expand(matrix - mass * product) == sp.zeros(8), name

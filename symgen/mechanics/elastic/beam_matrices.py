@@ -266,3 +266,20 @@ def stiffened(element: Element, start: sp.Rational) -> sp.ImmutableMatrix:
             entries.add((i, j), sp.Integer(1), _over_element(a * b, start))
     size = len(element.dofs)
     return sp.ImmutableMatrix(size, size, lambda i, j: entries[i, j])
+
+
+def shape_products(element: Element) -> dict[str, tuple[sp.ImmutableMatrix, str, str]]:
+    """Return integrals of products of shape functions by the thesis's letters, with product and equation.
+
+    For a constant mass per length m without rotary inertia, m (M + B) is the mass matrix and m (A - A^T) the
+    gyroscopic one.
+    """
+    shape = shape_functions(element)
+    u, w = sp.Matrix(shape.axial), sp.Matrix(shape.transverse)
+    products = {
+        "A": (u * w.T, "N_u^T N_w", "(B.12)-(B.14)"),
+        "B": (u * u.T, "N_u^T N_u", "(B.9)-(B.11)"),
+        "M": (w * w.T, "N_w^T N_w", "(B.15)-(B.17)"),
+    }
+    integral = lambda e: LENGTH.symbol * sp.integrate(sp.expand(e), (PLACE.symbol, 0, 1))  # noqa: E731
+    return {n: (sp.ImmutableMatrix(m.applyfunc(integral)), *texts) for n, (m, *texts) in products.items()}
