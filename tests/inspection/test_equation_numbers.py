@@ -11,6 +11,8 @@ from symgen.errors import ModelError
 from symgen.pipeline.citations import citing
 from symgen.pipeline.subject import Subject
 
+DUAL = ("x", "y", "z", "dual_x", "dual_y", "dual_z")
+
 
 @pytest.fixture(scope="module")
 def crank() -> Subject:
@@ -61,3 +63,13 @@ def test_in_python_and_on_the_command_line():
     assert "rod_binor: inertia binor of rod" in call("show", "slider_crank", "(47)")
     with pytest.raises(ModelError, match=r"no matrix of slider_crank corresponds to the equation \(70\)"):
         _ = equations["(70)"]
+
+
+def test_rows_and_columns_of_binors_and_transforms_have_names(crank):
+    """A binor times the dual velocity is the dual momentum."""
+    system = crank.system
+    for link in ("crank", "rod", "slider"):
+        binor = system[f"{link}_binor"]
+        assert binor.columns == system[f"{link}_motion"].rows
+        assert binor.rows == system[f"{link}_momentum"].rows
+    assert system["row_2_transform"].columns == system["eta3_operator"].columns == DUAL

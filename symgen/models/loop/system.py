@@ -17,6 +17,8 @@ from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
+#: Columns of a dual matrix, real part and dual part.
+_DUAL = ("x", "y", "z", "dual_x", "dual_y", "dual_z")
 _FRAME = ("ix jx kx px", "iy jy ky py", "iz jz kz pz")
 _SCREW = ("wx", "wy", "wz", "vx", "vy", "vz")
 _MOMENTUM = ("px", "py", "pz", "hx", "hy", "hz")
@@ -221,7 +223,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
     """Return the steps of the derivation that no kernel writes, in the order of the source."""
     steps = [
         replace(
-            named(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz"),
+            named(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz", _DUAL),
             source=row_source(name for name in ENTRIES if getattr(row, name) != 0),
         )
         for i, (row, t) in enumerate(zip(model.loop.rows, model.paths.transforms, strict=True), 1)
@@ -233,6 +235,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
             "1, m",
             f"H of dB/d{v.name} = H B, real part | dual part: the operator of its screw",
             "xyz",
+            _DUAL,
         )
         for j, v in enumerate(model.variables)
     ]
@@ -255,7 +258,14 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
         if mass:
             body = model.bodies[k - 1]
             steps += [
-                named(f"{link}_binor", model.inertia(k).binor, "kg, kg*m, kg*m^2", f"inertia binor {here}"),
+                named(
+                    f"{link}_binor",
+                    model.inertia(k).binor,
+                    "kg, kg*m, kg*m^2",
+                    f"inertia binor {here}: momentum by dual velocity",
+                    _MOMENTUM,
+                    _SCREW,
+                ),
                 _screw(
                     f"{link}_momentum",
                     body.momentum,
