@@ -237,6 +237,9 @@ class Subject:
         if self.steps:
             yield "", self.steps
         seen = {id(self.system)}
+        if self.steps:
+            seen.add(id(self.steps))
+            yield "", self.steps
         for step in self._before_assembly:
             if id(step.system) not in seen:
                 seen.add(id(step.system))
