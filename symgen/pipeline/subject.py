@@ -234,8 +234,6 @@ class Subject:
         """Yield the systems in which names are looked up, each derived when it is reached."""
         yield "", self.system
         yield from ((f"{kind}.", system) for kind, system in self.further.items())
-        if self.steps:
-            yield "", self.steps
         seen = {id(self.system)}
         if self.steps:
             seen.add(id(self.steps))
