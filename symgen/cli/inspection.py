@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -142,16 +141,16 @@ def show(
         return
     if form != "numeric" and at:
         raise ModelError("--at selects a state for numeric values: it requires --format numeric")
-    if matrix in (None, RECORD) and (rows or columns or by or with_):
-        raise ModelError("--rows, --columns, --by and --with apply to one matrix: name it")
+    if matrix in (None, RECORD) and (rows or columns or by):
+        raise ModelError("--rows, --columns and --by apply to one matrix: name it")
     if matrix in (None, RECORD) and cut:
         raise ModelError("--cut applies to momentum_rows and momentum_rows.NAME: name them")
-    if matrix is None and numeric:
-        raise ModelError("--numeric applies to a matrix or to the derivation: name it")
+    if matrix is None and (numeric or with_):
+        raise ModelError("--numeric and --with apply to a matrix or to the derivation: name it")
     if matrix is None:
         _list(subject)
     elif matrix == RECORD:
-        _show_record(subject, form, numeric)
+        _show_record(subject, form, _numbers(with_), numeric)
     else:
         cuts = [x.strip() for x in cut.split(",")] if cut else []
         chosen = subject.choose(matrix, numbers=form == "numeric", cuts=cuts)
@@ -181,17 +180,17 @@ def _list_models() -> None:
 def _list(subject: Subject) -> None:
     """Print the list of matrices."""
     from symgen.inspection.assembled import assembled_names
-    from symgen.report.mathematics.equations import overview
+    from symgen.report.mathematics.equations import overview, used_constants
     from symgen.report.mathematics.layout import wrapped
-    from symgen.report.mathematics.numbers import value_of
+    from symgen.report.mathematics.numbers import alike_in_one
     from symgen.report.tables import table
 
     head = ("matrix", "shape", "unit", "meaning", "source")
     for prefix, part in subject.parts:
-        values = [(x.name, x.unit, value_of(c), x.description) for c in part.constants for x in [c.quantity]]
-        if values and not prefix:
+        if (values := used_constants(part, part.matrices)) and not prefix:
             columns = ("constant", "unit", "value", "meaning")
-            console().print(table("Constants of the scene", columns, values, texts=(0, 3)), width=_width())
+            rows = alike_in_one(values)
+            console().print(table("Constants of the scene", columns, rows, texts=(0, 3)), width=_width())
             if part.absent:
                 absent = f"Zero, so that their terms are absent: {', '.join(part.absent)}."
                 print("\n".join(wrapped(absent, _width(), "  ")))
@@ -206,7 +205,7 @@ def _list(subject: Subject) -> None:
         console().print(table("Steps of the derivation", head, listed, texts=(0, 3, 4)), width=_width())
 
 
-def _show_record(subject: Subject, form: str, numeric: bool) -> None:
+def _show_record(subject: Subject, form: str, values: Mapping[str, float], numeric: bool) -> None:
     """Print the derivation step by step."""
     from symgen.report.mathematics.record import record_in_latex, record_in_text
 
@@ -214,9 +213,7 @@ def _show_record(subject: Subject, form: str, numeric: bool) -> None:
         raise ModelError(
             f"the derivation is shown as unicode or latex, not as {form}: name a matrix for this format"
         )
-    steps = subject.record
-    if numeric:
-        steps = tuple(replace(step, system=step.system.in_numbers()) for step in steps)
+    steps = subject.record_with(values, constants=numeric) if values or numeric else subject.record
     print(
         record_in_latex(subject.system.title, steps, _width())
         if form == "latex"

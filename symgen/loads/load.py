@@ -139,12 +139,20 @@ class Load(ABC):
 
     def with_expressions(self, change: Callable[[sp.Expr], sp.Expr]) -> Load:
         """Return the load with all its expressions of the time and the state changed."""
-        return self._with(lambda _, value: tuple(map(change, value)))
+        return self._with(lambda _, __, value: tuple(map(change, value)))
+
+    def with_written(self, change: Callable[[str, sp.Expr], sp.Expr]) -> Load:
+        """Return the load with all its expressions changed, each with its key in the table of the scene."""
+        return self._with(
+            lambda name, kind, value: tuple(
+                change(name if kind == "scalar" else f"{name}.{i}", e) for i, e in enumerate(value)
+            )
+        )
 
     def in_plane(self, across: int, change: Callable[[sp.Expr], sp.Expr]) -> Load:
         """Return a load in space by its components in the plane across an axis, its expressions changed."""
 
-        def components(kind: str, value: Vector) -> Vector:
+        def components(_: str, kind: str, value: Vector) -> Vector:
             if kind == "polar":
                 value = (value[across - 2], value[across - 1])
             elif kind == "axial":
@@ -159,9 +167,9 @@ class Load(ABC):
                 value = getattr(self, f.name)
                 yield (f.name, f.metadata[_KIND]), (value,) if f.metadata[_KIND] == "scalar" else value
 
-    def _with(self, change: Callable[[str, Vector], Vector]) -> Load:
+    def _with(self, change: Callable[[str, str, Vector], Vector]) -> Load:
         changed: dict[str, Any] = {}
         for (name, kind), value in self._declared():
-            new = change(kind, value)
+            new = change(name, kind, value)
             changed[name] = new[0] if kind == "scalar" else new
         return replace(self, **changed)

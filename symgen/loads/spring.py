@@ -31,9 +31,9 @@ class LinearSpring(Load):
     """A spring between two points: stiffness [N/m], slack length [m], damping [N s/m]."""
 
     letters: ClassVar[Mapping[str, Letter]] = {
-        "stiffness": Letter("k", "N/m", "stiffness"),
-        "length": Letter("l0", "m", "slack length"),
-        "damping": Letter("c", "N*s/m", "damping"),
+        "stiffness": Letter("k", "N/m", "stiffness of {load}"),
+        "length": Letter("l0", "m", "slack length of {load}"),
+        "damping": Letter("c", "N*s/m", "damping of {load}"),
     }
 
     noun, plural, schema, drawn = "spring", "springs and dampers", Spring, "spring"

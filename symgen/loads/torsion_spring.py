@@ -37,9 +37,9 @@ class AngularSpring(Load):
     """
 
     letters: ClassVar[Mapping[str, Letter]] = {
-        "stiffness": Letter("k", "N*m/rad", "stiffness"),
-        "angle": Letter("phi", "rad", "free angle"),
-        "damping": Letter("c", "N*m*s/rad", "damping"),
+        "stiffness": Letter("k", "N*m/rad", "stiffness of {load}"),
+        "angle": Letter("phi", "rad", "free angle of {load}"),
+        "damping": Letter("c", "N*m*s/rad", "damping of {load}"),
     }
 
     noun, plural, schema = "torsion spring", "torsion springs", TorsionSpring

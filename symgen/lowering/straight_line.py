@@ -89,7 +89,8 @@ class Shared:
     """
 
     def __init__(self, system: System, names: Sequence[str]) -> None:
-        in_numbers = Substitution({c.quantity.symbol: c.expression for c in system.constants})
+        held = (x.symbol for g in system.groups if g.per_run for x in g.quantities)
+        in_numbers = Substitution({c.quantity.symbol: c.expression for c in system.constants}, held)
         known: dict[sp.Expr, sp.Expr] = {}
         definitions: dict[sp.Symbol, sp.Expr] = {}
         for definition in system.definitions:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from symgen.errors import DerivationError
 from symgen.methods import method_of
-from symgen.scene.rods.letters import in_letters
+from symgen.scene.rods.letters import derived_in_letters
 from symgen.symbolic.system import NamedMatrix, Step, System
 
 if TYPE_CHECKING:
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 def record(resolved: Linkage | Loop, system: System) -> tuple[Step, ...]:
     """Return the record of a scene whose System is ``system``; elastic links have their own behind it."""
-    written, letters = in_letters(resolved)
-    steps = method_of(resolved).load("record")(written, system)
-    return tuple(replace(step, system=letters.kept(step.system)) for step in steps)
+    derive = method_of(resolved).load("record")
+    steps: tuple[Step, ...] = derived_in_letters(resolved, lambda written: derive(written, system))
+    return steps
 
 
 def of_system(system: System) -> Step:

@@ -22,7 +22,7 @@ from symgen.pipeline.user_system import is_user_file, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
-from symgen.scene.rods.letters import in_letters
+from symgen.scene.rods.letters import derived_in_letters
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.derivative import derivative
 from symgen.symbolic.system import DerivedMatrix, Export, Matrices, NamedMatrix, SaddlePoint, Step, System
@@ -64,17 +64,25 @@ class Chosen:
         known = {x.name: x.symbol for x in system.symbols()}
         for name in values:
             check_known(name, known, f"{system.name} has no symbol")
-        system = system.substituted({known[name]: sp.Rational(str(x)) for name, x in values.items()})
-        system = system.in_numbers() if constants else system
-        for m in system.matrices:
-            if m.matrix.has(sp.zoo, sp.nan, sp.oo):
-                raise ModelError(f"{m.name} has no finite value where {', '.join(values)} have these values")
+        system = _valued(system, values, constants)
         return Chosen(system, system.matrices)
 
     def by(self, name: str) -> Chosen:
         """Return the partial derivatives with respect to an argument."""
         derived = derivative(self.system, self.matrices, name)
         return Chosen(derived, derived.matrices)
+
+
+def _valued(system: System, values: Mapping[str, float], constants: bool) -> System:
+    """Return a system with values of those of the symbols that it has, and of all constants of the scene."""
+    known = {x.name: x.symbol for x in system.symbols()}
+    there = {known[name]: sp.Rational(str(x)) for name, x in values.items() if name in known}
+    system = system.substituted(there)
+    system = system.in_numbers() if constants else system
+    for m in system.matrices:
+        if m.matrix.has(sp.zoo, sp.nan, sp.oo):
+            raise ModelError(f"{m.name} has no finite value where {', '.join(values)} have these values")
+    return system
 
 
 class Subject:
@@ -126,8 +134,8 @@ class Subject:
         """Further systems, by the prefix of their matrix names (before the dot)."""
         if not self.is_scene:
             return {}
-        written, letters = in_letters(self.resolved)
-        return {kind: letters.kept(system) for kind, system in further_of(written).items()}
+        further: dict[str, System] = derived_in_letters(self.resolved, further_of)
+        return further
 
     @cached_property
     def steps(self) -> System | None:
@@ -144,6 +152,21 @@ class Subject:
 
         steps = assembled_record(cast("Linkage", self.resolved), self.assembled)
         return (*self._before_assembly, *steps)
+
+    def record_with(self, values: Mapping[str, float], *, constants: bool) -> tuple[Step, ...]:
+        """Return the record with values [SI] of some symbols, and of all ``constants`` of the scene.
+
+        Raises
+        ------
+        ModelError
+            For a symbol that no step has.
+        """
+        known = {x.name for step in self.record for x in step.system.symbols()}
+        for name in values:
+            check_known(name, known, f"the derivation of {self.name} has no symbol")
+        systems = {id(step.system): step.system for step in self.record}
+        valued = {key: _valued(system, values, constants) for key, system in systems.items()}
+        return tuple(replace(step, system=valued[id(step.system)]) for step in self.record)
 
     @cached_property
     def _before_assembly(self) -> tuple[Step, ...]:

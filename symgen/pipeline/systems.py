@@ -22,14 +22,13 @@ if TYPE_CHECKING:
 
 def system_of(resolved: Linkage | Loop) -> System:
     """Return the System of a resolved scene; raise SceneError for outputs that it does not have."""
-    from symgen.scene.rods.letters import in_letters
+    from symgen.scene.rods.letters import derived_in_letters
 
     try:
-        written, letters = in_letters(resolved)
-        system: System = method_of(resolved).load("system")(written)
+        system: System = derived_in_letters(resolved, method_of(resolved).load("system"))
     except SceneError as error:
         raise error.located(file=resolved.file) from None
-    return letters.kept(system)
+    return system
 
 
 def linkage_system_of(linkage: Linkage) -> System:
@@ -48,7 +47,7 @@ def momentum_of(resolved: Linkage | Loop, cuts: Sequence[str] = (), *, joined: b
 
     ``joined`` places the particles of cut links at their joints.
     """
-    from symgen.scene.rods.letters import in_letters
+    from symgen.scene.rods.letters import derived_in_letters
 
     method = method_of(resolved)
     if not method.momentum:
@@ -58,8 +57,9 @@ def momentum_of(resolved: Linkage | Loop, cuts: Sequence[str] = (), *, joined: b
             f"{resolved.name} is a kinematic analysis, which has no momentum rows\n"
             "  Give --set analysis.kind=dynamics."
         )
-    written, letters = in_letters(resolved)
-    return letters.kept(method.load("momentum")(written, cuts, joined=joined))
+    rows = method.load("momentum")
+    system: System = derived_in_letters(resolved, lambda written: rows(written, cuts, joined=joined))
+    return system
 
 
 @checked

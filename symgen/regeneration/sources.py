@@ -101,11 +101,12 @@ def _of_scene(source: str | os.PathLike[str], set_: Mapping[str, Any]) -> System
     from symgen.pipeline.systems import system_of
     from symgen.scene.loading import check_scene
     from symgen.scene.resolve import resolve
+    from symgen.scene.rods.letters import derived_in_letters
 
     read = graph.of_file(scene_path(source))
     resolved = resolve(check_scene(override(read_scene(source), set_)))
     own = system_of(resolved)
-    further = further_of(resolved)
+    further = derived_in_letters(resolved, further_of)
     values = {p.quantity.name: f"{float(p.default):.12g} {p.quantity.unit}" for p in resolved.parameters}
     return Systems(own.name, own.title, {"": own, **{f"{k}.": s for k, s in further.items()}}, read, values)
 

@@ -45,6 +45,11 @@ def check_word(name: str, where: str) -> None:
     _refuse(_word(name), where)
 
 
+def is_reserved(name: str, scene: Scene) -> bool:
+    """Return whether a quantity of symgen is called so."""
+    return bool(_quantity(name, scene))
+
+
 def _numbered(name: str) -> bool:
     """Return whether a name is that of a numbered item, or is derived from one."""
     words = [kind.noun.replace(" ", "_") for kind in LOADS.values() if kind.named]

@@ -13,16 +13,19 @@ from symgen.errors import SceneError, nearest
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
 from symgen.scene.limit import Limit
-from symgen.scene.rods.held import Parameter
+from symgen.scene.names import is_reserved
+from symgen.scene.rods.held import Parameter, Text, Written
 from symgen.scene.rods.linkage import TIME, PlacedPoint, number, state_symbol
 from symgen.scene.schema import Scene, Units
 from symgen.scene.units import Dimension, Shown, is_quantity, parse_quantity
+from symgen.symbolic.constants import vanishes
 from symgen.symbolic.quantity import AXES, quantity
 from symgen.symbolic.switch import Sign
+from symgen.symbolic.system import Definition
 from symgen.symbolic.vectors import cross
 
 #: Names in an expression, as far as they matter here.
-_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 #: Sine of the angle between directions that counts as zero.
 _ALONG = 1e-6
 _ANGLES = ("rad", "deg", "rev")
@@ -58,6 +61,7 @@ class Values:
         self.names: dict[str, tuple[sp.Expr, Dimension]] = {}
         self.parameters: list[Parameter] = []
         self.defaults: dict[sp.Symbol, sp.Expr] = {}
+        self.written = Written()
         #: Values over tunable parameters whose sign is checked again at other values of these.
         self.limits: list[Limit] = []
         #: External signals, after :meth:`read_signals`.
@@ -90,16 +94,18 @@ class Values:
             ring = " by ".join((*waiting[waiting.index(name) :], name))
             raise SceneError(f"these parameters are given by each other: {ring}", where=where)
         text = str(parameter.value)
-        for used in [] if is_quantity(text) else dict.fromkeys(_NAME.findall(text)):
+        for used in [] if is_quantity(text) else dict.fromkeys(NAME.findall(text)):
             if used in self.scene.parameters:
                 self._read_parameter(used, (*waiting, name))
         with at(where):
             value, dim = parse_any(parameter.value, self.names)
             self.number(value)
+        q = quantity(name, dim.unit, parameter.about.strip() or f"parameter {name}")
         if not parameter.tunable:
             self.names[name] = value, dim
+            if value.is_number and not vanishes(value) and not is_reserved(name, self.scene):
+                self.written.constants[name] = Definition(q, value)
             return
-        q = quantity(name, dim.unit, parameter.about.strip() or f"parameter {name}")
         self.names[name] = q.symbol, dim
         self.defaults[q.symbol] = value.xreplace(self.defaults)
         self.parameters.append(Parameter(q, self.defaults[q.symbol]))
@@ -109,8 +115,9 @@ class Values:
     ) -> sp.Expr:
         """Return a value of this dimension, which must be finite at the scene's own parameters."""
         known = self.names if names is None else names
+        used_names = [] if is_quantity(str(text)) else NAME.findall(str(text))
         with at(where):
-            for used in [] if is_quantity(str(text)) else _NAME.findall(str(text)):
+            for used in used_names:
                 if used in self.scene.inputs and used not in known:
                     raise SceneError(
                         f"{used} is an input, and inputs may occur in forces and torques alone",
@@ -119,7 +126,13 @@ class Values:
             expression = parse_value(text, known, dim)
             if expression.free_symbols <= {*self.defaults, TIME.symbol}:
                 self.number(expression)
+        self.keep(expression, str(text), where, known, used_names)
         return expression
+
+    def keep(self, value: sp.Expr, text: str, where: str, names: Names, used: Collection[str]) -> None:
+        """Keep a value as written, where it is written with constants of the scene."""
+        if not self.written.constants.keys().isdisjoint(used):
+            self.written.texts[where] = Text(value, text, names)
 
     def moving(self, expression: sp.Expr, where: str) -> None:
         """Check that a prescribed motion has a velocity and an acceleration."""

@@ -123,6 +123,7 @@ def _linkage(scene: Scene) -> Linkage:
         stations=tuple(stations(read, links, elastic)),
         events=tuple(events(read)),
         kinematic=scene.analysis.kind == "kinematics",
+        written=read.written,
     )
     _check_every_point_used(scene, linkage)
     linkage = with_joints(linkage)

@@ -7,7 +7,7 @@ its result needs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from functools import lru_cache
@@ -257,10 +257,11 @@ class Substitution:
     """Replaces symbols by values; every subexpression is treated once.
 
     A number in a product is multiplied into a sum x + number, as SymPy does where both meet alone. Later
-    products with this sum share what became of it.
+    products with this sum share what became of it. A sum over ``held`` symbols alone stays as it is.
     """
 
-    def __init__(self, values: Mapping[sp.Symbol, sp.Expr]) -> None:
+    def __init__(self, values: Mapping[sp.Symbol, sp.Expr], held: Iterable[sp.Symbol] = ()) -> None:
+        self._held = frozenset(held)
         #: Replaced expressions, to which callers may add.
         self.values: dict[sp.Basic, sp.Expr] = dict(values)
         self._scales: dict[sp.Expr, sp.Expr] = {}
@@ -288,7 +289,7 @@ class Substitution:
         if len(others) < 2 or not number.is_Rational or abs(number) == 1:
             return made
         sums = [f for f in others if f.is_Add and len(f.args) == 2 and f.args[0].is_number]
-        if len(sums) != 1:
+        if len(sums) != 1 or sums[0].free_symbols <= self._held:
             return made
         scale = self._scales.setdefault(sums[0], abs(number))
         scaled = sp.Add(*(scale * term for term in sums[0].args))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, count
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import sympy as sp
 
@@ -81,18 +81,32 @@ class Names:
 
 
 class Letter(NamedTuple):
-    """The letter of a field, with unit and meaning: constants are called ``LETTER_OWNER``."""
+    """The letter of a field, with unit and meaning: constants are called ``LETTER_OWNER``.
+
+    Names in the meaning are in braces.
+    """
 
     letter: str
     unit: str
     meaning: str
 
 
+class Forms(Protocol):
+    """Values as a scene writes them with its constants."""
+
+    @property
+    def symbols(self) -> Mapping[sp.Symbol, Definition]:
+        """The constants by symbol."""
+
+    def form(self, where: str, value: sp.Expr) -> sp.Expr | None:
+        """Return a value as it is written at a place; None where it holds no constant."""
+
+
 class Letters:
     """Collector of the letters of a scene with their values.
 
-    Zero stays, so that its terms vanish, and so does a one without unit. So do symbols, and expressions of
-    the time or the state.
+    Zero stays, so that its terms vanish, and so does a one without unit. What the scene writes with its own
+    constants stays so. Symbols stay, and expressions of the time or the state.
 
     Parameters
     ----------
@@ -102,26 +116,52 @@ class Letters:
         Names with which names of derived quantities begin, such as those of points and links.
     known
         The parameters of the scene.
+    written
+        Its values as it writes them, and its constants.
     """
 
-    def __init__(self, taken: Collection[str], owners: Collection[str], known: Collection[sp.Symbol]) -> None:
+    def __init__(
+        self,
+        taken: Collection[str],
+        owners: Collection[str],
+        known: Collection[sp.Symbol],
+        written: Forms,
+    ) -> None:
         self._taken, self._owners, self._known = set(taken), set(owners), set(known)
+        self._written = written
+        self._own = {s: c for s, c in written.symbols.items() if self._fits(c.quantity.name)}
+        self._taken.update(c.quantity.name for c in self._own.values())
         self.constants: list[Definition] = []
         #: Names of the constants that are zero.
         self.zero: list[str] = []
 
-    def scalar(self, name: str, value: sp.Expr, unit: str, meaning: str) -> sp.Expr:
-        """Return the letter of a value, or the value where it stays."""
+    def form(self, where: str, value: sp.Expr, *, products: bool = False) -> sp.Expr:
+        """Return a value as it is written at a place, with the constants of the scene; only ``products``."""
+        form = self._written.form(where, value)
+        if form is not None and products and form.has(sp.Add):
+            return value
+        used = () if form is None else sorted(form.free_symbols & self._own.keys(), key=lambda s: str(s.name))
+        if form is None or not used:
+            return value
+        others = form.free_symbols & (self._written.symbols.keys() - self._own.keys())
+        known = {c.quantity.symbol for c in self.constants}
+        self.constants += [self._own[s] for s in used if s not in known]
+        values = self._written.symbols
+        return form.xreplace({s: values[s].expression for s in others})
+
+    def scalar(self, name: str, value: sp.Expr, unit: str, meaning: str, where: str = "") -> sp.Expr:
+        """Return the letter of a value, written at a place of the scene, or the value where it stays."""
         if value.is_number and vanishes(value):
             self.zero.append(name)
             return sp.S.Zero
-        if (
-            value.is_Symbol
-            or (-value).is_Symbol
-            or not value.free_symbols <= self._known
-            or (unit == "1" and value in (_ONE, -_ONE))
-        ):
+        if value.is_Symbol or (unit == "1" and value in (_ONE, -_ONE)):
             return value
+        if not value.free_symbols <= self._known:
+            return self.form(where, value)
+        # A sum is a letter of its own: what it is divided by cancels then.
+        form = value if (-value).is_Symbol else self.form(where, value, products=True)
+        if form != value or (-value).is_Symbol:
+            return form
         name = self._free(name)
         self._taken.add(name)
         new = quantity(name, unit, meaning)
@@ -132,25 +172,46 @@ class Letters:
         """Return the name, numbered where the scene has another quantity or an owner called so."""
         letter, _, owner = name.partition("_")
         numbered = (f"{letter}{i}_{owner}" if owner else f"{name}_{i}" for i in count(2))
-        fits = (x for x in chain([name], numbered) if x not in self._taken)
-        return next(x for x in fits if x.partition("_")[0] not in self._owners)
+        return next(x for x in chain([name], numbered) if self._fits(x))
+
+    def _fits(self, name: str) -> bool:
+        return name not in self._taken and ("_" not in name or name.partition("_")[0] not in self._owners)
 
     def vector(
-        self, name: str, values: Collection[sp.Expr], unit: str, meaning: str, axes: Sequence[str] = AXES
+        self,
+        name: str,
+        values: Collection[sp.Expr],
+        unit: str,
+        meaning: str,
+        axes: Sequence[str] = AXES,
+        where: str = "",
     ) -> tuple[sp.Expr, ...]:
         """Return the letters of components: ``name_x`` and so on."""
         return tuple(
-            self.scalar(f"{name}_{axis}", value, unit, f"{axis} component of the {meaning}")
+            self.scalar(
+                f"{name}_{axis}",
+                value,
+                unit,
+                f"{axis} component of the {meaning}",
+                f"{where}.{AXES.index(axis)}",
+            )
             for axis, value in zip(axes, values, strict=False)
         )
 
-    def record(self, record: Any, fields: Mapping[str, Letter], owner: str, named: str) -> dict[str, Any]:
-        """Return fields of a record as letters ``LETTER_OWNER``, of what is ``named`` so."""
+    def record(
+        self, record: Any, fields: Mapping[str, Letter], owner: str, where: str, **words: str
+    ) -> dict[str, Any]:
+        """Return fields of a record, in the table ``where``, as letters ``LETTER_OWNER``.
+
+        ``words`` are names in their meaning.
+        """
         changed: dict[str, Any] = {}
         for name, (letter, unit, meaning) in fields.items():
             value = getattr(record, name)
             new = self.vector if isinstance(value, tuple) else self.scalar
-            changed[name] = new(f"{letter}_{owner}", value, unit, f"{meaning} of {named}")
+            changed[name] = new(
+                f"{letter}_{owner}", value, unit, meaning.format(**words), where=f"{where}.{name}"
+            )
         return changed
 
     def kept(self, system: System) -> System:
@@ -165,5 +226,6 @@ class Letters:
         return replace(system, groups=groups, constants=tuple(self.constants), absent=tuple(self.zero))
 
     def forget(self, letter: sp.Expr) -> None:
-        """Omit a letter whose value follows from others."""
-        self.constants = [c for c in self.constants if c.quantity.symbol != letter]
+        """Omit a letter whose value follows from others; the scene's own stay."""
+        if letter not in self._own:
+            self.constants = [c for c in self.constants if c.quantity.symbol != letter]

@@ -251,7 +251,7 @@ def test_matrices_in_letters_are_those_of_the_thesis():
         for i, of in ((1, "cosine"), (2, "sine"))
     )
     bearing = sp.expand(entry - expected)
-    length, mass = (sp.Symbol(f"{x}_coupler", real=True) for x in ("l", "mu"))
+    length, mass = (sp.Symbol(x, real=True) for x in ("b", "mu_coupler"))
     assert terms["coupler_M_1_1"] == mass * length / 3 and terms["coupler_M_2_2"] == 181 * mass * length / 462
     assert float(bearing.xreplace(values)) == pytest.approx(0.0040803133 * 14.593902937206364)
     shown = call("show", "thesis_four_bar", "elastic_mass", "--rows", "A.x", "--columns", "A.x")
@@ -266,7 +266,7 @@ def test_elements_and_strains_are_those_of_the_thesis():
     """(F.1); at mid-span w'' = (-1.5 theta1 - kappa1 L/4 + 1.5 theta2 - kappa2 L/4)/L and u' = (u2 - u1)/L."""
     subject = Subject("thesis_four_bar", {})
     system = subject.assembled
-    length, mass = (sp.Symbol(f"{x}_coupler", real=True) for x in ("l", "mu"))
+    length, mass = (sp.Symbol(x, real=True) for x in ("b", "mu_coupler"))
     element = system["coupler.mass"]
     assert element.part(["theta@0"], ["w@0"]).matrix[0] == 311 * mass * length**2 / 4620
     assert element.part(["w@0"], ["w@1"]).matrix[0] == 25 * mass * length / 231

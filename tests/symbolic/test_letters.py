@@ -23,7 +23,7 @@ from symgen.symbolic.notation import latex_name
 SCENES = (
     "andrews_squeezer", "car_axis", "crank_rocker", "double_four_bar", "peaucellier", "tumbling_body",
     "two_four_bars", "spatial_slider_crank", "thesis_four_bar", "rssr", "screw_jack", "bricard",
-    "universal_joint.toml", "delta_robot.toml",
+    "universal_joint.toml", "delta_robot.toml", "wiper.toml", "gap.toml", "pantograph.toml",
 )  # fmt: skip
 CASES = Path(__file__).parents[1] / "cases"
 
@@ -131,3 +131,65 @@ def test_what_only_the_start_needs_stays_in_numbers():
         "x_C",
         "g",
     }
+
+
+SWINGING = {
+    "parameters": {
+        "m1": "2 kg", "a": {"value": "0.3 m", "about": "length of the bar"}, "k": "50 N/m", "none": "0 kg",
+        "w": "3 rad/s", "g": "9.81 m/s^2", "F": "4 N", "n": 2, "J": {"value": "0.1 kg*m^2", "tunable": True},
+    },
+    "points": {
+        "O": {"at": [0, 0], "ground": True, "motion": ["a*sin(w*t)/n", "0 m"]},
+        "P": {"at": ["0.3 m", 0]}, "Q": {"at": ["0.9 m", 0]}, "R": {"at": ["a", "1 m"], "ground": True},
+    },
+    "links": {
+        "bar": {"points": ["O", "P"], "mass": "m1", "length": "a", "inertia": "J"},
+        "rod": {"points": ["P", "Q"], "mass": "2*m1", "length": "0.6 m", "centre": "1/n"},
+    },
+    "springs": [{"between": ["R", "P"], "stiffness": "k", "length": "2*a"}],
+    "masses": [{"point": "Q", "mass": "none"}, {"point": "P", "mass": "2 kg"}],
+    "forces": [{"point": "Q", "force": ["F*cos(w*t)", "-F"]}],
+    "gravity": {"acceleration": ["0 m/s^2", "-g"]},
+}  # fmt: skip
+
+
+def test_the_parameters_of_a_scene_are_its_letters():
+    """Where a value is a product of them; not where another value is only equal to one of them."""
+    system = symgen.derive(symgen.Scene(**SWINGING))
+    values = {c.quantity.name: c.expression for c in system.constants}
+    assert {n: values[n] for n in ("m1", "a", "k", "w", "g", "F")} == {
+        "m1": 2, "a": sp.Rational(3, 10), "k": 50, "w": 3, "g": sp.Rational("9.81"), "F": 4,
+    }  # fmt: skip
+    assert not {"m_bar", "m_rod", "l_bar", "k_spring_0", "l0_spring_0", "x_R", "none"} & values.keys()
+    assert {"m_at_P", "l_rod"} <= values.keys()
+    assert "m_at_Q" in system.absent
+    s = {x.name: x.symbol for x in system.symbols()}
+    for name, letters in {
+        "mass_matrix": {"m1", "a", "J", "m_at_P"}, "potential_energy": {"m1", "k", "a", "g"},
+        "force": {"m1", "k", "a", "g", "F", "w"}, "constraints": {"a", "l_rod"},
+    }.items():  # fmt: skip
+        needed = set().union(*(e.free_symbols for e in system.expanded(name)))
+        assert {s[x] for x in letters} <= needed, name
+    assert (
+        next(c.quantity.description for c in system.constants if c.quantity.name == "a")
+        == "length of the bar"
+    )
+
+
+def test_equations_in_the_parameters_of_a_scene_are_those_in_numbers():
+    scene = resolve(symgen.Scene(**SWINGING))
+    kernels = [
+        {k.name: k.counts.flops for k in lower_system(s).kernels}
+        for s in (system_of(scene), method_of(scene).load("system")(scene))
+    ]
+    assert {k: n for k, n in kernels[0].items() if n > kernels[1][k]} == {}
+
+
+def test_the_constants_of_a_loop_keep_the_names_of_the_scene():
+    system = symgen.derive("bennett")
+    assert [str(x) for x in system["rows"].matrix] == [
+        "theta1", "0", "0", "short", "b",
+        "theta2", "0", "0", "long", "c",
+        "theta3", "0", "0", "short", "b",
+        "theta4", "0", "0", "long", "c",
+    ]  # fmt: skip

@@ -12,7 +12,7 @@ from symgen.report.mathematics.layout import WIDTH, columns, defined, heading, i
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
 from symgen.report.mathematics.numbers import in_numbers, value_of
 from symgen.symbolic.notation import latex, latex_name, text_name
-from symgen.symbolic.system import NamedMatrix, System
+from symgen.symbolic.system import Definition, NamedMatrix, System
 
 FORMATS = ("unicode", "latex", "shared", "c", "numeric")
 #: The beginning of a matrix, and the end of a row, in LaTeX.
@@ -61,7 +61,8 @@ def show(
     if form == "latex":
         return as_latex(system, matrices, width)
     if form == "shared":
-        return in_shared_terms(system, matrices, width)
+        legend = _legend(system, matrices, used_terms(system, matrices), width)
+        return "\n".join([in_shared_terms(system, matrices, width), *(["", *legend] if legend else [])])
     if form == "c":
         return "\n\n".join(in_c(system, m, width) for m in matrices)
     return "\n\n".join(in_numbers(system, m, values or {}, label, width) for m in matrices)
@@ -146,8 +147,7 @@ def _legend(
     system: System, matrices: Sequence[NamedMatrix], used: Mapping[sp.Symbol, sp.Expr], width: int
 ) -> list[str]:
     """Return the undefined symbols that occur, with name, unit and description."""
-    there = set[sp.Basic]().union(*(m.matrix.free_symbols for m in matrices))
-    there = there.union(*(e.free_symbols for e in used.values()))
+    there = _there(matrices, used)
     known = [(x, "") for x in system.arguments() if x.symbol in there]
     known += [(c.quantity, f" = {value_of(c)}") for c in system.constants if c.quantity.symbol in there]
     if not known:
@@ -164,6 +164,18 @@ def _legend(
             indent = "      "
         lines += wrapped(f"{name}  {x.description} [{x.unit}]{value}", width, indent)
     return lines
+
+
+def _there(matrices: Iterable[NamedMatrix], used: Mapping[sp.Symbol, sp.Expr]) -> set[sp.Basic]:
+    """Return the symbols of matrices and of the terms that they use."""
+    there = set[sp.Basic]().union(*(m.matrix.free_symbols for m in matrices))
+    return there.union(*(e.free_symbols for e in used.values()))
+
+
+def used_constants(system: System, matrices: Sequence[NamedMatrix]) -> list[Definition]:
+    """Return the constants of the scene that occur in matrices, directly or in a shared term."""
+    there = _there(matrices, used_terms(system, matrices))
+    return [c for c in system.constants if c.quantity.symbol in there]
 
 
 def used_terms(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Symbol, sp.Expr]:

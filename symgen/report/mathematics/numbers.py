@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -19,6 +20,8 @@ _WORKING, _PRINTED = 40, 12
 _NUMBER = 19
 #: Singular values below this part of the largest are those of redundant constraints.
 _RANK = 1e-12
+#: Maximum number of constants of one kind and value that a list names one by one, and what numbers them.
+_ALIKE, _DIGITS_OF_NAMES = 3, re.compile(r"\d+")
 #: Maximum number of symbols named in an error.
 _NAMED = 8
 
@@ -29,6 +32,23 @@ def value_of(constant: Definition) -> str:
     if value.is_number and not (constant.quantity.unit == "rad" and value.has(sp.pi)):
         return f"{float(value):.12g}"
     return str(readable(value))
+
+
+def alike_in_one(constants: Sequence[Definition]) -> list[tuple[str, str, str, str]]:
+    """Return name, unit, value and meaning of constants; many numbered ones of one value are one row."""
+    groups: dict[tuple[str, ...], list[Definition]] = {}
+    for c in constants:
+        x = c.quantity
+        bare = (_DIGITS_OF_NAMES.sub("#", text) for text in (x.name, x.description))
+        groups.setdefault((*bare, x.unit, value_of(c)), []).append(c)
+    rows = []
+    for (*_, unit, value), group in groups.items():
+        first, last = group[0].quantity, group[-1].quantity
+        if len(group) > _ALIKE:
+            rows.append((f"{first.name}, ..., {last.name}", unit, value, f"{first.description}, ..."))
+        else:
+            rows += [(c.quantity.name, unit, value, c.quantity.description) for c in group]
+    return rows
 
 
 def in_numbers(

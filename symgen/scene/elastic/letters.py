@@ -21,12 +21,12 @@ _SECTION = {
     "fibre": Letter("h", "m", "distance of the outer fibre from the neutral axis"),
 }
 _MATERIAL = {
-    "modulus": Letter("E", "Pa", "modulus of elasticity"),
-    "mass_damping": Letter("alpha", "1/s", "mass-proportional damping"),
-    "stiffness_damping": Letter("beta", "s", "stiffness-proportional damping"),
+    "modulus": Letter("E", "Pa", "modulus of elasticity of link {link}"),
+    "mass_damping": Letter("alpha", "1/s", "mass-proportional damping of link {link}"),
+    "stiffness_damping": Letter("beta", "s", "stiffness-proportional damping of link {link}"),
 }
-_CRANK = {"flywheel": Letter("J", "kg*m^2", "moment of inertia of the flywheel")}
-_STATION = {"fibre": Letter("h", "m", "distance of the fibre from the neutral axis")}
+_CRANK = {"flywheel": Letter("J", "kg*m^2", "moment of inertia of the flywheel of crank {link}")}
+_STATION = {"fibre": Letter("h", "m", "distance of the fibre from the neutral axis at station {station}")}
 
 
 def elastic_in_letters(linkage: Linkage) -> tuple[Linkage, Letters]:
@@ -78,14 +78,20 @@ def _elastic(letters: Letters, beam: ElasticLink) -> ElasticLink:
         )
         for of, (letter, unit, meaning) in _SECTION.items()
     }
-    return replace(beam, section=Section(**section), **letters.record(beam, _MATERIAL, name, f"link {name}"))
+    return replace(
+        beam,
+        section=Section(**section),
+        **letters.record(beam, _MATERIAL, name, f"links.{name}.elastic", link=name),
+    )
 
 
 def _crank(letters: Letters, crank: Crank) -> Crank:
-    return replace(crank, **letters.record(crank, _CRANK, "flywheel", f"crank {crank.link}"))
+    return replace(crank, **letters.record(crank, _CRANK, "flywheel", "crank", link=crank.link))
 
 
 def _station(letters: Letters, station: Station) -> Station:
     if station.fibre is None:
         return station
-    return replace(station, **letters.record(station, _STATION, station.name, f"station {station.name}"))
+    return replace(
+        station, **letters.record(station, _STATION, station.name, "stations", station=station.name)
+    )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, Literal
 
 import sympy as sp
 
 from symgen.scene.limit import Limit
-from symgen.scene.rods.held import Parameter, Switch, defaults
+from symgen.scene.rods.held import Parameter, Switch, Written, defaults
 from symgen.scene.rods.linkage import number
 from symgen.scene.units import Shown
 from symgen.symbolic.quantity import Quantity
@@ -149,7 +149,8 @@ class Loop:
     where variables are free. ``lead`` is that input, the first written in the scene, empty where there is
     none. ``size`` is a length typical of it [m]. ``outputs`` is what to record, None for everything.
     ``assembly_tolerance`` is the defect of closure [m] that is tolerated where its equations are dependent.
-    The turns of ``balls`` and the branches of ``switches`` are the last of the parameters.
+    The turns of ``balls`` and the branches of ``switches`` are the last of the parameters. ``written`` has
+    the values as the scene writes them.
     """
 
     method: ClassVar[str] = "loop"
@@ -174,6 +175,7 @@ class Loop:
     balls: tuple[Ball, ...] = ()
     switches: tuple[Switch, ...] = ()
     limits: tuple[Limit, ...] = ()
+    written: Written = field(default_factory=Written, compare=False, repr=False)
 
     @property
     def unit_of_length(self) -> tuple[str, float]:

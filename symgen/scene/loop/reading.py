@@ -13,7 +13,7 @@ from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value, tonne_hint
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.names import check_word
-from symgen.scene.reading import Values, at
+from symgen.scene.reading import NAME, Values, at
 from symgen.scene.rods.linkage import TIME
 from symgen.scene.schema import Scene
 from symgen.scene.units import Dimension
@@ -158,6 +158,7 @@ class LoopReader(Values):
         """Return an entry of a row, and the variable it holds; it must be linear in it."""
         with at(where):
             expression = parse_value(text, self.with_named, dim)
+            self.keep(expression, str(text), where, self.with_named, NAME.findall(str(text)))
             variables = [v for v in self.named.values() if v.symbol in expression.free_symbols]
             if not variables:
                 self.number(expression)

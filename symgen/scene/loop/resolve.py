@@ -20,7 +20,7 @@ from symgen.scene.schema import Scene
 from symgen.symbolic.constants import with_pi
 
 #: Names of components of vectors of a motion or a link, and of the closing wrench, in the derivation.
-_OF_LOOP = re.compile(
+OF_LOOP = re.compile(
     r"[a-z]+(_own)?_(link|net|theta|S|eta|alpha|a)\d+_(.*_)?[xyz]|vc2_link\d+|fall\d+|closing_[fm][xyz]"
 )
 #: Largest assembly tolerance, over the size of the loop.
@@ -62,6 +62,7 @@ def loop_of(scene: Scene, table: SpatialLoop) -> Loop:
         units=shown_units(scene.units),
         outputs=None if scene.analysis.outputs is None else tuple(scene.analysis.outputs),
         limits=tuple(read.limits),
+        written=read.written,
     )
     return with_ball_turns(resolved)
 
@@ -108,7 +109,7 @@ def _check_names(scene: Scene, rows: Rows) -> None:
             problem = ""
             if name in variables:
                 problem = f"{name!r} is a variable of the loop"
-            elif name not in plain and (name in derived or _OF_LOOP.fullmatch(name)):
+            elif name not in plain and (name in derived or OF_LOOP.fullmatch(name)):
                 problem = f"{name!r} is reserved for a quantity of the loop"
             if problem:
                 raise SceneError(problem, where=f"{table}.{name}", hint="Choose another name.")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import sympy as sp
 
+from symgen.errors import SceneError
+from symgen.scene.expressions import Names, parse_any
+from symgen.symbolic.constants import with_pi
 from symgen.symbolic.quantity import Quantity
+from symgen.symbolic.system import Definition
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +32,42 @@ def defaults(parameters: Sequence[Parameter]) -> dict[sp.Symbol, sp.Expr]:
     """Return the value of every parameter in the scene."""
     tunable = {p.quantity.symbol: p.default for p in parameters if not p.fixed}
     return tunable | {p.quantity.symbol: p.default.xreplace(tunable) for p in parameters if p.fixed}
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A value of a scene as written, with the names in it, and what it is without names of constants."""
+
+    value: sp.Expr
+    text: str
+    names: Names
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """The parameters of a scene that are constants, and the values that are written with them, by place."""
+
+    constants: dict[str, Definition] = field(default_factory=dict)
+    texts: dict[str, Text] = field(default_factory=dict)
+
+    def form(self, where: str, value: sp.Expr) -> sp.Expr | None:
+        """Return a value as it is written at a place; None where it holds no constant, or is another."""
+        text = self.texts.get(where)
+        if text is None or value not in (text.value, with_pi(text.value)):
+            return None
+        names = dict(text.names)
+        for name, constant in self.constants.items():
+            if name in names:
+                names[name] = constant.quantity.symbol, names[name][1]
+        try:
+            return parse_any(text.text, names)[0]
+        except SceneError:  # such as the exponent of a power, which is a number
+            return None
+
+    @property
+    def symbols(self) -> Mapping[sp.Symbol, Definition]:
+        """The constants by symbol."""
+        return {c.quantity.symbol: c for c in self.constants.values()}
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,10 +11,11 @@ import sympy as sp
 from symgen.loads.load import Load
 from symgen.loads.of_links import Angle
 from symgen.methods import method_of
-from symgen.scene.rods.held import Parameter
+from symgen.scene.rods.held import Parameter, Written
 from symgen.scene.rods.linkage import (
     TIME,
     Driver,
+    Event,
     Linkage,
     PlacedPoint,
     RigidLink,
@@ -23,33 +25,49 @@ from symgen.scene.rods.linkage import (
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.names import Letter, Letters
 from symgen.symbolic.quantity import AXES
+from symgen.symbolic.system import System
 
 #: Letters of the fields that hold constants.
 _OF_LINK = {
-    "length": Letter("l", "m", "length"),
-    "mass": Letter("m", "kg", "mass"),
-    "centre": Letter("s", "m", "centre of mass along the line"),
-    "offset": Letter("h", "m", "centre of mass to the left of the line"),
-    "inertia": Letter("I", "kg*m^2", "moment of inertia about the centre of mass"),
+    "length": Letter("l", "m", "length of link {link}"),
+    "mass": Letter("m", "kg", "mass of link {link}"),
+    "centre": Letter("s", "m", "distance of the centre of mass of link {link} from {start}, along its line"),
+    "offset": Letter("h", "m", "distance of the centre of mass of link {link} from its line, to the left"),
+    "inertia": Letter("I", "kg*m^2", "moment of inertia of link {link} about its centre of mass"),
 }
 _OF_POINT = {
-    "along": Letter("a", "1", "place along the link"),
-    "across": Letter("b", "1", "place across the link"),
+    "along": Letter("a", "1", "distance of {point} from {start} along link {link}, over its length"),
+    "across": Letter("b", "1", "distance of {point} from link {link} to its left, over its length"),
 }
 _OF_MASS = {
-    "mass": Letter("m", "kg", "mass"),
-    "inertia": Letter("I", "kg*m^2", "moment of inertia"),
+    "mass": Letter("m", "kg", "mass at {point}"),
+    "inertia": Letter("I", "kg*m^2", "moment of inertia at {point}"),
 }
 
 
 def in_letters(resolved: Any) -> tuple[Any, Letters]:
     """Return a resolved scene whose constants are letters, further parameters of it, and the letters.
 
-    Zeros stay, and right angles between joint axes. A uniform link has its centre at l/2 and the moment of
-    inertia m l^2/12. What only the start or a run needs stays in numbers, and so do the sections of a rotor.
+    What the scene writes with its own parameters has these as letters. Zeros stay, and right angles between
+    joint axes. A uniform link has its centre at l/2 and the moment of inertia m l^2/12. What only the start
+    or a run needs stays in numbers, and so do the sections of a rotor.
     """
     method = method_of(resolved)
-    return method.load("letters")(resolved) if method.letters else (resolved, Letters((), (), ()))
+    return method.load("letters")(resolved) if method.letters else (resolved, Letters((), (), (), Written()))
+
+
+def derived_in_letters(resolved: Any, derive: Callable[[Any], Any]) -> Any:
+    """Return what ``derive`` derives from a scene in letters: a System, several by name, or steps.
+
+    The letters are the constants of these systems, not their arguments.
+    """
+    written, letters = in_letters(resolved)
+    derived = derive(written)
+    if isinstance(derived, System):
+        return letters.kept(derived)
+    if isinstance(derived, Mapping):
+        return {name: letters.kept(system) for name, system in derived.items()}
+    return tuple(replace(step, system=letters.kept(step.system)) for step in derived)
 
 
 def added(letters: Letters) -> tuple[Parameter, ...]:
@@ -62,15 +80,19 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
     states = (f"{p.name}_{word}{axis}" for p in linkage.points for word in ("", "v", "a") for axis in AXES)
     owners = [p.name for p in linkage.points]
     owners += [x.name for of in (linkage.links, linkage.bodies, linkage.loads) for x in of]
-    letters = Letters([*states, *(p.quantity.name for p in linkage.parameters)], owners, linkage.defaults)
+    taken = [*states, *(p.quantity.name for p in linkage.parameters)]
+    letters = Letters(taken, owners, linkage.defaults, linkage.written)
     links = tuple(_link(letters, link) for link in linkage.links)
     bodies = tuple(_body(letters, body) for body in linkage.bodies)
     points = tuple(_ground(letters, p, linkage.axes) if p.ground else p for p in linkage.points)
     angles: dict[tuple[str, str, sp.Expr], sp.Expr] = {}
-    loads = tuple(_load(letters, load, len(linkage.axes), angles) for load in linkage.loads)
+    loads = tuple(
+        _load(letters, load, f"{table}.{i}", len(linkage.axes), angles)
+        for table, i, load in linkage.placed_loads
+    )
     masses = tuple(
-        replace(m, **letters.record(m, _OF_MASS, f"at_{m.point}", f"the mass at {m.point}"))
-        for m in linkage.masses
+        replace(m, **letters.record(m, _OF_MASS, f"at_{m.point}", f"masses.{i}", point=m.point))
+        for i, m in enumerate(linkage.masses)
     )
     written = replace(
         linkage,
@@ -80,7 +102,8 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
         gravity=gravity_of(letters, linkage.gravity, linkage.axes),
         masses=masses,
         loads=loads,
-        drivers=tuple(_driver(letters, d) for d in linkage.drivers),
+        drivers=tuple(_driver(letters, d, f"drivers.{i}") for i, d in enumerate(linkage.drivers)),
+        events=tuple(_event(letters, linkage, i) for i in range(len(linkage.events))),
     )
     windings = tuple(
         replace(w, free=angles.get((w.link, w.against, w.free), w.free)) for w in linkage.windings
@@ -88,9 +111,12 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
     return replace(written, windings=windings, parameters=(*linkage.parameters, *added(letters))), letters
 
 
-def _load(letters: Letters, load: Load, axes: int, angles: dict[tuple[str, str, sp.Expr], sp.Expr]) -> Load:
+def _load(
+    letters: Letters, load: Load, where: str, axes: int, angles: dict[tuple[str, str, sp.Expr], sp.Expr]
+) -> Load:
     """Return a load with letters; loads of one angle share its letter, as they share its revolutions."""
-    constants = letters.record(load, load.letters, load.name, load.name.replace("_", " "))
+    load = load.with_written(lambda key, e: letters.form(f"{where}.{key}", e))
+    constants = letters.record(load, load.letters, load.name, where, load=load.name.replace("_", " "))
     written = replace(load, **constants)
     for number, letter in zip(load.measures(axes), written.measures(axes), strict=True):
         if isinstance(number, Angle) and isinstance(letter, Angle):
@@ -102,7 +128,8 @@ def _load(letters: Letters, load: Load, axes: int, angles: dict[tuple[str, str, 
 
 
 def _link(letters: Letters, link: RigidLink) -> RigidLink:
-    constants = letters.record(link, _OF_LINK, link.name, f"link {link.name}")
+    words = {"link": link.name, "start": link.start}
+    constants = letters.record(link, _OF_LINK, link.name, f"links.{link.name}", **words)
     length, mass = constants["length"], constants["mass"]
     uniform = {
         "centre": (link.length / 2, length / 2),
@@ -113,7 +140,12 @@ def _link(letters: Letters, link: RigidLink) -> RigidLink:
             letters.forget(constants[name])
             constants[name] = form
     carried = tuple(
-        replace(p, **letters.record(p, _OF_POINT, f"{link.name}_{p.name}", f"{p.name} on {link.name}"))
+        replace(
+            p,
+            **letters.record(
+                p, _OF_POINT, f"{link.name}_{p.name}", f"points.{p.name}", point=p.name, **words
+            ),
+        )
         for p in link.carried
     )
     return replace(link, **constants, carried=carried)
@@ -152,13 +184,13 @@ def _body(letters: Letters, body: SpatialBody) -> SpatialBody:
         )
         for c in body.carried
     )
-    mass = letters.scalar(f"m_{name}", body.mass, "kg", f"mass of {name}")
+    mass = letters.scalar(f"m_{name}", body.mass, "kg", f"mass of {named}", f"links.{name}.mass")
     of_mass = tuple(tuple(x / body.mass for x in row) for row in body.masses) if mass != 0 else body.masses
     shares = _symmetric(letters, "r", of_mass, name, "1", "mass matrix of the base points, over the mass,")
     return replace(
         body,
         bars=bars,
-        mass=letters.scalar(f"m_{name}", body.mass, "kg", f"mass of {named}"),
+        mass=mass,
         centre=weights,
         masses=tuple(tuple(mass * x for x in row) for row in shares),
         inverse=_symmetric(letters, "e", body.inverse, name, "1/m^2", "inverse of the products of edges"),
@@ -181,16 +213,24 @@ def _symmetric(
 
 def _ground(letters: Letters, point: PlacedPoint, axes: tuple[str, ...]) -> PlacedPoint:
     """Return a ground point whose place is in letters; it is drawn in numbers."""
-    motion = tuple(
-        letters.scalar(f"{axis}_{point.name}", c, "m", f"{axis} coordinate of ground point {point.name}")
-        for axis, c in zip(axes, point.motion, strict=True)
-    )
-    return replace(point, motion=motion)
+    motion = []
+    for axis, drawn, c in zip(axes, point.at, point.motion, strict=True):
+        where, moved = f"points.{point.name}", c - drawn
+        place = letters.scalar(
+            f"{axis}_{point.name}", drawn, "m", f"{axis} coordinate of ground point {point.name}",
+            f"{where}.at.{AXES.index(axis)}",
+        )  # fmt: skip
+        motion.append(place + letters.form(f"{where}.motion.{AXES.index(axis)}", moved))
+    return replace(point, motion=tuple(motion))
 
 
 def gravity_of(letters: Letters, gravity: Vector, axes: tuple[str, ...]) -> Vector:
     """Return gravity as its size g along an axis, or by components."""
     there = [i for i, c in enumerate(gravity) if c != 0]
+    places = [f"gravity.acceleration.{AXES.index(axis)}" for axis in axes]
+    forms = tuple(letters.form(where, c) for where, c in zip(places, gravity, strict=True))
+    if forms != gravity:
+        return forms
     if len(there) == 1 and gravity[there[0]].is_number:
         value, sign = gravity[there[0]], 1 if gravity[there[0]].is_positive else -1
         size = sign * letters.scalar("g", sign * value, "m/s^2", "gravity")
@@ -198,17 +238,33 @@ def gravity_of(letters: Letters, gravity: Vector, axes: tuple[str, ...]) -> Vect
     return letters.vector("g", gravity, "m/s^2", "gravity", axes)
 
 
-def _driver(letters: Letters, driver: Driver) -> Driver:
-    return replace(driver, angle=motion_of(letters, driver.angle, driver.link, ("rad", "rad/s"), driver.link))
+def _driver(letters: Letters, driver: Driver, where: str) -> Driver:
+    units, name = ("rad", "rad/s"), driver.link
+    angle = motion_of(letters, driver.angle, name, units, f"angle of link {name}", f"{where}.angle")
+    return replace(driver, angle=angle)
 
 
-def motion_of(letters: Letters, motion: sp.Expr, owner: str, units: tuple[str, str], named: str) -> sp.Expr:
-    """Return a uniform motion by its value at the start and its rate; any other stays."""
+def _event(letters: Letters, linkage: Linkage, number: int) -> Event:
+    """Return an event whose threshold is as the scene writes it."""
+    event, where = linkage.events[number], f"events.{number}.value"
+    written = linkage.written.texts.get(where)
+    if written is None:
+        return event
+    return replace(event, gap=event.gap + written.value - letters.form(where, written.value))
+
+
+def motion_of(
+    letters: Letters, motion: sp.Expr, owner: str, units: tuple[str, str], named: str, where: str
+) -> sp.Expr:
+    """Return a motion as the scene writes it, or a uniform one by its value at the start and its rate."""
+    form = letters.form(where, motion)
+    if form != motion:
+        return form
     rate = sp.diff(motion, TIME.symbol)
     if rate.free_symbols & {TIME.symbol}:
         return motion
     start = motion.xreplace({TIME.symbol: sp.S.Zero})
     first, second = ("phi", "omega") if units[0] == "rad" else ("x", "v")
-    return letters.scalar(f"{first}0_{owner}", start, units[0], f"prescribed value of {named} at t = 0") + (
-        letters.scalar(f"{second}_{owner}", rate, units[1], f"prescribed rate of {named}") * TIME.symbol
+    return letters.scalar(f"{first}0_{owner}", start, units[0], f"{named} at t = 0, prescribed") + (
+        letters.scalar(f"{second}_{owner}", rate, units[1], f"rate of {named}, prescribed") * TIME.symbol
     )

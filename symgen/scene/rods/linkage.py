@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeVar
 
@@ -16,7 +16,7 @@ from symgen.loads.load import Load
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.limit import Limit
-from symgen.scene.rods.held import Parameter, Switch, Winding, defaults
+from symgen.scene.rods.held import Parameter, Switch, Winding, Written, defaults
 from symgen.scene.rods.hinges import Hinge
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
@@ -247,7 +247,8 @@ class Linkage:
 
     ``plane`` is the plane of a linkage written in space; all components then refer to it. ``leaves_plane``
     names the component by which a linkage in space leaves every coordinate plane; ``kinematic`` restricts it
-    to the motion prescribed by the drives. ``remarks`` are for the notes of results.
+    to the motion prescribed by the drives. ``remarks`` are for the notes of results, ``written`` has its
+    values as the scene writes them.
     """
 
     name: str
@@ -283,6 +284,7 @@ class Linkage:
     kinematic: bool = False
     remarks: tuple[str, ...] = ()
     limits: tuple[Limit, ...] = ()
+    written: Written = field(default_factory=Written, compare=False, repr=False)
 
     @property
     def axes(self) -> tuple[str, ...]:
