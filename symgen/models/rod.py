@@ -59,9 +59,23 @@ def rod_system(dimension: int) -> System:
     accelerations = [
         quantity(f"{p}_a{a}", "m/s^2", f"{a} acceleration of end {p}") for p in "ij" for a in axes
     ]
+    middle = [
+        quantity(f"k_{letter}{a}", unit, f"{a} {noun} of the middle particle")
+        for letter, unit, noun in _MOTION
+        for a in axes
+    ]
+    known = [tuple(x.symbol for x in part) for part in (q, u, accelerations)]
+    three = _three_particles(
+        of_particles, known, [x.symbol for x in middle], along, tuple(h.symbol for h in halves)
+    )
     momenta = _momenta(of_particles, accelerations, along, tuple(x.symbol for x in halves))
     across, projected = _projected(along, length.symbol, momenta[1]) if dimension == 3 else ((), ())
-    shown = (*_particles(of_particles, about_start.symbol, symbols), *momenta, *projected)
+    shown = (
+        *_particles(of_particles, about_start.symbol, symbols),
+        *three,
+        *momenta,
+        *projected,
+    )
     matrices = (
         *shown,
         NamedMatrix(
@@ -98,7 +112,7 @@ def rod_system(dimension: int) -> System:
             Group("q", "coordinates of the ends", tuple(q)),
             Group("u", "velocities of the ends", tuple(u)),
             Group("p", "parameters", parameters),
-            Group("work", "accelerations of the ends", tuple(accelerations)),
+            Group("work", "accelerations of the ends, motion of the middle", (*accelerations, *middle)),
         ),
         matrices=matrices,
         exports=tuple(Export(x.name, x.description, (x.name,)) for x in matrices[len(shown) :]),
@@ -117,6 +131,9 @@ def rod_system(dimension: int) -> System:
 
 #: The particles that stand for a rod.
 _PARTICLES = {1: "at end i", 2: "in the middle", 3: "at end j"}
+
+#: Letter, unit and noun of a position and its rates.
+_MOTION = (("", "m", "position"), ("v", "m/s", "velocity"), ("a", "m/s^2", "acceleration"))
 
 
 def _particles(
@@ -137,6 +154,49 @@ def _particles(
     )
 
 
+def _three_particles(
+    masses: Sequence[sp.Expr],
+    ends: Sequence[Sequence[sp.Expr]],
+    middle: Sequence[sp.Expr],
+    along: Sequence[sp.Expr],
+    half: Sequence[sp.Expr],
+) -> tuple[NamedMatrix, ...]:
+    """Return the momenta of all three particles, and the constraint of the middle one with its rates.
+
+    ``ends`` are positions, velocities and accelerations of i and j, ``middle`` those of the middle particle.
+    """
+    (m1, m2, m3), n = masses, len(along)
+    axes = tuple(AXES[:n])
+    start, end = ends[2][:n], ends[2][n:]
+    own = middle[2 * n :]
+    forces = [m1 * a + m2 * b + m3 * c for a, b, c in zip(start, own, end, strict=True)]
+    second, third = _crossed(half, own), _crossed(along, end)
+    moments = [m2 * x + m3 * y for x, y in zip(second, third, strict=True)]
+    before = ", before the middle one is eliminated"
+    sums = (
+        _matrix(
+            "particle_momentum", forces, "N", f"sum of mass times acceleration of the particles{before}", axes
+        ),
+        _matrix(
+            "particle_moment",
+            moments,
+            "N*m",
+            f"sum of mass times moment of the acceleration of the particles about end i{before}",
+            axes if n == 3 else (),
+        ),
+    )
+    return sums + tuple(
+        _matrix(
+            f"middle_{noun}",
+            [middle[k * n + i] - (x[i] + x[n + i]) / 2 for i in range(n)],
+            unit,
+            f"{noun} of the middle particle less the mean of those of the ends; zero",
+            axes,
+        )
+        for k, ((_, unit, noun), x) in enumerate(zip(_MOTION, ends, strict=True))
+    )
+
+
 def _momenta(
     masses: Sequence[sp.Expr],
     accelerations: Sequence[Quantity],
@@ -145,7 +205,7 @@ def _momenta(
 ) -> tuple[NamedMatrix, NamedMatrix]:
     """Return the rates of the linear momentum and of the moment of momentum about end i.
 
-    The middle particle moves with the mean of the ends.
+    The middle particle moves with the mean of the ends (:func:`_three_particles` has it).
     """
     m1, m2, m3 = masses
     n = len(along)

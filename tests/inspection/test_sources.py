@@ -140,3 +140,32 @@ def test_momenta_of_a_rod_are_those_of_its_end_masses(name):
     d = sp.Matrix([sp.Symbol(f"j_{x}", real=True) - sp.Symbol(f"i_{x}", real=True) for x in axes])
     turned = d.cross(outer) if len(axes) == 3 else sp.Matrix([d[0] * outer[1] - d[1] * outer[0]])
     assert (system.expanded("angular_momentum") - turned).applyfunc(sp.simplify) == sp.zeros(*turned.shape)
+
+
+@pytest.mark.parametrize("name", ["rod", "rod_spatial"])
+def test_without_the_middle_particle_its_equations_become_those_of_the_ends(name):
+    """(1) and (2) with the motion of (3b), (4b), (5b) are (6) and (7)."""
+    system = BLOCKS[name]()
+    axes = "xy" if name == "rod" else "xyz"
+    ends = {
+        sp.Symbol(f"k_{v}{x}", real=True): (
+            sp.Symbol(f"i_{v}{x}", real=True) + sp.Symbol(f"j_{v}{x}", real=True)
+        )
+        / 2
+        for v in ("", "v", "a")
+        for x in axes
+    }
+    for noun in ("position", "velocity", "acceleration"):
+        constraint = system[f"middle_{noun}"].matrix
+        assert constraint.subs(ends).expand() == sp.zeros(len(axes), 1)
+        assert len(constraint.free_symbols & ends.keys()) == len(axes)
+    for own, eliminated in (
+        ("particle_momentum", "linear_momentum"),
+        ("particle_moment", "angular_momentum"),
+    ):
+        difference = system.expanded(own).subs(ends) - system.expanded(eliminated)
+        assert difference.applyfunc(sp.simplify) == sp.zeros(*difference.shape)
+    shown = {"(1)": "particle_momentum", "(2)": "particle_moment", "(3b)": "middle_position"}
+    shown |= {"(4b)": "middle_velocity", "(5b)": "middle_acceleration"}
+    for number, matrix in shown.items():
+        assert matrix in [m.name for m in subject(name).choose(number).matrices]
