@@ -18,6 +18,7 @@ from shared.golden import reference
 from shared.thesis_assembly import BOUNDARY, HELD, assembled
 
 from symgen.cli.common import changes
+from symgen.errors import ModelError
 from symgen.mechanics import sources
 from symgen.pipeline.subject import Subject
 
@@ -178,6 +179,25 @@ def test_shown_matrices_state_an_equation_of_their_row(name):
         common = any(covered(a, here) or covered(b, here) for a, b in ranges)
         common = common or any(covered(a, ranges) or covered(b, ranges) for a, b in here)
         assert common or not ranges or not here, (command, row.place, [m.source for m in matrices])
+
+
+@pytest.mark.parametrize("name", sorted({shlex.split(c)[2] for c, row in SHOWN if row.paper == "thesis"}))
+def test_every_equation_of_the_thesis_is_found_by_its_number(name):
+    """In the model whose matrix its row names; rows without a command say that they are not derived."""
+    lost = []
+    for command, row in SHOWN:
+        _, _, scene, matrix, *rest = (*shlex.split(command), "")
+        if row.paper != "thesis" or scene != name or not matrix or matrix == "derivation":
+            continue
+        options = tuple(rest[i + 1] for i, x in enumerate(rest) if x == "--set")
+        for (chapter, first, letter), (_, last, _) in equations(row.place):
+            for n in range(first, last + 1):
+                number = f"({chapter}{'.' * bool(chapter)}{n}{letter})"
+                try:
+                    assert subject(name, options).choose(number).matrices
+                except ModelError:
+                    lost.append((row.place, number))
+    assert not lost
 
 
 def files(folder: Path) -> None:

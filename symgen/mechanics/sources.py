@@ -115,7 +115,7 @@ def row_source(entries: Iterable[str]) -> str:
 ELEMENT: Sources = (
     ("mass", "thesis (7.24)"),
     ("gyroscopic", "thesis (7.25)"),
-    ("stiffness", "thesis (6.14)"),
+    ("stiffness", "thesis (6.14), (6.20), (6.21), (6.29)-(6.33)"),
     ("load_x", "thesis (B.1)"),
     ("load_y", "thesis (B.4)"),
     ("load_out", "thesis (B.6)"),
@@ -126,19 +126,23 @@ ELEMENT: Sources = (
 PRINTED_ELEMENT: Sources = (
     ("constant_mass", "thesis (F.1)"),
     ("constant_gyroscopic", "thesis (F.3)"),
-    ("constant_stiffness", "thesis (D.28), corrected"),
+    ("constant_stiffness", "thesis (D.4)-(D.27), (D.28), corrected"),
     ("constant_load_x", "thesis (B.1), times m"),
     ("constant_load_y", "thesis (B.16), times m"),
     ("constant_load_out", "thesis (B.18), times m"),
     ("constant_load_turn", "thesis (B.19), times m"),
+    (
+        "shape",
+        "thesis (5.1)-(5.23), (6.16)-(6.19), (6.22)-(6.28), (B.8), (C.1)-(C.21), (D.1)-(D.3), corrected",
+    ),
     *ELEMENT,
     ("thesis_local_stiffness", "thesis (7.26), (F.5), corrected"),
     ("KD", "thesis (7.26), (F.5), corrected"),
-    ("KT", "thesis (F.6), corrected"),
-    ("thesis_mass", "thesis (F.2)"),
+    ("KT", "thesis (E.13)-(E.17), (F.6), corrected"),
+    ("thesis_mass", "thesis (E.8)-(E.12), (F.2)"),
     ("thesis_damping", "thesis (F.4), times -2 omega"),
-    ("thesis_stiffness", "thesis (F.6), corrected"),
-    ("thesis_load", "thesis (F.8)"),
+    ("thesis_stiffness", "thesis (E.13)-(E.17), (F.6), corrected"),
+    ("thesis_load", "thesis (E.18)-(E.20), (F.8)"),
     ("global_*", "not in the source: exact form of thesis (7.28) in fixed axes"),
 )
 #: Of the assembled equations of elastic links.
@@ -149,8 +153,8 @@ ASSEMBLY: Sources = (
     ("elastic_motion_stiffness", "thesis (F.6), (8.1), with rates of T"),
     ("elastic_load", "thesis (F.8), (8.1)"),
     ("assembly", "thesis (8.1)"),
-    ("boundary", "thesis Fig. 22"),
-    ("condensation", "thesis (E.47)"),
+    ("boundary", "thesis Fig. 22, (8.2)"),
+    ("condensation", "thesis (E.21)-(E.29), (E.43)-(E.47)"),
     ("strain_recovery", "thesis (8.3)-(8.7)"),
     ("stress_recovery", "thesis (8.3)-(8.8)"),
     ("*.mass", "thesis (7.24), (F.1)"),
@@ -158,11 +162,13 @@ ASSEMBLY: Sources = (
     ("*.stiffness", "thesis (6.14)"),
     ("*.load_*", "thesis (7.27), (F.7)"),
 )
+#: Of all but the elastic links: rows of inextensible links, whose entries are cosines and sines.
+JOINTS: Sources = (("jacobian", "thesis (E.30)-(E.42)"),)
 RIGID_ELEMENT: Sources = (
-    ("nodal_matrix", "thesis (4.10)"),
+    ("nodal_matrix", "thesis (4.1)-(4.9), (4.10)"),
     ("inertia", "thesis (4.10), right side"),
 )
 #: Of limit positions: case studies I and II.
-LIMITS: Sources = (("residual", "thesis (3.4)-(3.9), (3.11)-(3.17), corrected"),)
+LIMITS: Sources = (("residual", "thesis (3.3)-(3.17), corrected"),)
 #: Of systems that have no counterpart in the sources.
 NONE: Sources = (("", ""),)

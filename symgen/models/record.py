@@ -246,6 +246,7 @@ def elastic_record() -> tuple[Step, ...]:
                 "thesis, Eqs. (6.12)-(6.15), with omitted terms added",
                 (
                     "kinetic_energy",
+                    "kinetic_terms",
                     "shear_strain",
                     "strain_energy",
                     "axial_force",

@@ -9,6 +9,20 @@ from symgen.mechanics.synthesis import limits, points
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
+#: Conditions on a crank-rocker, each with the printed equations that it corresponds to or is part of.
+LIMITS_ROWS = (
+    "extended_along F4 F6 G6",
+    "extended_across F3 G5",
+    "extended_angles F2 G2",
+    "folded_along F4",
+    "folded_across G4 G5 G7",
+    "folded_angles G3",
+    "swing F1 G1",
+    "least F5",
+    "greatest",
+    "time_ratio",
+)
+
 
 def synthesis_limits_system() -> System:
     """Return the conditions on limit positions and transmission angles of a crank-rocker."""
@@ -16,8 +30,9 @@ def synthesis_limits_system() -> System:
     residual = limits.conditions({x.name: x.symbol for x in quantities})
     units = "m, m, rad, m, m, rad, rad, m^2, m^2, rad"
     reference = "The thesis on kineto-elastodynamics, Chapter III"
+    title = "Limit positions of a crank-rocker"
     return _conditions(
-        "synthesis_limits", "Limit positions of a crank-rocker", quantities, residual, units, reference
+        "synthesis_limits", title, quantities, residual, units, rows=LIMITS_ROWS, reference=reference
     )
 
 
@@ -152,13 +167,14 @@ def _conditions(
     quantities: tuple[Quantity, ...],
     residual: list[sp.Expr],
     units: str,
+    rows: tuple[str, ...] = (),
     reference: str = "",
 ) -> System:
     column = sp.ImmutableMatrix(residual)
     slopes = sp.ImmutableMatrix(sp.Matrix(residual).jacobian([x.symbol for x in quantities]))
     matrices = (
-        NamedMatrix("residual", column, units, "expressions that vanish"),
-        NamedMatrix("slopes", slopes, units, "their derivatives, by the unit of the quantity",
+        NamedMatrix("residual", column, units, "expressions that vanish", rows),
+        NamedMatrix("slopes", slopes, units, "their derivatives, by the unit of the quantity", rows,
                     columns=tuple(x.name for x in quantities)),
     )  # fmt: skip
     return System(

@@ -37,6 +37,25 @@ def model(name="thesis_four_bar"):
     return symgen.build(name)
 
 
+def test_rows_of_inextensible_links():
+    """(E.40)-(E.42): the displacements of both ends of a link along it are equal."""
+    links = {f"links.{link}.elastic.axial": False for link in ("crank", "coupler", "output")}
+    system = Subject("thesis_four_bar", links).further["elastic_joints"]
+    assert system["jacobian"].source == "thesis (E.30)-(E.42)"
+    a, b, q = sp.symbols("A_x A_y"), sp.symbols("B_x B_y"), (sp.Symbol("x_Q"), sp.Integer(0))
+    zero = (sp.Integer(0),) * 2
+    along = [
+        [(end - start) / sp.Symbol(f"l_{link}") for start, end in zip(*ends, strict=True)]
+        for link, ends in (("crank", (zero, a)), ("coupler", (a, b)), ("output", (b, q)))
+    ]
+    crank, coupler, output = along
+    back, none = [[-e for e in row] for row in (coupler, output)], [0, 0]
+    expected = sp.Matrix([[*crank, *none], [*back[0], *coupler], [*none, *back[1]]])
+    found = system.expanded("jacobian")
+    plain = found.xreplace({s: sp.Symbol(s.name) for s in found.free_symbols})
+    assert (plain - expected).expand() == sp.zeros(3, 4)
+
+
 @pytest.mark.parametrize("angle", ANGLES)
 def test_matrices_of_the_thesis_linkage(angle):
     found, expected = model().matrices(np.radians(angle)), assembled(np.radians(angle))

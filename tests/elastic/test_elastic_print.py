@@ -27,6 +27,7 @@ from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, PLACE, shape_functions
 from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices
 from symgen.models import BLOCKS, element
+from symgen.models.elastic.derivation import elastic_derivation_system
 
 L, m, x, C, S = sp.symbols("L m x C S")
 w, a, X, Y, p, r = sp.symbols("w a X Y p r")
@@ -265,3 +266,19 @@ def test_counts():
     assert counts == {"agree": 1080, "differ": 16, "unreadable": 86}
     page = (Path(__file__).parents[2] / "docs" / "errata_elastic.md").read_text(encoding="utf-8")
     assert "1080 agree, 16 differ, 86 are" in page
+
+
+def test_terms_of_the_kinetic_energy():
+    """Their sum is the kinetic energy; (A.4)-(A.19) as printed, over half the mass, then rotary inertia."""
+    steps = elastic_derivation_system()
+    terms, (energy,) = steps["kinetic_terms"], steps["kinetic_energy"].matrix
+    assert sp.expand(sum(terms.matrix) - energy) == 0
+    printed = """vx^2, vy^2, 2 vy x o, x^2 o^2, 2 vx u_t, u_t^2, -2 o u_t w, -2 w o vx, w^2 o^2, 2 vy u o, 2 vy w_t,
+        2 x u o^2, 2 x o w_t, u^2 o^2, 2 u o w_t, w_t^2""".replace("^", "**")
+    known = {s.name: s for s in terms.matrix.free_symbols}
+    known |= {"o": known["omega"], "vx": known["v_x"], "vy": known["v_y"]}
+    for k, text in enumerate(printed.split(",")):
+        assert terms.rows[k].split()[0] == f"A.{k + 4}"
+        product = sp.sympify("*".join(text.split()), locals=known)
+        assert terms.matrix[k] == known["mu"] * product / 2
+    assert terms.rows[16:] == ("rotary 1", "rotary 2", "rotary 3")

@@ -277,9 +277,9 @@ def shape_products(element: Element) -> dict[str, tuple[sp.ImmutableMatrix, str,
     shape = shape_functions(element)
     u, w = sp.Matrix(shape.axial), sp.Matrix(shape.transverse)
     products = {
-        "A": (u * w.T, "N_u^T N_w", "(B.12)-(B.14)"),
-        "B": (u * u.T, "N_u^T N_u", "(B.9)-(B.11)"),
-        "M": (w * w.T, "N_w^T N_w", "(B.15)-(B.17)"),
+        "A": (u * w.T, "N_u^T N_w", "(B.3), (B.9)-(B.15)"),
+        "B": (u * u.T, "N_u^T N_u", "(B.2), (B.9)-(B.13)"),
+        "M": (w * w.T, "N_w^T N_w", "(B.5), (B.17)"),
     }
     integral = lambda e: LENGTH.symbol * sp.integrate(sp.expand(e), (PLACE.symbol, 0, 1))  # noqa: E731
     return {n: (sp.ImmutableMatrix(m.applyfunc(integral)), *texts) for n, (m, *texts) in products.items()}

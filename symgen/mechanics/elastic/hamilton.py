@@ -61,6 +61,8 @@ _STRAINS = {
 
 
 _PER = "J/m per unit of row and column"
+#: Letters of the thesis for the integrals (A.4)-(A.19) of products of shape functions.
+_LETTERS = ("", "", "", "", "E", "B", "A", "G", "M", "E", "G", "N", "L", "B", "A", "M")
 
 
 def _fields() -> dict[str, Quantity]:
@@ -227,18 +229,20 @@ def _inertia(link: _Link) -> dict[str, sp.Expr]:
 def _energies(link: _Link) -> tuple[Step, ...]:
     """Return the steps from the position of a point to the energies: Eqs. (6.1)-(6.15)."""
     return (
-        Step("place", ("x", "y"), link.place, "m", "place of a point in the link's axes", "(6.1)"),
+        Step("place", ("x", "y"), link.place, "m", "place of a point in the link's axes", "(6.1)-(6.4)"),
         Step(
-            "velocity", ("x", "y"), link.velocity, "m/s", "its absolute velocity in the link's axes", "(6.7)",
+            "velocity", ("x", "y"), link.velocity, "m/s", "its absolute velocity in the link's axes",
+            "(6.5)-(6.7)",
         ),
         Step(
             "origin_acceleration", ("x", "y"), tuple(ORIGIN.values()), "m/s^2",
-            "derivatives of the components v_x, v_y: not those of the acceleration", "after (6.8), (6.10)",
+            "derivatives of the components v_x, v_y: not those of the acceleration", "after (6.8)-(6.10)",
         ),
         Step(
             "kinetic_energy", ("T",), (link.kinetic,), "J/m", "kinetic energy per length",
-            "(6.12); rotary inertia added",
+            "(6.11), (6.12); rotary inertia added",
         ),
+        _kinetic_terms(link),
         Step(
             "shear_strain", ("gamma",), (_F["w_x"] - _F["phi"],), "1",
             "shear strain; its variation is that of w' - phi", "not in the thesis",
@@ -268,6 +272,29 @@ def _energies(link: _Link) -> tuple[Step, ...]:
             "change of a force per length that rotates with the section, to first order", "not in the thesis",
         ),
     )  # fmt: skip
+
+
+def _kinetic_terms(link: _Link) -> Step:
+    """Return the terms of the kinetic energy in the order of Appendix A, then those of rotary inertia."""
+    terms = {t / t.as_coeff_Mul()[0]: t for t in sp.Add.make_args(sp.expand(link.kinetic))}
+    x, vx, vy, omega, u, w, u_t, w_t = (
+        *(q.symbol for q in (X, VX, VY, OMEGA)), *(_F[name] for name in ("u", "w", "u_t", "w_t")),
+    )  # fmt: skip
+    products = (
+        vx**2, vy**2, vy * omega * x, omega**2 * x**2, vx * u_t, u_t**2, omega * u_t * w, vx * omega * w,
+        omega**2 * w**2, vy * omega * u, vy * w_t, omega**2 * x * u, omega * x * w_t, omega**2 * u**2,
+        omega * u * w_t, w_t**2,
+    )  # fmt: skip
+    printed = {f"A.{k}": terms.pop(MU.symbol * product) for k, product in enumerate(products, 4)}
+    rows = tuple(f"{row} {letter}".rstrip() for row, letter in zip(printed, _LETTERS, strict=True))
+    return Step(
+        "kinetic_terms",
+        (*rows, *(f"rotary {k}" for k in range(1, len(terms) + 1))),
+        (*printed.values(), *terms.values()),
+        "J/m",
+        "terms of the kinetic energy per length, with the letter of their integral over the link",
+        "(6.13), (7.7), (A.1)-(A.19); rotary inertia added",
+    )
 
 
 def _variation(link: _Link, weak_form: Mapping[str, sp.Expr]) -> Iterator[Step]:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import sympy as sp
 
-from symgen.mechanics.sources import NONE
+from symgen.mechanics.sources import NONE, Sources
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linkage import REFERENCE, Gradient, RodsModel
 from symgen.models.rods.matrix import named
@@ -155,6 +155,7 @@ def analysis_of(
     matrices: Sequence[NamedMatrix],
     exports: Sequence[Export],
     names: Names | None = None,
+    sources: Sources = NONE,
 ) -> System:
     """Return a System of further kernels of a linkage, over the arguments of its equations of motion.
 
@@ -169,7 +170,7 @@ def analysis_of(
         exports=tuple(exports),
         definitions=(*definitions(model), *with_ground(model, named_definitions)),
         references=(REFERENCE,),
-        sources=NONE,
+        sources=sources,
     )
 
 
