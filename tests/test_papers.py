@@ -200,6 +200,43 @@ def test_every_equation_of_the_thesis_is_found_by_its_number(name):
     assert not lost
 
 
+def spelled(first: Equation, last: Equation) -> list[str]:
+    """Return all numbers of a range, such as (62a), (62b) and (62c) of (62a)-(62c)."""
+    (_, start, letter), (_, end, to) = first, last
+    if start == end and to:
+        return [f"({start}{chr(x)})" for x in range(ord(letter or "a"), ord(to) + 1)]
+    return [f"({n}{letter})" for n in range(start, end + 1)]
+
+
+PRINTED = sorted(
+    {
+        (shlex.split(command)[2], number, row)
+        for command, row in SHOWN
+        for ends in equations(row.place)
+        for number in spelled(*ends)
+        if row.paper in ("Attia", "Rahman") and len(shlex.split(command)) > 3
+    }
+)
+
+
+@pytest.mark.parametrize("name", sorted({name for name, _, _ in PRINTED}))
+def test_numbers_of_a_row_are_found_with_its_model(name):
+    """What `symgen show MODEL "(N)"` finds cites the number itself, and is what the row shows."""
+    wrong = []
+    for _, number, row in (x for x in PRINTED if x[0] == name):
+        try:
+            found = subject(name, ()).choose(number).matrices
+        except ModelError:
+            wrong.append((number, row.place, "not found"))
+            continue
+        names = {shlex.split(c)[3] for c in row.commands if c.startswith(f"symgen show {name} ")}
+        if not {m.name for m in found} & {
+            m.name for x in names for m in subject(name, ()).choose(x).matrices
+        }:
+            wrong.append((number, row.place, [m.name for m in found]))
+    assert not wrong
+
+
 def files(folder: Path) -> None:
     """Write the tasks that the page shows."""
     for name, text in re.findall(r"`(\w+\.toml)`:?\n\n```toml\n(.*?)```", PAGE, re.DOTALL):

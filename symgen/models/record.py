@@ -156,9 +156,9 @@ def of_loop(loop: Loop, system: System) -> Iterator[Step]:
         ),
         (
             "Screws",
-            "A joint variable moves all following links about its own axis: ∂B/∂q = H "
-            "B, where H is the operator of its screw.",
-            "Rahman, Eqs. (12)-(17)",
+            "A joint variable moves all following links about its own axis: ∂T/∂q = Q T of its row, ∂B/∂q = "
+            "H B, where H is the operator of its screw.",
+            "Rahman, Eqs. (2a)-(4a), (8)-(17)",
             (*ending("_operator"), "closure_jacobian", "screws"),
         ),
         (

@@ -10,8 +10,9 @@ from symgen.symbolic.system import NamedMatrix
 _NUMBER = r"\(((?:[A-Z]|\d+)\.)?(\d+)([a-z]?)\)"
 _ASKED = re.compile(rf"(?:(\w+) )?{_NUMBER}")
 _CITED = re.compile(rf"{_NUMBER}(?:-{_NUMBER})?")
-#: How precisely an equation is cited: by a range of its group or of others, by its group, by its own number.
-_NEAR, _RANGE, _GROUP, _ITSELF = 1, 2, 3, 4
+#: How precisely an equation is cited: by a range of other groups, or of groups, by its group, by a range of
+#: letters, by its own number.
+_NEAR, _RANGE, _GROUP, _LETTERS, _ITSELF = range(1, 6)
 
 
 def is_equation(name: str) -> bool:
@@ -39,7 +40,9 @@ def _precision(number: list[str], source: str) -> int:
         if chapters != chapter or not int(first) <= int(own) <= int(last or first):
             continue
         if last:
-            best = max(best, _RANGE if bool(letter) == bool(letters or last_letters) else _NEAR)
+            lettered = bool(letters or last_letters)
+            within = (_LETTERS if letter else _RANGE) if lettered == bool(letter) else _NEAR
+            best = max(best, within)
         else:
             best = max(best, _ITSELF if letters == letter else _GROUP)
     return best

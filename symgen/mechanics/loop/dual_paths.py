@@ -10,8 +10,9 @@ the first frame, the others backward from the last. Both paths give the same res
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
+from itertools import accumulate
 
 import sympy as sp
 
@@ -24,7 +25,7 @@ from symgen.mechanics.loop.dual_rows import (
     onward,
     row_transform,
 )
-from symgen.symbolic.dual import DualMatrix, DualVector
+from symgen.symbolic.dual import DualMatrix, DualVector, identity
 from symgen.symbolic.names import Names
 
 _ZERO = sp.Integer(0)
@@ -91,13 +92,17 @@ class Paths:
 
     def operator(self, variable: int) -> DualMatrix:
         """Return the operator H of a joint variable, Eqs. (12)-(17): dB/dq = H B."""
-        total = DualMatrix(sp.ImmutableMatrix(sp.zeros(3)), sp.ImmutableMatrix(sp.zeros(3)))
-        for m, frame in zip(self.motions, self.outward, strict=False):
-            for j, slope in m.slopes:
-                if j == variable:
-                    h = derivative_operator(m, frame.dual)
-                    total = total + DualMatrix(slope * h.real, slope * h.dual)
-        return total
+        before = (frame.dual for frame in self.outward)
+        return _operator(variable, zip(self.motions, before, strict=False))
+
+    def row_operator(self, variable: int) -> DualMatrix | None:
+        """Return the operator Q of a joint variable of one row, Eqs. (2a)-(4a), (8)-(10): dT/dq = Q T."""
+        rows = {m.row for m in self.motions for j, _ in m.slopes if j == variable}
+        if len(rows) != 1:
+            return None
+        row = self.rows[rows.pop() - 1]
+        before = accumulate((m.matrix for m in row), DualMatrix.__matmul__, initial=identity())
+        return _operator(variable, zip(row, before, strict=False))
 
     def step(self, variables: Sequence[int]) -> tuple[sp.ImmutableMatrix, sp.ImmutableMatrix]:
         """Return A and V of Newton's step A dq = V of some variables, Eqs. (20)-(26), corrected.
@@ -219,6 +224,17 @@ class Paths:
     ) -> DualVector:
         where = f"of the frame at {motion.entry} of row {motion.row}"
         return self.names.screw(name, vector, kinds, where)
+
+
+def _operator(variable: int, motions: Iterable[tuple[Motion, DualMatrix]]) -> DualMatrix:
+    """Return the sum of the operators of motions by a joint variable, each with the product before it."""
+    total = DualMatrix(sp.ImmutableMatrix(sp.zeros(3)), sp.ImmutableMatrix(sp.zeros(3)))
+    for m, before in motions:
+        for j, slope in m.slopes:
+            if j == variable:
+                h = derivative_operator(m, before)
+                total = total + DualMatrix(slope * h.real, slope * h.dual)
+    return total
 
 
 def _above(matrix: DualMatrix) -> sp.Matrix:

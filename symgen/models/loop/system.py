@@ -230,6 +230,18 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
     ]
     steps += [
         named(
+            f"{v.name}_row_operator",
+            q.beside,
+            "1, m",
+            f"Q of dT/d{v.name} = Q T, T of its row, real part | dual part",
+            "xyz",
+            _DUAL,
+        )
+        for j, v in enumerate(model.variables)
+        if (q := model.paths.row_operator(j)) is not None
+    ]
+    steps += [
+        named(
             f"{v.name}_operator",
             model.paths.operator(j).beside,
             "1, m",

@@ -97,13 +97,14 @@ class MomentumForm(Outboard):
     """The derivation; each method makes one kind of rows."""
 
     def moments(self, body: str) -> Rows:
-        """Eq. (12), in space Eq. (13): moment of momentum of everything outboard about the inner joint."""
+        """Eqs. (9), (12), in space (10), (13): moment of momentum of all outboard about the inner joint."""
         bodies, points = self.tree.outboard(body)
         joint = self.tree.inner[body]
         pivot = self.model.position(joint)
-        number = "12" if len(pivot) == 2 else "13a), (13b"
+        numbers = ["(9)", "(12)"] if len(pivot) == 2 else ["(10a), (10b)", "(13a), (13b)"]
+        cited = ", ".join(numbers[len(bodies) > 1 :])
         about = f"rate of the moment of momentum of {', '.join(bodies)} about {joint}, less that of the loads"
-        rows = Rows(f"{body}_moment", "N*m", about, f"Attia ({number})")
+        rows = Rows(f"{body}_moment", "N*m", about, f"Attia {cited}")
         levers: dict[str, list[Vector]] = {}
         for mass, shares, place in self.masses(bodies, points):
             lever = _difference(place, pivot)
@@ -216,12 +217,14 @@ class MomentumForm(Outboard):
         }
 
     def constraints(self) -> Iterator[Rows]:
-        """Eq. (14) for each length, Eq. (16b) for guides, and the other constraints, twice differentiated."""
+        """Eqs. (11), (14) for lengths, (16b) for guides, and the other constraints, twice differentiated."""
         model = self.model
         guides = {row.constraint.name for row in model.guides}
         free = [(q.symbol, a.symbol) for p in model.free for q, a in zip(model.q[p], model.a[p], strict=True)]
         for c, row, rhs in zip(model.constraints, model.jacobian, model.acceleration_rhs, strict=True):
-            source = "Attia (14)" if c.link else "Attia (16b)" if c.name in guides else NO_SOURCE
+            last = c.name in self.tree.inner and len(self.tree.outboard(c.name)[0]) == 1
+            length = "Attia (11), (14)" if last else "Attia (14)"
+            source = length if c.link else "Attia (16b)" if c.name in guides else NO_SOURCE
             unit = {"m^2": "m^2/s^2", "m": "m/s^2"}[c.unit]
             coefficients = {a: row[q] for q, a in free if q in row}
             name = f"{c.name}_length" if c.link else c.name
