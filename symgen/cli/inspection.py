@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -185,7 +185,6 @@ def _list(subject: Subject) -> None:
     from symgen.report.mathematics.numbers import alike_in_one
     from symgen.report.tables import table
 
-    head = ("matrix", "shape", "unit", "meaning", "source")
     for prefix, part in subject.parts:
         if (values := used_constants(part, part.matrices)) and not prefix:
             columns = ("constant", "unit", "value", "meaning")
@@ -195,14 +194,33 @@ def _list(subject: Subject) -> None:
                 absent = f"Zero, so that their terms are absent: {', '.join(part.absent)}."
                 print("\n".join(wrapped(absent, _width(), "  ")))
         listed = [(prefix + name, *more) for name, *more in overview(part.matrices)]
-        console().print(table(part.title, head, listed, texts=(0, 3, 4)), width=_width())
+        _print_names(part.title, listed)
     if assembled := assembled_names(subject):
         about = "Assembled equations of the elastic motion; numbers with --at ANGLE"
-        listing = table(about, ("matrix", "unit", "meaning", "source"), assembled, texts=(0, 2, 3))
-        console().print(listing, width=_width())
+        _print_names(about, [(name, "", *more) for name, *more in assembled])
     if subject.recorded:
-        listed = [*overview(subject.recorded)]
-        console().print(table("Steps of the derivation", head, listed, texts=(0, 3, 4)), width=_width())
+        _print_names("Steps of the derivation", [*overview(subject.recorded)])
+
+
+def _print_names(title: str, listed: Sequence[Sequence[str]]) -> None:
+    """Print name, source, and meaning with unit and shape; a unit by unknowns, such as per angle, once."""
+    from symgen.elements.element import entry_unit
+    from symgen.report.mathematics.layout import wrapped
+    from symgen.report.tables import table
+
+    by_unknown = entry_unit("")
+    rows = [
+        (
+            name,
+            source,
+            f"{meaning} [{unit.removesuffix(by_unknown)}]" + (f", {shape.replace(' ', '')}" if shape else ""),
+        )
+        for name, shape, unit, meaning, source in listed
+    ]
+    console().print(table(title, ("matrix", "source", "meaning"), rows, texts=(0, 1, 2)), width=_width())
+    if any(unit.endswith(by_unknown) for _, _, unit, *_ in listed):
+        note = f"Units of elements are {by_unknown.lstrip('; ')}, of rows and of columns."
+        print("\n".join(wrapped(note, _width(), "  ")))
 
 
 def _show_record(subject: Subject, form: str, values: Mapping[str, float], numeric: bool) -> None:

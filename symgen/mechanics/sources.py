@@ -123,13 +123,13 @@ def row_source(entries: Iterable[str]) -> str:
 
 #: Of any element: the form of its equation.
 ELEMENT: Sources = (
-    ("mass", "thesis (7.24)"),
-    ("gyroscopic", "thesis (7.25)"),
+    ("mass", "thesis (7.24): [M] + [B], m within the integrals"),
+    ("gyroscopic", "thesis (7.25): [A] - [A]^T, m within the integrals"),
     ("stiffness", "thesis (6.14), (6.20), (6.21), (6.29)-(6.33)"),
-    ("load_x", "thesis (B.1)"),
-    ("load_y", "thesis (B.4)"),
-    ("load_out", "thesis (B.6)"),
-    ("load_turn", "thesis (B.7)"),
+    ("load_x", "thesis (B.1): integral of m [D]^T (x)"),
+    ("load_y", "thesis (B.4): integral of m [D]^T (X)"),
+    ("load_out", "thesis (B.6): integral of m x [D]^T (x)"),
+    ("load_turn", "thesis (B.7): integral of m x [D]^T (X)"),
     ("shape", "thesis (5.23)"),
 )
 #: Of the element of the thesis: its printed matrices.
@@ -137,10 +137,10 @@ PRINTED_ELEMENT: Sources = (
     ("constant_mass", "thesis (F.1)"),
     ("constant_gyroscopic", "thesis (F.3)"),
     ("constant_stiffness", "thesis (D.4)-(D.27), (D.28), corrected"),
-    ("constant_load_x", "thesis (B.1), times m"),
-    ("constant_load_y", "thesis (B.16), times m"),
-    ("constant_load_out", "thesis (B.18), times m"),
-    ("constant_load_turn", "thesis (B.19), times m"),
+    ("constant_load_x", "thesis (B.1), times m: integral of [D]^T (x)"),
+    ("constant_load_y", "thesis (B.4), (B.16), times m: integral of [D]^T (X)"),
+    ("constant_load_out", "thesis (B.6), (B.18), times m: integral of x [D]^T (x)"),
+    ("constant_load_turn", "thesis (B.7), (B.19), times m: integral of x [D]^T (X)"),
     (
         "shape",
         "thesis (5.1)-(5.23), (6.16)-(6.19), (6.22)-(6.28), (B.8), (C.1)-(C.21), (D.1)-(D.3), corrected",
