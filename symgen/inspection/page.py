@@ -26,7 +26,7 @@ from symgen.scene.loading import SceneText, check_scene
 from symgen.symbolic.system import Step, System
 
 #: Maximum number of matrices of one step and of shared terms on a page.
-_MATRICES, _TERMS = 12, 60
+_MATRICES, _TERMS = 16, 60
 _KINDS = {"add": "+ −", "mul": "×", "div": "÷", "neg": "sign", "call": "calls"}
 
 #: Callback that receives the current activity as text.

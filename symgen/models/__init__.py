@@ -27,6 +27,11 @@ def element(name: str) -> System:
     return _call_entry("models.elastic.element:elastic_element_system", ELEMENTS[name])
 
 
+def derivation(name: str) -> System:
+    """Return the System of the steps by which a beam element is derived."""
+    return _call_entry("models.elastic.derivation:elastic_derivation_system", ELEMENTS[name])
+
+
 def tangents(block: str, kernels: Sequence[str], groups: Sequence[str]) -> System:
     """Return the System of the tangents of kernels of a building block, by its name."""
     return _call_entry("models.forward_mode:tangents_of", BLOCKS[block](), kernels, groups)
@@ -128,12 +133,7 @@ SHIPPED_BLOCKS = (
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.
-DERIVATIONS: dict[str, Callable[[], System]] = {
-    f"element_{name}": partial(
-        _call_entry, "models.elastic.derivation:elastic_derivation_system", ELEMENTS[name]
-    )
-    for name in ELEMENTS
-}
+DERIVATIONS: dict[str, Callable[[], System]] = {f"element_{x}": partial(derivation, x) for x in ELEMENTS}
 
 #: Recursions over rods, shipped as loops with the number of rods as an argument, by name.
 RECURSIONS: dict[str, Callable[[], Recursion]] = {

@@ -301,10 +301,7 @@ def test_other_values_of_arguments_are_told_and_are_no_change_in_the_mathematics
 
 def test_blocks_are_compared_too():
     _, _, found = compare("rod", "rod_spatial")
-    assert {m.name for m in found.matrices if m.shapes[0] != m.shapes[1]} == {
-        "linear_momentum",
-        "angular_momentum",
-        "mass_matrix",
-        "constraint_jacobian",
-    }
-    assert found.operations["kinetic_energy"] == (39, 53)
+    changed = {m.name for m in found.matrices if m.shapes[0] != m.shapes[1]}
+    assert changed >= {"linear_momentum", "angular_momentum", "mass_matrix", "constraint_jacobian"}
+    assert not changed & {"particle_masses", "constraint", "kinetic_energy", "potential_energy"}
+    assert found.operations["kinetic_energy"] == (36, 47)

@@ -94,7 +94,12 @@ def test_four_bars_fit_80_columns():
     print_study(
         synthesis_study(
             SimpleNamespace(
-                title="", linkage="four-bar", designs=designs, units={}, search=SimpleNamespace(incomplete="")
+                title="",
+                linkage="four-bar",
+                designs=designs,
+                omitted={},
+                units={},
+                search=SimpleNamespace(incomplete=""),
             )
         ),
         terminals,

@@ -46,7 +46,7 @@ def test_linkages_are_assembled_from_the_origin(start):
 def test_a_start_is_checked_by_the_equations_as_derived(monkeypatch):
     """With constants folded to noise of one bit, the start is an error that names the link."""
 
-    def to_noise(expression):
+    def to_noise(expression, *_):
         if expression.is_Symbol or expression.is_Rational:
             return expression
         if not expression.free_symbols:
