@@ -78,9 +78,9 @@ def show(
     matrix: Annotated[
         str | None,
         typer.Argument(
-            help="A matrix, kernel, shared term or argument (if absent, matrices are listed); the number of an "
-            "equation of the papers, '(47)'; derivation for all steps, momentum_rows for all momentum rows, "
-            "momentum_rows.NAME for one."
+            help="A matrix, kernel, shared term or argument (if absent, matrices are listed); the number of "
+            "an equation of the papers, '(47)'; derivation for all steps, momentum_rows for all momentum "
+            "rows, momentum_rows.NAME for one."
         ),
     ] = None,
     form: Annotated[
