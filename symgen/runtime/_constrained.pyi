@@ -67,10 +67,12 @@ class Constrained:
     def accelerated(self, right: Array, *state: Array) -> Array: ...
 
 class Steps:
-    steps: int
-    corrections: int
+    @property
+    def steps(self) -> int: ...
+    @property
+    def corrections(self) -> int: ...
     def __init__(self, of: Constrained, method: BeamMethod, h: float, scale: Array, close: float) -> None: ...
-    def step(
+    def start(
         self,
         t: float,
         q: Array,
@@ -78,6 +80,10 @@ class Steps:
         a: Array,
         multipliers: Array,
         guess: Sequence[Array],
-        known: Array,
-        known_rates: Array,
-    ) -> tuple[Array, Array, Array, Array, float] | None: ...
+        work: float,
+    ) -> None: ...
+    def advance(self, known: Array, known_rates: Array) -> int: ...
+    @property
+    def motion(self) -> tuple[float, Array, Array, Array, Array, float]: ...
+    @property
+    def guess(self) -> tuple[Array, Array]: ...

@@ -1,64 +1,145 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Mechanical systems of elements with constraints, M a + ... + J^T lambda = 0, Phi = 0, and their steps.
-
-The parts of a system add their forces, constraints and slopes. Vectors in constraints may be unknowns, or prescribed
-numbers behind these, such as positions of the ground.
-"""
+"""The binding of mechanical systems of parts in the core: see ``core/system.h`` and ``core/collocation.h``."""
 
 import numpy as np
 
-from libc.math cimport fabs, isfinite
+from libc.math cimport NAN
 from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy
 
 from symgen.calls import raise_failure
-from symgen.runtime._core cimport Core, at_least, kernel_t
+from symgen.runtime._core cimport Core, Memory, at_least, kernel_t, memory_of
 from symgen.runtime._core import DOUBLE
 
-cdef extern from "core/elastic.h" nogil:
+cdef extern from "core/collocation.h" nogil:
+    enum:
+        WIDEST_ROW
+
     cdef struct envelope:
         Py_ssize_t n
         const Py_ssize_t *first
         const Py_ssize_t *at
 
-    cdef struct elastic_table "elastic_api":
-        int (*envelope_factor)(const envelope *, void *, void *) noexcept nogil
-        void (*envelope_solve)(const envelope *, const void *, const void *, void *, void *) noexcept nogil
+    cdef struct states:
+        Py_ssize_t count, unknowns, multipliers, known
+        const double *t
+        const double *q
+        const double *v
+        const double *a
+        const double *lambda_ "lambda"
+        const double *z
+        const double *z_rates
 
-cdef const elastic_table *API = <const elastic_table *>(<Core>DOUBLE).api.elastic
+    cdef struct slopes_at "slopes":
+        Py_ssize_t size
+        double *by_a
+        double *by_v
+        double *by_q
+        double *jacobian
 
-cdef enum:
-    # The most places, factors or numbers of work of a constraint.
-    _WIDEST = 21
+    cdef struct part:
+        const Py_ssize_t *slots
+        const Py_ssize_t *below
+        const Py_ssize_t *right
 
-#: Corrections that do not decrease are rounding below this part of the size of the unknowns.
-cdef double _ROUNDING = 1e-10
-#: Largest number of corrections in a step; largest ratio of a correction to the previous two, above which they
-#: diverge.
-cdef int _MOST = 30
-cdef double _DIVERGING = 2.0
-#: Rounding of places over their sizes; rates have as much over a step.
-cdef double _SPACING = 16 * 2.2e-16
+    cdef struct elements:
+        part part
+        kernel_t residual, tangent, energies
+        Py_ssize_t count, size, stride
+        const Py_ssize_t *places
+        const double *properties
+        double *state
+        double *out
 
-cdef struct states:
-    # Rows of times, places, rates, second rates, multipliers, and of prescribed numbers with their rates.
-    Py_ssize_t count, unknowns, multipliers, known
-    const double *t
-    const double *q
-    const double *v
-    const double *a
-    const double *multipliers_of
-    const double *known_of
-    const double *known_rates
+    cdef struct rows:
+        part part
+        kernel_t row
+        Py_ssize_t count, size, first, factors_of, properties_of, acting_of
+        const Py_ssize_t *places
+        const double *factors
+        const double *properties
+        const double *acting
+        Py_ssize_t inner_count
+        const Py_ssize_t *inner
+        const double *curvature
+        double *out
 
-cdef struct matrices:
-    # Rows of slots: slopes by second rates, rates and places, and slopes of the constraints.
-    Py_ssize_t size
-    double *of
+    cdef struct ties:
+        part part
+        Py_ssize_t count
+        const Py_ssize_t *rows
+        const Py_ssize_t *places
+        const double *factors
 
+    cdef struct rigid:
+        part part
+        kernel_t joints, rates, constraints, energy
+        Py_ssize_t n, count, load, jacobian, columns, power
+        Py_ssize_t[3] at
+        Py_ssize_t[3] entries
+        const Py_ssize_t *of_rows
+        const Py_ssize_t *in_jacobian
+        const double *p_joints
+        const double *p
+        const double *sizes
+        double *work
+        double *spare
+        double *out
 
-cdef inline double _of(const double *own, Py_ssize_t unknowns, const double *known, Py_ssize_t place) noexcept nogil:
-    return own[place] if place < unknowns else known[place - unknowns]
+    cdef struct added:
+        part part
+        void *owner
+        void (*forces)(void *, const states *, double *) noexcept nogil
+        void (*slopes)(void *, const states *, double *) noexcept nogil
+        double (*power)(void *, Py_ssize_t) noexcept nogil
+        Py_ssize_t entries
+        double *found
+
+    cdef struct system:
+        Py_ssize_t unknowns, multipliers, known, count
+        const part **parts
+        envelope envelope
+        const Py_ssize_t *position
+        slopes_at slopes
+        double *x
+        double *y
+
+    cdef struct collocation:
+        const system *of
+        Py_ssize_t stages, pairs
+        double h, close
+        const double *a
+        const double *aa
+        const double *b
+        const double *ba
+        const double *c
+        const double *eigenvalues
+        const double *vectors
+        const double *inverse
+        const double *scale
+        double t, work
+        double *q
+        double *v
+        double *a_of
+        double *lambda_of
+        double *a_now
+        double *lambda_now
+        long steps, corrections
+
+    cdef struct system_table "system_api":
+        void (*bind_elements)(elements *, int) noexcept nogil
+        void (*bind_rows)(rows *) noexcept nogil
+        void (*bind_ties)(ties *) noexcept nogil
+        void (*bind_rigid)(rigid *) noexcept nogil
+        void (*bind_added)(added *) noexcept nogil
+        void (*evaluate)(const system *, const states *, void *, void *, void *) noexcept nogil
+        void (*refresh)(const system *, const states *) noexcept nogil
+        int (*accelerate)(const system *, void *, void *) noexcept nogil
+        size_t (*collocation_bytes)(const system *, Py_ssize_t, Py_ssize_t) noexcept nogil
+        void (*collocation_bind)(collocation *, void *) noexcept nogil
+        long (*collocation_advance)(collocation *, long, const void *, const void *) noexcept nogil
+
+cdef const system_table *API = <const system_table *>(<Core>DOUBLE).api.system
 
 
 cdef int _within(str what, values, Py_ssize_t low, Py_ssize_t high) except -1:
@@ -83,9 +164,8 @@ cdef class Part:
     the entries of constraints."""
 
     cdef readonly object pairs, bound
+    cdef part *of
     cdef Py_ssize_t[::1] slots, below, right
-    #: Whether it has an input power.
-    cdef bint loaded
 
     def take(self, pattern, Py_ssize_t unknowns):
         """Set the slots of the entries in a pattern; -1 for slopes by prescribed numbers."""
@@ -94,56 +174,40 @@ cdef class Part:
         known = place >= unknowns
         self.slots = _places(pattern.slots(*self.pairs))
         self.below, self.right = (_places(np.where(known, -1, of)) for of in (below, right))
+        self.of.slots, self.of.below, self.of.right = &self.slots[0], &self.below[0], &self.right[0]
 
-    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
-        """Add forces, errors of constraints and their rates at all states; each may be NULL."""
+    cdef int check(self) except -1:
+        """Raise the error of a function of the caller."""
         return 0
-
-    cdef int add_slopes(self, const states *s, matrices *to) except -1:
-        """Add slopes at the first state."""
-        return 0
-
-    cdef double dissipation(self, const states *s, Py_ssize_t row):
-        """Return the power dissipated by damping at a state [W]."""
-        return 0.0
-
-    cdef double input(self, const states *s, Py_ssize_t row):
-        """Return the power of loads without potential, and of inertia and loads at moving ground, at a state [W]."""
-        return 0.0
-
-    cdef inline void bind(self, matrices *to, Py_ssize_t entry, double slope) noexcept:
-        if self.below[entry] >= 0:
-            to.of[3 * to.size + self.below[entry]] += slope
-            to.of[3 * to.size + self.right[entry]] += slope
 
 
 cdef class Elements(Part):
     """Elements of a link: kernels by name, unknowns (elements, size), properties (elements, numbers) or (1, numbers)."""
 
+    cdef elements own
     cdef object kernels
-    cdef kernel_t residual, tangent, energies
-    cdef Py_ssize_t count, size, apart
     cdef Py_ssize_t[::1] places
     cdef double[::1] properties, state, out
-    cdef bint damped
 
     def __init__(self, kernels, places, properties, bint damped):
-        self.kernels = kernels
-        self.residual = <kernel_t><uintptr_t>kernels["residual"]
-        self.tangent = <kernel_t><uintptr_t>kernels["tangent"]
-        self.energies = <kernel_t><uintptr_t>kernels["energies"]
-        self.count, self.size = places.shape
-        self.damped, self.apart = damped, properties.shape[1] if len(properties) > 1 else 0
-        at_least("rows of properties", len(properties), self.count if self.apart else 1)
+        cdef elements *own = &self.own
+        self.kernels, self.of = kernels, &own.part
+        own.count, own.size = places.shape
+        own.stride = properties.shape[1] if len(properties) > 1 else 0
+        at_least("rows of properties", len(properties), own.count if own.stride else 1)
         self.places, self.properties = _places(places), _numbers(properties)
-        self.state, self.out = np.zeros(3 * self.size), np.zeros(3 * self.size ** 2)
+        self.state, self.out = np.zeros(3 * own.size), np.zeros(3 * own.size ** 2)
+        own.residual, own.tangent, own.energies = (
+            <kernel_t><uintptr_t>kernels["residual"], <kernel_t><uintptr_t>kernels["tangent"], <kernel_t><uintptr_t>kernels["energies"])
+        own.places, own.properties, own.state, own.out = &self.places[0], &self.properties[0], &self.state[0], &self.out[0]
         pairs = np.broadcast_arrays(places[:, :, None], places[:, None, :])
         self.pairs, self.bound = np.stack(pairs).reshape(2, -1), np.zeros((2, 0), dtype=np.intp)
+        API.bind_elements(own, damped)
 
     def values(self, str kernel, Py_ssize_t width, q, v, a):
         """Return the results of a kernel for every element at states (times, unknowns): (times, elements, width)."""
-        cdef double[:, ::1] states = np.empty((3, self.size))
-        cdef double[:, :, ::1] found = np.empty((len(q), self.count, width))
+        cdef double[:, ::1] states = np.empty((3, self.own.size))
+        cdef double[:, :, ::1] found = np.empty((len(q), self.own.count, width))
         cdef const double[:, :] places = q, rates = v, second = a
         cdef kernel_t function = <kernel_t><uintptr_t>self.kernels[kernel]
         cdef Py_ssize_t row, element, k, place
@@ -151,49 +215,13 @@ cdef class Elements(Part):
         for what in (v, a):
             at_least("rows of states", len(what), len(q))
         for row in range(found.shape[0]):
-            for element in range(self.count):
-                for k in range(self.size):
-                    place = self.places[element * self.size + k]
+            for element in range(self.own.count):
+                for k in range(self.own.size):
+                    place = self.places[element * self.own.size + k]
                     at_least("unknowns in states", min(places.shape[1], rates.shape[1], second.shape[1]), place + 1)
                     states[0, k], states[1, k], states[2, k] = places[row, place], rates[row, place], second[row, place]
-                function(&none, &states[0, 0], &states[1, 0], &self.properties[element * self.apart], NULL, &found[row, element, 0])
+                function(&none, &states[0, 0], &states[1, 0], &self.properties[element * self.own.stride], NULL, &found[row, element, 0])
         return found.base
-
-    cdef inline void call(self, kernel_t kernel, const states *s, Py_ssize_t row, Py_ssize_t element) noexcept:
-        cdef Py_ssize_t k, n = self.size, at = row * s.unknowns, place
-        for k in range(n):
-            place = at + self.places[element * n + k]
-            self.state[k], self.state[n + k], self.state[2 * n + k] = s.q[place], s.v[place], s.a[place]
-        kernel(s.t + row, &self.state[0], &self.state[n], &self.properties[element * self.apart], NULL, &self.out[0])
-
-    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
-        cdef Py_ssize_t row, element, k
-        if forces == NULL:
-            return 0
-        for row in range(s.count):
-            for element in range(self.count):
-                self.call(self.residual, s, row, element)
-                for k in range(self.size):
-                    forces[row * s.unknowns + self.places[element * self.size + k]] += self.out[k]
-        return 0
-
-    cdef int add_slopes(self, const states *s, matrices *to) except -1:
-        cdef Py_ssize_t element, k, i, entries = self.size * self.size
-        for element in range(self.count):
-            self.call(self.tangent, s, 0, element)
-            for i in range(3):
-                for k in range(entries):
-                    to.of[i * to.size + self.slots[element * entries + k]] += self.out[i * entries + k]
-        return 0
-
-    cdef double dissipation(self, const states *s, Py_ssize_t row):
-        cdef Py_ssize_t element
-        cdef double power = 0.0
-        if self.damped:
-            for element in range(self.count):
-                self.call(self.energies, s, row, element)
-                power += self.out[3]
-        return power
 
 
 cdef class Rows(Part):
@@ -215,103 +243,49 @@ cdef class Rows(Part):
         Their values; None where the kernel writes second slopes behind the slopes.
     """
 
+    cdef rows own
     cdef readonly object read
-    cdef kernel_t row
-    cdef Py_ssize_t count, size, first, behind, own, acts
     cdef Py_ssize_t[::1] places, inner
     cdef double[::1] factors, properties, acting, curvature, out
 
     def __init__(self, uintptr_t kernel, places, slopes, Py_ssize_t first, factors, properties, acting, inner, curvature):
-        self.row, self.first = <kernel_t>kernel, first
-        self.count, self.size = places.shape
-        self.behind, self.own, self.acts = factors.shape[1], properties.shape[1], acting.shape[1]
-        if max(self.size, self.behind, self.acts) > _WIDEST:
-            raise ValueError(f"expected at most {_WIDEST} numbers of a row, got {self.size}, {self.behind}, {self.acts}")
+        cdef rows *own = &self.own
+        self.of, own.row, own.first = &own.part, <kernel_t>kernel, first
+        own.count, own.size = places.shape
+        own.factors_of, own.properties_of, own.acting_of = factors.shape[1], properties.shape[1], acting.shape[1]
+        if max(own.size, own.factors_of, own.acting_of) > WIDEST_ROW:
+            raise ValueError(f"expected at most {WIDEST_ROW} numbers of a row, got {own.size}, {own.factors_of}, {own.acting_of}")
         for of in (slopes, factors, properties, acting):
-            at_least("rows", len(of), self.count)
+            at_least("rows", len(of), own.count)
+        self.read, self.places, self.inner = places, _places(places), _places(inner)
+        self.factors, self.properties, self.acting = _numbers(factors), _numbers(properties), _numbers(acting)
+        own.inner_count, own.inner, own.curvature = len(inner), &self.inner[0], NULL
         if curvature is not None:
             at_least("second slopes", len(curvature), len(inner))
-        self.read = places
-        self.places, self.factors, self.properties, self.acting = _places(places), _numbers(factors), _numbers(properties), _numbers(acting)
-        self.inner, self.curvature = _places(inner), None if curvature is None else _numbers(curvature)
-        self.out = np.zeros(2 + self.size + self.size ** 2)
-        self.bound = np.array([np.repeat(first + np.arange(self.count), self.size), slopes.ravel()])
-        row, i, j = np.unravel_index(inner, (self.count, self.size, self.size))
+            self.curvature = _numbers(curvature)
+            own.curvature = &self.curvature[0]
+        self.out = np.zeros(2 + own.size + own.size ** 2)
+        own.places, own.factors, own.properties = &self.places[0], &self.factors[0], &self.properties[0]
+        own.acting, own.out = &self.acting[0], &self.out[0]
+        self.bound = np.array([np.repeat(first + np.arange(own.count), own.size), slopes.ravel()])
+        row, i, j = np.unravel_index(inner, (own.count, own.size, own.size))
         self.pairs = np.stack([places[row, i], places[row, j]])
-
-    cdef inline void call(self, const states *s, Py_ssize_t row, Py_ssize_t k) noexcept:
-        cdef Py_ssize_t i, place, n = s.unknowns
-        cdef double[3 * _WIDEST] state
-        cdef double[_WIDEST] acting
-        for i in range(self.size):
-            place = self.places[k * self.size + i]
-            state[i] = _of(s.q + row * n, n, s.known_of + row * s.known, place)
-            state[self.size + i] = _of(s.v + row * n, n, s.known_rates + row * s.known, place)
-        memcpy(state + 2 * self.size, &self.factors[k * self.behind], self.behind * sizeof(double))
-        memcpy(acting, &self.acting[k * self.acts], self.acts * sizeof(double))
-        self.row(s.t + row, state, state + self.size, &self.properties[k * self.own], acting, &self.out[0])
-
-    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
-        cdef Py_ssize_t row, k, i, place, at
-        for row in range(s.count):
-            for k in range(self.count):
-                self.call(s, row, k)
-                at = row * s.multipliers + self.first + k
-                if errors != NULL:
-                    errors[at] += self.out[0]
-                if rates != NULL:
-                    rates[at] += self.out[1]
-                if forces == NULL:
-                    continue
-                for i in range(self.size):
-                    place = self.places[k * self.size + i]
-                    if place < s.unknowns:
-                        forces[row * s.unknowns + place] += self.out[2 + i] * s.multipliers_of[at]
-        return 0
-
-    cdef int add_slopes(self, const states *s, matrices *to) except -1:
-        cdef Py_ssize_t k, i, entry = 0, square = self.size * self.size
-        cdef double second
-        for k in range(self.count):
-            self.call(s, 0, k)
-            for i in range(self.size):
-                self.bind(to, k * self.size + i, self.out[2 + i])
-            while entry < self.inner.shape[0] - 1 and self.inner[entry] // square == k:
-                second = self.curvature[entry] if self.curvature is not None else self.out[2 + self.size + self.inner[entry] % square]
-                to.of[2 * to.size + self.slots[entry]] += second * s.multipliers_of[self.first + k]
-                entry += 1
-        return 0
+        API.bind_rows(own)
 
 
 cdef class Ties(Part):
     """Linear constraints: entries with row, place and factor."""
 
-    cdef Py_ssize_t count
+    cdef ties own
     cdef Py_ssize_t[::1] rows, places
     cdef double[::1] factors
 
     def __init__(self, rows, places, factors):
-        self.count, self.rows, self.places, self.factors = len(rows), _places(rows), _places(places), _numbers(factors)
+        self.rows, self.places, self.factors = _places(rows), _places(places), _numbers(factors)
+        self.own.count, self.own.rows, self.own.places = len(rows), &self.rows[0], &self.places[0]
+        self.of, self.own.factors = &self.own.part, &self.factors[0]
         self.pairs, self.bound = np.zeros((2, 0), dtype=np.intp), np.array([rows, places], dtype=np.intp)
-
-    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
-        cdef Py_ssize_t row, k, place, at, n = s.unknowns
-        for row in range(s.count):
-            for k in range(self.count):
-                place, at = self.places[k], row * s.multipliers + self.rows[k]
-                if forces != NULL and place < n:
-                    forces[row * n + place] += self.factors[k] * s.multipliers_of[at]
-                if errors != NULL:
-                    errors[at] += self.factors[k] * _of(s.q + row * n, n, s.known_of + row * s.known, place)
-                if rates != NULL:
-                    rates[at] += self.factors[k] * _of(s.v + row * n, n, s.known_rates + row * s.known, place)
-        return 0
-
-    cdef int add_slopes(self, const states *s, matrices *to) except -1:
-        cdef Py_ssize_t k
-        for k in range(self.count):
-            self.bind(to, k, self.factors[k])
-        return 0
+        API.bind_ties(&self.own)
 
 
 cdef class Rigid(Part):
@@ -327,98 +301,56 @@ cdef class Rigid(Part):
         Unknowns (entries, 2) of the entries of mass, damping and stiffness from ``joints``.
     """
 
+    cdef rigid own
     cdef object owners
-    cdef kernel_t joints, rates, constraints, energy
-    cdef Py_ssize_t n, count, load, jacobian, columns, power
     cdef Py_ssize_t[::1] in_jacobian, of_rows
-    cdef Py_ssize_t[3] at, entries
     cdef double[::1] p_joints, p, sizes, work, spare, out
 
     def __init__(self, rigid, joints, rows, in_jacobian, sizes, entries):
+        cdef uintptr_t address
         names = ("mass_matrix", "damping", "stiffness")
-        info, owners = joints.info("joints"), [rigid, joints]
+        info, self.owners, self.of = joints.info("joints"), [rigid, joints], &self.own.part
         blocks = {block.name: block for block in info.blocks}
-        self.owners, self.n, self.count = owners, rigid.description.coordinates, len(rows)
-        self.joints = <kernel_t><uintptr_t>joints.library.addresses["joints"]
+        self.own.n, self.own.count = rigid.description.coordinates, len(rows)
+        address = joints.library.addresses["joints"]
+        self.own.joints = <kernel_t>address
         widest, work = info.out_size, info.work_size
-        if self.count:
+        if self.own.count:
             for name in ("velocity_constraints", "constraints"):
                 other = rigid.info(name)
                 widest, work = max(widest, other.out_size), max(work, other.work_size)
-            self.rates = <kernel_t><uintptr_t>rigid.library.addresses["velocity_constraints"]
-            self.constraints = <kernel_t><uintptr_t>rigid.library.addresses["constraints"]
-            self.jacobian, self.columns = blocks["jacobian"].offset, blocks["jacobian"].shape[1]
-        self.load, self.power = blocks["load"].offset, -1
+            address = rigid.library.addresses["velocity_constraints"]
+            self.own.rates = <kernel_t>address
+            address = rigid.library.addresses["constraints"]
+            self.own.constraints = <kernel_t>address
+            self.own.jacobian, self.own.columns = blocks["jacobian"].offset, blocks["jacobian"].shape[1]
+        self.own.load = blocks["load"].offset
         other = joints.info("energy")
         powers = [block.offset for block in other.blocks if block.name == "power"]
         if powers:
-            (self.power,), self.loaded = powers, True
+            (self.own.power,) = powers
             widest, work = max(widest, other.out_size), max(work, other.work_size)
-            self.energy = <kernel_t><uintptr_t>joints.library.addresses["energy"]
-        self.p_joints, self.p = _numbers(joints.parameters), _numbers(rigid.parameters)
-        self.of_rows, self.in_jacobian, self.sizes = _places(rows), _places(in_jacobian), _numbers(sizes)
-        self.work = np.zeros(max(work, self.n + len(rigid.description.constraints)) + 1)
+            address = joints.library.addresses["energy"]
+            self.own.energy = <kernel_t>address
+        self.p, self.sizes = _numbers(rigid.parameters), _numbers(sizes)
+        self.of_rows, self.in_jacobian = _places(rows), _places(in_jacobian)
+        self.work = np.zeros(max(work, self.own.n + len(rigid.description.constraints)) + 1)
         self.spare, self.out = np.zeros(work + 1), np.zeros(widest + 1)
+        self.own.p, self.own.sizes, self.own.of_rows, self.own.in_jacobian = &self.p[0], &self.sizes[0], &self.of_rows[0], &self.in_jacobian[0]
+        self.own.work, self.own.spare, self.own.out = &self.work[0], &self.spare[0], &self.out[0]
         for k, name in enumerate(names):
-            self.entries[k], self.at[k] = len(entries[k]), blocks[name].offset if len(entries[k]) else 0
+            self.own.entries[k], self.own.at[k] = len(entries[k]), blocks[name].offset if len(entries[k]) else 0
         self.pairs = np.concatenate([np.reshape(of, (-1, 2)) for of in entries]).T.astype(np.intp)
-        self.bound = np.indices((self.count, self.n)).reshape(2, -1)
+        self.bound = np.indices((self.own.count, self.own.n)).reshape(2, -1)
+        self.take_parameters(joints.parameters)
+        API.bind_rigid(&self.own)
 
     def take_parameters(self, joints):
         """Take other parameters of ``elastic_joints``."""
-        at_least("parameters", len(joints), len(self.p_joints) - 1)
+        if self.p_joints is not None:
+            at_least("parameters", len(joints), len(self.p_joints) - 1)
         self.p_joints = _numbers(joints)
-
-    cdef inline void call(self, const states *s, Py_ssize_t row) noexcept:
-        cdef Py_ssize_t k
-        cdef const double *q = s.q + row * s.unknowns
-        memcpy(&self.work[0], s.a + row * s.unknowns, self.n * sizeof(double))
-        for k in range(self.count):
-            self.work[self.n + self.of_rows[k]] = s.multipliers_of[row * s.multipliers + k] / self.sizes[k]
-        self.joints(s.t + row, q, s.v + row * s.unknowns, &self.p_joints[0], &self.work[0], &self.out[0])
-
-    cdef inline void scaled(self, kernel_t kernel, const states *s, Py_ssize_t row, double *to) noexcept:
-        cdef Py_ssize_t k, at = row * s.unknowns
-        kernel(s.t + row, s.q + at, s.v + at, &self.p[0], &self.spare[0], &self.out[0])
-        for k in range(self.count):
-            to[row * s.multipliers + k] += self.out[self.of_rows[k]] / self.sizes[k]
-
-    cdef double input(self, const states *s, Py_ssize_t row):
-        if self.power < 0:
-            return 0.0
-        memcpy(&self.work[0], s.a + row * s.unknowns, self.n * sizeof(double))
-        self.energy(s.t + row, s.q + row * s.unknowns, s.v + row * s.unknowns, &self.p_joints[0], &self.work[0], &self.out[0])
-        return self.out[self.power]
-
-    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
-        cdef Py_ssize_t row, k, i, at
-        for row in range(s.count):
-            if forces != NULL:
-                self.call(s, row)
-                for i in range(self.n):
-                    forces[row * s.unknowns + i] -= self.out[self.load + i]
-                for k in range(self.count):
-                    at = self.jacobian + self.in_jacobian[k] * self.columns
-                    for i in range(self.n):
-                        forces[row * s.unknowns + i] += self.out[at + i] * s.multipliers_of[row * s.multipliers + k]
-            if rates != NULL and self.count:
-                self.scaled(self.rates, s, row, rates)
-            if errors != NULL and self.count:
-                self.scaled(self.constraints, s, row, errors)
-        return 0
-
-    cdef int add_slopes(self, const states *s, matrices *to) except -1:
-        cdef Py_ssize_t k, i, at, slot = 0
-        self.call(s, 0)
-        for i in range(3):
-            for k in range(self.entries[i]):
-                to.of[i * to.size + self.slots[slot]] += self.out[self.at[i] + k]
-                slot += 1
-        for k in range(self.count):
-            at = self.jacobian + self.in_jacobian[k] * self.columns
-            for i in range(self.n):
-                self.bind(to, k * self.n + i, self.out[at + i])
-        return 0
+        self.own.p_joints = &self.p_joints[0]
 
 
 cdef class Added(Part):
@@ -428,34 +360,58 @@ cdef class Added(Part):
     ``power()``: power of loads among these forces [W] at the last states of ``forces``, (times,).
     """
 
-    cdef object forces_of, slopes_of, power_of
+    cdef added own
+    cdef object forces_of, slopes_of, power_of, error
+    cdef double[::1] found
 
     def __init__(self, forces, slopes, places, power):
         self.forces_of, self.slopes_of, self.power_of = forces, slopes, power
         self.pairs, self.bound = np.array([places, places], dtype=np.intp), np.zeros((2, 0), dtype=np.intp)
+        self.own.entries, self.found = len(places), np.zeros(3 * len(places) + 1)
+        self.of, self.own.owner, self.own.found = &self.own.part, <void *>self, &self.found[0]
+        self.own.forces, self.own.slopes, self.own.power = _forces, _slopes, _power
+        API.bind_added(&self.own)
 
-    cdef int evaluate(self, const states *s, double *forces, double *errors, double *rates) except -1:
-        cdef Py_ssize_t k
-        cdef double[:, ::1] found
-        if forces == NULL:
-            return 0
-        t = np.array([s.t[k] for k in range(s.count)])
-        found = np.ascontiguousarray(self.forces_of(t, *(_copied(x, s.count, s.unknowns) for x in (<uintptr_t>s.q, <uintptr_t>s.v, <uintptr_t>s.a))))
+    cdef int check(self) except -1:
+        if self.error is not None:
+            error, self.error = self.error, None
+            raise error
+        return 0
+
+
+cdef void _forces(void *owner, const states *s, double *forces) noexcept with gil:
+    cdef Added of = <Added>owner
+    cdef double[:, ::1] found
+    cdef Py_ssize_t k
+    try:
+        t = _copied(<uintptr_t>s.t, 1, s.count)[0]
+        found = np.ascontiguousarray(of.forces_of(t, *(_copied(x, s.count, s.unknowns) for x in (<uintptr_t>s.q, <uintptr_t>s.v, <uintptr_t>s.a))))
         for k in range(s.count * s.unknowns):
             forces[k] += (&found[0, 0])[k]
-        return 0
+    except BaseException as error:
+        of.error = of.error or error
+        forces[0] = NAN
 
-    cdef int add_slopes(self, const states *s, matrices *to) except -1:
-        cdef Py_ssize_t i, k
-        cdef double[:, ::1] found = np.ascontiguousarray(self.slopes_of(
-            np.array([s.t[0]]), *(_copied(x, 1, s.unknowns) for x in (<uintptr_t>s.q, <uintptr_t>s.v))))
-        for i in range(3):
-            for k in range(found.shape[1]):
-                to.of[i * to.size + self.slots[k]] += found[i, k]
-        return 0
 
-    cdef double input(self, const states *s, Py_ssize_t row):
-        return self.power_of()[row]
+cdef void _slopes(void *owner, const states *s, double *into) noexcept with gil:
+    cdef Added of = <Added>owner
+    cdef double[:, ::1] found
+    try:
+        if of.own.entries:
+            t = _copied(<uintptr_t>s.t, 1, 1)[0]
+            found = np.ascontiguousarray(of.slopes_of(t, *(_copied(x, 1, s.unknowns) for x in (<uintptr_t>s.q, <uintptr_t>s.v))))
+            memcpy(into, &found[0, 0], 3 * of.own.entries * sizeof(double))
+    except BaseException as error:
+        of.error = of.error or error
+
+
+cdef double _power(void *owner, Py_ssize_t row) noexcept with gil:
+    cdef Added of = <Added>owner
+    try:
+        return of.power_of()[row]
+    except BaseException as error:
+        of.error = of.error or error
+        return NAN
 
 
 cdef object _copied(uintptr_t raw, Py_ssize_t rows, Py_ssize_t columns):
@@ -474,110 +430,94 @@ cdef class Constrained:
     """
 
     cdef tuple parts
-    cdef bint loaded
-    cdef envelope envelope
+    cdef system own
     cdef states at
-    cdef matrices to
-    cdef readonly object pattern, entries
-    cdef Py_ssize_t size
+    cdef readonly object pattern
     cdef Py_ssize_t[::1] first, starts, position
-    cdef double[:, ::1] values
+    cdef uintptr_t[::1] heads
+    cdef double[:, ::1] values, sides
 
     def __init__(self, Py_ssize_t unknowns, Py_ssize_t multipliers, Py_ssize_t known, pattern, parts):
-        self.pattern, self.parts, self.size = pattern, tuple(parts), pattern.size
-        self.at.unknowns, self.at.multipliers, self.at.known = unknowns, multipliers, known
+        cdef Part each
+        cdef system *own = &self.own
+        self.pattern, self.parts = pattern, tuple(parts)
+        own.unknowns, own.multipliers, own.known, own.count = unknowns, multipliers, known, len(self.parts)
         self.first, self.starts, self.position = _places(pattern.first), _places(pattern.starts), _places(pattern.position)
-        self.envelope.n, self.envelope.first, self.envelope.at = unknowns + multipliers, &self.first[0], &self.starts[0]
-        self.loaded = any([(<Part>part).loaded for part in self.parts])
-        for part in self.parts:
-            _within("unknowns", part.pairs, 0, unknowns)
-            _within("rows of constraints", part.bound[0], 0, multipliers)
-            _within("places of constraints", part.bound[1], 0, unknowns + known)
-            if isinstance(part, Rows):
-                _within("places of states", part.read, 0, unknowns + known)
-            part.take(pattern, unknowns)
-        self.values = np.zeros((4, self.size))
-        self.to.size, self.to.of = self.size, &self.values[0, 0]
+        own.envelope.n, own.envelope.first, own.envelope.at = unknowns + multipliers, &self.first[0], &self.starts[0]
+        self.heads = np.zeros(own.count + 1, dtype=np.uintp)
+        for k, each in enumerate(self.parts):
+            _within("unknowns", each.pairs, 0, unknowns)
+            _within("rows of constraints", each.bound[0], 0, multipliers)
+            _within("places of constraints", each.bound[1], 0, unknowns + known)
+            if isinstance(each, Rows):
+                _within("places of states", each.read, 0, unknowns + known)
+            each.take(pattern, unknowns)
+            self.heads[k] = <uintptr_t>each.of
+        self.values, self.sides = np.zeros((4, pattern.size)), np.zeros((2, unknowns + multipliers + 1))
+        own.parts, own.position, own.slopes.size = <const part **>&self.heads[0], &self.position[0], pattern.size
+        own.slopes.by_a, own.slopes.by_v, own.slopes.by_q, own.slopes.jacobian = (
+            &self.values[0, 0], &self.values[1, 0], &self.values[2, 0], &self.values[3, 0])
+        own.x, own.y = &self.sides[0, 0], &self.sides[1, 0]
 
     def _take(self, t, q, v, a, multipliers, known, known_rates):
         """Point to states at ``count`` times; return arrays that must stay alive."""
-        cdef Py_ssize_t count = len(t), n = self.at.unknowns, m = self.at.multipliers, k = self.at.known
-        rows = [np.ascontiguousarray(t, dtype=float)]
+        cdef Py_ssize_t count = len(t), n = self.own.unknowns, m = self.own.multipliers, k = self.own.known
+        kept = [np.ascontiguousarray(t, dtype=float)]
         for values, width in zip((q, v, a, multipliers, known, known_rates), (n, n, n, m, k, k)):
             # An empty array has no address.
             row = np.zeros((count, 1)) if width == 0 else np.ascontiguousarray(values, dtype=float)
             if row.shape != (count, max(width, 1)):
                 raise ValueError(f"expected {count} rows of {width} numbers, got {row.shape}")
-            rows.append(row)
-        self.point(count, rows)
-        return rows
+            kept.append(row)
+        self.point(count, kept)
+        return kept
 
-    cdef int point(self, Py_ssize_t count, list rows) except -1:
-        cdef const double[::1] t = rows[0]
-        cdef const double[:, ::1] q = rows[1], v = rows[2], a = rows[3], m = rows[4], known = rows[5], moving = rows[6]
-        self.at.count, self.at.t, self.at.q, self.at.v, self.at.a = count, &t[0], &q[0, 0], &v[0, 0], &a[0, 0]
-        self.at.multipliers_of, self.at.known_of, self.at.known_rates = &m[0, 0], &known[0, 0], &moving[0, 0]
+    cdef int point(self, Py_ssize_t count, list of) except -1:
+        cdef const double[::1] t = of[0]
+        cdef const double[:, ::1] q = of[1], v = of[2], a = of[3], m = of[4], known = of[5], moving = of[6]
+        self.at = states(
+            count, self.own.unknowns, self.own.multipliers, self.own.known, &t[0], &q[0, 0], &v[0, 0], &a[0, 0],
+            &m[0, 0], &known[0, 0], &moving[0, 0])
         return 0
 
-    cdef int evaluate(self, double *forces, double *errors, double *rates) except -1:
-        cdef Part part
-        for part in self.parts:
-            part.evaluate(&self.at, forces, errors, rates)
+    cdef int check(self) except -1:
+        cdef Part each
+        for each in self.parts:
+            each.check()
         raise_failure()
         return 0
 
     def forces(self, *state):
         """Return M a + ... + J^T lambda, (times, unknowns), of states: t, q, v, a, multipliers, known, known_rates."""
         kept = self._take(*state)
-        cdef double[:, ::1] found = np.zeros((self.at.count, self.at.unknowns))
-        self.evaluate(&found[0, 0], NULL, NULL)
+        cdef double[:, ::1] found = np.zeros((self.at.count, self.own.unknowns))
+        API.evaluate(&self.own, &self.at, &found[0, 0], NULL, NULL)
+        self.check()
         return found.base
 
     def rows(self, t, q, v, known, known_rates):
         """Return the constraints Phi and their rates J v + Phi_t, (times, multipliers) each."""
-        cdef double[:, :, ::1] found = np.zeros((2, len(t), max(self.at.multipliers, 1)))
-        kept = self._take(t, q, v, q, np.zeros((len(t), self.at.multipliers)), known, known_rates)
-        self.evaluate(NULL, &found[0, 0, 0], &found[1, 0, 0])
-        return found.base[:, :, :self.at.multipliers]
+        cdef double[:, :, ::1] found = np.zeros((2, len(t), max(self.own.multipliers, 1)))
+        kept = self._take(t, q, v, q, np.zeros((len(t), self.own.multipliers)), known, known_rates)
+        API.evaluate(&self.own, &self.at, NULL, &found[0, 0, 0], &found[1, 0, 0])
+        self.check()
+        return found.base[:, :, :self.own.multipliers]
 
     def slopes(self, *state):
         """Return slopes by second rates, rates and places, and slopes of constraints, (4, slots), at one state."""
         kept = self._take(*state)
-        self.refresh()
+        API.refresh(&self.own, &self.at)
+        self.check()
         return self.values.base.copy()
 
     def accelerated(self, right, *state):
         """Return second rates and multipliers for a right-hand side of M a + J^T lambda, J a, at one state."""
-        cdef double[::1] x = np.zeros(len(right)), factors = np.empty(self.size)
+        cdef double[::1] x = np.array(right, dtype=float), factors = np.empty(self.own.slopes.size)
         kept = self._take(*state)
-        self.refresh()
-        if not self.factor(0.0, factors, None):
-            return np.full(len(right), np.nan)
-        x.base[self.pattern.position] = right
-        API.envelope_solve(&self.envelope, &factors[0], NULL, &x[0], NULL)
-        return x.base[self.pattern.position]
-
-    cdef int refresh(self) except -1:
-        cdef Part part
-        self.values[:, :] = 0.0
-        for part in self.parts:
-            part.add_slopes(&self.at, &self.to)
-        raise_failure()
-        return 0
-
-    cdef bint factor(self, double complex g, double[::1] re, double[::1] im):
-        """Factorise M + g C + g^2 K with the constraints; M alone without imaginary parts."""
-        cdef Py_ssize_t k
-        cdef double complex square = g * g
-        cdef double[:, ::1] of = self.values
-        if im is None:
-            for k in range(self.size):
-                re[k] = of[0, k] + of[3, k]
-            return API.envelope_factor(&self.envelope, &re[0], NULL)
-        for k in range(self.size):
-            re[k] = of[0, k] + of[3, k] + g.real * of[1, k] + square.real * of[2, k]
-            im[k] = g.imag * of[1, k] + square.imag * of[2, k]
-        return API.envelope_factor(&self.envelope, &re[0], &im[0])
+        at_least("numbers of a right-hand side", len(x), self.own.unknowns + self.own.multipliers)
+        API.refresh(&self.own, &self.at)
+        self.check()
+        return x.base if API.accelerate(&self.own, &factors[0], &x[0]) else np.full(len(x), np.nan)
 
 
 cdef class Steps:
@@ -596,201 +536,89 @@ cdef class Steps:
     """
 
     cdef Constrained of
-    cdef double h, close
-    cdef Py_ssize_t stages, pairs
-    cdef double[:, ::1] a, aa
-    cdef double[::1] b, ba, c, scale
-    cdef double complex[::1] eigenvalues
-    cdef double complex[:, ::1] vectors, rows
-    cdef list factors
-    cdef double[::1] metric, x, y
-    cdef double[:, ::1] q, v, forces, rates, change
-    #: Numbers of steps and of corrections.
-    cdef readonly Py_ssize_t steps, corrections
+    cdef Memory memory
+    cdef collocation *own
+    cdef double[::1] coefficients, scale
+    cdef double complex[::1] pairs
 
     def __init__(self, Constrained of, method, double h, scale, double close):
-        self.close = close
         values, vectors = np.linalg.eig(method.a)
         # The second factor of each pair is the complex conjugate.
         pairs = np.flatnonzero(values.imag > 0.0)
-        n, m, stages = of.at.unknowns, of.at.multipliers, len(method.c)
-        self.of, self.h, self.stages, self.pairs = of, h, stages, len(pairs)
-        arrays = method.arrays
-        self.a, self.aa, self.b, self.ba, self.c = (np.ascontiguousarray(arrays[k]) for k in ("a", "aa", "b", "ba", "c"))
-        self.eigenvalues, self.vectors = h * values[pairs], np.ascontiguousarray(vectors[:, pairs])
-        self.rows = np.ascontiguousarray(np.linalg.inv(vectors)[pairs])
-        self.factors = [np.zeros((2, of.size)) for _ in pairs]
-        self.metric, self.scale = np.zeros(of.size), _numbers(scale)
-        self.x, self.y = np.zeros((2, n + m + 1))
-        self.q, self.v, self.forces = np.zeros((3, stages, n))
-        self.rates, self.change = np.zeros((stages, max(m, 1))), np.zeros((stages, n + m))
-        self.steps = self.corrections = 0
+        cdef Py_ssize_t stages = len(method.c), count = len(pairs), square = stages * stages
+        self.of = of
+        self.memory = memory_of(sizeof(collocation), API.collocation_bytes(&of.own, stages, count))
+        cdef collocation *own = <collocation *>self.memory.structure
+        self.own, own.of, own.stages, own.pairs, own.h, own.close = own, &of.own, stages, count, h, close
+        self.scale = _numbers(scale)
+        self.coefficients = np.concatenate([np.ravel(method.arrays[k]) for k in ("a", "aa", "b", "ba", "c")])
+        own.scale, own.a, own.aa = &self.scale[0], &self.coefficients[0], &self.coefficients[square]
+        own.b, own.ba = &self.coefficients[2 * square], &self.coefficients[2 * square + stages]
+        own.c = &self.coefficients[2 * square + 2 * stages]
+        self.pairs = np.concatenate([h * values[pairs], np.ravel(vectors[:, pairs]), np.ravel(np.linalg.inv(vectors)[pairs])])
+        own.eigenvalues, own.vectors = <double *>&self.pairs[0], <double *>&self.pairs[count]
+        own.inverse = <double *>&self.pairs[count + stages * count]
+        API.collocation_bind(own, self.memory.at)
 
-    def step(self, double t, q, v, a, multipliers, guess, known, known_rates):
-        """Take a step; return places, rates, second rates and multipliers of its stages, and work. None if it fails.
+    @property
+    def steps(self):
+        """Number of steps."""
+        return self.own.steps
 
-        ``guess`` are second rates (stages, unknowns) and multipliers (stages, multipliers); ``known`` and
-        ``known_rates`` are prescribed numbers and their rates in the middle, at the stages, and at the end.
-        """
-        cdef Py_ssize_t stages = self.stages
-        times = t + self.h * np.concatenate([[0.5], self.c, [1.0]])
-        half = q + self.h / 2 * v
-        kept = self.of._take(times[:1], half[None], v[None], a[None], multipliers[None], known[:1], known_rates[:1])
-        self.of.refresh()
-        cdef Py_ssize_t k
-        for k in range(self.pairs):
-            re, im = self.factors[k]
-            if not self.of.factor(self.eigenvalues[k], re, im):
-                return None
-        second, forces = guess[0].copy(), guess[1].copy()
-        at = slice(1, 1 + stages)
-        kept = self.of._take(times[at], self.q.base, self.v.base, second, forces, known[at], known_rates[at])
-        if not self.corrected(q, v, second, forces):
-            return None
-        self.steps += 1
-        return self.ended(times, q, v, second, forces, known, known_rates)
+    @property
+    def corrections(self):
+        """Number of corrections of all steps."""
+        return self.own.corrections
 
-    cdef int move(self, const double[::1] q, const double[::1] v, const double[:, ::1] a) except -1:
-        """Set places and rates of the stages."""
-        cdef Py_ssize_t i, j, k
-        cdef double place, rate
-        for i in range(self.stages):
-            for k in range(q.shape[0]):
-                place = rate = 0.0
-                for j in range(self.stages):
-                    place += self.aa[i, j] * a[j, k]
-                    rate += self.a[i, j] * a[j, k]
-                self.q[i, k] = q[k] + self.h * (self.c[i] * v[k] + self.h * place)
-                self.v[i, k] = v[k] + self.h * rate
-        return 0
+    def start(self, double t, q, v, a, multipliers, guess, double work):
+        """Set the motion at the end of a step, with second rates and multipliers of its stages (stages, numbers)."""
+        cdef Py_ssize_t n = self.of.own.unknowns, m = self.of.own.multipliers, stages = self.own.stages
+        self.own.t, self.own.work = t, work
+        _fill(self.own.q, q, n)
+        _fill(self.own.v, v, n)
+        _fill(self.own.a_now, a, n)
+        _fill(self.own.lambda_now, multipliers, m)
+        _fill(self.own.a_of, guess[0], stages * n)
+        _fill(self.own.lambda_of, guess[1], stages * m)
 
-    cdef bint corrected(self, const double[::1] q, const double[::1] v, double[:, ::1] a, double[:, ::1] multipliers) except *:
-        """Correct second rates and multipliers of the stages; False if corrections do not converge."""
-        cdef Py_ssize_t i, j, k, n = q.shape[0], m = self.of.at.multipliers
-        cdef double size, earlier = 0.0, before = 0.0, rate = 1.0, place, speed, fastest = _SPACING / (self.close * self.h)
-        cdef int count
-        for count in range(_MOST):
-            self.move(q, v, a)
-            # Of this step alone: a resumed run has the same bits.
-            for i in range(self.stages):
-                for k in range(n):
-                    fastest = max(fastest, fabs(self.v[i, k]) / self.scale[k])
-            self.forces[:, :] = 0.0
-            self.rates[:, :] = 0.0
-            self.of.evaluate(&self.forces[0, 0], NULL, &self.rates[0, 0])
-            self.solve()
-            size = 0.0
-            for i in range(self.stages):
-                for k in range(n):
-                    place = speed = 0.0
-                    for j in range(self.stages):
-                        place += self.aa[i, j] * self.change[j, k]
-                        speed += self.a[i, j] * self.change[j, k]
-                    place, speed = fabs(self.h * self.h * place / self.scale[k]), fabs(self.h * speed / self.scale[k])
-                    if not isfinite(place + speed):
-                        return False
-                    size = max(size, place, speed / fastest)
-            for i in range(self.stages):
-                for k in range(n):
-                    a[i, k] += self.change[i, k]
-                for k in range(m):
-                    multipliers[i, k] += self.change[i, n + k]
-            self.corrections += 1
-            if count:
-                rate = size / before if before else 0.0
-                if before < _ROUNDING and rate > 0.5:
-                    return True
-                # Corrections by slopes in the middle of the step alternate.
-                if size > _DIVERGING * max(before, earlier) and count > 3:
-                    return False
-            if size == 0.0 or size <= self.close * max(1.0, 1.0 / rate - 1.0):
-                return True
-            earlier, before = before, size
-        return False
+    def advance(self, known, known_rates):
+        """Take steps by prescribed numbers and their rates, (steps, 2 + stages, numbers) each: in the middle of a
+        step, at its stages and at its end. Return how many succeeded: fewer where Newton's method does not converge."""
+        cdef Py_ssize_t count = len(known), width = self.own.stages + 2
+        cdef double[::1] z = _numbers(known), rates = _numbers(known_rates)
+        cdef long done
+        at_least("prescribed numbers", min(len(z), len(rates)) - 1, count * width * self.of.own.known)
+        with nogil:
+            done = API.collocation_advance(self.own, count, &z[0], &rates[0])
+        self.of.check()
+        return done
 
-    cdef int solve(self) except -1:
-        """Set corrections of second rates and multipliers, by the forces and rates of the stages."""
-        cdef Py_ssize_t i, k, pair, at, n = self.of.at.unknowns, m = self.of.at.multipliers
-        cdef double[:, ::1] factors
-        cdef double complex weight, by, z
-        self.change[:, :] = 0.0
-        for pair in range(self.pairs):
-            factors = self.factors[pair]
-            by = 1.0 / self.eigenvalues[pair]
-            for k in range(n + m):
-                z = 0.0
-                for i in range(self.stages):
-                    z = z + self.rows[pair, i] * (self.forces[i, k] if k < n else self.rates[i, k - n])
-                if k >= n:
-                    z = z * by
-                at = self.of.position[k]
-                self.x[at], self.y[at] = z.real, z.imag
-            API.envelope_solve(&self.of.envelope, &factors[0, 0], &factors[1, 0], &self.x[0], &self.y[0])
-            for i in range(self.stages):
-                weight = -2.0 * self.vectors[i, pair]
-                for k in range(n + m):
-                    at = self.of.position[k]
-                    self.change[i, k] += weight.real * self.x[at] - weight.imag * self.y[at]
-        return 0
+    @property
+    def motion(self):
+        """Time, places, rates, second rates, multipliers and work at the end of the last step."""
+        cdef Py_ssize_t n = self.of.own.unknowns, m = self.of.own.multipliers
+        return (
+            self.own.t, _taken(self.own.q, n), _taken(self.own.v, n), _taken(self.own.a_now, n),
+            _taken(self.own.lambda_now, m), self.own.work)
 
-    cdef double project(self, const double[:, ::1] rows, double[::1] values):
-        """Subtract from values the least change, in the metric of the mass matrix, that satisfies the constraints."""
-        cdef Py_ssize_t k, n = values.shape[0]
-        cdef double size = 0.0
-        for k in range(n + rows.shape[1]):
-            self.x[self.of.position[k]] = 0.0 if k < n else rows[0, k - n]
-        API.envelope_solve(&self.of.envelope, &self.metric[0], NULL, &self.x[0], NULL)
-        for k in range(n):
-            values[k] -= self.x[self.of.position[k]]
-            size = max(size, fabs(self.x[self.of.position[k]]) / self.scale[k])
-        return size
+    @property
+    def guess(self):
+        """Second rates and multipliers of the stages of the last step, (stages, numbers) each."""
+        cdef Py_ssize_t stages = self.own.stages
+        return (
+            _taken(self.own.a_of, stages * self.of.own.unknowns).reshape(stages, -1),
+            _taken(self.own.lambda_of, stages * self.of.own.multipliers).reshape(stages, self.of.own.multipliers))
 
-    cdef double work_of_loads(self, t, q, v, change, known, known_rates) except *:
-        """Return the work of inertia at moving ground by a change of the rates at the end of a step [J]."""
-        cdef double work = 0.0
-        cdef Part part
-        none = np.zeros((1, self.of.at.multipliers))
-        # Power is linear in second rates.
-        for sign, second in ((1.0, change), (-1.0, np.zeros_like(change))):
-            kept = self.of._take(t, q[None], v[None], second[None], none, known, known_rates)
-            for part in self.of.parts:
-                work += sign * part.input(&self.of.at, 0)
-        return work
 
-    cdef object ended(self, times, q, v, double[:, ::1] a, double[:, ::1] multipliers, known, known_rates):
-        """Return the end of a step, on the constraints; None if it fails."""
-        cdef Py_ssize_t i, n = self.of.at.unknowns, stages = self.stages
-        cdef double work = 0.0, power
-        cdef Part part
-        h, second = self.h, a.base
-        for i in range(stages):
-            power = 0.0
-            for part in self.of.parts:
-                power += part.input(&self.of.at, i) - part.dissipation(&self.of.at, i)
-            work += h * self.b[i] * power
-        end = q + h * v + h * h * (self.ba.base @ second)
-        rate = v + h * (self.b.base @ second)
-        if self.of.at.multipliers:
-            last = slice(1 + stages, 2 + stages)
-            # Along M^-1 J^T in the middle of the step the order of the projected rates would be lower.
-            kept = self.of._take(times[last], end[None], rate[None], second[stages - 1:], multipliers.base[stages - 1:], known[last], known_rates[last])
-            self.of.refresh()
-            if not self.of.factor(0.0, self.metric, None):
-                return None
-            for _ in range(_MOST):
-                errors, _ = self.of.rows(times[last], end[None], rate[None], known[last], known_rates[last])
-                if not self.project(np.ascontiguousarray(errors), end) > self.close:
-                    break
-            at = slice(1, 2 + stages)
-            places = np.vstack([self.q.base, end])
-            moved = self.of.rows(times[at], places, np.zeros_like(places), known[at], known_rates[at])[1]
-            work += h * float(self.b.base @ np.sum(multipliers.base * moved[:stages], axis=1))
-            before = rate.copy()
-            _, rates = self.of.rows(times[last], end[None], rate[None], known[last], known_rates[last])
-            self.project(np.ascontiguousarray(rates), rate)
-            # Impulses that put the rates on the constraints do work too; the power of the multipliers of the
-            # stages alone has the fourth order.
-            work -= float(moved[stages] @ self.x.base[self.of.position.base[n:n + self.of.at.multipliers]])
-            if self.of.loaded:
-                work += self.work_of_loads(times[last], end, rate, rate - before, known[last], known_rates[last])
-        return end, rate, second, multipliers.base, work
+cdef int _fill(double *to, values, Py_ssize_t count) except -1:
+    cdef double[::1] numbers = _numbers(values)
+    if len(numbers) - 1 != count:
+        raise ValueError(f"expected {count} numbers of a motion, got {len(numbers) - 1}")
+    memcpy(to, &numbers[0], count * sizeof(double))
+    return 0
+
+
+cdef object _taken(const double *of, Py_ssize_t count):
+    cdef double[::1] made = np.empty(count + 1)
+    memcpy(&made[0], of, count * sizeof(double))
+    return made.base[:count]

@@ -112,6 +112,9 @@ cdef extern from "core/core.h" nogil:
     cdef struct elastic_api:
         pass
 
+    cdef struct system_api:
+        pass
+
     cdef struct kinematic_lanes_api:
         pass
 
@@ -134,6 +137,7 @@ cdef extern from "core/core.h" nogil:
         void (*watch)(int (*)() noexcept nogil) noexcept nogil
         const loops_api *loops
         const elastic_api *elastic
+        const system_api *system
         const kinematics_api *kinematics
         const kinematic_lanes_api *(*kinematic_lanes)(Py_ssize_t) noexcept nogil
         const start_api *start

@@ -157,6 +157,7 @@ const struct core_api symgen_core = {
     .watch = watch,
     .loops = &symgen_loops,
     .elastic = &symgen_elastic,
+    .system = &symgen_system,
     .kinematics = &symgen_kinematics,
     .kinematic_lanes = kinematic_lanes_of,
     .start = &symgen_start,

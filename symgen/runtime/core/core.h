@@ -15,6 +15,7 @@
 #include "loops.h"
 #include "run.h"
 #include "start.h"
+#include "system.h"
 #include "variations.h"
 
 #if defined(_WIN32)
@@ -26,7 +27,7 @@
 #endif
 
 /* The binding refuses a compiled core with another version. */
-#define CORE_VERSION 18L
+#define CORE_VERSION 19L
 
 /* A run in doubles. */
 struct report {
@@ -52,6 +53,7 @@ struct core_api {
 
     const struct loops_api *loops;
     const struct elastic_api *elastic;
+    const struct system_api *system;
     const struct kinematics_api *kinematics;
     const struct kinematic_lanes_api *(*kinematic_lanes)(ptrdiff_t width);
     const struct start_api *start;

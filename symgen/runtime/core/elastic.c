@@ -109,14 +109,6 @@ static int steps_valid(const struct beam_steps *steps) {
     return ordered(&steps->system);
 }
 
-static int factor_envelope(const struct envelope *e, void *values, void *imaginary) {
-    return envelope_factor(e, values, imaginary);
-}
-
-static void solve_envelope(const struct envelope *e, const void *values, const void *imaginary, void *x, void *y) {
-    envelope_solve(e, values, imaginary, x, y);
-}
-
 const struct elastic_api symgen_elastic = {
     .motion_struct = sizeof(struct rigid_motion),
     .beams_struct = sizeof(struct beams),
@@ -142,6 +134,4 @@ const struct elastic_api symgen_elastic = {
     .steps_valid = steps_valid,
     .steps_displacements = displacements_of,
     .steps_rates = rates_of,
-    .envelope_factor = factor_envelope,
-    .envelope_solve = solve_envelope,
 };

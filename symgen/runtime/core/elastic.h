@@ -3,7 +3,6 @@
 #define SYMGEN_ELASTIC_H
 
 #include "beam_steps.h"
-#include "envelope.h"
 
 /* Views of arrays of the motion, valid as long as the motion. */
 struct motion_view {
@@ -53,9 +52,6 @@ struct elastic_api {
     int (*steps_part)(struct beam_steps *steps, double t0, double t1, long count, long from, long to, long *done);
     void *(*steps_displacements)(struct beam_steps *steps); /* one row of `columns` reals per unknown */
     void *(*steps_rates)(struct beam_steps *steps);
-
-    int (*envelope_factor)(const struct envelope *e, void *values, void *imaginary);
-    void (*envelope_solve)(const struct envelope *e, const void *values, const void *imaginary, void *x, void *y);
 };
 
 extern const struct elastic_api symgen_elastic;

@@ -1,14 +1,6 @@
-"""Steps of mechanical systems with constraints by collocation at Gauss points.
+"""Systems with constraints and their motion by collocation at Gauss points: see ``core/collocation.h``.
 
-The equation of motion M(q) a + ... + J^T lambda = 0 and the rates of the constraints, J v + Phi_t = 0, hold
-at every Gauss point. At the end of a step, places and rates are projected on the constraints along M^-1 J^T
-there, which keeps the order of both at twice the number of stages: U. M. Ascher, L. R. Petzold, Projected
-implicit Runge-Kutta methods for differential-algebraic equations, SIAM Journal on Numerical Analysis 28
-(1991). Without constraints the method conserves quadratic invariants, and dissipates nothing.
-
-In the eigenvectors of the matrix of coefficients the stages of Newton's correction separate: with an
-eigenvalue g one of them solves [M + h g C + (h g)^2 K, J^T; J, 0], with the slopes C and K of the equation by
-rates and places in the middle of the step. One of each complex pair is solved.
+Without constraints the method conserves quadratic invariants, and dissipates nothing.
 """
 
 from __future__ import annotations
@@ -32,6 +24,8 @@ from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress
 CLOSE = 1e-12
 #: Steps whose prescribed numbers are found together.
 _TOGETHER = 1024
+#: Steps between two looks at the wall time and at Ctrl-C.
+_AT_ONCE = 16
 #: Part of a step over which the rates of the constraints are differentiated in time.
 PART = 1e-3
 
@@ -187,6 +181,11 @@ class System:
         """Return the motion at the start."""
         raise NotImplementedError
 
+    @property
+    def follows(self) -> bool:
+        """Whether it takes note of the motion at the end of each step."""
+        return False
+
     def follow(self, at: Moment) -> None:
         """Take note of the motion at the end of a step, or at the start."""
 
@@ -285,30 +284,31 @@ def moved(
         guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
     else:
         moments, now, guess = resumed.moments, resumed.now, resumed.guess
+    stepper.start(now.t, now.q, now.v, now.a, now.multipliers, guess, now.work)
+    each = 1 if at_step is not None or system.follows else _AT_ONCE
     within = h * np.concatenate([[0.5], method.c, [1.0]])
     for start, end in pairwise(times[len(moments) - 1 :].tolist()):
         for first in range(0, steps, _TOGETHER):
             begun = start + h * np.arange(first, min(first + _TOGETHER, steps))[:, None]
-            known = (
+            places, rates = (
                 x.reshape(len(begun), len(within), -1) for x in system.prescribed((begun + within).ravel())
             )
-            for places, rates in zip(*known, strict=True):
+            for at in range(0, len(begun), each):
                 if pace.spent(now.t):
                     raise OutOfTime(now.t, moments, np.arange(len(moments)))
-                stepped = stepper.step(now.t, now.q, now.v, now.a, now.multipliers, guess, places, rates)
-                if stepped is None:
+                some, before = slice(at, at + each), now
+                done = stepper.advance(places[some], rates[some])
+                now = Moment(*stepper.motion)
+                if done < len(places[some]):
                     raise SimulationError(
                         f"{system.name}: Newton's method does not converge in a step of {h:.3g} s", time=now.t
                     )
-                q, v, a, multipliers, work = stepped
-                before, guess = now, (a, multipliers)
-                now = Moment(now.t + h, q, v, a[-1], multipliers[-1], now.work + work)
                 system.follow(now)
-                if at_step is not None and at_step(before, a, multipliers, now):
+                if at_step is not None and at_step(before, *stepper.guess, now):
                     return moments, stepper
         moments.append(settled(system, now, h))
         if at_sample is not None:
-            at_sample(Pause(moments, now, guess), stepper)
+            at_sample(Pause(moments, now, stepper.guess), stepper)
         if progress is not None:
             progress(end / float(times[-1]))
     return moments, stepper

@@ -164,9 +164,14 @@ class LargeLinkage(System):
         yield from ((counted, posed) for _, posed, counted in self._along)
         yield from ((counted, posed) for _, _, posed, counted in self._couples)
 
+    @property
+    def follows(self) -> bool:
+        """Whether loads count angles."""
+        return bool(self._rigid.description.windings)
+
     def follow(self, at: Moment) -> None:
         """Move the references of angles in loads."""
-        if not self._rigid.description.windings:
+        if not self.follows:
             return
         t, q, v = np.array([at.t]), at.q[None], at.v[None]
         for counted, posed in self._counts():
@@ -178,7 +183,7 @@ class LargeLinkage(System):
 
     def memory(self) -> dict[str, Array]:
         """Return the references of angles in loads, with their times."""
-        if not self._rigid.description.windings:
+        if not self.follows:
             return {}
         return {str(k): counted.references for k, (counted, _) in enumerate(self._counts())}
 
