@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH
-from symgen.mechanics.elastic.beam_matrices import BeamMatrices, Section, beam_matrices
+from symgen.mechanics.elastic.beam_matrices import BeamMatrices, ElementSection, beam_matrices
 
 Array = NDArray[np.float64]
 Vector = tuple[sp.Expr, sp.Expr]
@@ -117,7 +117,7 @@ def rigid_links(bar: Any) -> tuple[list[Link], Pairs]:
 
 def assembled(bar: Any) -> tuple[list[sp.Matrix], Pairs]:
     """Return M, C, K and Q of the whole linkage, and the definitions of their symbols."""
-    section = Section(
+    section = ElementSection(
         (sp.Float(bar.m),), (sp.Integer(0),), (sp.Float(bar.EA),), (sp.Float(bar.EI),), (sp.Integer(0),)
     )
     matrices = beam_matrices(ELEMENTS["beam8"], section)

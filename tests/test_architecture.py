@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from functools import cache
@@ -195,6 +196,19 @@ def test_every_entry_of_the_registry_exists():
 
 def test_every_part_is_ruled():
     assert {part(p) for p in FILES} <= {*ALLOWED, *TOP}
+
+
+def test_every_public_class_has_a_name_of_its_own():
+    """Readers and searches find one class by a name; scene tables end in Table where what they become has the name."""
+    found: dict[str, list[str]] = {}
+    for path in FILES:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                found.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    for path in sorted((ROOT / "runtime").glob("*.pyx")):
+        for name in re.findall(r"^cdef class (\w+)", path.read_text(encoding="utf-8"), re.MULTILINE):
+            found.setdefault(name, []).append(path.name)
+    assert {name: files for name, files in found.items() if len(files) > 1} == {}
 
 
 def test_files_and_folders_stay_small():

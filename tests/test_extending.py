@@ -29,7 +29,7 @@ from symgen.joints import JOINTS
 from symgen.joints.joint import Joint
 from symgen.loads import LOADS
 from symgen.loads.load import Load
-from symgen.loads.measure import RATES, VALUE, Term
+from symgen.loads.measure import RATES, VALUE, LoadTerm
 from symgen.loads.of_points import Length, Position
 from symgen.methods import METHODS
 from symgen.models.momentum.rows import momentum_system
@@ -72,7 +72,7 @@ class Dipole(Load):
         )
 
     def terms(self, dimension):
-        yield Term(Length(self.name, self.start, self.end), energy=-self.strength / VALUE**3)
+        yield LoadTerm(Length(self.name, self.start, self.end), energy=-self.strength / VALUE**3)
 
 
 class DragTable(Table):
@@ -99,7 +99,7 @@ class Drag(Load):
 
     def terms(self, dimension):
         speed = sp.sqrt(sum(v**2 for v in RATES[:dimension]))
-        yield Term(
+        yield LoadTerm(
             Position(self.point), force=tuple(-self.coefficient * speed * v for v in RATES[:dimension])
         )
 
@@ -123,8 +123,8 @@ class Tie(Load):
         return cls(name, *table.between)
 
     def terms(self, dimension):
-        yield Term(Position(self.start), force=(sp.Integer(1), *[sp.Integer(0)] * (dimension - 1)))
-        yield Term(Position(self.end), force=(sp.Integer(-1), *[sp.Integer(0)] * (dimension - 1)))
+        yield LoadTerm(Position(self.start), force=(sp.Integer(1), *[sp.Integer(0)] * (dimension - 1)))
+        yield LoadTerm(Position(self.end), force=(sp.Integer(-1), *[sp.Integer(0)] * (dimension - 1)))
 
 
 @pytest.fixture(scope="module", autouse=True)

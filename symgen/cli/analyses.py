@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.carrying import Request, analysis
+from symgen.cli.carrying import CommandRequest, analysis
 from symgen.cli.common import print_json
 from symgen.errors import ModelError
 
@@ -24,7 +24,7 @@ def run(ctx: typer.Context) -> None:
     A mechanism under forces is simulated, elastic links over one revolution. A driven loop is evaluated
     over its input, with all forces. The other commands select the analysis and have all of its options.
     """
-    request = Request(ctx)
+    request = CommandRequest(ctx)
     supported = request.model.capabilities
     verb = next((v for v in ("simulate", "inverse_dynamics", "kinematics") if v in supported), "simulate")
     if verb == "kinematics" and request.types:
@@ -46,7 +46,7 @@ def run(ctx: typer.Context) -> None:
 )
 def simulate(ctx: typer.Context) -> None:
     """Simulate the motion in time."""
-    Request(ctx).carry_out("simulate")
+    CommandRequest(ctx).carry_out("simulate")
 
 
 @analysis(
@@ -64,7 +64,7 @@ def kinematics(ctx: typer.Context) -> None:
     """
     from symgen.pipeline.build import build_kinematics
 
-    Request(ctx, build_kinematics).carry_out("kinematics")
+    CommandRequest(ctx, build_kinematics).carry_out("kinematics")
 
 
 @analysis(
@@ -81,7 +81,7 @@ def inverse_dynamics(ctx: typer.Context) -> None:
 
     Elastic links are treated as rigid.
     """
-    Request(ctx).carry_out("inverse_dynamics")
+    CommandRequest(ctx).carry_out("inverse_dynamics")
 
 
 @analysis(
@@ -91,7 +91,7 @@ def inverse_dynamics(ctx: typer.Context) -> None:
 )
 def equilibrium(ctx: typer.Context) -> None:
     """Find a static equilibrium, its reactions and stability."""
-    request = Request(ctx)
+    request = CommandRequest(ctx)
     at = request.options.pop("at", None)
     request.carry_out("equilibrium", **({} if at is None else {"at": _time(at, "a time")}))
 
@@ -117,7 +117,7 @@ def modes(ctx: typer.Context) -> None:
 
     Linkages vibrate about the static equilibrium, elastic links about poses of the crank.
     """
-    request = Request(ctx)
+    request = CommandRequest(ctx)
     anywhere = not request.options.pop("stable", True)
     arguments = request.arguments("modes")
     poses = [{"at": angle} for angle in arguments.pop("at", [])]
@@ -149,7 +149,7 @@ def linearise(ctx: typer.Context) -> None:
 
     They are exact derivatives of the equations of motion at a state.
     """
-    request = Request(ctx)
+    request = CommandRequest(ctx)
     about = _state(request)
     request.show("linearise", request.result("linearise", **request.arguments("linearise"), **about))
 
@@ -168,12 +168,12 @@ def sensitivity(ctx: typer.Context) -> None:
 
     An equilibrium moves with the parameters. At any other state, drives and coordinates are held constant.
     """
-    request = Request(ctx)
+    request = CommandRequest(ctx)
     about = _state(request)
     request.show("sensitivity", request.result("sensitivity", **request.arguments("sensitivity"), **about))
 
 
-def _state(request: Request) -> dict[str, Any]:
+def _state(request: CommandRequest) -> dict[str, Any]:
     """Return the argument ``at`` for a state on the command line: start, equilibrium or a time."""
     about, stable = request.options.pop("at", "start"), request.options.pop("stable", True)
     if about == "equilibrium":
@@ -210,7 +210,7 @@ def assemblies(ctx: typer.Context) -> None:
     """List the assembly modes of a mechanism, the drawn one first."""
     from symgen.pipeline.build import build_kinematics
 
-    request = Request(ctx, build_kinematics)
+    request = CommandRequest(ctx, build_kinematics)
     modes = request.result("assemblies", **request.arguments("assemblies"))
     if request.as_json:
         poses = [getattr(pose, "positions", pose) for pose in modes]
@@ -228,7 +228,7 @@ def assemblies(ctx: typer.Context) -> None:
 )
 def periodic(ctx: typer.Context) -> None:
     """Find the steady state of elastic links and its stability."""
-    Request(ctx).carry_out("periodic")
+    CommandRequest(ctx).carry_out("periodic")
 
 
 @analysis(
@@ -238,7 +238,7 @@ def periodic(ctx: typer.Context) -> None:
 )
 def quasi_static(ctx: typer.Context) -> None:
     """Compute the static deformation of elastic links under the rigid motion."""
-    Request(ctx).carry_out("quasi_static")
+    CommandRequest(ctx).carry_out("quasi_static")
 
 
 @analysis(
@@ -252,7 +252,7 @@ def large_rotation(ctx: typer.Context) -> None:
 
     This is the reference solution for linear theory, on which the other analyses are based.
     """
-    Request(ctx).carry_out("large_rotation")
+    CommandRequest(ctx).carry_out("large_rotation")
 
 
 @analysis(
@@ -276,6 +276,6 @@ def speed_response(ctx: typer.Context) -> None:
     from symgen.inspection.values import crank_speeds
 
     speeds = crank_speeds(ctx.params["speeds"])
-    request = Request(ctx)
+    request = CommandRequest(ctx)
     request.options["speeds"] = speeds
     request.carry_out("speed_response")

@@ -57,7 +57,7 @@ def analysis(
     return declared
 
 
-class Request:
+class CommandRequest:
     """A command with the options given to it, and the model of its scene.
 
     Parameters

@@ -10,7 +10,7 @@ from symgen.codegen.emit import TextAssignment, environment
 from symgen.codegen.printers import Printer
 from symgen.codegen.source import SourceFile
 from symgen.lowering.kernel import Slot
-from symgen.lowering.loop import Loops, Result, Step
+from symgen.lowering.loop import Loops, RecursionStep, StepResult
 from symgen.lowering.nodes import references, rename
 
 #: Chains per group of SIMD lanes: they fill the widest vector register. With twice as many, ten rods
@@ -35,14 +35,14 @@ class StepGroup:
 
 
 @dataclass(frozen=True, slots=True)
-class StepView:
+class LoopStepView:
     """A step as used by the templates: loads by index, expressions as final text, stores by index."""
 
     name: str
     description: str
     counts: str
     arguments: tuple[str, ...]
-    results: tuple[Result, ...]
+    results: tuple[StepResult, ...]
     groups: tuple[StepGroup, ...]
     loads: tuple[tuple[str, str, int], ...]
     assignments: tuple[TextAssignment, ...]
@@ -64,7 +64,7 @@ class LoopsView:
     gathered: int
     flops: int
     per_rod: str
-    steps: tuple[StepView, ...]
+    steps: tuple[LoopStepView, ...]
 
 
 def loops_hash(loops: Loops) -> str:
@@ -105,13 +105,13 @@ def emit_loops(loops: Loops, equations: str) -> tuple[SourceFile, ...]:
     )
 
 
-def _step(step: Step) -> StepView:
+def _step(step: RecursionStep) -> LoopStepView:
     printer, kernel = Printer({}), step.kernel
     values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
     loads = [_load(r) for r in references(values) if "[" in r]
     names = {f"{array}[{i}]": name for name, array, i in loads}
     added = {r.name for r in step.results if r.added}
-    return StepView(
+    return LoopStepView(
         name=kernel.name,
         description=kernel.description,
         counts=str(step.counts),

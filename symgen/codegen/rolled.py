@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symgen.codegen.printers import Printer
-from symgen.codegen.tables import Block, Case, Cases, Place, Statement, Tables
+from symgen.codegen.tables import Case, Cases, Place, Repetition, Statement, Tables
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import Kernel, Program, Store
 from symgen.lowering.nodes import ZERO, Node, Reference, Sum
@@ -168,7 +168,7 @@ def _order(statements: Sequence[Statement]) -> list[int]:
     return order
 
 
-def _blocks(cases: Sequence[int]) -> list[Block]:
+def _blocks(cases: Sequence[int]) -> list[Repetition]:
     """Return the sequences of cases that repeat, in order and without overlap."""
     last: dict[tuple[int, ...], int] = {}
     distances: Counter[int] = Counter()
@@ -190,7 +190,7 @@ def _blocks(cases: Sequence[int]) -> list[Block]:
     starts = np.flatnonzero(best)
     while (i := int(np.searchsorted(starts, at))) < len(starts):
         first = int(starts[i])
-        blocks.append(Block(first, int(length[first]), int(best[first] // length[first])))
+        blocks.append(Repetition(first, int(length[first]), int(best[first] // length[first])))
         at = first + int(best[first])
     return blocks
 

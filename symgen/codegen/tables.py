@@ -44,7 +44,7 @@ class Statement:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class Repetition:
     """A sequence of ``length`` statements that occurs ``repeats`` times from position ``first`` on."""
 
     first: int
@@ -182,7 +182,7 @@ class Tables:
     of other statements are used again after the last use.
     """
 
-    def __init__(self, cases: Cases, statements: Sequence[Statement], blocks: Sequence[Block]) -> None:
+    def __init__(self, cases: Cases, statements: Sequence[Statement], blocks: Sequence[Repetition]) -> None:
         self._of, self._statements = cases, statements
         self._last = {
             name: at for at, s in enumerate(statements) for name, index in s.operands if index is None
@@ -195,7 +195,7 @@ class Tables:
         self.runs: list[list[int]] = []
         self.cases: list[Case] = []
         at = 0
-        aligned = [*map(self._aligned, blocks), Block(len(statements), 0, 0)]
+        aligned = [*map(self._aligned, blocks), Repetition(len(statements), 0, 0)]
         straight = len(statements) - sum(b.length * b.repeats for b in aligned) <= _STRAIGHT
         for block in aligned:
             texts = []
@@ -214,7 +214,7 @@ class Tables:
             for i in range(block.first, at):
                 self._release(i)
 
-    def _aligned(self, block: Block) -> Block:
+    def _aligned(self, block: Repetition) -> Repetition:
         """Return a block that starts where the fewest values pass from one repeat to the next."""
         middle = block.first + block.repeats // 2 * block.length
         passing = [0] * block.length
@@ -223,7 +223,7 @@ class Tables:
             for boundary in range(at + 1, min(self._last.get(name, at), at + block.length) + 1):
                 passing[(boundary - middle) % block.length] += index is None
         turned = passing.index(min(passing))
-        return Block(block.first + turned, block.length, block.repeats - (turned > 0))
+        return Repetition(block.first + turned, block.length, block.repeats - (turned > 0))
 
     def _index(self, place: Place) -> int:
         name, index = place
@@ -261,7 +261,7 @@ class Tables:
         else:
             self.runs.append([case, 1])
 
-    def _block(self, block: Block) -> None:
+    def _block(self, block: Repetition) -> None:
         """Add the repeats of a block as a loop of its own.
 
         In row r the variable ``w`` of a statement has its value of row r, and ``k`` that of row r - 1.

@@ -94,7 +94,7 @@ def entry_unit(unit: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class ShapeFunctions:
     """Shape functions of u, w and phi over xi: one entry for each unknown of the element."""
 
     axial: tuple[sp.Expr, ...]
@@ -108,7 +108,7 @@ def derivative(expression: sp.Expr, order: int = 1) -> sp.Expr:
 
 
 @lru_cache(maxsize=32)
-def shape_functions(element: Element) -> Shape:
+def shape_functions(element: Element) -> ShapeFunctions:
     """Solve the shape functions from the conditions at the nodes (thesis Eqs. (5.4)-(5.10), (6.17)).
 
     Each field is a polynomial with unknown coefficients. The values of all unknowns of the element, and the
@@ -140,7 +140,7 @@ def shape_functions(element: Element) -> Shape:
             "change its degrees or its unknowns"
         )
     values = _solve(element, rows, coefficients, len(places))
-    return Shape(*(_columns(fields[f], coefficients, values) for f in ("u", "w", "phi")))
+    return ShapeFunctions(*(_columns(fields[f], coefficients, values) for f in ("u", "w", "phi")))
 
 
 def _solve(

@@ -14,9 +14,9 @@ from symgen.export.rods import CORE as RUNS
 from symgen.export.rods import equations_of
 from symgen.export.shape import shape_of
 from symgen.export.view import (
+    ConstantArray,
+    ConstantStruct,
     Exported,
-    Record,
-    Table,
     braces,
     doubles,
     functions,
@@ -27,7 +27,7 @@ from symgen.export.view import (
 )
 from symgen.lowering.kernel import Program, Slot
 from symgen.runtime import _beams
-from symgen.runtime.beams.layout import Layout
+from symgen.runtime.beams.layout import BeamLayout
 from symgen.runtime.beams.methods import GAUSS
 from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.elastic.model import ElasticModel
@@ -82,24 +82,24 @@ def elastic(
             *(indices(name.upper(), [*np.ravel(getattr(x, name)), -1]) for name in _INDEXED),
             doubles("CONSTANTS", x.constants),
             *shape.tables,
-            Table("double", "RIGID_START", braces([*rigid.q, *rigid.u, *np.zeros(extra)], 1)),
-            Table("double", "RIGID_PARAMETERS", braces(model.rigid.parameter_values)),
+            ConstantArray("double", "RIGID_START", braces([*rigid.q, *rigid.u, *np.zeros(extra)], 1)),
+            ConstantArray("double", "RIGID_PARAMETERS", braces(model.rigid.parameter_values)),
             *(doubles(f"GAUSS_{name.upper()}", values) for name, values in GAUSS.arrays.items()),
             *method_tables(),
         ),
         records=(
-            Record("kernels", "RIGID_KERNELS", kernels),
-            Record("sizes", "RIGID_SIZES", sizes),
-            Record("motion_sizes", "MOTION_SIZES", members(**motion.kernel_sizes)),
-            Record("motion_kernels", "MOTION_KERNELS", members(**_motion_kernels(motion, prefixes))),
-            Record(
+            ConstantStruct("kernels", "RIGID_KERNELS", kernels),
+            ConstantStruct("sizes", "RIGID_SIZES", sizes),
+            ConstantStruct("motion_sizes", "MOTION_SIZES", members(**motion.kernel_sizes)),
+            ConstantStruct("motion_kernels", "MOTION_KERNELS", members(**_motion_kernels(motion, prefixes))),
+            ConstantStruct(
                 "beam_layout",
                 "LAYOUT",
                 members(
                     **{f"counts.{n}": k for n, k in x.counts.items()}, **{n: n.upper() for n in _INDEXED}
                 ),
             ),
-            Record(
+            ConstantStruct(
                 "beam_scheme",
                 "GAUSS",
                 members(stages=len(GAUSS.c), **{n: f"GAUSS_{n.upper()}" for n in GAUSS.arrays}),
@@ -137,7 +137,7 @@ def _speed(motion: ElasticMotion, prefix: str) -> dict[str, Any]:
     }
 
 
-def _state(x: Layout) -> tuple[Slot, ...]:
+def _state(x: BeamLayout) -> tuple[Slot, ...]:
     """Return the descriptions of the unknowns and their rates."""
     known = NODE_DOFS | {name: dof for name, (dof, _) in INNER_DOFS.items()}
     values = []
@@ -171,7 +171,7 @@ def _motion_kernels(motion: ElasticMotion, prefixes: dict[str, str]) -> dict[str
     }
 
 
-def _expected(motion: ElasticMotion) -> tuple[Table, ...]:
+def _expected(motion: ElasticMotion) -> tuple[ConstantArray, ...]:
     """Integrate a few steps; return reference values for the test of the export."""
     equations, n = motion.equations(), motion.layout.unknowns
     derivative = equations.derivative(0.0, np.zeros(2 * n + 1))

@@ -13,9 +13,9 @@ from symgen.export.rods import CORE as RUNS
 from symgen.export.rods import expected_of_run
 from symgen.export.view import (
     COMPARED,
+    ConstantArray,
+    ConstantStruct,
     Exported,
-    Record,
-    Table,
     braces,
     doubles,
     functions,
@@ -78,10 +78,10 @@ def loop(model: LoopModel, program: Program, sources: tuple[SourceFile, ...]) ->
     )
 
 
-def _tables(model: LoopModel, solved: list[int], driven: bool) -> tuple[Table, ...]:
+def _tables(model: LoopModel, solved: list[int], driven: bool) -> tuple[ConstantArray, ...]:
     d, inputs = model.description, model.kernels.inputs
     places, known = _efforts(model, solved)
-    lengths = Table("unsigned char", "IS_LENGTH", braces((int(v.is_length) for v in d.variables), 1))
+    lengths = ConstantArray("unsigned char", "IS_LENGTH", braces((int(v.is_length) for v in d.variables), 1))
     return (
         indices("VARIABLES", [*solved, *inputs, *places, *known, -1]),
         lengths,
@@ -90,14 +90,14 @@ def _tables(model: LoopModel, solved: list[int], driven: bool) -> tuple[Table, .
     )
 
 
-def _balls(model: LoopModel) -> Table:
+def _balls(model: LoopModel) -> ConstantArray:
     """Return the ball joints whose angles need the substitution near their poles, followed by a dummy."""
     none = ([-1] * 6, 0.0)
     rows = [
         ", ".join((braces(numbers[:3]), braces(numbers[3:]), number(alpha)))
         for numbers, alpha in (*model.kernels.balls, none)
     ]
-    return Table("struct ball", "BALLS", "{" + ", ".join(f"{{{row}}}" for row in rows) + "}")
+    return ConstantArray("struct ball", "BALLS", "{" + ", ".join(f"{{{row}}}" for row in rows) + "}")
 
 
 def _efforts(model: LoopModel, solved: list[int]) -> tuple[list[int], list[int]]:
@@ -107,7 +107,7 @@ def _efforts(model: LoopModel, solved: list[int]) -> tuple[list[int], list[int]]
     return places, [k for k, i in enumerate(model.kernels.inputs) if i not in unknown]
 
 
-def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ...]:
+def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[ConstantStruct, ...]:
     d = model.description
     places, known = _efforts(model, solved)
     outputs = d.kernel("outputs")
@@ -129,10 +129,10 @@ def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ..
         tolerance=d.assembly_tolerance / d.size,
     )
     kernels = members(**functions(d.name, KERNELS, (k.name for k in d.kernels)))
-    return Record("loop_kernels", "KERNELS", kernels), Record("loop_sizes", "SIZES", sizes)
+    return ConstantStruct("loop_kernels", "KERNELS", kernels), ConstantStruct("loop_sizes", "SIZES", sizes)
 
 
-def _of_poses(model: LoopModel, equations: Any, t_end: float) -> tuple[Table, ...]:
+def _of_poses(model: LoopModel, equations: Any, t_end: float) -> tuple[ConstantArray, ...]:
     """Follow the loop; return reference values for the test of the export."""
     d, begin = model.description, model.closed_start()
     info = d.kernel("outputs")
@@ -153,7 +153,7 @@ def _of_poses(model: LoopModel, equations: Any, t_end: float) -> tuple[Table, ..
     )
 
 
-def _of_run(model: LoopModel, equations: Any, t0: float, start: Any) -> tuple[Table, ...]:
+def _of_run(model: LoopModel, equations: Any, t0: float, start: Any) -> tuple[ConstantArray, ...]:
     d = model.description
     n = d.coordinates
     derivative, ends, t, last = expected_of_run(equations, t0, start, min(d.t_end, COMPARED))

@@ -13,9 +13,9 @@ from symgen.export.view import (
     ATOL,
     COMPARED,
     RTOL,
+    ConstantArray,
+    ConstantStruct,
     Exported,
-    Record,
-    Table,
     braces,
     doubles,
     functions,
@@ -78,7 +78,7 @@ def rods(model: RodModel, program: Program, sources: tuple[SourceFile, ...]) -> 
         start=braces(start, 1),
         t_end=number(d.t_end),
         tables=(*_event_tables(d), *method_tables()),
-        records=(Record("kernels", "KERNELS", kernels), Record("sizes", "SIZES", sizes)),
+        records=(ConstantStruct("kernels", "KERNELS", kernels), ConstantStruct("sizes", "SIZES", sizes)),
         expected=expected,
         notes=_notes(d),
         events=len(d.events),
@@ -111,16 +111,16 @@ def equations_of(model: RodModel, allowed: float) -> tuple[Any, Any]:
     return kernels, sizes
 
 
-def _event_tables(d: Description) -> tuple[Table, ...]:
+def _event_tables(d: Description) -> tuple[ConstantArray, ...]:
     if not d.events:
         return ()
     return (
-        Table("signed char", "DIRECTIONS", braces(e.direction for e in d.events)),
-        Table("char", "TERMINAL", braces(effects_of(d.events))),
+        ConstantArray("signed char", "DIRECTIONS", braces(e.direction for e in d.events)),
+        ConstantArray("char", "TERMINAL", braces(effects_of(d.events))),
     )
 
 
-def _expected(model: RodModel, start: Any) -> tuple[tuple[Table, ...], float]:
+def _expected(model: RodModel, start: Any) -> tuple[tuple[ConstantArray, ...], float]:
     """Run for a short time; return reference values for the test of the export, and the final time."""
     d, redundant = model.description, model.description.redundant
     q = start[: d.coordinates]
@@ -151,7 +151,7 @@ def expected_of_run(
     until: float,
     directions: Sequence[int] = (),
     terminal: Sequence[int] = (),
-) -> tuple[Table, Table, float, Any]:
+) -> tuple[ConstantArray, ConstantArray, float, Any]:
     """Return the initial derivative and the final values of a run as tables, with final time and state."""
     derivative = equations.derivative(t0, np.append(start, 0.0))
     method = INTEGRATORS["dop853"]

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import SymgenError
-from symgen.export.view import Table, doubles, indices
+from symgen.export.view import ConstantArray, doubles, indices
 from symgen.lowering.kernel import Slot
 from symgen.runtime import _core
-from symgen.runtime.beams.forces import Motion, forces, torque
+from symgen.runtime.beams.forces import TotalMotion, forces, torque
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.elastic.model import ElasticModel
@@ -55,28 +55,28 @@ class Recorded:
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class ShapeData:
     """Exported data of the quasi-static shape; without a shape there are no outputs."""
 
     outputs: tuple[Slot, ...] = ()
-    tables: tuple[Table, ...] = ()
-    expected: tuple[Table, ...] = ()
+    tables: tuple[ConstantArray, ...] = ()
+    expected: tuple[ConstantArray, ...] = ()
     notes: tuple[str, ...] = ()
     parameters: bool = True
     specific: dict[str, Any] = field(default_factory=dict)
 
 
-def shape_of(model: ElasticModel, motion: MeshedMotion) -> Shape:
+def shape_of(model: ElasticModel, motion: MeshedMotion) -> ShapeData:
     """Return the exported data of the quasi-static shape."""
     fixed = _changing(model, motion)
     refused = _refused(motion, fixed)
     if refused:
         note = f"There are no outputs: {refused}."
-        return Shape(notes=(note,), parameters=not fixed, specific={"refused": refused})
+        return ShapeData(notes=(note,), parameters=not fixed, specific={"refused": refused})
     recorded, x = [*_recorded(motion)], motion.layout
     starts = [0, *accumulate(len(r.row) for r in recorded)]
     joints = [beam.joints for beam in motion.beams]
-    return Shape(
+    return ShapeData(
         outputs=tuple(r.slot for r in recorded),
         tables=(
             indices("LINK_PLACES", [*np.concatenate(x.of_links)]),
@@ -188,13 +188,13 @@ def _slot(v: Variable) -> Slot:
     return Slot(v.name, v.unit, v.about)
 
 
-def _expected(motion: MeshedMotion, recorded: list[Recorded]) -> tuple[Table, ...]:
+def _expected(motion: MeshedMotion, recorded: list[Recorded]) -> tuple[ConstantArray, ...]:
     """Return reference values for the test of the export: the outputs of the runtime, which LAPACK solves."""
     times = np.linspace(0.0, turn(motion), _COMPARED)
     equations = motion.equations()
     shapes = quasi_static(motion, equations, times)
     (q, *_), links, loads = motion.rigid_motion(equations, times)
-    rigid = Motion(times, q, links, loads, shapes, None)
+    rigid = TotalMotion(times, q, links, loads, shapes, None)
     variables = [
         *outputs(motion, links, shapes),
         *recovered(motion, rigid),

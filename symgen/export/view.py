@@ -40,7 +40,7 @@ _INCLUDED = re.compile(r'^#include "(\w+\.h)"$', re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ConstantArray:
     """A constant array: type, name, and values in braces."""
 
     type: str
@@ -49,7 +49,7 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class ConstantStruct:
     """A constant struct: type, name, and members with values."""
 
     type: str
@@ -98,14 +98,14 @@ class Exported:
     family: str
     core: tuple[str, ...]
     kernels: tuple[SourceFile, ...]
-    tables: tuple[Table, ...]
-    expected: tuple[Table, ...]
+    tables: tuple[ConstantArray, ...]
+    expected: tuple[ConstantArray, ...]
     core_headers: tuple[str, ...] = ()
     coordinates: int = 0
     state: tuple[Slot, ...] = ()
     start: str = ""
     t_end: str = ""
-    records: tuple[Record, ...] = ()
+    records: tuple[ConstantStruct, ...] = ()
     templates: tuple[tuple[str, str], ...] = TEMPLATES
     kernel_names: tuple[str, ...] = ()
     derived: int = 0
@@ -187,14 +187,14 @@ def braces(values: Iterable[Any], spare: int = 0) -> str:
     return "{\n" + textwrap.fill(text, _WIDE, initial_indent="    ", subsequent_indent="    ") + "\n}"
 
 
-def doubles(name: str, values: Iterable[Any]) -> Table:
+def doubles(name: str, values: Iterable[Any]) -> ConstantArray:
     """Return a table of doubles."""
-    return Table("double", name, braces(np.asarray([*values], dtype=float).ravel()))
+    return ConstantArray("double", name, braces(np.asarray([*values], dtype=float).ravel()))
 
 
-def indices(name: str, values: Iterable[Any]) -> Table:
+def indices(name: str, values: Iterable[Any]) -> ConstantArray:
     """Return a table of indices."""
-    return Table("ptrdiff_t", name, braces(np.asarray([*values], dtype=np.intp).ravel()))
+    return ConstantArray("ptrdiff_t", name, braces(np.asarray([*values], dtype=np.intp).ravel()))
 
 
 def members(**values: Any) -> tuple[tuple[str, str], ...]:
@@ -212,7 +212,7 @@ def functions(prefix: str, known: Iterable[str], there: Iterable[str]) -> dict[s
     return {name: f"{prefix}_{name}" for name in known if name in defined}
 
 
-def method_tables() -> tuple[Table, Table]:
+def method_tables() -> tuple[ConstantArray, ConstantArray]:
     """Return the coefficients of the integration method in the layout of the core."""
     counts, numbers = _core.scheme_of(INTEGRATORS["dop853"])
-    return Table("long", "DOP853_COUNTS", braces(counts)), doubles("DOP853_NUMBERS", numbers)
+    return ConstantArray("long", "DOP853_COUNTS", braces(counts)), doubles("DOP853_NUMBERS", numbers)

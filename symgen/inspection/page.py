@@ -10,7 +10,7 @@ from symgen.codegen.emit import UnitView, equations_hash, unit_view
 from symgen.codegen.target import Target
 from symgen.inspection.film import moving_html
 from symgen.inspection.measured import measure
-from symgen.inspection.systems import BlockView
+from symgen.inspection.systems import BuildingBlockView
 from symgen.inspection.view import View, view_of
 from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
@@ -86,7 +86,7 @@ def block_page(name: str, *, progress: Status) -> Page:
     """Derive a building block, and return the contents of its page."""
     progress("deriving")
     subject = Subject(name, {})
-    view, system = BlockView(), subject.system
+    view, system = BuildingBlockView(), subject.system
     code = _in_python(f'symgen.derive("{name}")', [f'model["{system.matrices[0].name}"]'])
     return _page(view, code, system, subject.record, "", view.facts(None, system), Measured(None), None)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symgen.joints import JOINTS
 from symgen.loads.of_points import Length
-from symgen.report.page.drawing import Line, Node, Sketch
+from symgen.report.page.drawing import DrawnLine, Node, Sketch
 from symgen.runtime.loop.frames import product
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.result.result import Result
@@ -53,7 +53,7 @@ def linkage_sketch(linkage: Linkage, places: dict[str, Array], result: Result | 
         for p in linkage.points
     )
     paths = [
-        Line("path", "", variable.values)
+        DrawnLine("path", "", variable.values)
         for p in linkage.points
         if p.name not in hidden and result is not None and f"{p.name}.position" in result
         for variable in [result.variable(f"{p.name}.position")]
@@ -68,31 +68,31 @@ def _fixed(linkage: Linkage) -> set[str]:
     return {p.name for p in ground if not any(TIME.symbol in c.free_symbols for c in p.motion)}
 
 
-def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
+def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[DrawnLine]:
     fixed = _fixed(linkage)
     elastic = {e.link for e in linkage.elastic}
     for k in linkage.links:
         ends = [places[k.start], places[k.end]]
         if {k.start, k.end} <= fixed:
-            yield Line("rail", "", np.array(ends))
+            yield DrawnLine("rail", "", np.array(ends))
         elif k.carried and k.name not in elastic:
-            yield Line("body", k.name, np.array([*ends, *(places[p.name] for p in k.carried)]))
+            yield DrawnLine("body", k.name, np.array([*ends, *(places[p.name] for p in k.carried)]))
         else:
             kind, name = ("elastic" if k.name in elastic else "rod"), ("" if is_lug(k) else k.name)
-            yield Line(kind, name, np.array(ends))
+            yield DrawnLine(kind, name, np.array(ends))
     for body in linkage.bodies:
-        yield Line(
+        yield DrawnLine(
             "body", body.name, np.array([places[p] for p in (*body.base, *(c.name for c in body.carried))])
         )
     for load in linkage.loads:
         for measure in load.measures(len(linkage.axes)):
             if isinstance(measure, Length):
-                yield Line(load.drawn, "", np.array([places[measure.start], places[measure.end]]))
+                yield DrawnLine(load.drawn, "", np.array([places[measure.start], places[measure.end]]))
     for guide in linkage.guides:
         along = linkage.link(guide.along)
         d = places[along.end] - places[along.start]
         for point in guide.points:
-            yield Line("slider", "", np.array([places[point], places[point] + _LITTLE * d]))
+            yield DrawnLine("slider", "", np.array([places[point], places[point] + _LITTLE * d]))
 
 
 def stations_of(linkage: Linkage) -> list[dict[str, object]]:
@@ -193,7 +193,7 @@ def bent_sketch(
         off = np.array([drawn[f"{e.link}__{k}.deflection"] for k in range(1, _PARTS)])
         curve = (1 - shares) * bent[link.start] + shares * bent[link.end]
         curves[e.link] = curve + times * np.pad(off, ((1, 1), (0, 0)))
-        straight.append(Line("rail", "", np.array([rigid[link.start], rigid[link.end]])))
+        straight.append(DrawnLine("rail", "", np.array([rigid[link.start], rigid[link.end]])))
     followed = _followed(linkage)
 
     def place(point: str) -> Array:
@@ -251,18 +251,18 @@ def loop_sketch(loop: Loop, drawn: Mapping[str, Array]) -> Sketch:
             for j, word in ((i - 1, "position"), (i, "position"), (i, "axis"))
         )
         at, behind = head, drawn[f"{links[i]}.joint{i % last + 1}.position"]
-        lines.append(Line("axis", "", np.array([foot, head])))
+        lines.append(DrawnLine("axis", "", np.array([foot, head])))
         varies = JOINTS[row.joint].varies
         if varies == ("S",):
-            lines.append(Line("slider", "", np.array([foot, foot + _LITTLE * size * k])))
+            lines.append(DrawnLine("slider", "", np.array([foot, foot + _LITTLE * size * k])))
         if varies != _BALL:
-            lines.append(Line("axis", "", np.array([head - _AXIS * size * k, head + _AXIS * size * k])))
+            lines.append(DrawnLine("axis", "", np.array([head - _AXIS * size * k, head + _AXIS * size * k])))
         kind = "rail" if i == last else "rod"
         if spherical and i < last:  # its links have no length: plates between the ends of their axes
             next_k = drawn[f"{links[i + 1]}.joint{i + 1}.axis"]
             kind, head, behind = "body", head + _AXIS * size * k, behind + _AXIS * size * next_k
         ends = [head, behind, foot] if kind == "body" else [head, behind]
-        lines.append(Line(kind, row.link, np.array(ends)))
+        lines.append(DrawnLine(kind, row.link, np.array(ends)))
         nodes.append(Node(f"{row.joint}{i}", at, "ground" if i in (1, last) else "joint"))
     gravity = np.array([loop.number(g) for g in loop.gravity])
     return Sketch(tuple(nodes), tuple(lines), gravity, "m")

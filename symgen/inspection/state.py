@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Values:
+class ArgumentValues:
     """Argument values [SI] by group and index, and a label of the state."""
 
     label: str
@@ -51,10 +51,10 @@ class Values:
 
 
 #: Values for a building block, which has no state.
-NOWHERE = Values("", {})
+NOWHERE = ArgumentValues("", {})
 
 
-def state_of(model: Any, at: str | None) -> Values:
+def state_of(model: Any, at: str | None) -> ArgumentValues:
     """Return the arguments of a model at a state.
 
     Parameters
@@ -73,7 +73,7 @@ def state_of(model: Any, at: str | None) -> Values:
     return method_of(model).load("state")(model, at)
 
 
-def of_elastic(model: ElasticModel, at: str | None) -> Values:
+def of_elastic(model: ElasticModel, at: str | None) -> ArgumentValues:
     """Return the arguments of the rigid motion of elastic links, at an angle of the crank or a time."""
     if at is None:
         return of_linkage(model.rigid, None)
@@ -82,17 +82,17 @@ def of_elastic(model: ElasticModel, at: str | None) -> Values:
     return replace(_reached(model.rigid, t), label=label)
 
 
-def of_spatial(model: SpatialModel, at: str | None) -> Values:
+def of_spatial(model: SpatialModel, at: str | None) -> ArgumentValues:
     """Return the arguments of the rigid motion of elastic links in space, at a time."""
     return of_linkage(model.rigid, at)
 
 
-def of_linkage(model: RodModel, at: str | None) -> Values:
+def of_linkage(model: RodModel, at: str | None) -> ArgumentValues:
     """Return the arguments of a linkage at a time, reached by a run."""
     return _reached(model, _seconds(at))
 
 
-def _reached(model: RodModel, t: float) -> Values:
+def _reached(model: RodModel, t: float) -> ArgumentValues:
     state = model.reached(t)
     accelerations = model.accelerations(state)
     work = [x for p in model.description.free for x in accelerations.points[p].tolist()]
@@ -103,7 +103,7 @@ def _reached(model: RodModel, t: float) -> Values:
         "p": model.counting(state).evaluator.parameter_values.tolist(),
         "work": work + list(accelerations.multipliers.values()),
     }
-    return Values(f"at t = {t:g} s" if t > 0 else "at the start", arrays)
+    return ArgumentValues(f"at t = {t:g} s" if t > 0 else "at the start", arrays)
 
 
 def _seconds(at: str | None) -> float:
@@ -120,7 +120,7 @@ def _seconds(at: str | None) -> float:
     return t
 
 
-def of_loop(model: LoopModel, at: str | None) -> Values:
+def of_loop(model: LoopModel, at: str | None) -> ArgumentValues:
     """Return the arguments of a loop at its start, or of a driven one at a value of its input."""
     d = model.description
     begin = model.closed_start()
@@ -130,7 +130,7 @@ def of_loop(model: LoopModel, at: str | None) -> Values:
             raise ModelError(f"{d.name} moves freely: its matrices are shown at its start, without --at")
         u = _rates(model, begin.t, begin.q)
         arrays = {"t": [begin.t], "q": begin.q.tolist(), "u": u.tolist(), "p": parameters}
-        return Values("at the start", arrays)
+        return ArgumentValues("at the start", arrays)
     value = float(model.kernels.lead_at(begin.t)[0])
     if at is not None:
         (value, *others), over = of_input(model, [at], "--at")
@@ -145,7 +145,7 @@ def of_loop(model: LoopModel, at: str | None) -> Values:
         "p": parameters,
         "work": states[2 * n : 3 * n + 6].tolist(),
     }
-    return Values(f"at {model.kernels.value_at(t)}", arrays)
+    return ArgumentValues(f"at {model.kernels.value_at(t)}", arrays)
 
 
 def _rates(model: LoopModel, t: float, q: Array) -> Array:

@@ -32,7 +32,7 @@ def _kernels(model: Any) -> list[str]:
     return [k.name for k in model.description.kernels if k.name != SETUP]
 
 
-class BlockView(View):
+class BuildingBlockView(View):
     """Building blocks: their arguments and kernels."""
 
     def facts(self, resolved: Any, model: Any) -> tuple[Fact, ...]:

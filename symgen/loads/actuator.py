@@ -10,7 +10,7 @@ from pydantic import Field
 
 from symgen.errors import SceneError
 from symgen.loads.load import Load, Reading, expression
-from symgen.loads.measure import Term
+from symgen.loads.measure import LoadTerm
 from symgen.loads.of_points import Length
 from symgen.scene import table, units
 
@@ -40,5 +40,5 @@ class LineForce(Load):
         names = read.with_state(name, {"length": units.LENGTH, "rate": units.VELOCITY})
         return cls(name, start, end, read.value(table.force, units.FORCE, f"{where}.force", names))
 
-    def terms(self, dimension: int) -> Iterator[Term]:
-        yield Term(Length(self.name, self.start, self.end), force=(self.force,))
+    def terms(self, dimension: int) -> Iterator[LoadTerm]:
+        yield LoadTerm(Length(self.name, self.start, self.end), force=(self.force,))

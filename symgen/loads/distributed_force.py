@@ -12,7 +12,7 @@ from pydantic import Field
 
 from symgen.errors import SceneError
 from symgen.loads.load import Load, Reading, expression
-from symgen.loads.measure import Term, Vector
+from symgen.loads.measure import LoadTerm, Vector
 from symgen.loads.of_links import Span
 from symgen.scene import table, units
 
@@ -65,8 +65,8 @@ class DistributedLoad(Load):
         end = start if table.end is None else read.vector(table.end, units.STIFFNESS, f"{where}.end", names)
         return cls(name, table.link, start, end, table.axes != "fixed", table.axes == "section")
 
-    def terms(self, dimension: int) -> Iterator[Term]:
-        yield Term(Span(self.link, self.turning, self.with_sections), force=(*self.start, *self.end))
+    def terms(self, dimension: int) -> Iterator[LoadTerm]:
+        yield LoadTerm(Span(self.link, self.turning, self.with_sections), force=(*self.start, *self.end))
 
     def on_segments(self, link: str, rods: Sequence[str], nodes: Sequence[sp.Expr]) -> Iterator[Load]:
         """Yield the force on each rod; one that turns does so with each of them."""

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from symgen.errors import SceneError
 from symgen.loads.load import Load, Reading, expression
-from symgen.loads.measure import Term, Vector
+from symgen.loads.measure import LoadTerm, Vector
 from symgen.loads.of_points import Position
 from symgen.scene import table, units
 
@@ -52,5 +52,5 @@ class AppliedForce(Load):
         force = read.vector(table.force, units.FORCE, f"{where}.force", read.with_state())
         return cls(name, point, force, table.link or "")
 
-    def terms(self, dimension: int) -> Iterator[Term]:
-        yield Term(Position(self.point, self.link), force=self.force)
+    def terms(self, dimension: int) -> Iterator[LoadTerm]:
+        yield LoadTerm(Position(self.point, self.link), force=self.force)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 import sympy as sp
 
-from symgen.loads.measure import Measure, Term, Vector
+from symgen.loads.measure import LoadTerm, Measure, Vector
 from symgen.symbolic.names import Letter
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class Load(ABC):
         """
 
     @abstractmethod
-    def terms(self, dimension: int) -> Iterator[Term]:
+    def terms(self, dimension: int) -> Iterator[LoadTerm]:
         """Yield the measures on which the load acts, with energy and force, in 2 or 3 dimensions."""
 
     def on_segments(self, link: str, rods: Sequence[str], nodes: Sequence[sp.Expr]) -> Iterator[Load]:

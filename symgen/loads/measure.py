@@ -136,7 +136,7 @@ class Measure:
         """Yield the virtual work of a force conjugate to it, by ``VALUES`` and ``RATES``."""
         raise NotImplementedError
 
-    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+    def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         """Yield the forces on points and the couples on links that are equivalent to a term."""
         raise NotImplementedError
 
@@ -153,13 +153,13 @@ class Measure:
 
     def along(
         self, link: str, length: sp.Expr, places: Mapping[str, sp.Expr], force: Vector
-    ) -> Iterator[Profile]:
+    ) -> Iterator[ProfilePart]:
         """Yield the profiles of a force along an elastic link, whose further points are at ``places`` [m]."""
         return iter(())
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class ProfilePart:
     """A part of a force along an elastic link.
 
     ``shape``: the place [m] of a force, zero, zero; or zero and the factors of 1 and x of a force per length.
@@ -172,7 +172,7 @@ class Profile:
 
 
 @dataclass(frozen=True, slots=True)
-class Term:
+class LoadTerm:
     """The energy and the force of a load on one measure.
 
     Attributes

@@ -12,10 +12,10 @@ from symgen.loads.measure import (
     CoordinatePlane,
     Couple,
     Geometry,
+    LoadTerm,
     Measure,
     PointForce,
-    Profile,
-    Term,
+    ProfilePart,
     Vector,
     Work,
     components,
@@ -65,7 +65,7 @@ class Angle(_OnLinks):
         (torque,) = self.put(geometry, force)
         yield (torque, *geometry.turning(self.link, self.against))
 
-    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+    def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         yield from _couples(self.link, self.against, self.put(geometry, term.total))
 
     def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
@@ -73,7 +73,7 @@ class Angle(_OnLinks):
 
 
 @dataclass(frozen=True, slots=True)
-class Turn(_OnLinks):
+class LinkRotation(_OnLinks):
     """The rotation of a link, against another one where one is named: in space it is no coordinate."""
 
     link: str
@@ -89,7 +89,7 @@ class Turn(_OnLinks):
                 for arm, push in geometry.couple_in_space(couple.link, couple.torque):
                     yield from components(geometry, push, arm)
 
-    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+    def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         yield from _couples(self.link, self.against, self.put(geometry, term.force))
 
     def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
@@ -116,7 +116,7 @@ class Bend(_OnLinks):
         (value,), (pull,) = self.value(geometry), self.put(geometry, force)
         yield pull, geometry.calculus.gradient(value), geometry.calculus.rate(value)
 
-    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+    def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         (pull,) = self.put(geometry, term.total)
         for link, other in ((self.link, self.against), (self.against, self.link)):
             share = pull / (geometry.link_length(link) * geometry.link_length(other))
@@ -153,7 +153,7 @@ class Span(Measure):
         for share in self._shares(geometry, force):
             yield from components(geometry, share.force, geometry.position(share.point))
 
-    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+    def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         yield from self._shares(geometry, term.force)
 
     def _shares(self, geometry: Geometry, force: Vector) -> Iterator[PointForce]:
@@ -173,13 +173,13 @@ class Span(Measure):
 
     def along(
         self, link: str, length: sp.Expr, places: Mapping[str, sp.Expr], force: Vector
-    ) -> Iterator[Profile]:
+    ) -> Iterator[ProfilePart]:
         first, second = force[:2], force[2:]
         if link == self.link and first == second:
-            yield Profile(self, (ZERO, ONE, ZERO), first)
+            yield ProfilePart(self, (ZERO, ONE, ZERO), first)
         elif link == self.link:
-            yield Profile(self, (ZERO, ONE, -1 / length), first)
-            yield Profile(self, (ZERO, ZERO, 1 / length), second)
+            yield ProfilePart(self, (ZERO, ONE, -1 / length), first)
+            yield ProfilePart(self, (ZERO, ZERO, 1 / length), second)
 
 
 def _couples(link: str, against: str, torque: Vector) -> Iterator[Couple]:

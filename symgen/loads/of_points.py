@@ -14,10 +14,10 @@ from symgen.loads.measure import (
     Action,
     CoordinatePlane,
     Geometry,
+    LoadTerm,
     Measure,
     PointForce,
-    Profile,
-    Term,
+    ProfilePart,
     Vector,
     Work,
     components,
@@ -59,7 +59,7 @@ class Position(Measure):
         force = self.fixed(geometry, self.put(geometry, force))
         yield from components(geometry, force, self.value(geometry))
 
-    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+    def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         total = self.fixed(geometry, self.put(geometry, term.total))
         yield PointForce(self.point, (*total, *[ZERO] * (len(self.value(geometry)) - len(total))))
 
@@ -79,9 +79,9 @@ class Position(Measure):
 
     def along(
         self, link: str, length: sp.Expr, places: Mapping[str, sp.Expr], force: Vector
-    ) -> Iterator[Profile]:
+    ) -> Iterator[ProfilePart]:
         if self.point in places and self.link in ("", link):
-            yield Profile(self, (places[self.point], ZERO, ZERO), force)
+            yield ProfilePart(self, (places[self.point], ZERO, ZERO), force)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class Length(Measure):
         (push,) = self.put(geometry, force)
         yield push, geometry.calculus.gradient(length), geometry.calculus.rate(length)
 
-    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+    def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         line = geometry.line(self.name, self.start, self.end)
         factor = self._per_length(geometry, term.energy, term.force)
         push = tuple(factor * c for c in line)

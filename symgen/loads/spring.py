@@ -11,7 +11,7 @@ from pydantic import Field
 
 from symgen.errors import SceneError
 from symgen.loads.load import Load, Reading
-from symgen.loads.measure import RATE, VALUE, Term
+from symgen.loads.measure import RATE, VALUE, LoadTerm
 from symgen.loads.of_points import Length
 from symgen.scene import table, units
 from symgen.symbolic.names import Letter
@@ -58,8 +58,8 @@ class LinearSpring(Load):
         stiffness = read.not_negative(table.stiffness, units.STIFFNESS, f"{where}.stiffness")
         return cls(name, start.name, end.name, stiffness, length, damping)
 
-    def terms(self, dimension: int) -> Iterator[Term]:
-        yield Term(
+    def terms(self, dimension: int) -> Iterator[LoadTerm]:
+        yield LoadTerm(
             Length(self.name, self.start, self.end, slack=self.length),
             energy=self.stiffness * VALUE**2 / 2,
             force=(-self.damping * RATE,) if self.damping != 0 else (),

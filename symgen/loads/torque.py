@@ -9,8 +9,8 @@ from pydantic import Field
 
 from symgen.errors import SceneError
 from symgen.loads.load import Load, Reading, expression
-from symgen.loads.measure import Term, Vector
-from symgen.loads.of_links import Turn
+from symgen.loads.measure import LoadTerm, Vector
+from symgen.loads.of_links import LinkRotation
 from symgen.scene import table, units
 
 
@@ -61,8 +61,8 @@ class AppliedTorque(Load):
         """Whether the couple depends on ``this.angle`` or ``this.rate``."""
         return any(str(s).startswith(f"{self.name}.") for c in self.torque for s in c.free_symbols)
 
-    def terms(self, dimension: int) -> Iterator[Term]:
-        yield Term(Turn(self.link, self.against, self.section), force=self.torque)
+    def terms(self, dimension: int) -> Iterator[LoadTerm]:
+        yield LoadTerm(LinkRotation(self.link, self.against, self.section), force=self.torque)
 
 
 def check_couple(read: Reading, link: str, against: str | None, point: str | None, where: str) -> str:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from symgen.errors import SceneError
 from symgen.loads.load import Load, Reading
-from symgen.loads.measure import RATE, VALUE, Term
+from symgen.loads.measure import RATE, VALUE, LoadTerm
 from symgen.loads.of_links import Angle, Bend
 from symgen.loads.torque import check_couple
 from symgen.scene import table, units
@@ -74,11 +74,11 @@ class AngularSpring(Load):
         stiffness = read.not_negative(table.stiffness, units.TORQUE, f"{where}.stiffness")
         return cls(name, table.link, table.against or "", stiffness, angle, damping, section)
 
-    def terms(self, dimension: int) -> Iterator[Term]:
+    def terms(self, dimension: int) -> Iterator[LoadTerm]:
         if dimension == 3:
-            yield Term(Bend(self.link, self.against), energy=self.stiffness * (1 - VALUE))
+            yield LoadTerm(Bend(self.link, self.against), energy=self.stiffness * (1 - VALUE))
         else:
-            yield Term(
+            yield LoadTerm(
                 Angle(self.link, self.against, self.angle, self.section),
                 energy=self.stiffness * VALUE**2 / 2,
                 force=(-self.damping * RATE,) if self.damping != 0 else (),

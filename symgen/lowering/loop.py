@@ -14,7 +14,7 @@ from symgen.symbolic.system import System
 PER_ROD = ("length", "gather", "inward", "outward")
 
 
-class Recursion(Protocol):
+class LoweredRecursion(Protocol):
     """Steps of a derivation over one rod or point, with their purpose."""
 
     @property
@@ -39,7 +39,7 @@ class Recursion(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class StepResult:
     """One result of a step, entry by entry; ``added`` if it accumulates."""
 
     name: str
@@ -54,12 +54,12 @@ class Result:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class RecursionStep:
     """One step: its kernel, and the meaning of its arguments and results."""
 
     kernel: Kernel
     groups: tuple[tuple[str, str, tuple[Slot, ...]], ...]
-    results: tuple[Result, ...]
+    results: tuple[StepResult, ...]
 
     @property
     def counts(self) -> OperationCount:
@@ -75,10 +75,10 @@ class Loops:
     name: str
     title: str
     dimension: int
-    steps: tuple[Step, ...]
+    steps: tuple[RecursionStep, ...]
     references: tuple[str, ...]
 
-    def step(self, name: str) -> Step:
+    def step(self, name: str) -> RecursionStep:
         """Return the step called ``name``."""
         return next(s for s in self.steps if s.kernel.name == name)
 
@@ -92,13 +92,13 @@ class Loops:
         return sum((self.step(name).counts for name in PER_ROD), OperationCount())
 
 
-def lower_recursion(recursion: Recursion) -> Loops:
+def lower_recursion(recursion: LoweredRecursion) -> Loops:
     """Lower every step of a recursion to a kernel."""
     steps = tuple(_lower(step) for step in recursion.steps)
     return Loops(recursion.name, recursion.title, recursion.dimension, steps, recursion.references)
 
 
-def _lower(step: System) -> Step:
+def _lower(step: System) -> RecursionStep:
     shared = Shared(step, tuple(m.name for m in step.matrices))
     stores = [
         Store(m.name, i, entries.get(i, ZERO))
@@ -109,11 +109,11 @@ def _lower(step: System) -> Step:
     read = references([a.value for a in assignments] + [s.value for s in stores])
     used = {r.partition("[")[0] for r in read if "[" in r}
     inputs = tuple((g.name, len(g.quantities)) for g in step.groups if g.name in used)
-    return Step(
+    return RecursionStep(
         Kernel(step.name, step.title, inputs, assignments, tuple(stores), ()),
         tuple(
             (g.name, g.description, tuple(Slot(x.name, x.unit, x.description) for x in g.quantities))
             for g in step.groups
         ),
-        tuple(Result(m.name, m.matrix.rows, m.unit, m.description) for m in step.matrices),
+        tuple(StepResult(m.name, m.matrix.rows, m.unit, m.description) for m in step.matrices),
     )

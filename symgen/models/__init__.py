@@ -42,7 +42,7 @@ _OF_ELEMENTS = ("mass", "gyroscopic", "stiffness", "geometric", "load", "shape")
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class BuildingBlock:
     """A building block: its content in one line, and the function that derives its System."""
 
     about: str
@@ -53,12 +53,12 @@ class Block:
         return self.derive()
 
 
-def _block(about: str, entry: str, *arguments: Any) -> Block:
-    return Block(about, partial(_call_entry, entry, *arguments))
+def _block(about: str, entry: str, *arguments: Any) -> BuildingBlock:
+    return BuildingBlock(about, partial(_call_entry, entry, *arguments))
 
 
-def _tangents(of: str, block: str, kernels: Sequence[str], groups: Sequence[str]) -> Block:
-    return Block(f"tangents of the kernels of {of}", partial(tangents, block, kernels, groups))
+def _tangents(of: str, block: str, kernels: Sequence[str], groups: Sequence[str]) -> BuildingBlock:
+    return BuildingBlock(f"tangents of the kernels of {of}", partial(tangents, block, kernels, groups))
 
 
 _SYNTHESIS_ABOUT = {
@@ -74,7 +74,7 @@ _SYNTHESIS_ABOUT = {
 }
 
 #: Building blocks by name: one line each, and one for each element.
-BLOCKS: dict[str, Block] = {
+BLOCKS: dict[str, BuildingBlock] = {
     "rod": _block("one rigid rod in the plane", "models.rod:rod_system", 2),
     "rod_spatial": _block("one rigid rod in space", "models.rod:rod_system", 3),
     "chain": _block(
@@ -86,7 +86,10 @@ BLOCKS: dict[str, Block] = {
     "loop_row": _block("transform of a row of a link-joint table", "models.loop.blocks:loop_row_system"),
     "loop_screws": _block("screws of a row of a link-joint table", "models.loop.blocks:loop_screws_system"),
     "loop_inertia": _block("momentum and inertia of a link", "models.loop.blocks:loop_inertia_system"),
-    **{f"element_{x}": Block(f"beam element {x} of elastic links", partial(element, x)) for x in ELEMENTS},
+    **{
+        f"element_{x}": BuildingBlock(f"beam element {x} of elastic links", partial(element, x))
+        for x in ELEMENTS
+    },
     **{
         f"element_{x}_tangents": _tangents(f"element_{x}", f"element_{x}", _OF_ELEMENTS, ("q", "u"))
         for x in ELEMENTS

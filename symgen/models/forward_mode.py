@@ -19,7 +19,7 @@ from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, Syste
 ENDING = "_tangent"
 
 
-class Tangents:
+class ArgumentTangents:
     """Tangents of arguments, and ``definitions`` of those of all quantities that follow from them."""
 
     def __init__(self, inputs: Sequence[Quantity], definitions: Sequence[Definition]) -> None:
@@ -50,7 +50,7 @@ def tangents_of(system: System, kernels: Sequence[str], groups: Sequence[str]) -
     the arguments of some groups, whose tangents follow the entries of ``work``.
     """
     inputs = [x for g in system.groups if g.name in groups for x in g.quantities]
-    tangents = Tangents(inputs, system.definitions)
+    tangents = ArgumentTangents(inputs, system.definitions)
     matrices: dict[str, NamedMatrix] = {}
     exports = []
     for export in (e for e in system.exports if e.kernel in kernels):

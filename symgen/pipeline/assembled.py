@@ -9,7 +9,7 @@ import numpy as np
 import sympy as sp
 
 from symgen.mechanics.rods.condensation import BASIS
-from symgen.models.assembled.mesh import Mesh, Part, Structure
+from symgen.models.assembled.mesh import ElasticStructure, Mesh, MeshElement
 from symgen.models.assembled.system import CONSTANTS_SHOWN, MATRICES, assembled_system
 from symgen.models.elastic.joints import joints_system
 from symgen.models.elastic.links import motion_system
@@ -71,7 +71,7 @@ def assembled_of(linkage: Linkage) -> System:
         mesh = _mesh(divided, forces, places, unknowns, fractions)
         held |= {name for name, place in zip(mesh.unknowns, places, strict=True) if place < 0}
         meshes.append(mesh)
-    structure = Structure(
+    structure = ElasticStructure(
         tuple(meshes),
         frozenset(held),
         tuple(unknowns),
@@ -140,7 +140,7 @@ def _mesh(
         for k, (dof, place) in enumerate(zip(plain.dofs, places, strict=True))
     )
     parts = tuple(
-        Part(_fraction(info.node(k)), _fraction(info.node(k + 1)), *_by_unknowns(plain, part))
+        MeshElement(_fraction(info.node(k)), _fraction(info.node(k + 1)), *_by_unknowns(plain, part))
         for k, part in enumerate(plain.segments)
     )
 

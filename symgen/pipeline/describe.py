@@ -211,12 +211,12 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
 
 def of_rotor(rotor: RotorScene, program: Program, equations: str) -> RotorDescription:
     """Return the description of a rotor."""
-    from symgen.runtime.rotor.description import RotorDescription, RotorLink
+    from symgen.runtime.rotor.description import RotorDescription, RotorLinkInfo
 
     return RotorDescription(
         **_common(rotor, program, equations),
         free=rotor.free,
-        links=tuple(RotorLink(k.link, k.start, k.end, k.elements, k.welds) for k in rotor.links),
+        links=tuple(RotorLinkInfo(k.link, k.start, k.end, k.elements, k.welds) for k in rotor.links),
         masses=tuple(k.point for k in rotor.masses),
     )
 

@@ -32,7 +32,7 @@ from symgen.regeneration.shipped import (
     sources,
 )
 from symgen.toolchain import dependencies as graph
-from symgen.toolchain.cache import Cache, Entry
+from symgen.toolchain.cache import Cache, CacheEntry
 
 if TYPE_CHECKING:
     from symgen.symbolic.difference import Difference
@@ -234,7 +234,7 @@ def _entry(name: str) -> str:
     return f"generated-{name}"
 
 
-def _read(entry: Entry) -> Derived:
+def _read(entry: CacheEntry) -> Derived:
     return _of_json(json.loads(entry.read_text(_DERIVED)))
 
 

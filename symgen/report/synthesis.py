@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symgen.report.page.drawing import Line, Node, Sketch
+from symgen.report.page.drawing import DrawnLine, Node, Sketch
 from symgen.report.page.page import TableView
 from symgen.report.page.plots import save
 from symgen.report.page.sheet import Sheet
@@ -206,19 +206,21 @@ def _drawn(number: int, linkage: Any, length: tuple[str, float]) -> Sheet:
     if "P" not in at:
         lines, at = _on_sphere(at, [*ends[:3], ("fixed link", "O", "C")])
     else:
-        lines = [Line("rod", n, np.array([at[a], at[b]])) for n, a, b in ends if a in at and b in at]
+        lines = [DrawnLine("rod", n, np.array([at[a], at[b]])) for n, a, b in ends if a in at and b in at]
         if "C" not in at:  # the guide, as long as the crank to either side of the slider
             along = linkage.lengths["crank"] * linkage.along
-            lines.append(Line("rail", "guide", np.array([at["B"] - along, at["B"] + along])))
+            lines.append(DrawnLine("rail", "guide", np.array([at["B"] - along, at["B"] + along])))
     if "P" in at and linkage.turns:
         turned = linkage.parameters["start"] + np.linspace(0.0, 2 * np.pi, 121)
-        lines.append(Line("path", "", linkage.angles(turned)["P.position"].values))
+        lines.append(DrawnLine("path", "", linkage.angles(turned)["P.position"].values))
     nodes = tuple(Node(name, place, kinds.get(name, "joint")) for name, place in at.items())
     unit, scale = ("m", length) if "P" in at else ("radii", ("radii", 1.0))
     return Sheet(f"linkage {number}", [Sketch(nodes, tuple(lines), np.zeros(2), unit)], {}, scale)
 
 
-def _on_sphere(axes: dict[str, Any], ends: list[tuple[str, str, str]]) -> tuple[list[Line], dict[str, Any]]:
+def _on_sphere(
+    axes: dict[str, Any], ends: list[tuple[str, str, str]]
+) -> tuple[list[DrawnLine], dict[str, Any]]:
     """Return arcs and ends of unit vectors in the projection onto the plane normal to their mean."""
     _, _, basis = np.linalg.svd(np.array([*axes.values()]))
     view = basis[1:].T
@@ -227,5 +229,5 @@ def _on_sphere(axes: dict[str, Any], ends: list[tuple[str, str, str]]) -> tuple[
     for name, a, b in ends:
         angle = math.acos(float(np.clip(axes[a] @ axes[b], -1.0, 1.0)))
         arc = (np.sin((1 - share) * angle) * axes[a] + np.sin(share * angle) * axes[b]) / math.sin(angle)
-        lines += [Line("rod", name if i == 12 else "", arc[i : i + 2] @ view) for i in range(24)]
+        lines += [DrawnLine("rod", name if i == 12 else "", arc[i : i + 2] @ view) for i in range(24)]
     return lines, {name: axis @ view for name, axis in axes.items()}

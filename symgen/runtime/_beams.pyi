@@ -6,9 +6,9 @@ from numpy.typing import ArrayLike
 
 from symgen.runtime._core import Integrable
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.beams.layout import Layout
+from symgen.runtime.beams.layout import BeamLayout
 from symgen.runtime.beams.methods import BeamMethod
-from symgen.runtime.elastic.path import Path
+from symgen.runtime.elastic.path import RigidMotionTable
 from symgen.runtime.kernels.library import Library
 
 MOTION: tuple[str, ...]
@@ -33,7 +33,7 @@ class RigidMotion:
         t: float,
         y: ArrayLike,
         stride: float,
-        path: Path | None = None,
+        path: RigidMotionTable | None = None,
     ) -> None: ...
     def save(self) -> bytes: ...
     def restore(self, memory: bytes) -> None: ...
@@ -44,7 +44,7 @@ class BeamEquations(Integrable):
     motion: RigidMotion
     whole: int
     thesis: bool
-    def __init__(self, motion: RigidMotion, layout: Layout, thesis: bool) -> None: ...
+    def __init__(self, motion: RigidMotion, layout: BeamLayout, thesis: bool) -> None: ...
     def matrices(
         self, t: float, analysis: int = ...
     ) -> tuple[int, Array, Array, Array, Array, Array | None]: ...

@@ -174,7 +174,7 @@ cdef class RigidMotion:
     stride
         The longest time [s] over which a state is a good prediction of the next.
     path
-        A :class:`symgen.runtime.elastic.path.Path` if the motion was integrated.
+        A :class:`symgen.runtime.elastic.path.RigidMotionTable` if the motion was integrated.
     """
 
     cdef readonly Integrable equations
@@ -363,7 +363,7 @@ cdef class BeamEquations(Integrable):
     motion
         The rigid motion.
     layout
-        A :class:`symgen.runtime.beams.layout.Layout`: unknowns, superelements and their places.
+        A :class:`symgen.runtime.beams.layout.BeamLayout`: unknowns, superelements and their places.
     thesis
         Constant-transformation form: the rotation of end displacements and the basis of the constraints are taken as
         constant in time.

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.methods import BeamMethod
-from symgen.runtime.elastic.large.collocation import Pattern
+from symgen.runtime.elastic.large.collocation import EnvelopePattern
 from symgen.runtime.kernels.evaluate import Evaluator
 
 class Part:
@@ -59,7 +59,7 @@ class Added(Part):
 
 class Constrained:
     def __init__(
-        self, unknowns: int, multipliers: int, known: int, pattern: Pattern, parts: Sequence[Part]
+        self, unknowns: int, multipliers: int, known: int, pattern: EnvelopePattern, parts: Sequence[Part]
     ) -> None: ...
     def forces(self, *state: Array) -> Array: ...
     def rows(self, t: Array, q: Array, v: Array, known: Array, known_rates: Array) -> tuple[Array, Array]: ...

@@ -426,7 +426,7 @@ cdef class Constrained:
     Parameters
     ----------
     pattern
-        A :class:`symgen.runtime.elastic.large.collocation.Pattern` of the entries of all parts.
+        A :class:`symgen.runtime.elastic.large.collocation.EnvelopePattern` of the entries of all parts.
     """
 
     cdef tuple parts

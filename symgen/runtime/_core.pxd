@@ -232,5 +232,5 @@ cdef class Integrable:
     cdef int bound(self, const double[::1] parameters) except -1
 
 
-cdef class Equations(Integrable):
+cdef class KernelEquations(Integrable):
     cdef long[::1] places

@@ -98,7 +98,7 @@ class Integrable:
     def set_parameters(self, parameters: Array) -> None: ...
     def check(self, t: float, y: Array) -> int: ...
 
-class Equations(Integrable):
+class KernelEquations(Integrable):
     def __init__(
         self,
         library: Library,

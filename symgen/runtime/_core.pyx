@@ -341,7 +341,7 @@ cdef class Reals:
 
 
 cdef class Integrable:
-    """Equations that a run integrates: their memory, sizes and diagnosis."""
+    """KernelEquations that a run integrates: their memory, sizes and diagnosis."""
 
     cdef int make(self, const sizes *wanted, const kernels *functions) except -1:
         self.memory = memory_of(self.of.api.equations_struct, self.of.api.equations_bytes(wanted))
@@ -469,7 +469,7 @@ cdef object _places(tangent, Py_ssize_t n, Py_ssize_t m):
     return found.ravel()
 
 
-cdef class Equations(Integrable):
+cdef class KernelEquations(Integrable):
     """The kernels of one model with its parameters and scratch memory; one per thread of work.
 
     Parameters

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._core import Equations
+from symgen.runtime._core import KernelEquations
 from symgen.runtime._start import Starter
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.integrate.integrators.method import Integrator
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 
@@ -14,13 +14,13 @@ def over_variants(evaluator: Evaluator, kernel: str, variants: Array, times: Arr
 
 class Lanes:
     lanes: int
-    def __init__(self, library: Library, equations: Equations, lanes: int) -> None: ...
+    def __init__(self, library: Library, equations: KernelEquations, lanes: int) -> None: ...
 
 class Starts:
     def __init__(
         self,
         evaluator: Evaluator,
-        equations: Equations,
+        equations: KernelEquations,
         starter: Starter,
         ends: Indices,
         rounding: float,
@@ -31,17 +31,17 @@ class Starts:
         self, variants: Array, ahead: tuple[Array, NDArray[np.uint8]] | None = None
     ) -> tuple[NDArray[np.bool_], Array, Array]: ...
 
-class Runs(Starts):
+class LinkageRuns(Starts):
     def __init__(
         self,
         evaluator: Evaluator,
-        equations: Equations,
+        equations: KernelEquations,
         starter: Starter,
         ends: Indices,
         rounding: float,
         consistent: float,
         near: float,
-        method: Method,
+        method: Integrator,
         t0: float,
         t_end: float,
         rtol: float,

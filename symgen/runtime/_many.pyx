@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Runs of variants of one linkage, without Python code between them."""
+"""LinkageRuns of variants of one linkage, without Python code between them."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from libc.math cimport fabs, fmax
 from libc.string cimport memcpy, memset
 
 from symgen.runtime._core cimport (
-    Core, Equations, Memory, Scheme, _DONE, _MORE, at_least, core_api, equations, interrupted, kernel_of,
+    Core, KernelEquations, Memory, Scheme, _DONE, _MORE, at_least, core_api, equations, interrupted, kernel_of,
     kernel_t, kernels, memory_of, report, run, scheme as scheme_t, task,
 )
 from symgen.runtime._start cimport (
@@ -80,14 +80,14 @@ def over_variants(evaluator, str kernel, const double[:, ::1] variants, const do
 
 
 cdef class Lanes:
-    """Runs of fixed explicit steps in the lanes of vectors.
+    """LinkageRuns of fixed explicit steps in the lanes of vectors.
 
     Parameters
     ----------
     library
         Kernels that take vectors.
     equations
-        The :class:`~symgen.runtime._core.Equations` of a single run.
+        The :class:`~symgen.runtime._core.KernelEquations` of a single run.
     lanes
         Numbers of a vector.
     """
@@ -102,7 +102,7 @@ cdef class Lanes:
     cdef double[::1] rows, states, samples, drifts
     cdef char[::1] failed, found
 
-    def __init__(self, library, Equations equations, Py_ssize_t lanes):
+    def __init__(self, library, KernelEquations equations, Py_ssize_t lanes):
         addresses = library.addresses
         self.library, self.lanes = library, lanes
         self.api = <const lane_table *>equations.of.api.lane_runs
@@ -137,7 +137,7 @@ cdef class Starts:
     evaluator
         The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of any variant.
     equations
-        Its :class:`~symgen.runtime._core.Equations`, without redundant constraints, events and held parameters.
+        Its :class:`~symgen.runtime._core.KernelEquations`, without redundant constraints, events and held parameters.
     starter
         Its :class:`~symgen.runtime._start.Starter`.
     ends
@@ -150,7 +150,7 @@ cdef class Starts:
         Springs shorter than this part of the largest coordinate have no direction.
     """
 
-    cdef Equations equations
+    cdef KernelEquations equations
     cdef Starter starter
     cdef const core_api *api
     cdef equations *e
@@ -169,7 +169,7 @@ cdef class Starts:
     cdef char[::1] none_dropped
     cdef object evaluator
 
-    def __init__(self, evaluator, Equations equations, Starter starter, const Py_ssize_t[:, ::1] ends, double rounding,
+    def __init__(self, evaluator, KernelEquations equations, Starter starter, const Py_ssize_t[:, ::1] ends, double rounding,
                  double consistent, double near):
         d, addresses = evaluator.description, evaluator.library.addresses
         self.evaluator, self.equations, self.starter = evaluator, equations, starter
@@ -316,8 +316,8 @@ cdef class Starts:
         return True
 
 
-cdef class Runs(Starts):
-    """Runs of one linkage from its starts; one object per thread.
+cdef class LinkageRuns(Starts):
+    """LinkageRuns of one linkage from its starts; one object per thread.
 
     The caller must repeat runs without a regular start, or without a regular end, to obtain the reason.
 
@@ -350,7 +350,7 @@ cdef class Runs(Starts):
     cdef double[::1] lane_parameters, lane_states, lane_samples, lane_drifts
     cdef char[::1] failed, found
 
-    def __init__(self, evaluator, Equations equations, Starter starter, const Py_ssize_t[:, ::1] ends, double rounding,
+    def __init__(self, evaluator, KernelEquations equations, Starter starter, const Py_ssize_t[:, ::1] ends, double rounding,
                  double consistent, double near, method, double t0, double t_end, double rtol, double atol, double step,
                  const double[::1] times, *, long stabilisation, double max_drift, double max_step, bint places_only,
                  long most, Lanes lanes=None):

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._core import Equations
+from symgen.runtime._core import KernelEquations
 from symgen.runtime._loop import LoopEquations
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.integrate.integrators.method import Integrator
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
@@ -26,8 +26,8 @@ class Variations:
 class LinkageVariations(Variations):
     def __init__(
         self,
-        equations: Equations,
-        method: Method,
+        equations: KernelEquations,
+        method: Integrator,
         evaluator: Evaluator,
         places: Sequence[NDArray[np.int_]],
         columns: int,
@@ -37,7 +37,7 @@ class LoopVariations(Variations):
     def __init__(
         self,
         equations: LoopEquations,
-        method: Method,
+        method: Integrator,
         description: LoopDescription,
         library: Library,
         width: int,

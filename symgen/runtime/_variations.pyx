@@ -5,7 +5,7 @@ import numpy as np
 
 from symgen.calls import raise_failure
 from symgen.runtime._core cimport (
-    Equations, Integrable, Memory, Scheme, at_least, equations, kernel_of, kernel_t, held_parameters, memory_of,
+    KernelEquations, Integrable, Memory, Scheme, at_least, equations, kernel_of, kernel_t, held_parameters, memory_of,
     scheme as scheme_t,
 )
 
@@ -155,7 +155,7 @@ cdef class LinkageVariations(Variations):
     Parameters
     ----------
     equations
-        The :class:`~symgen.runtime._core.Equations` of the run, in doubles, without the work of loads.
+        The :class:`~symgen.runtime._core.KernelEquations` of the run, in doubles, without the work of loads.
     method
         The integrator of the run: explicit, Radau's or generalized-alpha.
     evaluator
@@ -167,7 +167,7 @@ cdef class LinkageVariations(Variations):
         Number of directions; of an implicit method the last 2n are the state.
     """
 
-    def __init__(self, Equations equations, method, evaluator, places, Py_ssize_t columns):
+    def __init__(self, KernelEquations equations, method, evaluator, places, Py_ssize_t columns):
         cdef long[:, ::1] of
         cdef Py_ssize_t i
         self.take(equations, method, evaluator.description, evaluator.library, len(evaluator.parameter_values), columns)

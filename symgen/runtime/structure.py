@@ -12,7 +12,7 @@ from symgen.runtime._beams import MOTION
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.damping import modal_forces, shared
 from symgen.runtime.beams.frames import frames
-from symgen.runtime.beams.layout import Layout
+from symgen.runtime.beams.layout import BeamLayout
 from symgen.runtime.beams.links import Beam
 
 #: Strain energy of a shape over the sum of its terms' sizes, up to which it is round-off of a rigid motion. A
@@ -102,12 +102,12 @@ def _factor(name: str, scaled: Array) -> Array:
 def forces_of_modes(
     name: str,
     equations: _beams.BeamEquations,
-    layout: Layout,
+    layout: BeamLayout,
     beams: Sequence[Beam],
     ratios: Array,
     every: bool,
 ) -> tuple[Array, float]:
-    """Return forces f of modes of the structure, whose damping is the sum of f f^T; see :class:`Layout`.
+    """Return forces f of modes of the structure, whose damping is the sum of f f^T; see :class:`BeamLayout`.
 
     They are those of :func:`symgen.runtime.beams.damping.modal_forces`, and the second result is the factor
     [s] of the stiffness of links that damps all modes, by :func:`symgen.runtime.beams.damping.shared` where
@@ -171,7 +171,7 @@ def forces_of_modes(
     return modal_forces(whole, speeds[: len(ratios)], ratios).T, factor
 
 
-def forces_on_links(layout: Layout, beams: Sequence[Beam]) -> list[Array]:
+def forces_on_links(layout: BeamLayout, beams: Sequence[Beam]) -> list[Array]:
     """Return the forces of the damped modes on the unknowns of each link, in its axes, (modes, n) each."""
     forces, start = [], 0
     for beam in beams:

@@ -12,11 +12,19 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SceneError
 from symgen.loads import LOADS
 from symgen.methods import METHODS, claiming
-from symgen.scene.elastic.schema import Crank, Elastic, Joint, ModalDamping, Section, Station, Weld
+from symgen.scene.elastic.schema import (
+    CrankTable,
+    ElasticTable,
+    JointTable,
+    ModalDampingTable,
+    SectionTable,
+    StationTable,
+    Weld,
+)
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.repeated import written_out
-from symgen.scene.study_schema import Optimise, Sweep
+from symgen.scene.study_schema import Optimise, SweepTable
 from symgen.scene.table import (
     Bare,
     Moments,
@@ -57,7 +65,7 @@ class Named(Bare):
     about: Text = Field("", description="Meaning, for reports.")
 
 
-class Parameter(Named):
+class ParameterTable(Named):
     """A named value, for use in expressions."""
 
     tunable: bool = Field(False, description="Keep it as an argument of the kernels instead of folding it.")
@@ -79,7 +87,7 @@ class Input(Named):
     value: Value = Field(description="Where no other value is passed; its unit is that of the input.")
 
 
-class Point(Table):
+class PointTable(Table):
     """A joint, a tip or a fixed point of the mechanism, where it is drawn."""
 
     at: Vector | None = absent("Coordinates: two in the plane, three in space.")
@@ -101,8 +109,8 @@ class Link(Table):
     mass: Value | None = None
     mass_per_length: Value | None = None
     density: Value | None = absent("Mass per volume, instead of the mass: mass, centre and inertia follow.")
-    section: Section | None = None
-    elastic: Elastic | None = absent("That it bends and stretches; rigid if absent.")
+    section: SectionTable | None = None
+    elastic: ElasticTable | None = absent("That it bends and stretches; rigid if absent.")
     centre: Value | Vector | None = absent(
         "Centre of mass: its coordinates as drawn, or the fraction of the length of a link of two points; "
         "the middle of such a link if absent."
@@ -134,21 +142,21 @@ class PointMass(Table):
     link: Name | None = absent("The link with which the inertia rotates, if several that rotate apart meet.")
 
 
-class Guide(Table):
+class GuideTable(Table):
     """Points that stay on the line of a link: a block on a rod, or on a rail between two ground points."""
 
     points: list[Name] = Field(min_length=1)
     along: Name = Field(description="The link whose line they stay on.")
 
 
-class Driver(Table):
+class DriverTable(Table):
     """A link whose direction is prescribed, from its first point to its second; in space its rotation."""
 
     link: Name
     angle: Value = Field(description="May use the time t.")
 
 
-class Event(Table):
+class EventTable(Table):
     """A moment of a run that is looked for: where a quantity passes a value."""
 
     name: Name = Field(description="Name in the results.")
@@ -158,7 +166,7 @@ class Event(Table):
     ends_run: bool = Field(False, description="Whether the run ends there.")
 
 
-class Start(Table):
+class StartTable(Table):
     """How the motion starts; at rest where drawn when absent."""
 
     angles: dict[Name, Value] = Field(
@@ -207,24 +215,24 @@ class Scene(Table):
     title: Text = ""
     about: Text = ""
     units: Units = Field(default_factory=lambda: Units.model_validate({}))
-    parameters: dict[Name, Parameter] = Field(default_factory=dict)
+    parameters: dict[Name, ParameterTable] = Field(default_factory=dict)
     inputs: dict[Name, Input] = Field(default_factory=dict)
-    points: dict[Name, Point] = Field(default_factory=dict, min_length=1)
+    points: dict[Name, PointTable] = Field(default_factory=dict, min_length=1)
     links: dict[Name, Link] = Field(default_factory=dict, min_length=1)
     loop: SpatialLoop | None = None
     gravity: Gravity | None = None
     masses: list[PointMass] = Field(default_factory=list)
-    guides: list[Guide] = Field(default_factory=list)
-    drivers: list[Driver] = Field(default_factory=list)
-    crank: Crank | None = None
-    modal_damping: ModalDamping | None = None
+    guides: list[GuideTable] = Field(default_factory=list)
+    drivers: list[DriverTable] = Field(default_factory=list)
+    crank: CrankTable | None = None
+    modal_damping: ModalDampingTable | None = None
     welds: list[Weld] = Field(default_factory=list)
-    joints: list[Joint] = Field(default_factory=list)
-    stations: list[Station] = Field(default_factory=list)
-    start: Start = Field(default_factory=Start)
-    events: list[Event] = Field(default_factory=list)
+    joints: list[JointTable] = Field(default_factory=list)
+    stations: list[StationTable] = Field(default_factory=list)
+    start: StartTable = Field(default_factory=StartTable)
+    events: list[EventTable] = Field(default_factory=list)
     analysis: Analysis = Field(default=Analysis())
-    sweep: Sweep | None = None
+    sweep: SweepTable | None = None
     optimise: Optimise | None = None
 
     _name: str = PrivateAttr("scene")

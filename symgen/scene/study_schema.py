@@ -16,7 +16,7 @@ _ANALYSIS = (
 )
 
 
-class Sweep(Table):
+class SweepTable(Table):
     """A sweep of parameters, which ``symgen sweep`` carries out."""
 
     vary: dict[str, Value | Values] = Field(
@@ -34,7 +34,7 @@ class Sweep(Table):
     chunk: int | None = absent("Runs that are written at a time.")
 
 
-class Bounds(Table):
+class BoundsTable(Table):
     """Bounds of an output in SI units."""
 
     least: float | None = None
@@ -51,7 +51,9 @@ class Optimise(Table):
         description="The quantity to minimise, such as crank.torque.peak, or two for a Pareto front."
     )
     points: int | None = absent("Number of points of a Pareto front (9).")
-    constraints: dict[str, Bounds] = Field(default_factory=dict, description="Bounds of further quantities.")
+    constraints: dict[str, BoundsTable] = Field(
+        default_factory=dict, description="Bounds of further quantities."
+    )
     analysis: str | None = absent(_ANALYSIS)
     method: Literal["SLSQP", "trust-constr", "differential-evolution"] = "SLSQP"
     seed: int = 0

@@ -91,7 +91,7 @@ class Letter(NamedTuple):
     meaning: str
 
 
-class Forms(Protocol):
+class WrittenForms(Protocol):
     """Values as a scene writes them with its constants."""
 
     @property
@@ -125,7 +125,7 @@ class Letters:
         taken: Collection[str],
         owners: Collection[str],
         known: Collection[sp.Symbol],
-        written: Forms,
+        written: WrittenForms,
     ) -> None:
         self._taken, self._owners, self._known = set(taken), set(owners), set(known)
         self._written = written

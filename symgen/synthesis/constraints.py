@@ -71,7 +71,7 @@ class Bound:
 
 
 @dataclass(frozen=True, slots=True)
-class Constraints:
+class DesignConstraints:
     """What a task requires of the linkages found, beyond the values that it prescribes."""
 
     bounds: tuple[Bound, ...]
@@ -95,7 +95,9 @@ class Constraints:
             yield f"classes are {', '.join(found)}, expected {' or '.join(self.classes)}"
 
 
-def read(task: Any, quantities: tuple[tuple[str, str, str], ...], classes: tuple[str, ...]) -> Constraints:
+def read(
+    task: Any, quantities: tuple[tuple[str, str, str], ...], classes: tuple[str, ...]
+) -> DesignConstraints:
     """Return the constraints of a task, whose linkages have quantities at limit positions, and classes.
 
     Raises
@@ -119,7 +121,7 @@ def read(task: Any, quantities: tuple[tuple[str, str, str], ...], classes: tuple
     for name, bound in task.constraints.items():
         with at(f"constraints.{name}"):
             bounds.append(_bound(name, bound, names, units))
-    return Constraints(tuple(bounds), tuple(task.classes or ()))
+    return DesignConstraints(tuple(bounds), tuple(task.classes or ()))
 
 
 def _bound(name: str, bound: Any, names: Mapping[str, Any], units: Mapping[str, str]) -> Bound:

@@ -17,7 +17,7 @@ from symgen.synthesis import nine_points
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.search import (
     ONE_LINK,
-    Search,
+    RootSearch,
     Solutions,
     conditions,
     distinct,
@@ -39,7 +39,7 @@ _SPREAD = 0.3, 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class DyadKind:
     """A kind of dyad: its compiled condition, quantities, and random values of them for poses.
 
     ``scaled`` returns one of the equivalent rows of quantities of a dyad, and its error over that of the
@@ -97,7 +97,7 @@ def motion(task: Any) -> Solutions:
         linkage = linkage_of(one[0], two[0], poses[0], max(one[1], two[1]))
         if linkage is not None:
             linkages.append(linkage.rotated(frame.T) if on_sphere else linkage.scaled(size))
-    total = Search(
+    total = RootSearch(
         tuple(root for s in searches for root in s.roots),
         sum(s.starts for s in searches),
         min(s.nearest for s in searches),
@@ -246,7 +246,7 @@ def _cognate(linkage: FourBar) -> FourBar:
 
 
 def _random(
-    generator: np.random.Generator, places: Array, kinds: list[Kind], unknowns: list[list[int]]
+    generator: np.random.Generator, places: Array, kinds: list[DyadKind], unknowns: list[list[int]]
 ) -> Array:
     """Return the unknowns of a random linkage whose links have the mean lengths over random rotations."""
     angles = np.array([0.0, *generator.normal(0.0, 1.0, len(places) - 1)])
@@ -349,11 +349,11 @@ def _spherical(crank: Array, rocker: Array, pose: Array, error: float) -> Spheri
     return SphericalFourBar(o, a, b, c, error)
 
 
-_REVOLUTE = Kind("synthesis_dyad", DYAD, _random_dyad, _scaled_dyad)
-_SLIDE = Kind("synthesis_slide", SLIDE, _random_slide, _scaled_slide)
-_AXES = Kind("synthesis_spherical_dyad", SPHERICAL_DYAD, _random_axes, _unscaled_axes)
+_REVOLUTE = DyadKind("synthesis_dyad", DYAD, _random_dyad, _scaled_dyad)
+_SLIDE = DyadKind("synthesis_slide", SLIDE, _random_slide, _scaled_slide)
+_AXES = DyadKind("synthesis_spherical_dyad", SPHERICAL_DYAD, _random_axes, _unscaled_axes)
 #: Dyads of crank and rocker or slider, and the linkage of both.
-_LINKAGES: dict[str, tuple[Kind, Kind, Callable[..., Any]]] = {
+_LINKAGES: dict[str, tuple[DyadKind, DyadKind, Callable[..., Any]]] = {
     "four-bar": (_REVOLUTE, _REVOLUTE, _four_bar),
     "slider-crank": (_REVOLUTE, _SLIDE, _slider_crank),
     "spherical": (_AXES, _AXES, _spherical),

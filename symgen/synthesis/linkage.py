@@ -32,7 +32,7 @@ _STOP = 1e-9
 _ROUNDING = 1e-14
 
 
-class Linkage(ABC):
+class DesignedLinkage(ABC):
     """A linkage with a crank, in one of its poses; ``error`` is that of its conditions."""
 
     __slots__ = ()
@@ -165,7 +165,7 @@ class Linkage(ABC):
 
 
 @checked
-class PlanarLinkage(Linkage):
+class PlanarLinkage(DesignedLinkage):
     """A linkage whose model has the places of its points as tunable parameters: of its joints, and of P."""
 
     __slots__ = ()

@@ -62,7 +62,7 @@ def conditions(name: str, count: int) -> Conditions:
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
+class RootSearch:
     """Roots, and the least residual of the starts that led to none (infinite without such a start).
 
     ``singular`` counts roots that are not isolated: at them the conditions do not determine the unknowns.
@@ -81,7 +81,7 @@ def search(
     starts: Iterable[Array],
     fit: bool = False,
     followed: bool = False,
-) -> Search:
+) -> RootSearch:
     """Return the distinct roots of residual(x) = 0, or, to ``fit``, the distinct least squares.
 
     Least squares by Levenberg and Marquardt; roots are polished by Newton's method until they change by
@@ -129,7 +129,7 @@ def search(
         if all(np.abs(x - other).max() > _SAME * size for other in roots):
             roots.append(x)
     incomplete = f"{count} random starts find some linkages; more starts may find others"
-    return Search(tuple(roots), count, nearest, singular, incomplete)
+    return RootSearch(tuple(roots), count, nearest, singular, incomplete)
 
 
 def _polished(
@@ -172,7 +172,7 @@ class Solutions(NamedTuple):
 
     linkages: list[Any]
     poses: list[Array]
-    search: Search
+    search: RootSearch
 
 
 def equations_at(rows: Conditions, full: Array, which: NDArray[np.intp], size: int = 0) -> Equations:

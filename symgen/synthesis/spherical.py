@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.synthesis.linkage import Linkage, angle, longer_than_zero, tunable, turn
+from symgen.synthesis.linkage import DesignedLinkage, angle, longer_than_zero, tunable, turn
 from symgen.synthesis.search import ONE_LINK
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ _CLASSES = ("crank-rocker", "double-rocker", "rocker-crank", "double-crank")
 
 @checked
 @dataclass(frozen=True, slots=True)
-class SphericalFourBar(Linkage):
+class SphericalFourBar(DesignedLinkage):
     """A spherical four-bar in one of its poses: four joints whose axes meet in a point.
 
     Attributes

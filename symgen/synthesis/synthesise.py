@@ -16,15 +16,15 @@ from symgen.calls import checked
 from symgen.errors import NoLinkageError, SimulationError
 from symgen.scene.units import Shown
 from symgen.synthesis import dyads, function
-from symgen.synthesis.constraints import Constraints
+from symgen.synthesis.constraints import DesignConstraints
 from symgen.synthesis.constraints import read as read_constraints
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.limits import search as limits
 from symgen.synthesis.limits.crank_rocker import CRANK_ROCKER, SPHERICAL_CRANK_ROCKER
-from symgen.synthesis.limits.kind import Kind, time_ratio
+from symgen.synthesis.limits.kind import LimitKind, time_ratio
 from symgen.synthesis.limits.slider_crank import SLIDER_CRANK
-from symgen.synthesis.linkage import Linkage, turn
-from symgen.synthesis.search import Search, Solutions
+from symgen.synthesis.linkage import DesignedLinkage, turn
+from symgen.synthesis.search import RootSearch, Solutions
 from symgen.synthesis.slider_crank import SliderCrank
 from symgen.synthesis.spherical import SphericalFourBar
 from symgen.synthesis.tasks import LIMIT_TASKS, Task, read_task
@@ -78,7 +78,7 @@ class Synthesis:
     kind: str
     linkage: str
     designs: tuple[Design, ...]
-    search: Search
+    search: RootSearch
     units: Shown
     omitted: dict[str, int] = field(default_factory=dict)
 
@@ -162,7 +162,9 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
     return Synthesis(head.title, fields.kind, fields.linkage, ordered, search, head.units, omitted)
 
 
-def _kept(constraints: Constraints, designs: list[Design], noun: str) -> tuple[list[Design], dict[str, int]]:
+def _kept(
+    constraints: DesignConstraints, designs: list[Design], noun: str
+) -> tuple[list[Design], dict[str, int]]:
     """Return the designs that meet the constraints, and the number of those that miss each of them."""
     missed = [constraints.missed(d.linkage, d.quantities) for d in designs]
     kept = [d for d, names in zip(designs, missed, strict=True) if not names]
@@ -180,7 +182,7 @@ def _kept(constraints: Constraints, designs: list[Design], noun: str) -> tuple[l
     return kept, dict(Counter(name for names in missed for name in names))
 
 
-def _allowed(kind: Kind, constraints: Constraints, linkage: Linkage) -> bool:
+def _allowed(kind: LimitKind, constraints: DesignConstraints, linkage: DesignedLinkage) -> bool:
     """Return whether a linkage meets the constraints, by the closed forms of its limit positions."""
     values = kind.derived([*linkage.lengths.values()])
     ends = {"minimum": "least", "maximum": "greatest"}
@@ -201,7 +203,7 @@ _GENERATIONS: dict[tuple[str, str], Callable[[Any], Solutions]] = {
 _NOUNS = {"four-bar": "four-bar", "slider-crank": "slider-crank", "spherical": "spherical four-bar"}
 
 
-def _nothing(task: Task, search: Search) -> str:
+def _nothing(task: Task, search: RootSearch) -> str:
     none = f"no {_NOUNS[task.linkage]} was found"
     if search.singular:
         return (
@@ -217,7 +219,7 @@ def _nothing(task: Task, search: Search) -> str:
 
 
 def _greatest(
-    kind: Kind,
+    kind: LimitKind,
     prescribed: dict[str, float],
     ranges: dict[str, tuple[float, float]],
     task: Any,
@@ -236,7 +238,7 @@ def _greatest(
     )
 
 
-def _checked(linkage: Linkage, run: Callable[[], Faults]) -> Design:
+def _checked(linkage: DesignedLinkage, run: Callable[[], Faults]) -> Design:
     try:
         quantities, faults = run()
     except SimulationError as error:
@@ -244,14 +246,16 @@ def _checked(linkage: Linkage, run: Callable[[], Faults]) -> Design:
     return Design(linkage, quantities, tuple(faults))
 
 
-def _stopped(linkage: Linkage, time: float) -> str:
+def _stopped(linkage: DesignedLinkage, time: float) -> str:
     if linkage.grashof == "change-point":
         return "a change-point linkage: its branches meet where all links are in line"
     stop = np.degrees(linkage.parameters["start"] + time) % 360.0
     return f"the crank stops at {stop:.6g} deg, before it has passed all poses"
 
 
-def _limits(kind: Kind, prescribed: dict[str, float], linkage: Linkage, *, optimised: bool) -> Faults:
+def _limits(
+    kind: LimitKind, prescribed: dict[str, float], linkage: DesignedLinkage, *, optimised: bool
+) -> Faults:
     quantities = _over_revolution(linkage) | dict(kind.measured(linkage))
     size = max(linkage.lengths.values())
     sizes = {n: size if n in kind.lengths else 1.0 for n in prescribed if n in quantities}
@@ -264,7 +268,7 @@ def _limits(kind: Kind, prescribed: dict[str, float], linkage: Linkage, *, optim
     return quantities, faults
 
 
-def _over_revolution(linkage: Linkage) -> dict[str, float]:
+def _over_revolution(linkage: DesignedLinkage) -> dict[str, float]:
     """Return extremes over a revolution: of transmission angles, and of the rocker or slider."""
     if not linkage.turns:
         return {}
@@ -281,7 +285,7 @@ def _over_revolution(linkage: Linkage) -> dict[str, float]:
     return extremes
 
 
-def _function(linkage: Linkage, poses: Array) -> Faults:
+def _function(linkage: DesignedLinkage, poses: Array) -> Faults:
     """Return faults of the outputs at the angles of the crank."""
     directions = linkage.within_reach(poses[:, 0])
     missed = linkage.output(linkage.angles(directions.tolist())) - poses[:, 1]
@@ -291,7 +295,7 @@ def _function(linkage: Linkage, poses: Array) -> Faults:
     return _passed(linkage, turn(missed), directions, linkage.error, "rad")
 
 
-def _guidance(linkage: Linkage, poses: Array) -> Faults:
+def _guidance(linkage: DesignedLinkage, poses: Array) -> Faults:
     """Return faults of places and rotations of the coupler at the directions of the crank."""
     if isinstance(linkage, SphericalFourBar):
         return _on_sphere(linkage, poses)
@@ -318,7 +322,7 @@ def _on_sphere(linkage: SphericalFourBar, poses: Array) -> Faults:
     return _passed(linkage, missed, directions, linkage.error, "rad")
 
 
-def _passed(linkage: Linkage, missed: Array, directions: Array, error: float, unit: str) -> Faults:
+def _passed(linkage: DesignedLinkage, missed: Array, directions: Array, error: float, unit: str) -> Faults:
     """Return measures and faults of a run through the poses, of which ``missed`` is the error in its unit."""
     fitted = error > _AGREES
     least = _FITS if fitted else _AGREES
@@ -333,7 +337,7 @@ def _passed(linkage: Linkage, missed: Array, directions: Array, error: float, un
     return _over_revolution(linkage), faults
 
 
-def _order(linkage: Linkage, directions: Array) -> Iterator[str]:
+def _order(linkage: DesignedLinkage, directions: Array) -> Iterator[str]:
     """Yield the fault of a crank that does not pass the poses in their order, in either sense of rotation."""
     steps = np.diff(directions)
     if linkage.turns:

@@ -35,7 +35,7 @@ Limit = Value | Pair
 Values = Annotated[list[Value], Field(min_length=2, max_length=100)]
 
 
-class Bounds(Table):
+class QuantityBounds(Table):
     """Bounds of a quantity of the linkages."""
 
     least: Value | None = None
@@ -45,7 +45,7 @@ class Bounds(Table):
 class _Search(Table):
     starts: Starts = 200
     seed: Seed = 0
-    constraints: dict[str, Bounds] = Field(
+    constraints: dict[str, QuantityBounds] = Field(
         default_factory=dict, description="Bounds by quantity of the linkages, or expression of quantities."
     )
     classes: Annotated[list[str], Field(min_length=1)] | None = absent("Classes of the linkages allowed.")

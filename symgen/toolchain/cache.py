@@ -46,7 +46,7 @@ def cache_root() -> Path:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class CacheEntry:
     """A verified entry: a folder with the files that its checksums list."""
 
     folder: Path
@@ -69,7 +69,7 @@ class Cache:
     def __init__(self, root: Path | None = None) -> None:
         self.root = cache_root() if root is None else root
 
-    def find(self, name: str) -> Entry | None:
+    def find(self, name: str) -> CacheEntry | None:
         """Return the entry with this name if it exists and is intact."""
         folder = self.root / name
         try:
@@ -79,7 +79,7 @@ class Cache:
             whole = bool(sums) and all(_sha256(folder / file) == digest for file, digest in sums.items())
         except (OSError, ValueError, AttributeError, TypeError):
             return None
-        return Entry(folder) if whole else None
+        return CacheEntry(folder) if whole else None
 
     def is_private(self) -> bool:
         """Return whether the folder exists and is writable by the current user or root only.
@@ -106,7 +106,7 @@ class Cache:
             self.root.mkdir(mode=0o700, exist_ok=True)
         self.is_private()
 
-    def remove(self, entry: Entry) -> None:
+    def remove(self, entry: CacheEntry) -> None:
         """Remove an entry with unusable content."""
         with self._reporting():
             self._discard(entry.folder)

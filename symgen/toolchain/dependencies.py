@@ -19,7 +19,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import CodeType
 
-from symgen.toolchain.cache import Cache, Entry, key
+from symgen.toolchain.cache import Cache, CacheEntry, key
 from symgen.toolchain.fingerprint import of_registered
 
 _NEEDS = "needs.json"
@@ -239,7 +239,7 @@ def latest(store: Cache, name: str) -> tuple[Path, Needs] | None:
     return next(versions(store, name), None)
 
 
-def current(store: Cache, name: str) -> Entry | None:
+def current(store: Cache, name: str) -> CacheEntry | None:
     """Return the intact entry with this name whose dependencies are unchanged; None if there is none."""
     for folder, before in versions(store, name):
         if {_SYMGEN, _REGISTERED} <= before.keys() and not changed(before):

@@ -9,11 +9,11 @@ import symgen
 from symgen.runtime._constrained import Rigid
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import Moment, System, moved
+from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, moved
 from symgen.runtime.integrate.pace import Pace
 
 
-class Rods(System):
+class Rods(ConstrainedSystem):
     """A linkage of rigid rods and particles."""
 
     def __init__(self, model):
@@ -30,7 +30,7 @@ class Rods(System):
         super().__init__(model.name, [part], np.ones(d.coordinates), len(rows), 0)
 
     def start(self):
-        return Moment(0.0, self._at.q, self._at.u, np.zeros(self.unknowns), np.zeros(self.multipliers))
+        return MotionState(0.0, self._at.q, self._at.u, np.zeros(self.unknowns), np.zeros(self.multipliers))
 
     def prescribed(self, t):
         return np.zeros((2, len(t), 0))

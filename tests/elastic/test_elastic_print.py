@@ -25,7 +25,7 @@ from shared.elastic_print import (
 
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, PLACE, shape_functions
-from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices
+from symgen.mechanics.elastic.beam_matrices import ElementSection, beam_matrices
 from symgen.models import BLOCKS, element
 from symgen.models.elastic.derivation import elastic_derivation_system
 
@@ -65,7 +65,7 @@ def shown_in_thesis_form() -> dict[str, sp.Matrix]:
 def derived() -> dict[str, sp.Matrix]:
     """Return symgen's matrices by the number of the print's matrix."""
     none = (sp.S.Zero,)
-    found = beam_matrices(ELEMENTS["beam8"], Section((m,), none, (EA,), (EI,), none))
+    found = beam_matrices(ELEMENTS["beam8"], ElementSection((m,), none, (EA,), (EI,), none))
 
     def plain(matrix):
         return sp.Matrix(matrix).xreplace({LENGTH.symbol: L})

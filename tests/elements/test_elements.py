@@ -10,14 +10,14 @@ import sympy as sp
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, NODE_DOFS, PLACE, Element, derivative, shape_functions
 from symgen.errors import DerivationError
-from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices, shape_rows
+from symgen.mechanics.elastic.beam_matrices import ElementSection, beam_matrices, shape_rows
 
 L, xi = LENGTH.symbol, PLACE.symbol
 x = xi * L
 MASS, ROTARY, AXIAL, BENDING, SHEAR = (
     sp.symbols(f"{letter}_0:{n}", positive=True) for letter, n in zip("mjabs", (3, 5, 3, 5, 3), strict=True)
 )
-SECTION = Section(MASS, ROTARY, AXIAL, BENDING, SHEAR)
+SECTION = ElementSection(MASS, ROTARY, AXIAL, BENDING, SHEAR)
 
 
 @pytest.fixture(params=ELEMENTS)

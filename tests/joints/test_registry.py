@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from symgen.joints import JOINTS
-from symgen.mechanics.loop.dual_rows import GROUND, Motion, motions, onward, row_transform
+from symgen.mechanics.loop.dual_rows import GROUND, JointMotion, motions, onward, row_transform
 from symgen.scene.loop.loop import ENTRIES
 from symgen.symbolic.names import Names
 
@@ -26,7 +26,7 @@ def test_entries_of_a_joint(letter):
     assert joint.freedoms == len(joint.varies) > 0
 
 
-def row_of(letter: str, constants) -> tuple[list[sp.Symbol], tuple[Motion, ...]]:
+def row_of(letter: str, constants) -> tuple[list[sp.Symbol], tuple[JointMotion, ...]]:
     """The row of a joint with its variables, and random constants where it may have them."""
     joint = JOINTS[letter]
     variables = {e: sp.Symbol(e, real=True) for e in joint.varies}

@@ -13,7 +13,7 @@ from shared.oracle import Oracle, relative_error
 from symgen.codegen.emit import emit
 from symgen.codegen.target import Target
 from symgen.lowering.program import lower_system
-from symgen.models.loop.derivation import LoopModel
+from symgen.models.loop.derivation import LoopDerivation
 from symgen.models.loop.system import loop_system
 
 TOLERANCE = 1e-13
@@ -33,7 +33,7 @@ def random_values(loop, system, seed):
 def everything(make):
     """A loop with every output that it has."""
     loop = make()
-    model = LoopModel(loop)
+    model = LoopDerivation(loop)
     names = [f"{v.name}{w}" for v in model.variables for w in ("", ".rate", ".acceleration", ".drive")]
     words = ("position", "velocity", "acceleration", "angular_velocity", "angular_acceleration", "centre")
     names += [f"{k}.{w}" for k in model.links for w in words]
@@ -53,7 +53,7 @@ def case(request):
     loop = everything(LOOPS[request.param])
     system = loop_system(loop)
     values = random_values(loop, system, 11)
-    model = LoopModel(loop)
+    model = LoopDerivation(loop)
     with mp.workdps(DIGITS):
         reference = Reference(loop, values, model.paths.meet, model.paths.ends)
     return loop, system, values, Oracle(system), reference

@@ -11,13 +11,13 @@ from shared.loops import planar_4r, slider_crank
 from symgen.mechanics.loop.dual_paths import Paths
 from symgen.mechanics.loop.dual_rows import (
     GROUND,
-    Motion,
+    JointMotion,
     derivative_operator,
     motions,
     onward,
     row_transform,
 )
-from symgen.models.loop.derivation import LoopModel
+from symgen.models.loop.derivation import LoopDerivation
 from symgen.symbolic.dual import Dual, DualMatrix, DualVector, Z, identity, operator
 from symgen.symbolic.names import Names
 
@@ -124,7 +124,7 @@ def test_operators_are_the_derivatives_of_the_closure(two_rows):
 
 def test_operator_of_eta_has_the_turn_by_theta():
     """Eq. (9) as printed: Q = Z(theta) [j]x Z(theta)^T."""
-    motion = Motion(1, "eta", eta)
+    motion = JointMotion(1, "eta", eta)
     found = derivative_operator(motion, Z(Dual(theta)))
     printed = [[0, 0, c(theta)], [0, 0, s(theta)], [-c(theta), -s(theta), 0]]
     assert same(found.real, printed)
@@ -170,7 +170,7 @@ def closed_slider_crank() -> dict[str, sp.Expr]:
 
 def test_both_paths_agree_where_the_loop_is_closed():
     """Screws, velocities and accelerations by the mixed way and all from the first frame."""
-    model = LoopModel(slider_crank(fixed={"stroke": sp.Rational(7, 2), "ratio": 1}))
+    model = LoopDerivation(slider_crank(fixed={"stroke": sp.Rational(7, 2), "ratio": 1}))
     other = Paths(model.rows, model.rates, Names())
     other.__dict__["meet"] = len(other.motions)  # all outward
     values = {sp.Symbol(k, real=True): v.evalf(40) for k, v in closed_slider_crank().items()}
@@ -208,12 +208,12 @@ def test_both_paths_agree_where_the_loop_is_closed():
 
 
 def test_ways_meet_in_the_middle():
-    model = LoopModel(planar_4r())
+    model = LoopDerivation(planar_4r())
     meet = model.paths.motions[model.paths.meet]
     assert (meet.row, meet.entry) == (3, "theta")
     assert model.paths.ends == [2, 4, 6, 8]
 
 
 def test_operator_is_a_dual_matrix():
-    assert isinstance(derivative_operator(Motion(1, "S", S), identity()), DualMatrix)
-    assert math.isclose(float(Motion(1, "S", 2 * S, ((0, sp.Integer(2)),)).rate([sp.Float(3)])), 6)
+    assert isinstance(derivative_operator(JointMotion(1, "S", S), identity()), DualMatrix)
+    assert math.isclose(float(JointMotion(1, "S", 2 * S, ((0, sp.Integer(2)),)).rate([sp.Float(3)])), 6)

@@ -15,7 +15,7 @@ from symgen.generated import element_beam8
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, PLACE, shape_functions
 from symgen.mechanics.elastic import hamilton
-from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices
+from symgen.mechanics.elastic.beam_matrices import ElementSection, beam_matrices
 from symgen.mechanics.elastic.turning_axes import (
     COSINE,
     SINE,
@@ -54,7 +54,7 @@ def matrices(element):
         tuple(sp.Poly(p, x).coeff_monomial(x**k) * L**k for k in range(n))
         for p, n in zip(PROPERTIES, (3, 5, 3, 5, 3), strict=True)
     ]
-    found = beam_matrices(element, Section(*scaled))
+    found = beam_matrices(element, ElementSection(*scaled))
     return replace(
         found,
         **{name: _at_length(getattr(found, name)) for name in found.__dataclass_fields__},

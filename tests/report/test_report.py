@@ -20,7 +20,7 @@ from symgen.inspection.measured import speed_caption, speed_figure, speed_table
 from symgen.inspection.page import scene_page
 from symgen.report.page.page import render
 from symgen.scene.loading import read_scene, shipped_scenes
-from symgen.study.speed.work_precision import Point, WorkPrecision
+from symgen.study.speed.work_precision import WorkPrecision, WorkPrecisionPoint
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 #: One of rods, one of them in space, one loop, one with links that bend.
@@ -170,7 +170,9 @@ def test_report_writes_a_page_or_one_error(tmp_path):
 def test_speed_stands_beside_error():
     """Of each method the loosest, a middle and the tightest setting; errors that say nothing are marked."""
     points = [
-        Point(method, "float64", f"rtol 1e-{k}", 10.0**-k, 10.0**-k, k * 1e-4, k * 1e-4, 10 * k, None, k < 9)
+        WorkPrecisionPoint(
+            method, "float64", f"rtol 1e-{k}", 10.0**-k, 10.0**-k, k * 1e-4, k * 1e-4, 10 * k, None, k < 9
+        )
         for method in ("dop853", "rk4")
         for k in range(2, 10)
     ]

@@ -10,7 +10,7 @@ from symgen.runtime import _beams, _core
 from symgen.runtime._constrained import Constrained, Elements, Rows, Ties
 from symgen.runtime._kinematics import Kinematics
 from symgen.runtime.beams.elements import kernels
-from symgen.runtime.elastic.large.collocation import Pattern
+from symgen.runtime.elastic.large.collocation import EnvelopePattern
 from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.rods.following.groups import groups_of
@@ -178,7 +178,7 @@ def test_elements_are_within_their_states():
         with pytest.raises(ValueError, match="expected at least"):
             elements.values("residual", 6, *states)
     tie = Ties([0], [2], [1.0])
-    pattern = Pattern(elements.pairs, tie.bound, 6, 1)
+    pattern = EnvelopePattern(elements.pairs, tie.bound, 6, 1)
     system = Constrained(6, 1, 0, pattern, [elements, tie])
     t, multipliers, known = np.zeros(2), np.zeros((2, 1)), np.zeros((2, 0))
     for states in ((q[:, :5], q, q, multipliers), (q[:1], q, q, multipliers), (q, q, q, multipliers[:, :0])):

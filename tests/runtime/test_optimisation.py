@@ -12,7 +12,7 @@ from shared.variants import crank_rocker_with_lengths
 
 import symgen
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.sweeps.problem import Problem, Quantity, Search
+from symgen.runtime.sweeps.problem import OptimisationArguments, Problem, ReducedOutput
 from symgen.scene.loading import SceneText, check_scene, read_scene
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "barrier.toml"
@@ -105,7 +105,7 @@ def test_constraints_hold_and_bind(model):
 
 
 def problem_of(model, bounds, quantity, samples):
-    search = Search(model, bounds, {}, None, {}, 1e-8, 200, None, {"samples": samples})
+    search = OptimisationArguments(model, bounds, {}, None, {}, 1e-8, 200, None, {"samples": samples})
     return Problem(bounds, [quantity], search)
 
 
@@ -126,7 +126,7 @@ def test_exact_gradients_are_those_of_the_closed_form(model):
         "rms": [mean(s * values) / np.sqrt(mean(values**2)) for s in slopes],
     }
     for reduction, expectation in expected.items():
-        quantity = Quantity.named(f"arm.torque.{reduction}")
+        quantity = ReducedOutput.named(f"arm.torque.{reduction}")
         problem = problem_of(model, bounds, quantity, 16)
         for exact in (False, True):
             problem.at(x)
@@ -159,7 +159,7 @@ def test_gradients_of_whole_runs_are_exact(tmp_path):
     file = tmp_path / "rod.toml"
     file.write_text(ROD)
     rod = symgen.build(file)
-    problem = problem_of(rod, {"m": (1.0, 3.0)}, Quantity.named("rod.angle.final"), 6)
+    problem = problem_of(rod, {"m": (1.0, 3.0)}, ReducedOutput.named("rod.angle.final"), 6)
     problem.choose_gradients(np.array([0.5]))
     assert problem.exact
     angles = 1.5 * np.linspace(0.0, 0.5, 6) ** 2 / 0.5**2 / 2.0

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from symgen.scene.loop.loop import ENTRIES, Loop, LoopBody, LoopLoad, Row, Variable
+from symgen.scene.loop.loop import ENTRIES, JointVariable, Loop, LoopBody, LoopLoad, Row
 from symgen.scene.rods.held import Parameter
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.quantity import quantity
@@ -15,8 +15,10 @@ ZERO = sp.Integer(0)
 R = sp.Rational
 
 
-def variable(name: str, row: int, role: str, unit: str, motion=ZERO, effort=ZERO, start=ZERO) -> Variable:
-    return Variable(
+def variable(
+    name: str, row: int, role: str, unit: str, motion=ZERO, effort=ZERO, start=ZERO
+) -> JointVariable:
+    return JointVariable(
         quantity(name, unit, f"variable {name}"),
         quantity(f"{name}_rate", f"{unit}/s", f"rate of {name}"),
         quantity(f"{name}_acceleration", f"{unit}/s^2", f"acceleration of {name}"),

@@ -17,7 +17,7 @@ from symgen.errors import BuildError, ModelError, ResultError, SceneError
 from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
 from symgen.study.accuracy.accuracy import Accuracy, accuracy, report
-from symgen.study.accuracy.kernels import Kernels
+from symgen.study.accuracy.kernels import ComparedKernels
 from symgen.study.accuracy.states import At, States
 from symgen.symbolic.exact import DIGITS, Exact
 from symgen.symbolic.quantity import quantity
@@ -59,7 +59,7 @@ def rounded(made: System, **wrong):
 
 def looked(made: System, *states, call=None):
     places = States(tuple(At("open", f"open {i}", {"q": np.array(q)}) for i, q in enumerate(states)))
-    return report("planted", made.title, [Kernels("", made, call or rounded(made), places)])
+    return report("planted", made.title, [ComparedKernels("", made, call or rounded(made), places)])
 
 
 def test_a_planted_cancellation_is_found_and_ranked_first():

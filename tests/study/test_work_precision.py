@@ -20,7 +20,7 @@ from symgen.study.speed.measures import distance, sizes
 from symgen.study.speed.orders import observed_order
 from symgen.study.speed.subjects import Rods, subject
 from symgen.study.speed.sweeps import Setting, fixed_steps, tolerances, worth_running
-from symgen.study.speed.work_precision import Point, WorkPrecision, work_precision
+from symgen.study.speed.work_precision import WorkPrecision, WorkPrecisionPoint, work_precision
 
 STEPS = [16 << k for k in range(8)]
 
@@ -38,7 +38,7 @@ def test_a_plot_marks_the_errors_below_the_uncertainty_of_the_reference(uncertai
     figures = []
     monkeypatch.setattr(report, "save", lambda figure, file: figures.append(figure))
     points = [
-        Point("rk4", "float64", str(k), 10.0**-k, 10.0**-k, k * 1e-3, k * 1e-3, k, k, True)
+        WorkPrecisionPoint("rk4", "float64", str(k), 10.0**-k, 10.0**-k, k * 1e-3, k * 1e-3, k, k, True)
         for k in (2, 6, 10)
     ]
     report.draw(WorkPrecision("", 1.0, 2, "m", "error", "", uncertainty, tuple(points), (), ()), "b.svg")

@@ -19,7 +19,7 @@ from symgen.joints import JOINTS
 from symgen.joints.joint import Joint
 from symgen.loads import LOADS
 from symgen.loads.load import Load
-from symgen.loads.measure import RATES, Term
+from symgen.loads.measure import RATES, LoadTerm
 from symgen.loads.of_points import Position
 from symgen.methods import METHODS
 from symgen.scene import units
@@ -58,7 +58,7 @@ def drag(factor):
 
         def terms(self, dimension):
             force = tuple(-factor * self.coefficient * v for v in RATES[:dimension])
-            yield Term(Position(self.point), force=force)
+            yield LoadTerm(Position(self.point), force=force)
 
     return Drag
 

@@ -28,7 +28,7 @@ import sympy as sp
 
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH
-from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices
+from symgen.mechanics.elastic.beam_matrices import ElementSection, beam_matrices
 from symgen.mechanics.elastic.spatial import AXIAL, BENDING_Y, BENDING_Z, JY, JZ, MU, TORSION
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import AXES, Quantity, quantity
@@ -311,7 +311,7 @@ def _vectors(components: Sequence[sp.Expr]) -> Vectors:
 def _mass() -> sp.Matrix:
     """Return the mass matrix: Hermite's cubic in r and d1, and fibres on linear d2 and d3."""
     none = (sp.Integer(0),)
-    cubic = beam_matrices(ELEMENTS["cubic"], Section((MU.symbol,), none, none, none, none)).mass
+    cubic = beam_matrices(ELEMENTS["cubic"], ElementSection((MU.symbol,), none, none, none, none)).mass
     mass = sp.zeros(24, 24)
     # Transverse displacement and slope at both nodes, of the cubic element.
     centre = {0: 1, 1: 2, 4: 4, 5: 5}

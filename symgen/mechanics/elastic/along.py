@@ -15,7 +15,7 @@ Constants = dict[str, sp.ImmutableMatrix]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PlaceOnElement:
     """A place of a link on one of its elements: xi of the element, and distance [m] from the first point."""
 
     xi: sp.Rational
@@ -23,7 +23,7 @@ class Place:
 
 
 def with_lump(
-    element: Element, constants: Constants, place: Place, mass: sp.Expr, inertia: sp.Expr
+    element: Element, constants: Constants, place: PlaceOnElement, mass: sp.Expr, inertia: sp.Expr
 ) -> Constants:
     """Return constants with a mass and a moment of inertia at a place of the element.
 
@@ -42,7 +42,7 @@ def with_lump(
     return found
 
 
-def of_force(element: Element, place: Place, follows: bool) -> Constants:
+def of_force(element: Element, place: PlaceOnElement, follows: bool) -> Constants:
     """Return the constants of a unit force at a place of the element; see ``APPLIED``."""
     shape, there = _shape(element, place), _at(place)
     names = [
@@ -53,7 +53,7 @@ def of_force(element: Element, place: Place, follows: bool) -> Constants:
     }
 
 
-def fibre_strain(element: Element, place: Place, fibre: sp.Expr) -> sp.ImmutableMatrix:
+def fibre_strain(element: Element, place: PlaceOnElement, fibre: sp.Expr) -> sp.ImmutableMatrix:
     """Return the strain of a fibre at a place of the element by its unknowns, a row: h phi' + u', Eq. (8.7).
 
     ``fibre`` is the distance h [m] from the neutral axis, not the depth as in the thesis. The stress is the
@@ -64,12 +64,12 @@ def fibre_strain(element: Element, place: Place, fibre: sp.Expr) -> sp.Immutable
     return sp.ImmutableMatrix([[fibre * curvature + stretch for curvature, stretch in pairs]])
 
 
-def _shape(element: Element, place: Place) -> sp.ImmutableMatrix:
+def _shape(element: Element, place: PlaceOnElement) -> sp.ImmutableMatrix:
     rows = shape_rows(element)
     return sp.ImmutableMatrix([[e.subs(PLACE.symbol, place.xi) for e in row] for row in rows.values()])
 
 
-def _at(place: Place) -> Constants:
+def _at(place: PlaceOnElement) -> Constants:
     return {name: term.xreplace({X.symbol: place.distance}) for name, term in at_a_place().items()}
 
 

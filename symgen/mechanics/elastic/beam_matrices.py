@@ -25,7 +25,7 @@ _SYMBOLS = (PLACE.symbol, LENGTH.symbol)
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class ElementSection:
     """Section properties of an element by powers of xi: coefficient times length to that power.
 
     ``axial``, ``bending`` and ``shear`` are stiffnesses; units as in
@@ -77,7 +77,7 @@ class BeamMatrices:
         return linear | {f"geometric{k}": matrix for k, matrix in enumerate(self.geometric)}
 
 
-def beam_matrices(element: Element, section: Section, before: Before | None = None) -> BeamMatrices:
+def beam_matrices(element: Element, section: ElementSection, before: Before | None = None) -> BeamMatrices:
     """Substitute the shape functions of an element into the collected terms; see :class:`BeamMatrices`.
 
     The element is the first of its link unless it is known what lies ``before`` it.
@@ -99,7 +99,7 @@ def profile_constants(
 
     ``distance`` [m] is that of the first node of the element. A force that ``follows`` turns with sections.
     """
-    none = Section((), (), (), (), ())
+    none = ElementSection((), (), (), (), ())
     put, derived = _Integrals(element, none, Before(distance)), derive()
     put.densities[hamilton.PROFILE.symbol] = [(even + slope * distance, _RING.one), (slope, _L * _XI)]
     put.densities[hamilton.PROFILE_BEFORE.symbol] = [
@@ -157,7 +157,7 @@ def _by_power(polynomial: PolyElement, below: int) -> dict[int, sp.Expr]:
 class _Integrals:
     """Integrates densities times shape functions over one element."""
 
-    def __init__(self, element: Element, section: Section, before: Before) -> None:
+    def __init__(self, element: Element, section: ElementSection, before: Before) -> None:
         self.rows, self.size = _rows(element), len(element.dofs)
         d = before.distance
         mu, x = hamilton.MU.symbol, hamilton.X.symbol

@@ -21,7 +21,7 @@ import sympy as sp
 
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH
-from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices
+from symgen.mechanics.elastic.beam_matrices import ElementSection, beam_matrices
 from symgen.mechanics.elastic.hamilton import AXIAL, BENDING
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import Quantity, quantity
@@ -157,7 +157,7 @@ def corotational(names: Names) -> Corotational:
 def _mass(cosine: Sequence[sp.Expr], sine: Sequence[sp.Expr]) -> sp.Matrix:
     """Return the mass matrix of Hermite's cubic, whose shape functions are those of the cubic element."""
     none = (sp.Integer(0),)
-    cubic = beam_matrices(ELEMENTS["cubic"], Section((DENSITY.symbol,), none, none, none, none)).mass
+    cubic = beam_matrices(ELEMENTS["cubic"], ElementSection((DENSITY.symbol,), none, none, none, none)).mass
     rotary = ROTARY.symbol * LENGTH.symbol
     mass = sp.zeros(6, 6)
     normals = [sp.Matrix([-s, c]) for c, s in zip(cosine, sine, strict=True)]

@@ -87,7 +87,7 @@ ORIGIN = {
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class HamiltonStep:
     """One step of the derivation: named expressions by rows, with their meaning and source equation."""
 
     name: str
@@ -129,7 +129,7 @@ class Term:
 class Derivation:
     """The steps, and the collected terms of the left-hand side (loads with their sign there)."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[HamiltonStep, ...]
     terms: tuple[Term, ...]
 
     def of(self, part: str, order: int, motion: sp.Expr) -> tuple[Term, ...]:
@@ -226,55 +226,57 @@ def _inertia(link: _Link) -> dict[str, sp.Expr]:
     return forces
 
 
-def _energies(link: _Link) -> tuple[Step, ...]:
+def _energies(link: _Link) -> tuple[HamiltonStep, ...]:
     """Return the steps from the position of a point to the energies: Eqs. (6.1)-(6.15)."""
     return (
-        Step("place", ("x", "y"), link.place, "m", "place of a point in the link's axes", "(6.1)-(6.4)"),
-        Step(
+        HamiltonStep(
+            "place", ("x", "y"), link.place, "m", "place of a point in the link's axes", "(6.1)-(6.4)"
+        ),
+        HamiltonStep(
             "velocity", ("x", "y"), link.velocity, "m/s", "its absolute velocity in the link's axes",
             "(6.5)-(6.7)",
         ),
-        Step(
+        HamiltonStep(
             "origin_acceleration", ("x", "y"), tuple(ORIGIN.values()), "m/s^2",
             "derivatives of the components v_x, v_y: not those of the acceleration", "after (6.8)-(6.10)",
         ),
-        Step(
+        HamiltonStep(
             "kinetic_energy", ("T",), (link.kinetic,), "J/m", "kinetic energy per length",
             "(6.11), (6.12); rotary inertia added",
         ),
         _kinetic_terms(link),
-        Step(
+        HamiltonStep(
             "shear_strain", ("gamma",), (_F["w_x"] - _F["phi"],), "1",
             "shear strain; its variation is that of w' - phi", "not in the thesis",
         ),
-        Step(
+        HamiltonStep(
             "strain_energy", ("V",), (link.strain,), "J/m", "strain energy per length",
             "(6.14); shear added",
         ),
-        Step(
+        HamiltonStep(
             "axial_force", ("N",), (link.force,), "N",
             "axial force of the rigid motion at x: balance of what lies before", "not in the thesis",
         ),
-        Step(
+        HamiltonStep(
             "geometric_energy", ("V_N",), (link.stretching,), "J/m",
             "work of the axial force on the shortening w'^2/2", "not in the thesis",
         ),
-        Step(
+        HamiltonStep(
             "gravity_work", ("W",), (link.gravity,), "J/m", "work of gravity per length",
             "(6.15), with the displacements, which the thesis leaves out",
         ),
-        Step(
+        HamiltonStep(
             "applied_work", ("W_p",), (link.applied,), "J/m", "work per length of a force along the link",
             "not in the thesis",
         ),
-        Step(
+        HamiltonStep(
             "follower_force", ("u", "w"), link.follower, "N/m",
             "change of a force per length that rotates with the section, to first order", "not in the thesis",
         ),
     )  # fmt: skip
 
 
-def _kinetic_terms(link: _Link) -> Step:
+def _kinetic_terms(link: _Link) -> HamiltonStep:
     """Return the terms of the kinetic energy in the order of Appendix A, then those of rotary inertia."""
     terms = {t / t.as_coeff_Mul()[0]: t for t in sp.Add.make_args(sp.expand(link.kinetic))}
     x, vx, vy, omega, u, w, u_t, w_t = (
@@ -287,7 +289,7 @@ def _kinetic_terms(link: _Link) -> Step:
     )  # fmt: skip
     printed = {f"A.{k}": terms.pop(MU.symbol * product) for k, product in enumerate(products, 4)}
     rows = tuple(f"{row} {letter}".rstrip() for row, letter in zip(printed, _LETTERS, strict=True))
-    return Step(
+    return HamiltonStep(
         "kinetic_terms",
         (*rows, *(f"rotary {k}" for k in range(1, len(terms) + 1))),
         (*printed.values(), *terms.values()),
@@ -297,21 +299,21 @@ def _kinetic_terms(link: _Link) -> Step:
     )
 
 
-def _variation(link: _Link, weak_form: Mapping[str, sp.Expr]) -> Iterator[Step]:
+def _variation(link: _Link, weak_form: Mapping[str, sp.Expr]) -> Iterator[HamiltonStep]:
     """Yield Hamilton's principle: the variation of the energies, and its weak form, Eqs. (7.8)-(7.23)."""
     energy = link.kinetic + link.gravity + link.applied - link.strain - link.stretching
     varied = {name: sp.diff(energy, symbol) for name, symbol in _F.items() if not name.endswith("_tt")}
-    yield Step(
+    yield HamiltonStep(
         "variation", tuple(varied), tuple(varied.values()), _PER,
         "factor of the variation of each field in dT + dW - dV", "(7.8), (7.9)",
     )  # fmt: skip
-    yield Step(
+    yield HamiltonStep(
         "weak_form", tuple(weak_form), tuple(weak_form.values()), _PER,
         "integrated by parts in time: the integral of row * variation is zero", "(7.10)-(7.23)",
     )  # fmt: skip
 
 
-def _collected(terms: Sequence[Term]) -> Iterator[Step]:
+def _collected(terms: Sequence[Term]) -> Iterator[HamiltonStep]:
     """Yield the factors of second rates, rates and fields, and the loads: Eqs. (7.24)-(7.27)."""
     tests = tuple(dict.fromkeys(t.test for t in terms))
     for name, order, about, source in (
@@ -322,9 +324,11 @@ def _collected(terms: Sequence[Term]) -> Iterator[Step]:
         of_order = [t for t in terms if t.trial and t.order == order]
         trials = tuple(dict.fromkeys(t.trial for t in of_order))
         entries = tuple(_total(of_order, test, trial) for test in tests for trial in trials)
-        yield Step(name, tests, entries, _PER, about, source, trials)
+        yield HamiltonStep(name, tests, entries, _PER, about, source, trials)
     loads = tuple(-_total(terms, test, "") for test in tests)
-    yield Step("load_terms", tests, loads, _PER, "what stands alone, on the right-hand side", "(7.27)")
+    yield HamiltonStep(
+        "load_terms", tests, loads, _PER, "what stands alone, on the right-hand side", "(7.27)"
+    )
 
 
 def _total(terms: Sequence[Term], test: str, trial: str) -> sp.Expr:

@@ -32,7 +32,7 @@ _ONE = sp.Integer(1)
 
 
 @dataclass(frozen=True, slots=True)
-class Constant:
+class LinkConstant:
     """A constant matrix or load vector of a link: ``factor`` times the integrals of some collected terms.
 
     ``order`` is the order of the rate that it multiplies; None for a load.
@@ -66,8 +66,8 @@ class Constant:
         return _densities(terms, self.factor)
 
 
-def _constant(part: str, order: int | None, motion: sp.Expr, factor: sp.Rational | int = 1) -> Constant:
-    return Constant(part, order, motion, sp.Rational(factor))
+def _constant(part: str, order: int | None, motion: sp.Expr, factor: sp.Rational | int = 1) -> LinkConstant:
+    return LinkConstant(part, order, motion, sp.Rational(factor))
 
 
 #: Constant matrices and load vectors of a link by name; the factors give their customary sizes.

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from symgen.mechanics.loop.dual_paths import WRENCH
-from symgen.mechanics.loop.dual_rows import Motion
+from symgen.mechanics.loop.dual_rows import JointMotion
 from symgen.symbolic.dual import DualMatrix, DualVector, Triple, skew
 from symgen.symbolic.names import Names
 from symgen.symbolic.vectors import cross, dot
@@ -124,7 +124,7 @@ def _at(motion: DualVector, point: Triple) -> DualVector:
     return DualVector(motion.real, tuple(v + x for v, x in zip(motion.dual, moved, strict=True)))
 
 
-def effort(motion: Motion, wrench: DualVector) -> sp.Expr:
+def effort(motion: JointMotion, wrench: DualVector) -> sp.Expr:
     """Return the virtual power of a wrench on a unit of a motion: the reciprocal product, force.v + moment.w.
 
     The wrench may be given in the frame before or after the motion; the result is the same.
@@ -133,7 +133,7 @@ def effort(motion: Motion, wrench: DualVector) -> sp.Expr:
 
 
 def inward(
-    row: Sequence[Motion], wrench: DualVector, names: Names, label: str
+    row: Sequence[JointMotion], wrench: DualVector, names: Names, label: str
 ) -> tuple[DualVector, list[sp.Expr]]:
     """Transform a wrench from after a row to before it; also return its effort at each motion."""
     efforts: list[sp.Expr] = []
@@ -154,7 +154,7 @@ def balance(transform: DualMatrix, before: DualVector, behind: DualVector, inert
 
 
 def joint_wrenches(
-    rows: Sequence[Sequence[Motion]],
+    rows: Sequence[Sequence[JointMotion]],
     net: Sequence[DualVector],
     last: DualVector,
     names: Names,

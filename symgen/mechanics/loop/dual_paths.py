@@ -19,7 +19,7 @@ import sympy as sp
 from symgen.mechanics.loop.dual_rows import (
     GROUND,
     Frame,
-    Motion,
+    JointMotion,
     derivative_operator,
     name_functions,
     onward,
@@ -53,7 +53,7 @@ class Paths:
         Collector of the intermediates.
     """
 
-    def __init__(self, rows: Sequence[Sequence[Motion]], rates: Sequence[sp.Expr], names: Names) -> None:
+    def __init__(self, rows: Sequence[Sequence[JointMotion]], rates: Sequence[sp.Expr], names: Names) -> None:
         self.rows, self.rates, self.names = rows, tuple(rates), names
         self.motions = [m for row in rows for m in row]
         #: Number of motions up to the end of each row: frame i + 1 follows ends[i - 1] of them.
@@ -220,13 +220,13 @@ class Paths:
         vector: DualVector,
         kinds: tuple[tuple[str, str, str], tuple[str, str, str]],
         name: str,
-        motion: Motion,
+        motion: JointMotion,
     ) -> DualVector:
         where = f"of the frame at {motion.entry} of row {motion.row}"
         return self.names.screw(name, vector, kinds, where)
 
 
-def _operator(variable: int, motions: Iterable[tuple[Motion, DualMatrix]]) -> DualMatrix:
+def _operator(variable: int, motions: Iterable[tuple[JointMotion, DualMatrix]]) -> DualMatrix:
     """Return the sum of the operators of motions by a joint variable, each with the product before it."""
     total = DualMatrix(sp.ImmutableMatrix(sp.zeros(3)), sp.ImmutableMatrix(sp.zeros(3)))
     for m, before in motions:

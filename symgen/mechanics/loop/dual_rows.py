@@ -31,7 +31,7 @@ def axis(number: int) -> Triple:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class JointMotion:
     """One entry of a row: a rotation or a translation by its value.
 
     Attributes
@@ -79,17 +79,17 @@ class Motion:
 
 def motions(
     row: int, entries: Sequence[sp.Expr], variables: Sequence[sp.Symbol], ahead: sp.Expr = _ZERO
-) -> tuple[Motion, ...]:
+) -> tuple[JointMotion, ...]:
     """Return the nonzero motions of a row; ``entries`` are theta, S, eta, alpha, a."""
     of_row = []
     for entry, value in zip(_KINDS, (ahead, *entries), strict=True):
         slopes = ((j, sp.diff(value, v)) for j, v in enumerate(variables))
         if value != 0:
-            of_row.append(Motion(row, entry, value, tuple((j, k) for j, k in slopes if k != 0)))
+            of_row.append(JointMotion(row, entry, value, tuple((j, k) for j, k in slopes if k != 0)))
     return tuple(of_row)
 
 
-def name_functions(motion: Motion, names: Names) -> None:
+def name_functions(motion: JointMotion, names: Names) -> None:
     """Name cosine and sine of a rotation, so that equations contain the names."""
     if _KINDS[motion.entry][1]:
         for function in (sp.cos, sp.sin):
@@ -97,7 +97,7 @@ def name_functions(motion: Motion, names: Names) -> None:
             names.scalar(f"{function.__name__}_{motion.name}", function(motion.value), "1", description)
 
 
-def row_transform(row: Sequence[Motion]) -> DualMatrix:
+def row_transform(row: Sequence[JointMotion]) -> DualMatrix:
     """Return T = Z(theta + eps S) Y(eta) X(alpha + eps a) of a row's motions, Eqs. (1)-(4)."""
     transform = identity()
     for m in row:
@@ -109,7 +109,7 @@ def row_transform(row: Sequence[Motion]) -> DualMatrix:
     return transform
 
 
-def derivative_operator(motion: Motion, before: DualMatrix) -> DualMatrix:
+def derivative_operator(motion: JointMotion, before: DualMatrix) -> DualMatrix:
     """Return the operator H = M Q M^T of a motion, Eqs. (12)-(17): dB/d(value) = H B.
 
     ``before`` is the product M of all matrices before the motion. Q is the operator of its own axis, Eqs. (8)
@@ -161,7 +161,7 @@ class Frame:
 GROUND = Frame(sp.ImmutableMatrix(sp.eye(3)), axis(-1))
 
 
-def onward(frame: Frame, motion: Motion, names: Names, label: str, back: bool = False) -> Frame:
+def onward(frame: Frame, motion: JointMotion, names: Names, label: str, back: bool = False) -> Frame:
     """Return the frame after a motion, or the one before it if ``back``."""
     number, turns = _KINDS[motion.entry]
     if turns:

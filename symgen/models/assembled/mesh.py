@@ -10,8 +10,8 @@ import sympy as sp
 
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, Element
-from symgen.mechanics.elastic.along import Place, fibre_strain, of_force, with_lump
-from symgen.mechanics.elastic.beam_matrices import Before, Section, beam_matrices, profile_constants
+from symgen.mechanics.elastic.along import PlaceOnElement, fibre_strain, of_force, with_lump
+from symgen.mechanics.elastic.beam_matrices import Before, ElementSection, beam_matrices, profile_constants
 from symgen.models.elastic.element import PROPERTIES
 from symgen.models.elastic.links import loads_along, lumps
 from symgen.scene.elastic.links import ElasticLink
@@ -22,7 +22,7 @@ Constants = dict[str, sp.ImmutableMatrix]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class MeshElement:
     """One element of a link: fractions of the length where it begins and ends, its unknowns among the link's.
 
     ``basis`` gives the unknowns of the element by those, where a link keeps its length.
@@ -64,7 +64,7 @@ class Mesh:
     """
 
     link: str
-    parts: tuple[Part, ...]
+    parts: tuple[MeshElement, ...]
     dofs: tuple[str, ...]
     unknowns: tuple[str, ...]
     joints: tuple[tuple[int, int], ...]
@@ -88,7 +88,7 @@ class Mesh:
 
 
 @dataclass(frozen=True, slots=True)
-class Structure:
+class ElasticStructure:
     """Meshes of all links, names of the held and of all other unknowns, and dependent ones by constraints.
 
     ``pivots`` are pairs of a constraint and the unknown that depends by it.
@@ -137,7 +137,7 @@ def _element_in_letters(
     """Return the constants of an element over generic coefficients by powers of xi, and these."""
     letters = {of: [sp.Symbol(f"{of}_{k}") for k in range(count)] for of, _, count, _, _ in PROPERTIES}
     before = Before(*sp.symbols("distance before moment"))
-    section = Section(**{of: tuple(symbols) for of, symbols in letters.items()})
+    section = ElementSection(**{of: tuple(symbols) for of, symbols in letters.items()})
     return beam_matrices(element, section, before).constants, letters, before
 
 
@@ -165,7 +165,7 @@ def _constants(
     for at, mass, inertia, owner in masses:
         if owner == number:
             xi = _exact(linkage.number(at / linkage.link(mesh.link).length), part)
-            more = with_lump(element, found, Place(xi, at), mass, inertia)
+            more = with_lump(element, found, PlaceOnElement(xi, at), mass, inertia)
             found = {name: m.xreplace({LENGTH.symbol: own}) for name, m in more.items()}
     size = len(element.dofs)
     if not beam.geometric_stiffness:
@@ -174,7 +174,7 @@ def _constants(
     return found | {"damping": sp.ImmutableMatrix(damping)}
 
 
-def _exact(fraction: float, part: Part) -> sp.Rational:
+def _exact(fraction: float, part: MeshElement) -> sp.Rational:
     """Return xi of a fraction of the link on an element."""
     first, last = float(part.start), float(part.stop)
     xi = (fraction - first) / (last - first)
@@ -204,11 +204,13 @@ def _profiles(
             constants = Constants()
         elif owner < number:
             constants = {
-                "geometric_force": of_force(element, Place(sp.Integer(0), at), False)["geometric_force"]
+                "geometric_force": of_force(element, PlaceOnElement(sp.Integer(0), at), False)[
+                    "geometric_force"
+                ]
             }
         else:
             xi = _exact(linkage.number(at / linkage.link(mesh.link).length), part)
-            constants = of_force(element, Place(xi, at), bool(follows))
+            constants = of_force(element, PlaceOnElement(xi, at), bool(follows))
         if not beam.geometric_stiffness:
             constants.pop("geometric_force", None)
         found.append(
@@ -220,7 +222,9 @@ def _profiles(
     return found
 
 
-def strains(linkage: Linkage, mesh: Mesh) -> Iterator[tuple[str, list[tuple[Part, sp.ImmutableMatrix]]]]:
+def strains(
+    linkage: Linkage, mesh: Mesh
+) -> Iterator[tuple[str, list[tuple[MeshElement, sp.ImmutableMatrix]]]]:
     """Yield the stations of a link, each with the strain there by the unknowns of the elements that meet.
 
     Where two of them meet, it is the mean of both.
@@ -233,7 +237,7 @@ def strains(linkage: Linkage, mesh: Mesh) -> Iterator[tuple[str, list[tuple[Part
         fibre = outer if station.fibre is None else station.fibre
         rows = []
         for part in (mesh.parts[k] for k in owners):
-            place = Place(_exact(linkage.number(station.at), part), at)
+            place = PlaceOnElement(_exact(linkage.number(station.at), part), at)
             row = fibre_strain(ELEMENTS[beam.element], place, fibre)
             row = row.xreplace({LENGTH.symbol: length * (part.stop - part.start)}) / len(owners)
             rows.append((part, sp.ImmutableMatrix(row if part.basis is None else row * part.basis)))

@@ -18,7 +18,7 @@ from symgen.mechanics.elastic.turning_axes import COSINE, SINE, Pairs, parts_of_
 from symgen.mechanics.elastic.weights import Weight
 from symgen.mechanics.rods.condensation import BASIS, allowed_motions
 from symgen.mechanics.sources import ASSEMBLY
-from symgen.models.assembled.mesh import Constants, Mesh, Structure, of_elements, strains
+from symgen.models.assembled.mesh import Constants, ElasticStructure, Mesh, of_elements, strains
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import quantity
@@ -61,7 +61,7 @@ CONSTANTS_SHOWN = {
 _ENTRY = {"mass": "M", "gyroscopic": "A", "stiffness": "K", "centrifugal": "Mc", "damping": "D"}
 
 
-def assembled_system(linkage: Linkage, structure: Structure, motion: System, joints: System) -> System:
+def assembled_system(linkage: Linkage, structure: ElasticStructure, motion: System, joints: System) -> System:
     """Return the assembled matrices in letters.
 
     Parameters
@@ -107,7 +107,7 @@ def assembled_system(linkage: Linkage, structure: Structure, motion: System, joi
 class _Sums:
     """Entries of the assembled matrices by the unknowns of the linkage."""
 
-    def __init__(self, structure: Structure) -> None:
+    def __init__(self, structure: ElasticStructure) -> None:
         of_links = [name for mesh in structure.meshes for name in mesh.unknowns]
         self.every = tuple(dict.fromkeys((*of_links, *structure.others)))
         self.names = tuple(name for name in self.every if name not in structure.held)
@@ -225,7 +225,9 @@ def _element(mesh: Mesh, constants: Constants) -> Iterator[NamedMatrix]:
         )
 
 
-def _recovery(structure: Structure, linkage: Linkage, motion: System, sums: _Sums) -> Iterator[NamedMatrix]:
+def _recovery(
+    structure: ElasticStructure, linkage: Linkage, motion: System, sums: _Sums
+) -> Iterator[NamedMatrix]:
     """Yield strains and stresses at the stations by the unknowns: s = T^T Z S and the shapes of elements."""
     table, names, strain, stress = motion["links"], [], [], []
     for mesh in structure.meshes:
@@ -318,7 +320,7 @@ def _unknown(label: str) -> str:
     return f"{point}.{axis}"
 
 
-def _assembly(structure: Structure, sums: _Sums) -> list[NamedMatrix]:
+def _assembly(structure: ElasticStructure, sums: _Sums) -> list[NamedMatrix]:
     """Return Z and the numbers of the unknowns that are zero."""
     rows, columns = [], []
     for mesh in structure.meshes:
@@ -335,7 +337,7 @@ def _assembly(structure: Structure, sums: _Sums) -> list[NamedMatrix]:
 
 
 def _condensation(
-    structure: Structure, joints: Mapping[str, NamedMatrix], sums: _Sums, names: Names
+    structure: ElasticStructure, joints: Mapping[str, NamedMatrix], sums: _Sums, names: Names
 ) -> list[NamedMatrix]:
     """Return R of S = R p with its rates."""
     columns = [_unknown(label) for label in joints["jacobian"].columns]

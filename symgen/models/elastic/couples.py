@@ -7,13 +7,13 @@ from collections.abc import Callable, Container, Iterator, Mapping
 import sympy as sp
 
 from symgen.loads.load import Load
-from symgen.loads.measure import RATE, VALUE, Term
+from symgen.loads.measure import RATE, VALUE, LoadTerm
 from symgen.mechanics.elastic.shaft import ROTATION, couple
 from symgen.models.rods.linkage import RodsModel
 from symgen.scene.rods.linkage import Linkage, WeldedAngle, state_symbol
 
 Renaming = Callable[[sp.Expr], sp.Expr]
-Couple = tuple[Load, Term, tuple[str, ...]]
+Couple = tuple[Load, LoadTerm, tuple[str, ...]]
 
 
 def couples(linkage: Linkage) -> Iterator[Couple]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import sympy as sp
 
 from symgen.elements.element import LENGTH, PLACE, Element, entry_unit
-from symgen.mechanics.elastic.beam_matrices import BeamMatrices, Section, beam_matrices, shape_rows
+from symgen.mechanics.elastic.beam_matrices import BeamMatrices, ElementSection, beam_matrices, shape_rows
 from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.mechanics.sources import ELEMENT, PRINTED_ELEMENT
 from symgen.symbolic.names import Names
@@ -42,7 +42,9 @@ def elastic_element_system(element: Element) -> System:
         ]
         for name, letter, number, unit, meaning in PROPERTIES
     }
-    section = Section(*(_scaled(name, unit, coefficients[name], names) for name, _, _, unit, _ in PROPERTIES))
+    section = ElementSection(
+        *(_scaled(name, unit, coefficients[name], names) for name, _, _, unit, _ in PROPERTIES)
+    )
     names.scalar(PLACE.name, STATION.symbol / LENGTH.symbol, PLACE.unit, PLACE.description)
     beam = beam_matrices(element, section)
     groups = [

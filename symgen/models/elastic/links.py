@@ -13,7 +13,7 @@ import sympy as sp
 
 from symgen.elements import ELEMENTS
 from symgen.loads.load import Load
-from symgen.loads.measure import Profile
+from symgen.loads.measure import ProfilePart
 from symgen.mechanics.elastic.energies import ENERGIES as OF_LINK
 from symgen.mechanics.elastic.energies import LIFT, WORK, energy_weights, rate, rigid_energies
 from symgen.mechanics.elastic.hamilton import GX, GY, PX, PY, VX, VY
@@ -158,7 +158,7 @@ def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr, sp.Expr]]:
                 yield link.name, at, mass.mass if is_lumped else ZERO, mass.inertia
 
 
-def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile | CarriedPoint]]:
+def loads_along(linkage: Linkage) -> Iterator[tuple[str, ProfilePart | CarriedPoint]]:
     """Yield the forces along elastic links, each after its link, and the joints between the ends of the link.
 
     The links are in their order, and the joints of each in the order of their places.
@@ -170,14 +170,14 @@ def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile | CarriedPoint]
         yield from ((beam.link, c) for c in sorted(joints, key=lambda c: linkage.number(c.along)))
 
 
-def _shape(model: RodsModel, name: str, acting: Profile | CarriedPoint) -> Sequence[sp.Expr]:
+def _shape(model: RodsModel, name: str, acting: ProfilePart | CarriedPoint) -> Sequence[sp.Expr]:
     if isinstance(acting, CarriedPoint):
         link = model.linkage.link(name)
         return acting.along * link.length, ZERO, ZERO, ZERO, dict(model.joint_masses(link)).get(acting, ZERO)
     return *acting.shape, sp.Integer(bool(acting.on.follows)), ZERO
 
 
-def profiles_of(linkage: Linkage, name: str, load: Load) -> Iterator[Profile]:
+def profiles_of(linkage: Linkage, name: str, load: Load) -> Iterator[ProfilePart]:
     """Yield the forces of a load along an elastic link."""
     link = linkage.link(name)
     for term in load.terms(linkage.dimension):
@@ -194,7 +194,7 @@ def _from_others(model: RodsModel, link: str, point: str) -> Vector:
     return tuple(sp.Add(*components) for components in zip(*forces, strict=True))
 
 
-def _on_fixed_axes(model: RodsModel, profile: Profile) -> Vector:
+def _on_fixed_axes(model: RodsModel, profile: ProfilePart) -> Vector:
     """Return a force along an elastic link, in its rigid motion."""
     force = profile.on.put(model.loads, model.loads.with_state(profile.force))
     return profile.on.fixed(model.loads, force)

@@ -10,7 +10,7 @@ import sympy as sp
 from symgen.errors import SceneError
 from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia, joint_wrenches
 from symgen.mechanics.loop.dual_paths import NOTHING, WRENCH, Paths
-from symgen.mechanics.loop.dual_rows import Frame, Motion, motions
+from symgen.mechanics.loop.dual_rows import Frame, JointMotion, motions
 from symgen.scene.loop.loop import Loop, LoopLoad, Row
 from symgen.symbolic.dual import DualVector, Triple
 from symgen.symbolic.names import Names
@@ -24,7 +24,7 @@ REFERENCE = (
 _ZERO = sp.Integer(0)
 
 
-class LoopModel:
+class LoopDerivation:
     """Derivation of a loop: each property is one step, and an input of outputs.
 
     Links are numbered from 1; link k is placed by row k, and the last row places the ground.
@@ -37,7 +37,7 @@ class LoopModel:
         symbols = [v.quantity.symbol for v in self.variables]
         self.rates = [v.rate.symbol for v in self.variables]
         self.second = [v.acceleration.symbol for v in self.variables]
-        self.rows: list[tuple[Motion, ...]] = [
+        self.rows: list[tuple[JointMotion, ...]] = [
             motions(i + 1, entries(row), symbols, row.ahead) for i, row in enumerate(loop.rows)
         ]
         self.paths = Paths(self.rows, self.rates, self.names)

@@ -8,7 +8,7 @@ from itertools import chain
 from symgen.mechanics.loop.dual_euler import balance
 from symgen.mechanics.loop.dual_rows import row_transform
 from symgen.mechanics.sources import EQUILIBRIUM
-from symgen.models.loop.derivation import REFERENCE, LoopModel, named
+from symgen.models.loop.derivation import REFERENCE, LoopDerivation, named
 from symgen.scene.loop.loop import Loop
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.quantity import Quantity, quantity
@@ -19,7 +19,7 @@ _ROWS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 def equilibrium_system(loop: Loop) -> System:
     """Return the equations of equilibrium of the links, which the joint wrenches of a loop meet."""
-    model = LoopModel(loop)
+    model = LoopDerivation(loop)
     variables, parameters = [v.quantity for v in model.variables], [p.quantity for p in loop.parameters]
     taken = {str(s) for row in model.rows for m in row for s in m.value.free_symbols}
     taken |= {x.name for x in (*variables, *parameters)}

@@ -14,14 +14,14 @@ from symgen.symbolic.system import NamedMatrix
 from symgen.symbolic.vectors import cross
 
 if TYPE_CHECKING:
-    from symgen.models.loop.derivation import LoopModel
+    from symgen.models.loop.derivation import LoopDerivation
 
 
 def _of(quantity: Quantity) -> Entries:
     return [quantity.symbol], quantity.unit, quantity.description
 
 
-def _drive(model: LoopModel, j: int) -> Entries:
+def _drive(model: LoopDerivation, j: int) -> Entries:
     v = model.variables[j]
     turns = v.quantity.unit == "rad"
     return (
@@ -31,47 +31,47 @@ def _drive(model: LoopModel, j: int) -> Entries:
     )
 
 
-def _force(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
+def _force(model: LoopDerivation, joint: int, sign: int, link: str) -> Entries:
     wrench = model.joints[0][joint - 1]
     return [sign * x for x in wrench.real], "N", f"force on {link} at joint {joint}, in frame {{{joint}}}"
 
 
-def _force_in_ground(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
+def _force_in_ground(model: LoopDerivation, joint: int, sign: int, link: str) -> Entries:
     force, unit, _ = _force(model, joint, sign, link)
     return model.frame(joint - 1).vector(force), unit, f"force on {link} at joint {joint}, in the first frame"
 
 
-def _moment(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
+def _moment(model: LoopDerivation, joint: int, sign: int, link: str) -> Entries:
     wrench = model.joints[0][joint - 1]
     about = f"moment on {link} at joint {joint} about the origin of frame {{{joint}}}, in that frame"
     return [sign * x for x in wrench.dual], "N*m", about
 
 
-def _place(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
+def _place(model: LoopDerivation, joint: int, sign: int, link: str) -> Entries:
     along = model.loop.rows[joint - 1].S if sign > 0 else sp.Integer(0)
     return model.frame(joint - 1).point((0, 0, along)), "m", f"point of {link} on the axis of joint {joint}"
 
 
-def _velocity(model: LoopModel, k: int) -> Entries:
+def _velocity(model: LoopDerivation, k: int) -> Entries:
     velocity = model.frame(k).vector(model.velocity(k).dual)
     return velocity, "m/s", f"velocity of the origin of the frame of {model.links[k - 1]}"
 
 
-def _link_acceleration(model: LoopModel, k: int) -> Entries:
+def _link_acceleration(model: LoopDerivation, k: int) -> Entries:
     velocity, rate = model.velocity(k), model.acceleration(k)
     turned = cross(velocity.real, velocity.dual)
     acceleration = model.frame(k).vector([a + x for a, x in zip(rate.dual, turned, strict=True)])
     return acceleration, "m/s^2", f"acceleration of the origin of the frame of {model.links[k - 1]}"
 
 
-def _angular_velocity(model: LoopModel, k: int) -> Entries:
+def _angular_velocity(model: LoopDerivation, k: int) -> Entries:
     w = model.velocity(k).real
     if _idle(model, k):  # the frame spins, the link does not
         w = (sp.Integer(0), w[1], w[2])
     return model.frame(k).vector(w), "rad/s", f"angular velocity of {model.links[k - 1]}"
 
 
-def _angular_acceleration(model: LoopModel, k: int) -> Entries:
+def _angular_acceleration(model: LoopDerivation, k: int) -> Entries:
     w, rate = model.velocity(k).real, model.acceleration(k).real
     if _idle(model, k):
         relative = (sp.Integer(0), w[1], w[2])
@@ -80,19 +80,19 @@ def _angular_acceleration(model: LoopModel, k: int) -> Entries:
     return model.frame(k).vector(rate), "rad/s^2", f"angular acceleration of {model.links[k - 1]}"
 
 
-def _centre(model: LoopModel, k: int) -> Entries:
+def _centre(model: LoopDerivation, k: int) -> Entries:
     link = model.links[k - 1]
     if model.loop.body(k - 1) is None:
         raise SceneError(f"link {link!r} has no mass, so no centre of mass", where=f"loop.links.{link}.mass")
     return model.centre(k), "m", f"centre of mass of {link}"
 
 
-def _idle(model: LoopModel, k: int) -> bool:
+def _idle(model: LoopDerivation, k: int) -> bool:
     body = model.loop.body(k - 1)
     return body is not None and body.idle
 
 
-def _on_ground(model: LoopModel) -> list[tuple[Triple, Triple]]:
+def _on_ground(model: LoopDerivation) -> list[tuple[Triple, Triple]]:
     """Return force and moment about the origin of {1} of weight and loads less inertia, of each link."""
     pairs = []
     for k, net in enumerate(model.net, 1):
@@ -103,19 +103,19 @@ def _on_ground(model: LoopModel) -> list[tuple[Triple, Triple]]:
     return pairs
 
 
-def _shaking(model: LoopModel, part: int) -> list[sp.Expr]:
+def _shaking(model: LoopDerivation, part: int) -> list[sp.Expr]:
     """Return the force (0) or the moment (1) on the ground: by Newton's laws of all links together."""
     return [sp.Add(*c) for c in zip(*(pair[part] for pair in _on_ground(model)), strict=True)]
 
 
 #: Outputs of a variable, of a joint of a link, of a link, and of the whole loop, by word.
-OF_VARIABLES: dict[str, Callable[[LoopModel, int], Entries]] = {
+OF_VARIABLES: dict[str, Callable[[LoopDerivation, int], Entries]] = {
     "": lambda model, j: _of(model.variables[j].quantity),
     "rate": lambda model, j: _of(model.variables[j].rate),
     "acceleration": lambda model, j: _of(model.variables[j].acceleration),
     "drive": _drive,
 }
-OF_JOINTS: dict[str, Callable[[LoopModel, int, int, str], Entries]] = {
+OF_JOINTS: dict[str, Callable[[LoopDerivation, int, int, str], Entries]] = {
     "force": _force,
     "force_in_ground": _force_in_ground,
     "moment": _moment,
@@ -126,7 +126,7 @@ OF_JOINTS: dict[str, Callable[[LoopModel, int, int, str], Entries]] = {
         f"direction of the axis of joint {joint}",
     ),
 }
-OF_LINKS: dict[str, Callable[[LoopModel, int], Entries]] = {
+OF_LINKS: dict[str, Callable[[LoopDerivation, int], Entries]] = {
     "position": lambda model, k: (
         model.frame(k).origin,
         "m",
@@ -138,7 +138,7 @@ OF_LINKS: dict[str, Callable[[LoopModel, int], Entries]] = {
     "angular_acceleration": _angular_acceleration,
     "centre": _centre,
 }
-OF_THE_WHOLE: dict[str, Callable[[LoopModel], Entries]] = {
+OF_THE_WHOLE: dict[str, Callable[[LoopDerivation], Entries]] = {
     "kinetic_energy": lambda model: ([model.kinetic_energy], "J", "kinetic energy"),
     "potential_energy": lambda model: ([model.potential_energy], "J", "potential of gravity"),
     "energy": lambda model: (
@@ -160,7 +160,7 @@ WRENCHES = ("force", "moment")
 DYNAMIC = {"drive", "power", *WRENCHES, "force_in_ground"}
 
 
-def requested_outputs(model: LoopModel) -> list[NamedMatrix]:
+def requested_outputs(model: LoopDerivation) -> list[NamedMatrix]:
     """Return one matrix for each output the scene asks for, or for each that it has by default.
 
     Raises
@@ -182,7 +182,7 @@ def requested_outputs(model: LoopModel) -> list[NamedMatrix]:
     return matrices
 
 
-def output(model: LoopModel, name: str) -> NamedMatrix:
+def output(model: LoopDerivation, name: str) -> NamedMatrix:
     """Return the matrix of an output or a component; raise SceneError as :func:`requested_outputs`."""
     entries, unit, description = resolved(name, AXES, lambda whole: _entries(model, whole))
     rows = tuple(AXES) if len(entries) == 3 else ()
@@ -190,7 +190,7 @@ def output(model: LoopModel, name: str) -> NamedMatrix:
     return NamedMatrix(name, matrix, unit, description, rows)
 
 
-def default(model: LoopModel) -> list[str]:
+def default(model: LoopDerivation) -> list[str]:
     """Return the outputs of a scene without a list: all motions, and all forces where there are any."""
     names = [f"{v.name}{word}" for v in model.variables for word in ("", ".rate", ".acceleration")]
     if model.has_dynamics:
@@ -206,7 +206,7 @@ def needs(name: str) -> set[str]:
     return ({"mass"} if word in INERTIAL | DYNAMIC else set()) | ({"forces"} if word in DYNAMIC else set())
 
 
-def _entries(model: LoopModel, name: str) -> Entries:
+def _entries(model: LoopDerivation, name: str) -> Entries:
     if needs(name):
         model.check_masses(f"the output {name!r}")
     if name in OF_THE_WHOLE:
@@ -228,7 +228,7 @@ def _entries(model: LoopModel, name: str) -> Entries:
     raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))
 
 
-def _sides(model: LoopModel) -> dict[tuple[str, str], tuple[int, int]]:
+def _sides(model: LoopDerivation) -> dict[tuple[str, str], tuple[int, int]]:
     """Return joint and sign by link and joint: the wrench is that on the link after the joint."""
     ground = model.loop.rows[-1].link
     links = [ground, *model.links, ground]

@@ -11,7 +11,7 @@ from symgen.errors import SceneError
 from symgen.mechanics.sources import LOOP, row_source
 from symgen.models.limits import limits_of
 from symgen.models.loop import outputs as loop_outputs
-from symgen.models.loop.derivation import REFERENCE, LoopModel, entries, named
+from symgen.models.loop.derivation import REFERENCE, LoopDerivation, entries, named
 from symgen.scene.loop.loop import ENTRIES, Loop
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.dual import DualVector
@@ -33,7 +33,7 @@ def loop_system(loop: Loop) -> System:
     SceneError
         For an output the loop does not have, and a link without mass where a force is asked.
     """
-    model = LoopModel(loop)
+    model = LoopDerivation(loop)
     requested = loop_outputs.requested_outputs(model)
     needs = {need for m in requested for need in loop_outputs.needs(m.name)}
     free = loop.having("free")
@@ -73,7 +73,7 @@ def loop_system(loop: Loop) -> System:
     )
 
 
-def _check_names(model: LoopModel, derived: set[str]) -> None:
+def _check_names(model: LoopDerivation, derived: set[str]) -> None:
     """Refuse a variable with the name of a derived quantity: their outputs would have the same name."""
     for v in model.variables:
         if v.name in derived:
@@ -84,7 +84,7 @@ def _check_names(model: LoopModel, derived: set[str]) -> None:
             )
 
 
-def groups(model: LoopModel) -> tuple[Group, ...]:
+def groups(model: LoopDerivation) -> tuple[Group, ...]:
     """Return the argument arrays that every kernel of a loop takes."""
     return (
         Group("t", "time", (TIME,)),
@@ -99,7 +99,7 @@ def groups(model: LoopModel) -> tuple[Group, ...]:
     )
 
 
-def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Export]]:
+def _motion(model: LoopDerivation, forces: bool) -> tuple[list[NamedMatrix], list[Export]]:
     """Return inputs, closure, screws and the velocity-dependent accelerations, with their kernels."""
     names = [v.name for v in model.variables]
     paths, count = model.paths, len(names)
@@ -169,14 +169,14 @@ def _switches(loop: Loop) -> NamedMatrix | None:
     return named("switches", gaps, "1", about, [s.branch.name for s in loop.switches])
 
 
-def _jet(model: LoopModel, motion: sp.Expr) -> list[sp.Expr]:
+def _jet(model: LoopDerivation, motion: sp.Expr) -> list[sp.Expr]:
     """Return value, rate and acceleration of a prescribed motion."""
     t = TIME.symbol
     rate = sp.diff(motion, t)
     return [motion, rate, sp.diff(rate, t)]
 
 
-def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Export]]:
+def _dynamics(model: LoopDerivation, free: bool) -> tuple[list[NamedMatrix], list[Export]]:
     """Return efforts, energies and, for free variables, the mass matrix, with their kernels."""
     names = [v.name for v in model.variables]
     unit = ", ".join(dict.fromkeys("N*m" if v.quantity.unit == "rad" else "N" for v in model.variables))
@@ -219,7 +219,7 @@ def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Exp
     return matrices, exports
 
 
-def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
+def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
     """Return the steps of the derivation that no kernel writes, in the order of the source."""
     steps = [
         replace(
@@ -307,7 +307,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
     return steps
 
 
-def _step_of_closure(model: LoopModel) -> list[NamedMatrix]:
+def _step_of_closure(model: LoopDerivation) -> list[NamedMatrix]:
     """Return A and V of Newton's step A dq = V of the dependent variables, as in the source."""
     found = [j for j, v in enumerate(model.variables) if v.role == "dependent"]
     matrix, right = model.paths.step(found)
@@ -331,7 +331,7 @@ def _step_of_closure(model: LoopModel) -> list[NamedMatrix]:
     ]
 
 
-def _closure_of_velocities(model: LoopModel) -> list[NamedMatrix]:
+def _closure_of_velocities(model: LoopDerivation) -> list[NamedMatrix]:
     """Return A and V of A q' = V for the rates of the dependent variables, as in the source."""
     screws = model.paths.columns(model.paths.meeting_screws, len(model.variables))
     found = [j for j, v in enumerate(model.variables) if v.role == "dependent"]
@@ -357,7 +357,7 @@ def _closure_of_velocities(model: LoopModel) -> list[NamedMatrix]:
     ]
 
 
-def _left_out(model: LoopModel, needs: Iterable[str]) -> Iterable[str]:
+def _left_out(model: LoopDerivation, needs: Iterable[str]) -> Iterable[str]:
     if model.has_dynamics and "forces" not in needs:
         masses = "masses enter, but no loads" if "mass" in needs else "masses and loads"
         yield f"dynamics: no output asks for a force or a power ({masses})"

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import ModelError, SceneError
-from symgen.models.forward_mode import Tangents
+from symgen.models.forward_mode import ArgumentTangents
 from symgen.models.loop import outputs
-from symgen.models.loop.derivation import REFERENCE, LoopModel
+from symgen.models.loop.derivation import REFERENCE, LoopDerivation
 from symgen.models.loop.system import groups
 from symgen.models.reverse_mode import Gradients
 from symgen.scene.rods.linkage import TIME
@@ -42,7 +42,7 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
     ModelError
         For an output that the loop does not have.
     """
-    model = LoopModel(loop)
+    model = LoopDerivation(loop)
     try:
         requested = [outputs.output(model, name) for name in loop.outputs or ()]
     except SceneError as error:
@@ -55,7 +55,7 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
     inputs = [*(v.quantity for v in model.variables), *(v.rate for v in model.variables)]
     inputs += [*(v.acceleration for v in model.variables), *model.closing]
     inputs += [p.quantity for p in model.loop.parameters]
-    tangents = Tangents(inputs, model.names.definitions)
+    tangents = ArgumentTangents(inputs, model.names.definitions)
     matrices = [_column(f"{name}_tangent", tangents.of(x), f"tangents of {name}") for name, x in of.items()]
     exports = [Export(name, f"tangents of {name}", (f"{name}_tangent",)) for name in of]
     if forces:
@@ -92,7 +92,7 @@ def variation_system(loop: Loop) -> System:
     rates and parameters. ``prescribed`` gives the slopes of values, rates and accelerations of inputs by
     parameters. Of inputs there are no efforts.
     """
-    model = LoopModel(loop)
+    model = LoopDerivation(loop)
     model.check_masses("the motion of free variables")
     of = _equations(model, forces=True)
     inputs = loop.having("input")
@@ -130,7 +130,7 @@ def variation_system(loop: Loop) -> System:
     )
 
 
-def _equations(model: LoopModel, forces: bool) -> dict[str, list[sp.Expr]]:
+def _equations(model: LoopDerivation, forces: bool) -> dict[str, list[sp.Expr]]:
     """Return the equations that are differentiated, by the name of their kernel; see the systems."""
     turn, origin = model.paths.closure.turn, model.paths.closure.origin
     rotation = [(turn[k, j] - turn[j, k]) / 2 for j, k in ((1, 2), (2, 0), (0, 1))]

@@ -32,7 +32,7 @@ Coefficients = dict[sp.Symbol, sp.Expr]
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class MomentumRow:
     """One equation: the sum of coefficients times unknowns is ``rhs``; ``shown``: the difference in print."""
 
     name: str
@@ -42,14 +42,14 @@ class Row:
 
 
 @dataclass(slots=True)
-class Rows:
+class MomentumRows:
     """Rows that belong together, with unit and meaning."""
 
     name: str
     unit: str
     description: str
     source: str
-    rows: list[Row] = field(default_factory=list)
+    rows: list[MomentumRow] = field(default_factory=list)
 
 
 def momentum_system(linkage: Linkage, cuts: Sequence[str] = (), *, joined: bool = False) -> System:
@@ -96,7 +96,7 @@ def momentum_system(linkage: Linkage, cuts: Sequence[str] = (), *, joined: bool 
 class MomentumForm(Outboard):
     """The derivation; each method makes one kind of rows."""
 
-    def moments(self, body: str) -> Rows:
+    def moments(self, body: str) -> MomentumRows:
         """Eqs. (9), (12), in space (10), (13): moment of momentum of all outboard about the inner joint."""
         bodies, points = self.tree.outboard(body)
         joint = self.tree.inner[body]
@@ -104,7 +104,7 @@ class MomentumForm(Outboard):
         numbers = ["(9)", "(12)"] if len(pivot) == 2 else ["(10a), (10b)", "(13a), (13b)"]
         cited = ", ".join(numbers[len(bodies) > 1 :])
         about = f"rate of the moment of momentum of {', '.join(bodies)} about {joint}, less that of the loads"
-        rows = Rows(f"{body}_moment", "N*m", about, f"Attia {cited}")
+        rows = MomentumRows(f"{body}_moment", "N*m", about, f"Attia {cited}")
         levers: dict[str, list[Vector]] = {}
         for mass, shares, place in self.masses(bodies, points):
             lever = _difference(place, pivot)
@@ -126,7 +126,7 @@ class MomentumForm(Outboard):
             for couple, unknown in couples:
                 known = dot(axis, couple)
                 rhs.append(known) if unknown is None else _add(coefficients, [(unknown, -known)])
-            rows.rows.append(Row(axis_name, coefficients, sp.Add(*rhs)))
+            rows.rows.append(MomentumRow(axis_name, coefficients, sp.Add(*rhs)))
         if len(pivot) == 2:
             return rows
         terms = [moment(lever, self.model.symbols(self.model.a[p])) for p, lever in weighted.items()]
@@ -171,13 +171,15 @@ class MomentumForm(Outboard):
         )
         return {f"{body}_t1": first, f"{body}_t2": second}
 
-    def momentum(self, point: str) -> Rows | None:
+    def momentum(self, point: str) -> MomentumRows | None:
         """Eq. (15): linear momentum of all that is beyond a root, or a ground point with its reaction."""
         bodies, points = self.tree.beyond(point)
         ground = point in self.model.ground
         noun = f"{', '.join(bodies)} beyond {point}" if bodies else point
         about = f"rate of the linear momentum of {noun}, less the loads"
-        rows = Rows(f"{point}_momentum", "N", about + (" and the reaction" if ground else ""), "Attia (15)")
+        rows = MomentumRows(
+            f"{point}_momentum", "N", about + (" and the reaction" if ground else ""), "Attia (15)"
+        )
         pushes = list(self.pushes(bodies, points))
         masses = list(self.masses(bodies, points))
         if ground and not (pushes or masses):
@@ -194,7 +196,7 @@ class MomentumForm(Outboard):
             _add(coefficients, [(p.unknown, -p.force[i]) for p in pushes if p.unknown is not None])
             if ground:
                 coefficients[self.reactions[point][i].symbol] = -ONE
-            rows.rows.append(Row(f"{point}_{axis}", coefficients, sp.Add(*rhs)))
+            rows.rows.append(MomentumRow(f"{point}_{axis}", coefficients, sp.Add(*rhs)))
         return rows
 
     @cached_property
@@ -216,7 +218,7 @@ class MomentumForm(Outboard):
             if p not in ends
         }
 
-    def constraints(self) -> Iterator[Rows]:
+    def constraints(self) -> Iterator[MomentumRows]:
         """Eqs. (11), (14) for lengths, (16b) for guides, and the other constraints, twice differentiated."""
         model = self.model
         guides = {row.constraint.name for row in model.guides}
@@ -228,13 +230,15 @@ class MomentumForm(Outboard):
             unit = {"m^2": "m^2/s^2", "m": "m/s^2"}[c.unit]
             coefficients = {a: row[q] for q, a in free if q in row}
             name = f"{c.name}_length" if c.link else c.name
-            yield Rows(name, unit, f"{c.label}, twice differentiated", source, [Row(name, coefficients, rhs)])
+            yield MomentumRows(
+                name, unit, f"{c.label}, twice differentiated", source, [MomentumRow(name, coefficients, rhs)]
+            )
 
-    def closures(self) -> Iterator[Rows]:
+    def closures(self) -> Iterator[MomentumRows]:
         """Yield the constraint of each cut of the user, twice differentiated."""
         model = self.model
         for cut in self.cuts:
-            rows = Rows(
+            rows = MomentumRows(
                 f"{cut.link}_{cut.point}_closure",
                 "m/s^2",
                 f"acceleration of {cut.link} where it is cut at {cut.point}, less that of {cut.point}",
@@ -246,7 +250,7 @@ class MomentumForm(Outboard):
                 for side, sign in ((own, 1), (joint, -1)):
                     slopes = model.calculus.gradient(side)
                     _add(coefficients, ((model.acceleration_of[q], sign * k) for q, k in slopes.items()))
-                rows.rows.append(Row(f"{rows.name}_{axis}", coefficients, ZERO))
+                rows.rows.append(MomentumRow(f"{rows.name}_{axis}", coefficients, ZERO))
             yield rows
 
     # --- together -----------------------------------------------------------------------------------------
@@ -308,7 +312,7 @@ class MomentumForm(Outboard):
                 return replace(x, description=about)
         return x
 
-    def _shown(self, part: Rows) -> NamedMatrix:
+    def _shown(self, part: MomentumRows) -> NamedMatrix:
         entries = [
             sp.Add(*(c * s for s, c in row.coefficients.items()), -row.rhs)
             if row.shown is None
@@ -320,7 +324,7 @@ class MomentumForm(Outboard):
         shown = named(self.model, part.name, entries, part.unit, about, rows=rows)
         return replace(shown, source=part.source)
 
-    def _rhs(self, rows: list[Row]) -> list[sp.Expr]:
+    def _rhs(self, rows: list[MomentumRow]) -> list[sp.Expr]:
         """Return the right-hand sides, minus the terms of the prescribed acceleration of the ground."""
         ground = [a.symbol for p in self.model.ground for a in self.model.a[p]]
         return [

@@ -21,7 +21,7 @@ from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class RowDerivatives:
     """Derivatives of a row on the constraints.
 
     Its gradient by coordinate, its rate, and the part of its second rate that holds no acceleration.
@@ -48,7 +48,7 @@ class Constraint:
     scale: sp.Expr
     unit: str
     link: str = ""
-    motion: Motion | None = None
+    motion: RowDerivatives | None = None
     carrier: str = ""
 
     @property
@@ -107,7 +107,7 @@ def joint_rows(model: Points) -> Iterator[JointRow]:
             motion = None
             if moves:  # the gap is zero, so that n counts as constant
                 slopes = _chained(model, (n, gap))
-                motion = Motion(slopes, dot(n, tuple(model.calculus.rate(c) for c in gap)), ZERO)
+                motion = RowDerivatives(slopes, dot(n, tuple(model.calculus.rate(c) for c in gap)), ZERO)
             unit = "m^2" if moves else "m"
             row = Constraint(f"{name}_{suffix}", label, along, scale, unit, motion=motion, carrier=link.name)
             yield JointRow(row, link.name, point.name, n)
@@ -241,7 +241,7 @@ def _across_a_turning_rod(
     label = f"the guide of {point} along {link.name}"
     for i, n in enumerate(vectors, 1):
         by_along = tuple(-z * x for x in n)
-        motion = Motion(
+        motion = RowDerivatives(
             _chained(model, (n, r), (by_along, d)), dot(n, sliding), -2 * speed * dot(n, rates_of_d)
         )
         bound = Constraint(f"{name}_{i}", label, dot(n, r), scale, "m^2", motion=motion)

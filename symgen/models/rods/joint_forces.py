@@ -31,7 +31,7 @@ _GROUND, _DEPENDENT, _DIGITS = "", 1e-6, 30
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class SharedLine:
     """Two points that a link has in common with another link or the ground, one link a body in space.
 
     The force along their line is not determined: ``link`` may push ``other`` at one of the points as much as
@@ -63,7 +63,7 @@ class JointForces:
         self._parts = {part.name: part for part in model.parts}
         self._part_forces: dict[str, dict[str, Vector]] = {}
         self._raw: dict[tuple[str, str], Vector] = {}
-        self._pulls: dict[Line, sp.Expr] = {}
+        self._pulls: dict[SharedLine, sp.Expr] = {}
 
     def on(self, link: str, point: str) -> Vector:
         """Return the force [N] on a link at one of its points, without weight and loads along it.
@@ -144,17 +144,19 @@ class JointForces:
         carried = [_share(part, c, p, self._of_point(part, c.name)) for c in part.carried]
         return _sum([self._part_forces[part.name][p], *(_times(-1, x) for x in carried)])
 
-    def _along_lines(self, link: str, point: str, lines: Sequence[Line] | None = None) -> Iterator[Vector]:
+    def _along_lines(
+        self, link: str, point: str, lines: Sequence[SharedLine] | None = None
+    ) -> Iterator[Vector]:
         """Yield the forces on a link at a point that its lines add to those of its own equations [N]."""
         for line in self._lines if lines is None else lines:
             if line.at(link, point):
                 yield _times(line.at(link, point) * self._pull(line), self._along(line))
 
-    def _along(self, line: Line) -> Vector:
+    def _along(self, line: SharedLine) -> Vector:
         ends = self.model.position(line.first), self.model.position(line.second)
         return tuple(b - a for a, b in zip(*ends, strict=True))
 
-    def _pull(self, line: Line) -> sp.Expr:
+    def _pull(self, line: SharedLine) -> sp.Expr:
         """Return the stress along a line over its length [N/m].
 
         With it the sum of the squares of the forces on all links is least, which does not depend on the order
@@ -180,7 +182,7 @@ class JointForces:
         return self._pulls[line]
 
     @cached_property
-    def _lines(self) -> list[Line]:
+    def _lines(self) -> list[SharedLine]:
         """The lines along which forces are not determined, without those that follow from others."""
         model = self.model
         bent = {beam.link for beam in model.linkage.elastic}
@@ -197,12 +199,12 @@ class JointForces:
         pairs = [(k.name, _GROUND) for k in bodies]
         pairs += [(a.name, b.name) for a, b in combinations(parts, 2) if a in bodies or b in bodies]
         places = {(k, p): i for i, (k, p) in enumerate((k, p) for k, named in of_part.items() for p in named)}
-        lines: list[Line] = []
+        lines: list[SharedLine] = []
         spanned = np.zeros((0, len(places) * len(model.axes)))
         for link, other in pairs:
             of_other = of_part[other] if other else model.ground
             for ends in combinations([p for p in of_part[link] if p in of_other], 2):
-                line = Line(link, other, *ends)
+                line = SharedLine(link, other, *ends)
                 drawn = self._stress(line, [line])
                 stress = np.zeros((len(places), len(model.axes)))
                 for place, force in zip(line.places, np.reshape(drawn, (-1, len(model.axes))), strict=True):
@@ -213,7 +215,7 @@ class JointForces:
                     lines.append(line)
         return lines
 
-    def _stress(self, line: Line, among: Sequence[Line]) -> list[sp.Expr]:
+    def _stress(self, line: SharedLine, among: Sequence[SharedLine]) -> list[sp.Expr]:
         """Return the forces of a line at all places of some lines, with the vector along it as drawn [m]."""
         ends = (self.model.linkage.point(p).at for p in (line.first, line.second))
         along = [rounded(b - a, _DIGITS) for a, b in zip(*ends, strict=True)]

@@ -8,7 +8,7 @@ from functools import cached_property
 import sympy as sp
 
 from symgen.loads.load import Load
-from symgen.loads.measure import Action, Couple, Gradient, PointForce, Term, Work
+from symgen.loads.measure import Action, Couple, Gradient, LoadTerm, PointForce, Work
 from symgen.loads.of_points import Length
 from symgen.mechanics.rods import loads
 from symgen.mechanics.rods.particles import Vector
@@ -26,10 +26,10 @@ class Loads:
         self.position, self.velocity = model.position, model.velocity
         self._lines: dict[str, Vector] = {}
         self._lengths: dict[str, sp.Expr] = {}
-        self._actions: dict[Term, list[Action]] = {}
+        self._actions: dict[LoadTerm, list[Action]] = {}
         placed = [load for _, _, load in self.linkage.placed_loads]
         #: Every load with its terms by measure.
-        self.terms: list[tuple[Load, Term]] = [(x, t) for x in placed for t in x.terms(len(model.axes))]
+        self.terms: list[tuple[Load, LoadTerm]] = [(x, t) for x in placed for t in x.terms(len(model.axes))]
 
     def along(self, link: str) -> Vector:
         """Return the vector along a link [m]."""
@@ -141,10 +141,10 @@ class Loads:
         works = (w for t in terms if t.force for w in t.on.works(self, self.with_state(t.force)))
         return [*forces, *((force, slopes) for force, slopes, _ in works)]
 
-    def actions(self, term: Term) -> list[Action]:
+    def actions(self, term: LoadTerm) -> list[Action]:
         """Return the equivalent forces on points and couples on links of a term."""
         if term not in self._actions:
-            stated = Term(term.on, term.energy, self.with_state(term.force))
+            stated = LoadTerm(term.on, term.energy, self.with_state(term.force))
             self._actions[term] = list(term.on.actions(self, stated))
         return self._actions[term]
 
@@ -168,7 +168,7 @@ class Loads:
                     if isinstance(x, Couple) and x.link == link and x.torque:
                         yield x.against, x.torque
 
-    def _forces(self, term: Term) -> Iterator[PointForce]:
+    def _forces(self, term: LoadTerm) -> Iterator[PointForce]:
         return (x for x in self.actions(term) if isinstance(x, PointForce))
 
     def couple_in_space(self, link: str, torque: Vector) -> list[tuple[Vector, Vector]]:

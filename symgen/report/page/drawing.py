@@ -27,7 +27,7 @@ _CORNERS = 400
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class DrawnLine:
     """A line, or a body given by its corners; ``kind`` is the style, ``at`` holds one point per row [m]."""
 
     kind: str
@@ -49,13 +49,13 @@ class Sketch:
     """A mechanism in the plane or in space [m], with gravity [m/s^2]."""
 
     nodes: tuple[Node, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[DrawnLine, ...]
     gravity: Array
     unit: str
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class PaperLine:
     """A line on paper: its kind and its vertices [px]."""
 
     kind: str
@@ -104,7 +104,7 @@ class Drawing:
 
     width: float
     height: float
-    shapes: tuple[Shape, ...]
+    shapes: tuple[PaperLine, ...]
     marks: tuple[Mark, ...]
     labels: tuple[Label, ...]
     arrows: tuple[Arrow, ...]
@@ -151,7 +151,7 @@ class Paper:
         moved = (at @ self.view - self.middle) * self.scale * (1.0, -1.0) + (self.width / 2, self.height / 2)
         return np.asarray(moved)
 
-    def shapes(self, sketch: Sketch) -> list[Shape]:
+    def shapes(self, sketch: Sketch) -> list[PaperLine]:
         """Return the lines of a sketch in the order in which they are drawn."""
         shapes = [shape for line in sketch.lines for shape in _shapes(line, self(line.at))]
         return sorted(shapes, key=lambda shape: _ORDER.index(shape.kind))
@@ -210,23 +210,23 @@ def _rounded(at: Array) -> tuple[float, float]:
     return round(float(at[0]), 2), round(float(at[1]), 2)
 
 
-def _shapes(line: Line, at: Array) -> Iterator[Shape]:
+def _shapes(line: DrawnLine, at: Array) -> Iterator[PaperLine]:
     if line.kind == "path":
         whole = at[:: max(1, math.ceil(len(at) / _CORNERS))]
-        yield Shape("path", whole)
+        yield PaperLine("path", whole)
     elif line.kind == "spring":
-        yield Shape("spring", _wound(at))
+        yield PaperLine("spring", _wound(at))
     elif line.kind == "slider":
-        yield Shape("slider", slider_block(at, 13.0, 8.0), closed=True)
+        yield PaperLine("slider", slider_block(at, 13.0, 8.0), closed=True)
     elif line.kind == "body" and len(at) > 2:
         middle = at.mean(axis=0)
         _, sizes, axes = np.linalg.svd(at - middle)
         if flat := sizes[1] < _FLAT:
             along = (at - middle) @ axes[0]
             at = at[[np.argmin(along), np.argmax(along)]]
-        yield Shape("rod" if flat else "body", at if flat else hull(at), closed=not flat)
+        yield PaperLine("rod" if flat else "body", at if flat else hull(at), closed=not flat)
     else:
-        yield Shape("rod" if line.kind == "body" else line.kind, at)
+        yield PaperLine("rod" if line.kind == "body" else line.kind, at)
 
 
 def _wound(at: Array) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from symgen.atomic import replacing, writable, write_text
 from symgen.errors import ModelError, OutputError
 from symgen.report.page.animation import Film, animation, curves_of, forces_of, nodes_of, traces_of
-from symgen.report.page.drawing import Paper, Shape, Sketch
+from symgen.report.page.drawing import Paper, PaperLine, Sketch
 from symgen.report.page.page import LIGHT
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def _drawn(film: Film, shown: NDArray[np.int_], progress: Callable[[str], None] 
             progress(f"writing frame {i} of {len(shown)}")
         figure.clear()
         for trace in traces:
-            _draw(add, Shape("path", trace))
+            _draw(add, PaperLine("path", trace))
         _draw_pose(add, paper, film.sketches[k])
         forces.draw(add, k, paper.height)
         _write(add, (12, 20), film.result.title, _INK, paper.width - 24)
@@ -215,7 +215,7 @@ class _Forces:
         _write(add, (12, bottom - 8), self.label, _FORCE)
 
 
-def _draw(add: Add, shape: Shape) -> None:
+def _draw(add: Add, shape: PaperLine) -> None:
     from matplotlib.patches import Polygon
 
     colour, width, dashes, fill = _STYLES[shape.kind]
@@ -247,9 +247,9 @@ def _draw_pose(add: Add, paper: Paper, sketch: Sketch) -> None:
             continue
         x, y = paper(node.at)
         if node.kind == "ground":
-            _draw(add, Shape("rail", np.array([[x, y], [x - 8, y + 13], [x + 8, y + 13]]), closed=True))
+            _draw(add, PaperLine("rail", np.array([[x, y], [x - 8, y + 13], [x + 8, y + 13]]), closed=True))
             for i in range(-10, 11, 5):
-                _draw(add, Shape("rail", np.array([[x + i, y + 13], [x + i - 4, y + 18]])))
+                _draw(add, PaperLine("rail", np.array([[x + i, y + 13], [x + i - 4, y + 18]])))
         fill, size = (_INK, 6.4) if node.kind == "end" else (_PAPER, 8.0)
         mark = Line2D([x], [y], marker="o", markersize=size * _PRINT, markerfacecolor=fill)
         mark.set(markeredgecolor=_INK, markeredgewidth=1.6 * _PRINT)

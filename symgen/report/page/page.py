@@ -10,7 +10,7 @@ from typing import Any
 from symgen.codegen.emit import UnitView
 from symgen.report.page.drawing import Drawing
 from symgen.report.page.figures import FigureView
-from symgen.report.page.views import MatrixView, Pattern, SymbolView
+from symgen.report.page.views import MatrixPattern, MatrixView, SymbolView
 from symgen.runtime.result.result import Result
 
 
@@ -91,7 +91,7 @@ class Page:
     drawing_caption: str
     moving: str
     steps: tuple[StepView, ...]
-    structure: Pattern | None
+    structure: MatrixPattern | None
     structure_caption: str
     symbols: dict[str, tuple[SymbolView, ...]]
     shared: tuple[SymbolView, ...]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.atomic import writable, write_text
-from symgen.report.page.drawing import Line, Node, Sketch, drawing, hull, slider_block
+from symgen.report.page.drawing import DrawnLine, Node, Sketch, drawing, hull, slider_block
 from symgen.report.page.page import environment
 from symgen.runtime.sweeps.stores import needed
 
@@ -66,13 +66,13 @@ class Sheet:
         """Return all poses and paths in one sketch, in the unit of length."""
         first, *others = self.poses
         size = self.unit[1]
-        lines = [Line("path", name, path / size) for name, path in self.paths.items()]
+        lines = [DrawnLine("path", name, path / size) for name, path in self.paths.items()]
         nodes = [replace(node, at=node.at / size) for node in first.nodes]
         lines += [replace(line, at=line.at / size) for line in first.lines]
         for pose in others:
             moving = (node for node in pose.nodes if node.kind != "ground")
             nodes += [Node("", node.at / size, node.kind) for node in moving]
-            lines += [Line(k.kind, "", k.at / size) for k in pose.lines if k.kind != "rail"]
+            lines += [DrawnLine(k.kind, "", k.at / size) for k in pose.lines if k.kind != "rail"]
         return Sketch(tuple(nodes), tuple(lines), first.gravity, self.unit[0])
 
     def svg(self) -> str:

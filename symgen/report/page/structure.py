@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from symgen.report.page.views import Pattern, elimination
+from symgen.report.page.views import MatrixPattern, elimination
 from symgen.symbolic.system import System
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def solver_lines(system: System) -> Iterator[str]:
         yield from _drawn(pattern)
 
 
-def _drawn(pattern: Pattern) -> Iterator[str]:
+def _drawn(pattern: MatrixPattern) -> Iterator[str]:
     """Draw the nonzero entries (#) and the fill-in (+)."""
     signs = {**dict.fromkeys(pattern.fill, "+"), **dict.fromkeys(pattern.cells, "#")}
     for i in range(pattern.rows):

@@ -25,7 +25,7 @@ DIGITS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Pattern:
+class MatrixPattern:
     """Nonzero entries (row, column) of a matrix; ``fill`` are those added by elimination."""
 
     rows: int
@@ -54,7 +54,7 @@ class MatrixView:
     unit: str
     shape: str
     math: Markup
-    pattern: Pattern | None
+    pattern: MatrixPattern | None
     entries: tuple[EntryView, ...]
     more: int
     rows: tuple[str, ...]
@@ -96,7 +96,7 @@ def matrix_view(matrix: NamedMatrix) -> MatrixView:
         unit=matrix.unit,
         shape=f"{m.rows} × {m.cols}",
         math=_math(m[0, 0] if alone else m) if whole else Markup(),
-        pattern=None if whole or min(m.shape) == 1 else Pattern(m.rows, m.cols, tuple(texts)),
+        pattern=None if whole or min(m.shape) == 1 else MatrixPattern(m.rows, m.cols, tuple(texts)),
         entries=tuple(entries),
         more=0 if whole else len(texts) - len(entries),
         rows=matrix.rows if m.rows > 1 else (),
@@ -170,7 +170,7 @@ def shared_terms(systems: Sequence[System], limit: int) -> tuple[tuple[SymbolVie
     return views, len(every) - len(views)
 
 
-def elimination(system: System, point: SaddlePoint) -> tuple[Pattern, int]:
+def elimination(system: System, point: SaddlePoint) -> tuple[MatrixPattern, int]:
     """Return the pattern of [M J^T; J 0] in elimination order, and the number of entries of its factor."""
     masses, jacobian = system[point.mass].matrix, system[point.jacobian].matrix
     n, m = masses.rows, jacobian.rows
@@ -188,7 +188,7 @@ def _nonzero(matrix: sp.MatrixBase) -> Iterable[tuple[int, int]]:
     return ((i, j) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0)
 
 
-def _eliminated(near: Sequence[set[int]]) -> tuple[Pattern, int]:
+def _eliminated(near: Sequence[set[int]]) -> tuple[MatrixPattern, int]:
     """Eliminate the unknowns in order, updating the later unknowns coupled to each."""
     cells = {(i, j) for i, row in enumerate(near) for j in row} | {(i, i) for i in range(len(near))}
     known = set(cells)
@@ -200,4 +200,4 @@ def _eliminated(near: Sequence[set[int]]) -> tuple[Pattern, int]:
             known |= {(a, b) for b in grown[i]} | {(b, a) for b in grown[i]}
     factor = sum(len(row) for row in grown) + len(near)
     size = len(near)
-    return Pattern(size, size, tuple(sorted(cells)), tuple(sorted(known - cells))), factor
+    return MatrixPattern(size, size, tuple(sorted(cells)), tuple(sorted(known - cells))), factor

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.forces import Forces, Motion, local_motion, modal_rates, of_coordinates
+from symgen.runtime.beams.forces import ElasticForces, TotalMotion, local_motion, modal_rates, of_coordinates
 from symgen.runtime.beams.shortening import Shortening, rows_work, shortening
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
@@ -147,9 +147,9 @@ def of_angles(motion: ElasticMotion) -> list[str]:
 def energies(
     motion: ElasticMotion,
     rigid: tuple[Array, Array, Array],
-    run: Motion,
+    run: TotalMotion,
     accelerations: Array,
-    acting: Forces,
+    acting: ElasticForces,
 ) -> Energies | None:
     """Return energies and powers; None of the thesis' form, which has no rates in fixed axes.
 
@@ -181,7 +181,7 @@ def energies(
     summed = {name: np.zeros(len(run.times)) for name in ("kinetic", "strain", "potential")}
     dissipated, rates = np.zeros((2, len(run.times)))
     for k, x in enumerate(weights):
-        forms = Forms(motion, run, accelerations, k, second)
+        forms = EnergyForms(motion, run, accelerations, k, second)
         of_link, rate = _energies(x, forms)
         for name, energy in of_link.items():
             summed[name] = summed[name] + energy
@@ -225,9 +225,9 @@ def energies(
 def torque_of_second_degree(
     motion: ElasticMotion,
     rigid: tuple[Array, Array, Array],
-    run: Motion,
+    run: TotalMotion,
     accelerations: Array,
-    acting: Forces,
+    acting: ElasticForces,
     second: Shortening,
 ) -> Array:
     """Return the torque [N m] that the rigid motion needs, to the second degree in displacements, (times,).
@@ -242,7 +242,7 @@ def torque_of_second_degree(
     turned, _ = of_links(motion, run.times, rigid[0], unit, rigid[2])
     torque = np.zeros(len(run.times))
     for k, (x, by) in enumerate(zip(weights, turned, strict=True)):
-        forms = Forms(motion, run, accelerations, k, second)
+        forms = EnergyForms(motion, run, accelerations, k, second)
         work = {force: x[f"{force}_rigid"] for force in _VELOCITIES}
         for force, factor, constant, orders in _WORK:
             work[force] = work[force] + x[factor] * forms(constant, orders)
@@ -308,13 +308,13 @@ def of_joints(
     )
 
 
-class Forms:
+class EnergyForms:
     """Values x^T C y and C^T x of a link, (times,), of its unknowns with their rates, shortening included."""
 
     def __init__(
         self,
         motion: ElasticMotion,
-        run: Motion,
+        run: TotalMotion,
         accelerations: Array,
         k: int,
         second: Shortening | None,
@@ -340,7 +340,7 @@ class Forms:
         return np.sum([self(constant, places) for places in raised], axis=0)
 
 
-def _energies(x: Weights, forms: Forms) -> tuple[dict[str, Array], Array]:
+def _energies(x: Weights, forms: EnergyForms) -> tuple[dict[str, Array], Array]:
     """Return the energies of a link by name, and the sum of their rates."""
     sums = {name: x.get(f"{name}_rigid", np.zeros(1)) for name in ("kinetic", "strain", "potential")}
     rate = x["kinetic_rigid_rate"] + x["potential_rigid_rate"]
@@ -373,7 +373,7 @@ def _sum(*powers: Array | None) -> Array:
     return np.sum([x for x in powers if x is not None] or [np.zeros(1)], axis=0)
 
 
-def _speed(motion: ElasticMotion, run: Motion, weights: Sequence[Weights], u: Array) -> Array:
+def _speed(motion: ElasticMotion, run: TotalMotion, weights: Sequence[Weights], u: Array) -> Array:
     """Return the angular velocity of the crank [rad/s] in the rigid motion, (times,)."""
     links = [beam.info.link for beam in motion.beams]
     if motion.info.crank in links:

@@ -23,7 +23,7 @@ States = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class TotalMotion:
     """An elastic motion and the rigid motion below it, at the same times.
 
     Attributes
@@ -69,7 +69,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
-class Forces:
+class ElasticForces:
     """Forces of a motion in fixed axes.
 
     Attributes
@@ -87,7 +87,9 @@ class Forces:
     constraints: dict[str, Array]
 
 
-def forces(motion: ElasticMotion, equations: BeamEquations, run: Motion, accelerations: Array) -> Forces:
+def forces(
+    motion: ElasticMotion, equations: BeamEquations, run: TotalMotion, accelerations: Array
+) -> ElasticForces:
     """Return the forces and couples on elastic links at joints and welds, and the torque on a crank not free.
 
     They are of the whole motion, rigid and elastic, on fixed axes: of every link M s'' + C s' + K s - Q at
@@ -119,7 +121,7 @@ def forces(motion: ElasticMotion, equations: BeamEquations, run: Motion, acceler
             drive.append(torque(name, rows[:, beam.dofs.index("theta@0")]))
     if f"{crank}_drive" in bound:
         drive.append(torque(crank, _of_drive(motion, run, bound[f"{crank}_drive"])))
-    return Forces(drive, at_joints, bound)
+    return ElasticForces(drive, at_joints, bound)
 
 
 def of_coordinates(motion: ElasticMotion) -> list[int]:
@@ -141,7 +143,7 @@ def torque(crank: str, values: Array) -> Variable:
     )
 
 
-def accelerations_of(motion: ElasticMotion, equations: BeamEquations, run: Motion) -> Array:
+def accelerations_of(motion: ElasticMotion, equations: BeamEquations, run: TotalMotion) -> Array:
     """Return S'' at the times, (times, unknowns)."""
     accelerations = np.zeros_like(run.displacements)
     if run.rates is not None:
@@ -151,7 +153,7 @@ def accelerations_of(motion: ElasticMotion, equations: BeamEquations, run: Motio
     return accelerations
 
 
-def _link(motion: ElasticMotion, run: Motion, accelerations: Array, k: int) -> Array:
+def _link(motion: ElasticMotion, run: TotalMotion, accelerations: Array, k: int) -> Array:
     """Return the external forces on a link at each of its unknowns, on its own axes, (times, n).
 
     Those of loads that rotate with it at a joint are among them.
@@ -208,7 +210,7 @@ def _piece(
     return force
 
 
-def local_motion(motion: ElasticMotion, run: Motion, accelerations: Array | None, k: int) -> States:
+def local_motion(motion: ElasticMotion, run: TotalMotion, accelerations: Array | None, k: int) -> States:
     """Return s, s' and s'' of a link's unknowns on its own turning axes, each (times, n), computed once.
 
     Without accelerations S'' those of s are not known, and not to be used.
@@ -219,7 +221,7 @@ def local_motion(motion: ElasticMotion, run: Motion, accelerations: Array | None
     return known[1]
 
 
-def _local_states(motion: ElasticMotion, run: Motion, accelerations: Array | None, k: int) -> States:
+def _local_states(motion: ElasticMotion, run: TotalMotion, accelerations: Array | None, k: int) -> States:
     derivatives = run.rates, accelerations
     s, still = run.local(motion, k), np.zeros_like(run.displacements)
     v, a = (motion.local_unknowns(k, run.links, still if x is None else x) for x in derivatives)
@@ -238,7 +240,7 @@ def _local_states(motion: ElasticMotion, run: Motion, accelerations: Array | Non
     return s, v, a
 
 
-def modal_rates(motion: ElasticMotion, run: Motion) -> Array:
+def modal_rates(motion: ElasticMotion, run: TotalMotion) -> Array:
     """Return the rates at which the forces of damped modes work on the strains, (times, modes) [W^(1/2)].
 
     Their squares are the powers that the damping of the modes takes.
@@ -254,7 +256,7 @@ def modal_rates(motion: ElasticMotion, run: Motion) -> Array:
 
 
 def _bound(
-    motion: ElasticMotion, equations: BeamEquations, run: Motion, accelerations: Array
+    motion: ElasticMotion, equations: BeamEquations, run: TotalMotion, accelerations: Array
 ) -> dict[str, Array]:
     """Return J^T lambda of M S'' + C S' + K S = Q - J^T lambda by constraint, (times, unknowns) each."""
     if not motion.layout.constraints:
@@ -276,7 +278,7 @@ def _bound(
     return dict(zip(names, of_rows, strict=True))
 
 
-def crank_rotation(motion: ElasticMotion, run: Motion) -> Array:
+def crank_rotation(motion: ElasticMotion, run: TotalMotion) -> Array:
     """Return by how far the shaft of a crank that is not held turns from its rigid motion [rad], (times,)."""
     if motion.layout.shaft >= 0:
         return run.displacements[:, motion.layout.shaft]
@@ -284,7 +286,7 @@ def crank_rotation(motion: ElasticMotion, run: Motion) -> Array:
     return np.sum(rotation * run.displacements[:, _end_of_crank(motion)], axis=1)
 
 
-def _of_drive(motion: ElasticMotion, run: Motion, bound: Array) -> Array:
+def _of_drive(motion: ElasticMotion, run: TotalMotion, bound: Array) -> Array:
     """Return the torque of the shaft of a rigid crank from the forces that hold its direction."""
     _, arm = motion.rigid_crank(run.times, run.q)
     return -np.sum(arm * bound[:, _end_of_crank(motion)], axis=1)

@@ -16,7 +16,7 @@ from symgen.runtime.kernels.elastic_description import ElasticInfo
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class BeamLayout:
     """Sizes and index arrays of :class:`symgen.runtime._beams.BeamEquations`; arrays end with a spare entry.
 
     Attributes
@@ -102,7 +102,7 @@ def layout(
     beams: Sequence[Beam],
     joints: Mapping[str, BlockInfo],
     damped: Array | None = None,
-) -> Layout:
+) -> BeamLayout:
     """Return the layout of the elastic motion of a linkage.
 
     Parameters
@@ -114,7 +114,7 @@ def layout(
     joints
         Blocks of the kernel ``joints``.
     damped
-        Forces of modes of the structure: see :class:`Layout`. Those of the links' own modes follow.
+        Forces of modes of the structure: see :class:`BeamLayout`. Those of the links' own modes follow.
     """
     labels = [f"{p}_{axis}" for p in description.free for axis in description.axes]
     labels += [f"{name}_theta" for name in info.rotations]
@@ -147,7 +147,7 @@ def layout(
         for name in ("mass_matrix", "damping", "stiffness")
     }
     of_pieces = _of_pieces(beams, renumbered, slot)
-    return Layout(
+    return BeamLayout(
         unknowns=n,
         constraints=constraints,
         inner=inner,

@@ -30,7 +30,7 @@ _NEARER, _ROUND = 240, 48
 
 
 @dataclass(slots=True)
-class Search:
+class ClosureSearch:
     """Result of a search for closures: one pose per assembly mode, and the pose of least defect."""
 
     closures: list[Array] = field(default_factory=list)
@@ -38,7 +38,7 @@ class Search:
     defect: float = np.inf
 
 
-def search(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ()) -> Search:
+def search(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ()) -> ClosureSearch:
     """Search for the closures at a time from many starts, the same every time; more where none closes.
 
     Parameters
@@ -48,7 +48,7 @@ def search(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ())
         these do not. All dependent variables when absent.
     """
     close, near = Closing(kernels, t), _Near(kernels, guess, by)
-    result, found, met, limit = Search(), _Found(close, near), list[tuple[int, Array]](), _TRIES
+    result, found, met, limit = ClosureSearch(), _Found(close, near), list[tuple[int, Array]](), _TRIES
     for k, start in enumerate(_starts(kernels, t, near)):
         if k == limit:
             found.add(met)

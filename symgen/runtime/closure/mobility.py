@@ -9,7 +9,7 @@ import numpy as np
 from symgen.errors import InitialStateError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
-from symgen.runtime.closure.assemblies import Closing, Search
+from symgen.runtime.closure.assemblies import Closing, ClosureSearch
 from symgen.runtime.loop.kernels import LoopKernels, in_words
 
 #: Part of the largest component by which a variable takes part in a motion.
@@ -137,7 +137,7 @@ def _over_driven(kernels: LoopKernels, t: float, q: Array, prescribed: list[int]
     )
 
 
-def open_loop(kernels: LoopKernels, t: float, result: Search) -> InitialStateError:
+def open_loop(kernels: LoopKernels, t: float, result: ClosureSearch) -> InitialStateError:
     """Return the error of a loop that does not close: its defect, the row, the closest pose, a remedy."""
     d = kernels.description
     solved = d.having("dependent")

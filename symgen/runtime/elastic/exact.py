@@ -38,7 +38,7 @@ _RIGID_RTOL = 1e-10
 
 
 @dataclass(frozen=True)
-class Cut:
+class DividedLink:
     """One elastic link in rods.
 
     ``rods`` and ``inner`` are their names and those of the points between them, ``nodes`` where they meet, as
@@ -133,7 +133,7 @@ def exact_run(motion: ElasticMotion, rods: RodModel, task: LargeRotation) -> Ela
     return _result(motion, cuts, result, task)
 
 
-def _cuts(motion: ElasticMotion, rods: RodModel) -> tuple[Cut, ...]:
+def _cuts(motion: ElasticMotion, rods: RodModel) -> tuple[DividedLink, ...]:
     places = rods.with_parameters(**{p.name: p.default for p in rods.description.tunable}).initial_state()
     links, cuts = rods.description.links, []
     for beam in motion.beams:
@@ -142,11 +142,11 @@ def _cuts(motion: ElasticMotion, rods: RodModel) -> tuple[Cut, ...]:
         points = [links[segments[0]][0], *(links[name][1] for name in segments)]
         lengths = [np.linalg.norm(places.positions[b] - places.positions[a]) for a, b in pairwise(points)]
         nodes = np.concatenate([[0.0], np.cumsum(lengths)]) / np.sum(lengths)
-        cuts.append(Cut(beam, tuple(segments), tuple(points[1:-1]), nodes))
+        cuts.append(DividedLink(beam, tuple(segments), tuple(points[1:-1]), nodes))
     return tuple(cuts)
 
 
-def _state(rigid: RodModel, rods: RodModel, cuts: tuple[Cut, ...]) -> State:
+def _state(rigid: RodModel, rods: RodModel, cuts: tuple[DividedLink, ...]) -> State:
     """Return the rods in line and moving as the rigid links do."""
     start = rigid.initial_state()
     places, velocities = dict(start.positions), dict(start.velocities)
@@ -160,11 +160,11 @@ def _state(rigid: RodModel, rods: RodModel, cuts: tuple[Cut, ...]) -> State:
 
 
 def _result(
-    motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: LargeRotation
+    motion: ElasticMotion, cuts: tuple[DividedLink, ...], result: Result, task: LargeRotation
 ) -> ElasticResult:
     d, times = motion.rigid.description, result.time
 
-    def of_rods(cut: Cut, word: str) -> Array:
+    def of_rods(cut: DividedLink, word: str) -> Array:
         return np.stack([result.variable(f"{rod}.{word}").values for rod in cut.rods], axis=1)
 
     variables: list[Variable] = []
@@ -227,7 +227,7 @@ def rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
     return {p: q[:, 2 * k : 2 * k + 2] for k, p in enumerate(d.free)}
 
 
-def _of_stretch(cuts: tuple[Cut, ...], result: Result) -> list[str]:
+def _of_stretch(cuts: tuple[DividedLink, ...], result: Result) -> list[str]:
     """Name links whose axial force would stretch them so far that a constant length is no approximation."""
     notes = []
     for cut in cuts:

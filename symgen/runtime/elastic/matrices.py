@@ -11,9 +11,9 @@ from symgen.runtime import _beams
 from symgen.runtime._beams import MATRICES, SPREAD, VECTORS
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.frames import frames
-from symgen.runtime.beams.layout import Layout, entries_of
+from symgen.runtime.beams.layout import BeamLayout, entries_of
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.modes import Assembled, AssembledMatrices
+from symgen.runtime.result.modes import AssembledMatrices, LabelledMatrix
 
 #: Constants of links whose weighted sum is one part of the stiffness or of the damping.
 _ELASTIC, _DAMPING, _GYROSCOPIC = ("stiffness",), ("damping",), ("mass", "gyroscopic")
@@ -74,12 +74,12 @@ class _Pose:
         self.order = _by_links(self.layout)
         self.names = tuple(self.layout.names[j] for j in self.order)
 
-    def named(self, name: str, values: Array, unit: str, about: str) -> Assembled:
+    def named(self, name: str, values: Array, unit: str, about: str) -> LabelledMatrix:
         """Return a matrix or vector of all unknowns in the order of the links."""
         square = values.ndim == 2
         values = values[np.ix_(*[self.order] * values.ndim)]
         columns = self.names if square else ()
-        return Assembled(f"elastic_{name}", values, self.names, columns, unit + _PER, about)
+        return LabelledMatrix(f"elastic_{name}", values, self.names, columns, unit + _PER, about)
 
     def sums(
         self, constants: Sequence[str] | None, others: bool = False, analysis: int = _beams.IN_MOTION
@@ -126,7 +126,7 @@ class _Pose:
             total[i, j] += entry
         return total
 
-    def condensed(self, reduced: Sequence[Array], basis: Array) -> Iterator[Assembled]:
+    def condensed(self, reduced: Sequence[Array], basis: Array) -> Iterator[LabelledMatrix]:
         """Yield R of S = R p with its rates, and the matrices of p."""
         copied = [
             np.all(basis[0] == row, axis=1) & ~np.any(basis[1:], axis=(0, 2))
@@ -138,17 +138,17 @@ class _Pose:
         series = ("", "1"), ("_rate", "1/s"), ("_second_rate", "1/s^2")
         for (ending, unit), values in zip(series, basis, strict=True):
             about = "R of S = R p, displacements by the independent ones" + ending.replace("_", " ")
-            yield Assembled(
+            yield LabelledMatrix(
                 f"condensation{ending}", values[self.order][:, columns], self.names, kept, unit, about
             )
         for (name, unit), matrix in zip(_CONDENSED, reduced, strict=True):
             names = kept if matrix.ndim == 2 else ()
             values = matrix[np.ix_(*[columns] * matrix.ndim)]
-            yield Assembled(
+            yield LabelledMatrix(
                 f"condensed_{name}", values, kept, names, unit + _PER, f"{name} of the independent unknowns"
             )
 
-    def assembly(self) -> Iterator[Assembled]:
+    def assembly(self) -> Iterator[LabelledMatrix]:
         """Yield Z, which selects the unknowns of each element, and the numbers of those that are held."""
         rows, pairs, held, columns = list[str](), list[tuple[int, int]](), set[str](), dict[str, int]()
         for places, plain in zip(self.layout.of_links, self.motion.beams, strict=True):
@@ -173,12 +173,12 @@ class _Pose:
         z = np.zeros((len(rows), len(columns)))
         z[tuple(zip(*pairs, strict=True))] = 1.0
         about = "Z: unknowns of the elements, displacements of joints on fixed axes, by those of the linkage"
-        yield Assembled("assembly", z, tuple(rows), tuple(columns), "1", about)
+        yield LabelledMatrix("assembly", z, tuple(rows), tuple(columns), "1", about)
         zero = {name: float(k) for k, name in enumerate(columns, 1) if name in held}
         about = "numbers of the unknowns that are zero: columns of the assembly, counted from 1"
-        yield Assembled("boundary", np.array([*zero.values()]), tuple(zero), (), "1", about)
+        yield LabelledMatrix("boundary", np.array([*zero.values()]), tuple(zero), (), "1", about)
 
-    def recovery(self) -> Iterator[Assembled]:
+    def recovery(self) -> Iterator[LabelledMatrix]:
         """Yield strains and stresses at the stations by the unknowns."""
         names, strains, moduli = list[str](), list[Array](), list[float]()
         for name, k, at, fibre in self.motion.stations:
@@ -199,22 +199,22 @@ class _Pose:
                 ("stress", strain * np.array(moduli)[:, None], "Pa/m"),
             ):
                 about = f"{kind} at the stations by the unknowns"
-                yield Assembled(f"{kind}_recovery", values, tuple(names), self.names, unit + _PER, about)
+                yield LabelledMatrix(f"{kind}_recovery", values, tuple(names), self.names, unit + _PER, about)
 
 
-def _by_links(layout: Layout) -> Indices:
+def _by_links(layout: BeamLayout) -> Indices:
     """Return the unknowns in the order of the links and of the nodes along them, then all others."""
     of_links = [int(j) for places in layout.of_links for j in places if j >= 0]
     return np.array([*dict.fromkeys((*of_links, *range(layout.unknowns)))], dtype=np.intp)
 
 
-def unbound(layout: Layout) -> Layout:
+def unbound(layout: BeamLayout) -> BeamLayout:
     """Return a layout without its constraints: its matrices are those of all unknowns."""
     band = int(np.max(np.abs(layout.rows - layout.columns), initial=0))
     return replace(layout, constraints=0, inner=layout.unknowns, band=band)
 
 
-def of_constants(layout: Layout, kept: Sequence[str], others: bool) -> Layout:
+def of_constants(layout: BeamLayout, kept: Sequence[str], others: bool) -> BeamLayout:
     """Return a layout with the constants of links of these names alone.
 
     Parameters

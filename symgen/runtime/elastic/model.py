@@ -21,11 +21,18 @@ from symgen.runtime.integrate.pace import Progress, limited, uncounted
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import Description
-from symgen.runtime.model.arguments import Elastic, ElasticRun, LargeRotation, Periodic, QuasiStatic, takes
+from symgen.runtime.model.arguments import (
+    ElasticArguments,
+    ElasticRun,
+    LargeRotation,
+    Periodic,
+    QuasiStatic,
+    takes,
+)
 from symgen.runtime.model.model import Model
 
 if TYPE_CHECKING:
-    from symgen.runtime.beams.layout import Layout
+    from symgen.runtime.beams.layout import BeamLayout
     from symgen.runtime.beams.links import Beam
     from symgen.runtime.elastic.motion import ElasticMotion
     from symgen.runtime.linearisation.record import Sensitivity
@@ -126,7 +133,7 @@ class ElasticModel(ModelOfRigid):
         return self.layout.unknowns - self.layout.constraints
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> BeamLayout:
         """Index arrays of the matrices of the elastic motion."""
         return self._motion(True).layout
 
@@ -318,7 +325,7 @@ class ElasticModel(ModelOfRigid):
         return self._run(request, "quasi-static", samples=request.samples, revolutions=request.revolutions)
 
     def _run(
-        self, request: Elastic, method: str, keeping: Keeping | None = None, **options: Any
+        self, request: ElasticArguments, method: str, keeping: Keeping | None = None, **options: Any
     ) -> ElasticResult:
         from symgen.runtime.elastic.run import Task, run
 

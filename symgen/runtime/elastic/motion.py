@@ -16,9 +16,9 @@ from symgen.runtime._beams import APPLIED, MOTION, RigidMotion
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import Lump, Profile
 from symgen.runtime.beams.frames import frames
-from symgen.runtime.beams.layout import Layout, layout
+from symgen.runtime.beams.layout import BeamLayout, layout
 from symgen.runtime.beams.links import Beam
-from symgen.runtime.elastic.path import Machine, Path
+from symgen.runtime.elastic.path import Machine, RigidMotionTable
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.model.rods import RodModel
 
@@ -58,7 +58,7 @@ class ElasticMotion(ABC):
             raise ModelError(f"{rigid.name} has no elastic link")
         self.rigid, self.info = rigid, info
         self.stiffened, self._with_motor = geometric_stiffness, with_motor
-        self._path: Path | None = None
+        self._path: RigidMotionTable | None = None
         self._driven: ElasticMotion | None = None
         #: The last time before and the first after every jump of the loads [s], on which steps end.
         self.jumps: Array = np.zeros((0, 2))
@@ -82,7 +82,7 @@ class ElasticMotion(ABC):
         """Whether a motor gives the crank its rigid motion."""
         return self.info.mode == "motor" and bool(self.speed)
 
-    def about(self, path: Path) -> ElasticMotion:
+    def about(self, path: RigidMotionTable) -> ElasticMotion:
         """Return the motion about a rigid motion that was integrated with the motor."""
         copied = copy.copy(self)
         copied._path, copied._driven = path, self
@@ -205,7 +205,7 @@ class ElasticMotion(ABC):
         return tuple((name, links.index(link), *row.tolist()) for (name, link), row in rows)
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> BeamLayout:
         """Layout of the equations."""
         d = self.rigid.description
         blocks = {b.name: b for b in self._joints.info("joints").blocks}
@@ -264,7 +264,7 @@ class ElasticMotion(ABC):
         """Return the rigid motion at its start, to be followed in time."""
         return self._moved(self._path, stepping)
 
-    def _moved(self, path: Path | None, stepping: bool = False) -> RigidMotion:
+    def _moved(self, path: RigidMotionTable | None, stepping: bool = False) -> RigidMotion:
         d = self.rigid.description
         links, joints, typed = self._motion.library, self._joints.library, None
         if stepping and (typed := self.rigid.typed):

@@ -31,7 +31,7 @@ _PERIODIC = 1e-6
 
 
 @dataclass(frozen=True)
-class Path:
+class RigidMotionTable:
     """States of a rigid motion at equal spacing from time zero on.
 
     Attributes
@@ -136,7 +136,7 @@ class Machine:
         self._pivot = np.asarray(start.positions[first], dtype=float)
         self._tip = 2 * driven.free.index(last)
 
-    def equations(self) -> _core.Equations:
+    def equations(self) -> _core.KernelEquations:
         """Return equations of the linkage with its motor."""
         return self._model.evaluator.equations(len(self._model.description.redundant))
 
@@ -149,7 +149,7 @@ class Machine:
         angles += self._angle - angles[0]
         return angles, (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]) / np.sum(arm**2, axis=1)
 
-    def path(self, end: float, ratio: float = 1.0) -> Path:
+    def path(self, end: float, ratio: float = 1.0) -> RigidMotionTable:
         """Return the motion to a time [s], from the start with its velocities times a ratio.
 
         Raises
@@ -175,7 +175,7 @@ class Machine:
         states, references = np.ascontiguousarray(stepper.result[:, : 2 * n]), stepper.references
         accelerations = self._solutions(times, states, references)[:, :n]
         rows = np.ascontiguousarray(np.hstack([states, accelerations]))
-        return Path(rows, references, end / (count - 1), self._absent, *self._turned(states))
+        return RigidMotionTable(rows, references, end / (count - 1), self._absent, *self._turned(states))
 
     def _solutions(self, times: Array, states: Array, references: Array) -> Array:
         """Return accelerations and multipliers at times, a row each."""
@@ -189,7 +189,7 @@ class Machine:
         equations.set_parameters(evaluator.parameter_values)
         return solutions
 
-    def revolutions(self, count: int) -> Path:
+    def revolutions(self, count: int) -> RigidMotionTable:
         """Return the motion from the start until the crank has come round so many times.
 
         Raises
@@ -232,7 +232,7 @@ class Machine:
         raise self._stalled()
 
     @cached_property
-    def steady(self) -> Path:
+    def steady(self) -> RigidMotionTable:
         """One revolution of the crank at the end of which its speed is that at the begin.
 
         Raises
@@ -267,7 +267,7 @@ class Machine:
             "  Let the torque fall with the speed: this.rate."
         )
 
-    def _check_repeats(self, path: Path) -> None:
+    def _check_repeats(self, path: RigidMotionTable) -> None:
         n = len(self._q)
         # Not at the start itself, where loads may jump.
         times = np.linspace(0.0, path.end, len(path.rows))[1:-1]

@@ -25,7 +25,7 @@ _NEAR = 1e-2
 def problem(
     status: int,
     stepper: _core.Run,
-    equations: _core.Equations,
+    equations: _core.KernelEquations,
     evaluator: Evaluator,
     chosen: Options,
 ) -> str:
@@ -99,7 +99,7 @@ def _smooth(jump: str, smooth_forms: Mapping[str, str]) -> str:
 
 
 def _of_constraints(
-    status: int, equations: _core.Equations, description: Description, at: str, where: str
+    status: int, equations: _core.KernelEquations, description: Description, at: str, where: str
 ) -> str:
     """Return the message for a constraint that contradicts the others or has become dependent."""
     if status == _core.CONTRADICTED:
@@ -194,7 +194,7 @@ def _stiff(stepper: _core.Run) -> str:
     return ", the motion may be stiff"
 
 
-def _near_singular(stepper: _core.Run, equations: _core.Equations, description: Description) -> str:
+def _near_singular(stepper: _core.Run, equations: _core.KernelEquations, description: Description) -> str:
     """Return a remark if the constraints of the last good state nearly lose rank, else ''."""
     equations.check(stepper.t, np.append(stepper.state, 0.0))
     if equations.soundness > _NEAR:

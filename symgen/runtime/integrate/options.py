@@ -16,7 +16,7 @@ from symgen.precision import FLOAT64, Precision
 from symgen.runtime._core import STABILISATIONS
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.integrators import integrator
-from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.integrate.integrators.method import Integrator
 from symgen.runtime.kernels.arguments import count, is_real, out_of_range, reals
 
 #: Initial states of motions of elastic links.
@@ -43,7 +43,7 @@ def end_of_scene(t_end: float) -> float:
 class Options:
     """How to run: checked by :func:`options`."""
 
-    method: Method
+    method: Integrator
     t_end: float
     rtol: float
     atol: float
@@ -180,7 +180,7 @@ def _tolerances(rtol: float | None, atol: float | None, precision: Precision) ->
 
 
 def _constraint_options(
-    method: Method, stabilisation: str, rate: float | None, max_drift: float | None
+    method: Integrator, stabilisation: str, rate: float | None, max_drift: float | None
 ) -> tuple[str, float, float]:
     """Check how the constraints are kept, and fill in the defaults."""
     if stabilisation not in STABILISATIONS:

@@ -256,7 +256,7 @@ class Description(Described):
 
 @dataclass(frozen=True, slots=True)
 class VariableInfo:
-    """A joint variable of a loop: see :class:`symgen.scene.loop.loop.Variable`.
+    """A joint variable of a loop: see :class:`symgen.scene.loop.loop.JointVariable`.
 
     ``unit`` is ``rad`` or ``m``; ``unknown``: the effort of its drive is an unknown. ``start`` is the first
     guess of a dependent variable; ``guessed``: the scene prescribes that guess.

@@ -141,7 +141,7 @@ class Evaluator(Kernels):
         stabilisation: float = 0.0,
         tangent: Evaluator | None = None,
         typed: Typed | None = None,
-    ) -> _core.Equations:
+    ) -> _core.KernelEquations:
         """Return the compiled view of the kernels, which solves and steps; of those of a type, if given.
 
         The work of loads without potential is integrated along where there is any, unless told not to.
@@ -152,7 +152,7 @@ class Evaluator(Kernels):
         library_of_type = typed if typed and not typed.is_plain else None
         library = library_of_type.kernels(False) if library_of_type else self.library
         entries = places(d, tangent.description) if tangent else ()
-        return _core.Equations(
+        return _core.KernelEquations(
             library,
             d.coordinates,
             len(d.constraints),

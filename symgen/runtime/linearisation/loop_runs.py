@@ -19,12 +19,19 @@ from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.linearisation.free_loops import FreePose
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
-from symgen.runtime.linearisation.runs import Path, carried_back, carried_forward, fewer, followed, state_of
+from symgen.runtime.linearisation.runs import (
+    StoredTrajectory,
+    carried_back,
+    carried_forward,
+    fewer,
+    followed,
+    state_of,
+)
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State
 
 
-def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: Array) -> Path:
+def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: Array) -> StoredTrajectory:
     """Carry out a run that steps exactly to the times requested, and keep its states.
 
     Raises
@@ -59,7 +66,7 @@ def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: A
 
 
 def at_run(
-    path: Path,
+    path: StoredTrajectory,
     pose: Callable[[State], FreePose],
     loop: LoopKernels,
     along: Callable[[Sequence[int]], LoopVariations] | None,

@@ -37,7 +37,7 @@ _DIRECTIONS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Path:
+class StoredTrajectory:
     """The states between the steps of a run.
 
     Attributes
@@ -69,7 +69,7 @@ def follow(
     start: State,
     chosen: Options,
     times: Array,
-) -> Path:
+) -> StoredTrajectory:
     """Carry out a run that steps exactly to the times requested, and keep its states.
 
     ``tangent`` are the kernels of the analysis of that name, for implicit methods.
@@ -84,7 +84,7 @@ def follow(
     d = evaluator.description
     allowed = slack(evaluator, start.q) if redundant else np.inf
 
-    def until(times: Array, chosen: Options, ends: int) -> Path:
+    def until(times: Array, chosen: Options, ends: int) -> StoredTrajectory:
         equations = evaluator.equations(redundant, allowed, work_of_loads=False, tangent=tangent)
         events = [(e.direction, kind & ends) for e, kind in zip(d.events, effects_of(d.events), strict=True)]
 
@@ -109,7 +109,7 @@ def followed(
     chosen: Options,
     times: Array,
     cause: Callable[[_core.Run, Options, int], str],
-) -> Path:
+) -> StoredTrajectory:
     """Carry out a run that steps exactly to the times requested, and keep its states.
 
     Where an event ends the run, the path has this event and its time alone.
@@ -162,17 +162,19 @@ def followed(
             for of, row in zip((t, y, references), rows, strict=True):
                 of.append(row[:count])
         if status == _core.ENDED:
-            return Path(np.array([stepper.t]), np.zeros(0), np.zeros(0), (), event=stepper.ended_by)
+            return StoredTrajectory(
+                np.array([stepper.t]), np.zeros(0), np.zeros(0), (), event=stepper.ended_by
+            )
         if status != _core.DONE:
             raise SimulationError(cause(stepper, replace(chosen, t_end=end), status), time=stepper.t)
         now, state = end, stepper.state
         step = step if not chosen.rtol and not chosen.atol else 0.0
         ends.append(sum(map(len, t)) - 1)
-    return Path(np.concatenate(t), np.concatenate(y), np.concatenate(references), tuple(ends))
+    return StoredTrajectory(np.concatenate(t), np.concatenate(y), np.concatenate(references), tuple(ends))
 
 
 def at_run(
-    path: Path,
+    path: StoredTrajectory,
     tangents: Callable[[State, Array], Tangents],
     evaluator: Evaluator,
     kernels: Evaluator,
@@ -278,7 +280,7 @@ def at_run(
     )
 
 
-def state_of(path: Path, i: int) -> State:
+def state_of(path: StoredTrajectory, i: int) -> State:
     """Return a state of the path."""
     q, u = np.split(path.y[i], 2)
     return State(float(path.t[i]), q, u, {}, {})
@@ -305,7 +307,7 @@ def _places(
     return [np.array(each, dtype=np.int_).reshape(-1, 3) for each in entries.values()]
 
 
-def _slices(path: Path, first: int, last: int) -> tuple[Array, Array, Array]:
+def _slices(path: StoredTrajectory, first: int, last: int) -> tuple[Array, Array, Array]:
     return path.t[first : last + 1], path.y[first : last + 1], path.references[first : last + 1]
 
 
@@ -326,7 +328,7 @@ def fewer(outputs: int, directions: int) -> bool:
 
 
 def carried_forward(
-    path: Path, along: Variations, first: Array, integrals: int = 0, jumps: Sequence[Jump] = ()
+    path: StoredTrajectory, along: Variations, first: Array, integrals: int = 0, jumps: Sequence[Jump] = ()
 ) -> tuple[list[tuple[Array, Array]], Array]:
     """Return derivatives of state and integrals by all directions, and the integrals, at all ends."""
     count = first.shape[1]
@@ -353,7 +355,7 @@ def carried_forward(
 
 
 def carried_back(
-    path: Path,
+    path: StoredTrajectory,
     along: Variations,
     slopes: Sequence[tuple[Array, Array]],
     integrals: int,

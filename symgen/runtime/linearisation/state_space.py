@@ -29,7 +29,7 @@ _LOST = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Slopes:
+class StateSlopes:
     """Slopes at one state by its coordinates, velocities, solution (a, lambda), and parameters.
 
     ``residual`` are those of f - M a - J^T lambda and gamma - J a, ``rates`` those of dPhi/dt,
@@ -323,7 +323,7 @@ def check_unique(tangents: Tangents, outputs: Sequence[str]) -> None:
             )
 
 
-def _slopes(kernels: Evaluator, parameters: Sequence[str], state: State, solution: Array) -> Slopes:
+def _slopes(kernels: Evaluator, parameters: Sequence[str], state: State, solution: Array) -> StateSlopes:
     """Return the slopes at a state as dense rows."""
     d = kernels.description
     bound = [f"{c}_lambda" for c in d.constraints]
@@ -342,4 +342,6 @@ def _slopes(kernels: Evaluator, parameters: Sequence[str], state: State, solutio
             matrices[block.name][row, column] = entries[place]
     outputs = dict(zip(values, matrices["outputs"], strict=True))
     units = {b.about: b.unit for b in infos.values()}
-    return Slopes(matrices["residual"], matrices["rates"], matrices["constraints"], outputs, values, units)
+    return StateSlopes(
+        matrices["residual"], matrices["rates"], matrices["constraints"], outputs, values, units
+    )

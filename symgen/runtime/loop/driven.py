@@ -20,7 +20,7 @@ from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.loop.curve import walk
 from symgen.runtime.loop.following import follow_over
 from symgen.runtime.loop.kernels import LoopKernels, in_words
-from symgen.runtime.loop.limits import Samples, of_blind, refine
+from symgen.runtime.loop.limits import FollowedSamples, of_blind, refine
 from symgen.runtime.loop.obstacles import why_stopped
 from symgen.runtime.loop.poles import OF_MOTION, PoleAt, beside_pole, poles
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time
@@ -230,7 +230,7 @@ def _recorded(
 ) -> Turn:
     d = kernels.description
     equations = kernels.equations(d.having("dependent"), begin.rank)
-    limits = tuple(refine(kernels, equations, begin, Samples(times, states, out, diagnosis)))
+    limits = tuple(refine(kernels, equations, begin, FollowedSamples(times, states, out, diagnosis)))
     reported: list[Pole] = []
     if forces:
         reported = [_pole(kernels, p) for p in poles(kernels, equations, times, states, diagnosis)]

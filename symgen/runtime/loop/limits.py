@@ -45,7 +45,7 @@ _SHOWN = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class FollowedSamples:
     """Samples of a followed loop: times, states, outputs and diagnosis, row by row."""
 
     times: Array
@@ -55,7 +55,7 @@ class Samples:
 
 
 def refine(
-    kernels: LoopKernels, equations: _loop.LoopEquations, begin: Closed, samples: Samples
+    kernels: LoopKernels, equations: _loop.LoopEquations, begin: Closed, samples: FollowedSamples
 ) -> Iterator[str]:
     """Replace outputs near change points by their limits along the branch, and report the error of the rest.
 
@@ -99,7 +99,7 @@ def refine(
         )
 
 
-def _nearest(samples: Samples, begin: Closed, good: Indices, i: int) -> tuple[float, Array]:
+def _nearest(samples: FollowedSamples, begin: Closed, good: Indices, i: int) -> tuple[float, Array]:
     """Return time and pose of the nearest sample that is well conditioned, else of the start."""
     if not len(good):
         return begin.t, begin.q
@@ -111,7 +111,7 @@ def _continued(
     kernels: LoopKernels,
     equations: _loop.LoopEquations,
     start: tuple[float, Array],
-    samples: Samples,
+    samples: FollowedSamples,
     i: int,
 ) -> list[str] | None:
     """Give a sample at a pole of angles the limits of its outputs; return those that have none.
@@ -154,7 +154,7 @@ def _around(
     equations: _loop.LoopEquations,
     start: tuple[float, Array],
     t: float,
-) -> Samples | None:
+) -> FollowedSamples | None:
     """Return poses on both sides of a time; None where the input rests or they cannot be reached."""
     rate = kernels.lead_at(t)[1]
     if rate == 0.0:
@@ -164,14 +164,14 @@ def _around(
     rows = follow_about(kernels, partial(follow_over, kernels, equations), start, times)
     if rows is None or np.any(rows[2][:, _loop.STATUS] != _core.DONE):
         return None
-    return Samples(times, *rows)
+    return FollowedSamples(times, *rows)
 
 
 def _refined(
     kernels: LoopKernels,
     equations: _loop.LoopEquations,
     start: tuple[float, Array],
-    samples: Samples,
+    samples: FollowedSamples,
     i: int,
 ) -> bool:
     """Replace the outputs of a sample by interpolation; return True if its branch is smooth there."""

@@ -22,7 +22,7 @@ from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed, not_driven
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.motion import rates_at_start
-from symgen.runtime.model.arguments import Derivatives, Poses, Run, takes
+from symgen.runtime.model.arguments import Derivatives, PosesArguments, RunArguments, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.state import AssemblyModes, State
@@ -137,15 +137,15 @@ class LoopModel(Model):
             return f"it {problem}"
         return super()._refused(name)
 
-    @takes(Poses)
-    def _kinematics(self, request: Poses) -> Turn:
+    @takes(PosesArguments)
+    def _kinematics(self, request: PosesArguments) -> Turn:
         return self._evaluated(request, forces=False)
 
-    @takes(Poses)
-    def _inverse_dynamics(self, request: Poses) -> Turn:
+    @takes(PosesArguments)
+    def _inverse_dynamics(self, request: PosesArguments) -> Turn:
         return self._evaluated(request, forces=True)
 
-    def _evaluated(self, request: Poses, forces: bool) -> Turn:
+    def _evaluated(self, request: PosesArguments, forces: bool) -> Turn:
         at, over, start, stop = request.at, request.over, request.start, request.stop
         if over not in (None, "input", "time"):
             raise ModelError(f"expected over to be 'input' or 'time', got {over!r}")
@@ -216,7 +216,7 @@ class LoopModel(Model):
         """Return derivatives along a run under forces; without an end those at the state."""
         from symgen.runtime.linearisation.free_loops import FreePose
         from symgen.runtime.linearisation.loop_runs import at_run, follow, steps_of
-        from symgen.runtime.linearisation.runs import Path
+        from symgen.runtime.linearisation.runs import StoredTrajectory
 
         d, rank = self.description, self.closed_start().rank
         if request.at is not None and not isinstance(request.at, State):
@@ -231,7 +231,7 @@ class LoopModel(Model):
 
         if not request.along:
             y = np.concatenate([start.q, start.u])[None]
-            only = Path(np.array([start.t]), y, np.zeros((1, 0)), (0,))
+            only = StoredTrajectory(np.array([start.t]), y, np.zeros((1, 0)), (0,))
             return at_run(only, pose, self.kernels, None, by)
         pose(start)
         times, chosen = request.run()
@@ -333,8 +333,8 @@ class LoopModel(Model):
             raise ModelError(f"{self.name} was created without its scene: build it with symgen.build")
         return self._analyses(kind, outputs, lanes)
 
-    @takes(Run)
-    def _simulate(self, request: Run) -> Result:
+    @takes(RunArguments)
+    def _simulate(self, request: RunArguments) -> Result:
         from symgen.runtime.linearisation.free_loops import check_closed
         from symgen.runtime.loop.motion import run
 

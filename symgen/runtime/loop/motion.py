@@ -23,7 +23,7 @@ from symgen.runtime.kernels.typed import build_settings, library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
 from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import CLOSED, REPORTED
-from symgen.runtime.loop.samples import Samples
+from symgen.runtime.loop.samples import LoopSamples
 from symgen.runtime.result.recording import (
     counts_of,
     drift_of,
@@ -112,7 +112,7 @@ def _recorded(
     d = kernels.description
     n, times = d.coordinates, stepper.sampled
     rows = np.column_stack([stepper.result, np.zeros(len(times))])
-    samples = Samples(kernels, equations.rank, times, rows, stepper.references, begin.q)
+    samples = LoopSamples(kernels, equations.rank, times, rows, stepper.references, begin.q)
     recorded = tuple(variables(d, samples.outputs()))
     q, u = np.split(stepper.state[: 2 * n], 2)
     if len(times) and times[-1] == stepper.t:  # in the angles of the record, which passages of poles change
@@ -150,7 +150,7 @@ def _recorded(
     )
 
 
-def _of_passages(stepper: _core.Run, samples: Samples) -> Iterator[str]:
+def _of_passages(stepper: _core.Run, samples: LoopSamples) -> Iterator[str]:
     """Say where the run passed change points, and which samples are so near that forces lose digits."""
     if not stepper.passages:
         return

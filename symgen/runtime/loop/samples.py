@@ -19,7 +19,7 @@ _SHOWN = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class SampleGroup:
     """Samples in the same angles: their numbers, the kernels and equations in these, states and solutions."""
 
     rows: Indices
@@ -30,7 +30,7 @@ class Part:
     solutions: Array
 
 
-class Samples:
+class LoopSamples:
     """Samples of a run.
 
     Parameters
@@ -52,11 +52,11 @@ class Samples:
         self._solver = kernels.equations([*d.having("dependent"), *d.having("free")], rank)
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[SampleGroup, ...]:
         """The samples by the angles they are recorded in."""
         if not self.turns.any():
             rows, solutions = np.arange(len(self.times)), self._solver.solutions(self.times, self.states)
-            whole = Part(rows, False, self.kernels, self.times, self.states, solutions)
+            whole = SampleGroup(rows, False, self.kernels, self.times, self.states, solutions)
             return (whole,) if len(rows) else ()
         parts = []
         kinds, which = np.unique(self.turns, axis=0, return_inverse=True)
@@ -65,7 +65,7 @@ class Samples:
             parameters = self._hold(turns)
             kernels = LoopKernels(self.kernels.description, self.kernels.library, parameters.tolist())
             times, states = self.times[rows], self.states[rows]
-            part = Part(
+            part = SampleGroup(
                 rows, bool(turns.any()), kernels, times, states, self._solver.solutions(times, states)
             )
             parts.append(part)

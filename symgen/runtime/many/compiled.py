@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _core
-from symgen.runtime._many import Lanes, Runs
+from symgen.runtime._many import Lanes, LinkageRuns
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.simulate import sample_times
@@ -18,7 +18,7 @@ from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
-from symgen.runtime.many.dataset import BLOCK, Keep, Record
+from symgen.runtime.many.dataset import BLOCK, Keep, KeptSamples
 from symgen.runtime.many.driven import Driven, driven_runs
 from symgen.runtime.many.loops import DrivenLoops, driven_loops
 from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
@@ -34,7 +34,7 @@ _MOST_STEPS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class Compiled:
+class CompiledRuns:
     """Runs with ``parameters`` (runs, parameters) from their starts, or from states (runs, (q, u)).
 
     ``single`` are runs with the parameters of the scene, which start from the stored state; ``batched`` the
@@ -61,7 +61,7 @@ class Compiled:
         """Number of runs that fill all lanes."""
         return lanes_of(self.batched, self.evaluator.description.name)[0] if self.batched else 1
 
-    def __call__(self, first: int, last: int, keep: Keep) -> list[Record | None]:
+    def __call__(self, first: int, last: int, keep: Keep) -> list[KeptSamples | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
         d, rows = self.evaluator.description, slice(first, last)
         states = None if self.states is None else self.states[rows]
@@ -77,9 +77,9 @@ class Compiled:
         record = keep(variables, along, None, drift, d.shown_axes, runs) if len(runs) else None
         return [record if done else None for done in is_done.tolist()]
 
-    def _runs(self) -> Runs:
+    def _runs(self) -> LinkageRuns:
         chosen, start = self.chosen, start_of(self.evaluator, self.chosen.rate)
-        return Runs(
+        return LinkageRuns(
             *start,
             chosen.method,
             self.t0,
@@ -103,7 +103,7 @@ def compiled_runs(
     columns: Mapping[str, Array],
     states: Sequence[State] | None,
     arguments: Mapping[str, Any],
-) -> Compiled | Driven | DrivenLoops | None:
+) -> CompiledRuns | Driven | DrivenLoops | None:
     """Return runs with the options of a first one; None where each is to be carried out singly."""
     kind = getattr(first, "KIND", "")
     if kind in ("kinematics", "forces"):
@@ -133,7 +133,9 @@ def compiled_runs(
     batched = None
     if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model._typed, Typed):
         batched = model._typed.kernels(True)
-    return Compiled(evaluator, chosen, t0, times, parameter_rows, rows, single, batched, source.stepper.steps)
+    return CompiledRuns(
+        evaluator, chosen, t0, times, parameter_rows, rows, single, batched, source.stepper.steps
+    )
 
 
 def _in_lanes(chosen: Options) -> bool:

@@ -26,7 +26,7 @@ BLOCK = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class KeptSamples:
     """Samples that are kept of one run, or of a block of runs, which share the record.
 
     Attributes
@@ -87,7 +87,7 @@ class Keep:
         runs: Indices | None = None,
         reduction: Callable[[Variable, str, Array], Variable] = reduced,
         early: Sequence[str] | None = None,
-    ) -> Record:
+    ) -> KeptSamples:
         """Return the selected outputs of one or more runs, or their reductions, and their drift (runs,).
 
         Outputs are (runs, samples, ...). Where names of reductions are given, the coordinate may be (runs,
@@ -99,18 +99,18 @@ class Keep:
             about = "why the run ended before its range; empty where it did not"
             single = (*single, Variable(EARLY, "", about, (), np.array(early, dtype=object)))
         if self.reduce is None:
-            return Record(along, times, samples, single, axes, runs=runs)
+            return KeptSamples(along, times, samples, single, axes, runs=runs)
         if callable(self.reduce):
             per_run = tuple(v.of(_reduced(self.reduce, v)) for v in samples)
-            return Record(single=(*per_run, *single), axes=axes, runs=runs)
+            return KeptSamples(single=(*per_run, *single), axes=axes, runs=runs)
         names, weights = reductions(self.reduce), mean_weights(along.values, times)
         per_run = tuple(reduction(v, name, weights) for name in names if name != HISTORY for v in samples)
         count = np.full(1 if runs is None else len(runs), float(along.values.shape[-1]))
         recorded = Variable(RECORDED, "1", "number of samples that the run recorded", (), count)
         single = (*per_run, *single, recorded)
         if HISTORY in names:
-            return Record(along, times, samples, single, axes, runs=runs)
-        return Record(single=single, axes=axes, runs=runs)
+            return KeptSamples(along, times, samples, single, axes, runs=runs)
+        return KeptSamples(single=single, axes=axes, runs=runs)
 
 
 def of_one(variables: Iterable[Variable]) -> tuple[Variable, ...]:
@@ -156,7 +156,7 @@ def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:
 
 
 def dataset_of(
-    description: Described, analysis: str, columns: Mapping[str, Array], records: Sequence[Record]
+    description: Described, analysis: str, columns: Mapping[str, Array], records: Sequence[KeptSamples]
 ) -> xarray.Dataset:
     """Return all runs in one dataset, with nan where a run has no value; ``columns`` are their parameters."""
     import xarray
@@ -167,7 +167,7 @@ def dataset_of(
 
 
 def arrays_of(
-    description: Described, columns: Mapping[str, Array], records: Sequence[Record]
+    description: Described, columns: Mapping[str, Array], records: Sequence[KeptSamples]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the data and the coordinates of a dataset of all runs, as dimensions, values and attributes."""
     count, errors = len(records), np.full(len(records), "", dtype=object)
@@ -221,10 +221,10 @@ class _Block(NamedTuple):
 
     runs: slice
     rows: slice
-    one: Record
+    one: KeptSamples
 
 
-def _shared(records: Sequence[Record]) -> Iterator[_Block]:
+def _shared(records: Sequence[KeptSamples]) -> Iterator[_Block]:
     """Yield neighbouring runs with the same record, together."""
     first = 0
     for _, same in groupby(records, id):

@@ -16,11 +16,11 @@ from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed
-from symgen.runtime.many.dataset import BLOCK, Keep, Record
+from symgen.runtime.many.dataset import BLOCK, Keep, KeptSamples
 from symgen.runtime.many.reductions import EXTREMES, of_extremes
 from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
-from symgen.runtime.result.recorded_motion import Along, chosen_names, coordinate_of, of_names
+from symgen.runtime.result.recorded_motion import CurvePositions, chosen_names, coordinate_of, of_names
 from symgen.runtime.result.records import Variable, over_time
 from symgen.runtime.rods.constraints import rotations_of
 from symgen.runtime.rods.following.branch import TURN, nodes_of, turned
@@ -84,9 +84,9 @@ class Driven:
         """Number of runs that fill all lanes."""
         return lanes_of(self.motion[1], self.motion[0].name)[0]
 
-    def __call__(self, first: int, last: int, keep: Keep) -> list[Record | None]:
+    def __call__(self, first: int, last: int, keep: Keep) -> list[KeptSamples | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
-        results: list[Record | None] = [None] * (last - first)
+        results: list[KeptSamples | None] = [None] * (last - first)
         if self.forces and not keep.within(self._of_forces(*self._nothing)):
             return results  # reactions and section forces take the balance of every element
         d, evaluator, rows = self.model.description, self.model.evaluator, self.parameters[first:last]
@@ -157,7 +157,7 @@ class Driven:
         lengths: Array,
         runs: Indices,
         keep: Keep,
-        results: list[Record | None],
+        results: list[KeptSamples | None],
         first: int,
     ) -> Indices:
         """Enter the reductions of some runs; return those whose links may turn far between nodes."""
@@ -246,7 +246,7 @@ class Driven:
         shape = (-1, len(d.points), len(d.axes))
         moving = [x.reshape(shape) for x in (places[:, self.recorded], velocities[:, self.recorded], second)]
         start = int(np.searchsorted(self.nodes, self.t))
-        along, variables = Along(d, places, self.recorded, start), []
+        along, variables = CurvePositions(d, places, self.recorded, start), []
         info = kinematics.find("drives")
         if info:
             values = over_variants(kinematics, "drives", parameter_rows, times, states)
@@ -278,7 +278,7 @@ def _assembling(model: Any, count: int, states: Sequence[State] | None, lanes: i
     return library if lanes_of(library, model.description.name)[0] == lanes else None
 
 
-def _placed(runs: Indices, parts: Sequence[Record | None], results: list[Record | None]) -> None:
+def _placed(runs: Indices, parts: Sequence[KeptSamples | None], results: list[KeptSamples | None]) -> None:
     for run, one in zip(runs.tolist(), parts, strict=True):
         results[run] = one
 

@@ -15,7 +15,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.loop.driven import LEAST_RANGE, PARTS, STAGES
 from symgen.runtime.loop.kernels import CLOSE, LoopKernels
 from symgen.runtime.loop.limits import WEAK
-from symgen.runtime.many.dataset import BLOCK, Keep, Record
+from symgen.runtime.many.dataset import BLOCK, Keep, KeptSamples
 from symgen.runtime.many.starts import parameters_of_runs
 from symgen.runtime.result.records import Coordinate, over_time
 from symgen.runtime.result.turn import Turn, variables
@@ -54,7 +54,7 @@ class DrivenLoops:
         """Return the number of runs of one call."""
         return BLOCK
 
-    def __call__(self, first: int, last: int, keep: Keep) -> list[Record | None]:
+    def __call__(self, first: int, last: int, keep: Keep) -> list[KeptSamples | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
         kernels, d = self.kernels, self.kernels.description
         defaults, parameter_rows = np.array([p.default for p in d.parameters]), self.parameters[first:last]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symgen.runtime.many.dataset import Record, chosen, of_one
+from symgen.runtime.many.dataset import KeptSamples, chosen, of_one
 from symgen.runtime.result.modes import ElasticModes, RotorModes
 from symgen.runtime.result.records import Variable
 
@@ -23,7 +23,9 @@ FLOQUET, NOTES = "floquet", "notes"
 _FREQUENCIES = 6
 
 
-def at_one_pose(equilibrium: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Record:
+def at_one_pose(
+    equilibrium: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None
+) -> KeptSamples:
     """Return outputs, positions, ground reactions and stability of an equilibrium."""
     named = {
         name: (equilibrium.units[name], "output", values) for name, values in equilibrium.outputs.items()
@@ -45,10 +47,10 @@ def at_one_pose(equilibrium: Equilibrium, axes: tuple[str, ...], outputs: Sequen
     stability = Variable(
         "stability", "1", "stable, neutral or unstable", (), np.array(equilibrium.stability, dtype=object)
     )
-    return Record(single=of_one([*chosen(single, outputs), stability]), axes=axes)
+    return KeptSamples(single=of_one([*chosen(single, outputs), stability]), axes=axes)
 
 
-def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | None) -> Record:
+def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | None) -> KeptSamples:
     """Return the lowest natural frequencies [Hz], ``frequency.1`` and so on; nan where nothing oscillates.
 
     Of elastic links in motion there is also ``growth`` [1/s], the fastest growth of a mode.
@@ -66,10 +68,10 @@ def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | 
     ]
     if growth.size:
         single.append(Variable("growth", "1/s", "fastest growth of a mode", (), np.array(np.max(growth))))
-    return Record(single=of_one(chosen(tuple(single), outputs)))
+    return KeptSamples(single=of_one(chosen(tuple(single), outputs)))
 
 
-def with_notes(record: Record, notes: Sequence[str]) -> Record:
+def with_notes(record: KeptSamples, notes: Sequence[str]) -> KeptSamples:
     """Return the values of a run of elastic links with its ``notes``, one per line."""
     text = Variable(
         NOTES,
@@ -95,7 +97,7 @@ def ended_early(result: Result, ending: Collection[str]) -> str:
     return f"no assembly from t = {missed[0][0]:.9g} s to {missed[0][1]:.9g} s"
 
 
-def with_stability(record: Record, statistics: Mapping[str, Any]) -> Record:
+def with_stability(record: KeptSamples, statistics: Mapping[str, Any]) -> KeptSamples:
     """Return the values of a steady state with ``floquet``, the largest magnitude of a Floquet multiplier."""
     largest = max((abs(complex(*z)) for z in statistics["floquet"]), default=np.nan)
     about = "largest magnitude of a Floquet multiplier"

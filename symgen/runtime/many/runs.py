@@ -16,7 +16,7 @@ from symgen.errors import InitialStateError, ModelError, RangeError, SimulationE
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.limits import refusals
 from symgen.runtime.many.compiled import compiled_runs
-from symgen.runtime.many.dataset import BLOCK, Keep, Record, of_one
+from symgen.runtime.many.dataset import BLOCK, Keep, KeptSamples, of_one
 from symgen.runtime.many.driven import Driven, driven_runs
 from symgen.runtime.many.poses import FLOQUET, at_one_pose, ended_early, of_modes, with_notes, with_stability
 from symgen.runtime.model.verbs import with_common_axis
@@ -126,7 +126,7 @@ class Runs:
             analysis = with_common_axis(model, self.analysis)
         return analysis(**state, **self.arguments)
 
-    def record_of(self, result: Any, keep: Keep) -> Record:
+    def record_of(self, result: Any, keep: Keep) -> KeptSamples:
         """Return the samples of a result that are kept."""
         if self.analysis in ("equilibrium", "modes"):
             if keep.reduce is not None:
@@ -162,7 +162,7 @@ def carried_out(
     *,
     some: bool = True,
     accepted: bool = False,
-) -> list[Record]:
+) -> list[KeptSamples]:
     """Return the samples of all runs; where ``some`` must succeed and none does, raise the first error.
 
     The runs up to the first that succeeds are carried out one after the other: it may compile kernels for all
@@ -174,7 +174,7 @@ def carried_out(
         raise ModelError(f"{runs.analysis}_many does not accept {', '.join(wrong)}: it is for single runs")
     if threads is not None and threads < 1:
         raise ModelError(f"expected one thread or more, got {threads}")
-    results: list[Record] = []
+    results: list[KeptSamples] = []
     result, failed, driven = None, None, runs.driven() if accepted else None
     while not driven and result is None and len(results) < len(runs):
         try:
@@ -182,7 +182,7 @@ def carried_out(
             results.append(runs.record_of(result, keep))
         except FAILURES as error:
             failed = failed or error
-            results.append(Record(error=str(error)))
+            results.append(KeptSamples(error=str(error)))
         if progress:
             progress(len(results) / len(runs))
     if failed and result is None:
@@ -190,7 +190,7 @@ def carried_out(
             raise failed
         return results
     finished_runs, count, workers = len(results), len(runs), threads or _processors()
-    results += [Record()] * (count - finished_runs)
+    results += [KeptSamples()] * (count - finished_runs)
     compiled = driven or compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
     ended = Event()
     refused = runs.refused()
@@ -199,7 +199,7 @@ def carried_out(
         blocks = compiled(first, last, keep) if compiled else [None] * (last - first)
         for i, one in enumerate(blocks, first):
             if i in refused:
-                results[i] = Record(error=f"{runs.model.name}: {refused[i]}")
+                results[i] = KeptSamples(error=f"{runs.model.name}: {refused[i]}")
                 continue
             if one is not None:
                 results[i] = one
@@ -209,7 +209,7 @@ def carried_out(
             try:
                 results[i] = runs.record_of(runs.result(i), keep)
             except FAILURES as error:
-                results[i] = Record(error=str(error))
+                results[i] = KeptSamples(error=str(error))
         return last - first
 
     grain = compiled.grain if compiled else 1

@@ -41,7 +41,7 @@ def is_stored(evaluator: Evaluator, rows: Array, states: object) -> NDArray[np.b
 
 def start_of(
     evaluator: Evaluator, rate: float = 0.0
-) -> tuple[Evaluator, _core.Equations, Starter, Indices, float, float, float]:
+) -> tuple[Evaluator, _core.KernelEquations, Starter, Indices, float, float, float]:
     """Return the arguments of :class:`~symgen.runtime._many.Starts`, for equations with a stabilisation rate.
 
     Each thread of work needs its own.

@@ -51,7 +51,7 @@ class Checkpointed:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(Checkpointed):
+class RunArguments(Checkpointed):
     """A run of a loop."""
 
     t_end: float | None = None
@@ -86,7 +86,7 @@ class Run(Checkpointed):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LinkageRun(Run):
+class LinkageRun(RunArguments):
     """A run of a linkage of points and links."""
 
     stabilisation_rate: float | None = None
@@ -103,7 +103,7 @@ class Range:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Poses(Range):
+class PosesArguments(Range):
     """Poses of a loop."""
 
     samples: int | None = None
@@ -201,7 +201,7 @@ class LinkageDerivatives(Derivatives):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Elastic:
+class ElasticArguments:
     """Elastic motion along the revolution of a crank."""
 
     at: ArrayLike | None = None
@@ -212,7 +212,7 @@ class Elastic:
 
 
 @dataclass(frozen=True, kw_only=True)
-class QuasiStatic(Elastic):
+class QuasiStatic(ElasticArguments):
     """Elastic motion without its own inertia."""
 
     samples: int = 361
@@ -220,7 +220,7 @@ class QuasiStatic(Elastic):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _InSteps(Elastic):
+class _InSteps(ElasticArguments):
     steps: int | None = None
     rtol: float | None = None
     max_step: float | None = None

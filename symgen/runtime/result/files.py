@@ -27,7 +27,7 @@ from symgen.runtime.digest import digest
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.motion import Motion
-from symgen.runtime.result.records import Coordinate, Drift, Event, Variable
+from symgen.runtime.result.records import Coordinate, Drift, LocatedEvent, Variable
 from symgen.runtime.result.result import DIGEST, FORMAT, Result
 from symgen.runtime.result.speed_response import SpeedResponse
 from symgen.runtime.result.turn import Turn
@@ -205,7 +205,7 @@ def load_result(file: str | os.PathLike[str]) -> Result:
             statistics=data["statistics"],
             provenance=data["provenance"],
             notes=tuple(data["notes"]),
-            events=tuple(Event(**e) for e in data["events"]),
+            events=tuple(LocatedEvent(**e) for e in data["events"]),
             times=arrays.get("time") if name != "time" else None,
             units={of: (shown, size) for of, (shown, size) in data["units"].items()},
         )

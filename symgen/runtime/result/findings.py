@@ -14,7 +14,7 @@ from symgen.calls import checked
 from symgen.display import display
 from symgen.errors import CapabilityError, ResultError
 from symgen.runtime.arrays import Array
-from symgen.runtime.result.records import Coordinate, Event, Variable
+from symgen.runtime.result.records import Coordinate, LocatedEvent, Variable
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
@@ -74,7 +74,7 @@ class Findings:
         def time(self) -> Array: ...  # noqa: D102
 
         variables: tuple[Variable, ...]
-        events: tuple[Event, ...]
+        events: tuple[LocatedEvent, ...]
         statistics: Mapping[str, Any]
 
     @property

@@ -173,7 +173,7 @@ _UNITS = {"u": "m", "w": "m", "mid": "m", "theta": "rad", "gamma": "rad", "kappa
 
 
 @dataclass(frozen=True, slots=True)
-class Assembled:
+class LabelledMatrix:
     """A matrix or vector with the names and units of its rows and columns; a vector has no columns.
 
     ``unit`` is that of entries between displacements, with the factors for others.
@@ -196,7 +196,7 @@ class Assembled:
         """Unit of each column's unknown."""
         return tuple(map(unit_of, self.columns))
 
-    def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> Assembled:
+    def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> LabelledMatrix:
         """Return some rows and columns, by name or by number from 0; all of them if none is given.
 
         Raises
@@ -225,10 +225,10 @@ class Assembled:
         return f"<{self.name}: {self.about}, {shape} [{self.unit}]>"
 
 
-class AssembledMatrices(dict[str, Assembled]):
+class AssembledMatrices(dict[str, LabelledMatrix]):
     """Matrices by name; a missing name is a ModelError with the nearest one."""
 
-    def __missing__(self, name: str) -> Assembled:
+    def __missing__(self, name: str) -> LabelledMatrix:
         raise ModelError(f"there is no assembled matrix {name!r}. {nearest(name, self)}")
 
 

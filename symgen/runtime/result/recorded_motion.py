@@ -23,7 +23,7 @@ Counted = Callable[[str, Array], Array]
 
 
 @dataclass(frozen=True, slots=True)
-class Along:
+class CurvePositions:
     """Positions of all points along the followed curve, and the index of the pose next to each sample.
 
     Positions have the shape (..., poses, points, axes); ``start`` is the index of the pose at the start.
@@ -92,7 +92,7 @@ def chosen_names(constraints: Constraints, of: Sequence[str] | None) -> dict[str
 def recorded(
     constraints: Constraints,
     samples: Poses,
-    along: Along,
+    along: CurvePositions,
     poses: list[SingularPose],
     unassemblable: Sequence[Range],
     out_of_reach: Sequence[Range],
@@ -151,7 +151,7 @@ def coordinate_of(
     return over_time(times), list(variables)
 
 
-def _requested(constraints: Constraints, samples: Poses, along: Along) -> list[Variable]:
+def _requested(constraints: Constraints, samples: Poses, along: CurvePositions) -> list[Variable]:
     """Return the outputs of the scene."""
     states = samples.times, samples.q, samples.u, samples.accelerations
     variables = shaped(constraints.evaluator.info("outputs"), constraints.evaluator.many("outputs", *states))

@@ -14,7 +14,7 @@ from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.description import Description, KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
-from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, converters, over_time
+from symgen.runtime.result.records import Coordinate, Drift, LocatedEvent, Variable, converters, over_time
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import CLOSED, SelfStress, extent, not_unique, slack, violation
 
@@ -33,7 +33,7 @@ class Recording:
     """
 
     evaluator: Evaluator
-    equations: _core.Equations
+    equations: _core.KernelEquations
     stepper: _core.Run
     redundant: tuple[int, ...]
     chosen: Options
@@ -124,11 +124,11 @@ class Recording:
             *_of_blind_events(self.evaluator, self.stepper),
         )
 
-    def events(self) -> tuple[Event, ...]:
+    def events(self) -> tuple[LocatedEvent, ...]:
         """Return the located events of the scene."""
         known = self.evaluator.description.events
         return tuple(
-            Event(known[i].name, t, rising, motion(self.evaluator, t, y))
+            LocatedEvent(known[i].name, t, rising, motion(self.evaluator, t, y))
             for t, i, rising, y in self.stepper.events
         )
 
@@ -214,7 +214,7 @@ def of_points(d: Description, positions: Array, velocities: Array) -> dict[str, 
 
 
 def outputs(
-    evaluator: Evaluator, equations: _core.Equations, times: Array, states: Array, redundant: int
+    evaluator: Evaluator, equations: _core.KernelEquations, times: Array, states: Array, redundant: int
 ) -> tuple[Variable, ...]:
     """Return the outputs that the scene selects, at times (samples,) and states (samples, (q, u, ...))."""
     info = evaluator.find("outputs")
@@ -232,7 +232,7 @@ def outputs(
 
 def outputs_by_group(
     evaluator: Evaluator,
-    equations: _core.Equations,
+    equations: _core.KernelEquations,
     groups: Iterable[tuple[Array, Indices]],
     times: Array,
     states: Array,

@@ -189,7 +189,7 @@ class Drift:
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class LocatedEvent:
     """An event of the scene, located in a run.
 
     ``motion`` has positions [m] and velocities [m/s] of the points at its time, as ``Result.final``.

@@ -23,7 +23,7 @@ from symgen.runtime.result.findings import Findings, Pictures
 from symgen.runtime.result.records import (
     Coordinate,
     Drift,
-    Event,
+    LocatedEvent,
     Variable,
     columns,
     converted,
@@ -84,7 +84,7 @@ class Result(Findings, Pictures):
     statistics: Mapping[str, Any]
     provenance: Mapping[str, Any]
     notes: tuple[str, ...] = field(default_factory=tuple)
-    events: tuple[Event, ...] = field(default_factory=tuple)
+    events: tuple[LocatedEvent, ...] = field(default_factory=tuple)
     times: Array | None = None
     units: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     _cache: dict[str, Any] = field(init=False, default_factory=dict, repr=False)

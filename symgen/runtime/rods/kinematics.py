@@ -13,7 +13,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
-from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
+from symgen.runtime.result.recorded_motion import CurvePositions, chosen_names, recorded
 from symgen.runtime.result.recording import nearest_turn
 from symgen.runtime.result.records import converters
 from symgen.runtime.result.state import State
@@ -113,7 +113,7 @@ def analyse(
     return recorded(
         constraints,
         samples,
-        Along(constraints.description, constraints.moving(followed.path)[0], near, followed.start),
+        CurvePositions(constraints.description, constraints.moving(followed.path)[0], near, followed.start),
         followed.poses,
         followed.unassemblable,
         followed.out_of_reach,

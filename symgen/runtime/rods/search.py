@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.rods.assembly.quadratics import Rows
+from symgen.runtime.rods.assembly.quadratics import QuadraticRows
 
 #: Part of the size by which poses that are refined may miss a condition, or points a line or plane.
 NEARLY = 1e-6
@@ -16,14 +16,14 @@ NEARLY = 1e-6
 _SEED, _STEPS, _DAMPING = 20, 100, 1e-3
 
 
-class Conditions(Rows, Protocol):
+class PointConditions(QuadraticRows, Protocol):
     """Conditions on points."""
 
     def drawn_places(self, q: Array) -> Array:
         """Return the positions of the points of the scene [m], (points, axes)."""
 
 
-def search(conditions: Conditions, near: Array, t: float, tries: int) -> Iterator[tuple[Array, float]]:
+def search(conditions: PointConditions, near: Array, t: float, tries: int) -> Iterator[tuple[Array, float]]:
     """Yield coordinates of least errors, from ``near``, its mirror images and random poses.
 
     With them the largest error, over the size.
@@ -36,7 +36,7 @@ def search(conditions: Conditions, near: Array, t: float, tries: int) -> Iterato
         yield q, float(np.max(np.abs(conditions.residual(q, t)))) / size
 
 
-def _least_squares(conditions: Rows, q: Array, size: float, t: float) -> Array:
+def _least_squares(conditions: QuadraticRows, q: Array, size: float, t: float) -> Array:
     """Return coordinates of least errors, by steps with a damping that is alike in all directions."""
     missed, damping, factor = conditions.residual(q, t) / size, 0.0, 2.0
     for _ in range(_STEPS):

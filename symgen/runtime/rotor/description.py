@@ -9,7 +9,7 @@ from symgen.runtime.kernels.description import Described
 
 
 @dataclass(frozen=True, slots=True)
-class RotorLink:
+class RotorLinkInfo:
     """An elastic link between two points, and those of them at which it is welded."""
 
     link: str
@@ -25,7 +25,7 @@ class RotorDescription(Described):
 
     method: ClassVar[str] = "rotor"
     free: tuple[str, ...]
-    links: tuple[RotorLink, ...]
+    links: tuple[RotorLinkInfo, ...]
     masses: tuple[str, ...]
 
     @property

@@ -18,7 +18,7 @@ from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.modes import RotorModes, relative
 from symgen.runtime.rotor.description import RotorDescription
-from symgen.runtime.rotor.structure import Structure, parts, structure
+from symgen.runtime.rotor.structure import RotorStructure, parts, structure
 from symgen.runtime.structure import UnstableError, modes_at_rest
 
 #: Unknowns up to which frequencies are compared with those of halved elements.
@@ -114,7 +114,7 @@ def _refuse(name: str, links: BlockInfo, values: Array) -> None:
             )
 
 
-def _modes_of(name: str, assembled: Structure, speed: float) -> tuple[Array, NDArray[Any], Array]:
+def _modes_of(name: str, assembled: RotorStructure, speed: float) -> tuple[Array, NDArray[Any], Array]:
     """Return frequencies [Hz] by rising size and complex shapes (n, modes) of M s'' + C s' + K s = 0.
 
     In the modes of M and K, of squared frequencies w^2, the state (w q, q') has a skew-symmetric matrix, so

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels
-from symgen.runtime.rotor.description import RotorDescription, RotorLink
+from symgen.runtime.rotor.description import RotorDescription, RotorLinkInfo
 
 _BLOCK = "spatial_beam"
 #: Unknowns of a node, in the order of the kernels; those at joints that belong to one link alone.
@@ -33,7 +33,7 @@ _OF_BODY = ("mass", "gyroscopic", "centrifugal")
 
 
 @dataclass(frozen=True, slots=True)
-class Structure:
+class RotorStructure:
     """Matrices of M s'' + C s' + K s = 0 about the drawn shape, (n, n), and their unknowns.
 
     ``sizes`` are the roots of the sums of sizes of the terms of the diagonal of K. ``strains`` are the
@@ -73,7 +73,7 @@ class _Link:
         return matrix
 
 
-def structure(d: RotorDescription, numbers: Mapping[str, Array], divided: int = 1) -> Structure:
+def structure(d: RotorDescription, numbers: Mapping[str, Array], divided: int = 1) -> RotorStructure:
     """Return the structure of a rotor with ``divided`` times as many elements.
 
     Raises
@@ -125,7 +125,7 @@ def structure(d: RotorDescription, numbers: Mapping[str, Array], divided: int = 
             section[[k for k in STRAINS.values() if k != column]] = 0.0
             parts.append(link.matrix("stiffness", link.motions, section))
         strains[strain] = sum(parts, np.zeros((n, n)))
-    return Structure(
+    return RotorStructure(
         tuple(names.all),
         sums["mass"],
         sums["gyroscopic"],
@@ -151,7 +151,7 @@ class _Names:
         """Return the unknowns of the rotation of links that are welded at a free point."""
         return [self.all.index(f"{point}.r{axis}") for axis in "xyz"]
 
-    def rotation(self, link: RotorLink, point: str) -> list[int] | None:
+    def rotation(self, link: RotorLinkInfo, point: str) -> list[int] | None:
         """Return the unknowns of the rotation of a link's end; None where it is welded to the ground."""
         welded = point in link.welds
         if welded and point not in self._d.free:
@@ -159,7 +159,7 @@ class _Names:
         owner = "" if welded else f"{link.link}_"
         return [self._number(f"{owner}{point}.r{axis}") for axis in "xyz"]
 
-    def local(self, link: RotorLink, name: str, node: int) -> int:
+    def local(self, link: RotorLinkInfo, name: str, node: int) -> int:
         """Return an unknown of a node of a link in its axes."""
         return self._number(f"{link.link}.{name}@{node}")
 
@@ -168,7 +168,7 @@ class _Names:
             self.all.append(name)
         return self.all.index(name)
 
-    def add(self, link: RotorLink, divided: int) -> None:
+    def add(self, link: RotorLinkInfo, divided: int) -> None:
         """Add the unknowns of a link."""
         last = link.elements * divided
         for node in range(last + 1):
@@ -183,7 +183,7 @@ class _Names:
 
 def _placed(
     d: RotorDescription,
-    link: RotorLink,
+    link: RotorLinkInfo,
     row: Array,
     omega: Array,
     through: Array,
@@ -247,7 +247,7 @@ def _tensed(link: _Link, steady: Array) -> Array:
     return motions
 
 
-def parts(assembled: Structure, shapes: NDArray[Any]) -> Mapping[str, Array]:
+def parts(assembled: RotorStructure, shapes: NDArray[Any]) -> Mapping[str, Array]:
     """Return the parts of the strain energy of shapes (n, modes) by the kind of strain, (modes,) each.
 
     Zero where the energy is round-off of rigid motions.

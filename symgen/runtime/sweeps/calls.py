@@ -202,11 +202,12 @@ class Sweeps:
             points are shortened, and differential evolution takes them as infeasible.
         """
         from symgen.runtime.sweeps.optimisation import optimum_of
-        from symgen.runtime.sweeps.problem import Search
+        from symgen.runtime.sweeps.problem import OptimisationArguments
 
         limits, shared = constraints or {}, (tolerance, iterations, threads, arguments)
         return optimum_of(
-            Search(self, variables, limits, analysis, start or {}, *shared, method, seed), objective
+            OptimisationArguments(self, variables, limits, analysis, start or {}, *shared, method, seed),
+            objective,
         )
 
     @checked
@@ -249,10 +250,12 @@ class Sweeps:
             As :meth:`optimise`.
         """
         from symgen.runtime.sweeps.pareto import front_of
-        from symgen.runtime.sweeps.problem import Search
+        from symgen.runtime.sweeps.problem import OptimisationArguments
 
         limits, shared = constraints or {}, (tolerance, iterations, threads, arguments)
-        return front_of(Search(self, variables, limits, analysis, start or {}, *shared), objectives, points)
+        return front_of(
+            OptimisationArguments(self, variables, limits, analysis, start or {}, *shared), objectives, points
+        )
 
 
 for _call in (

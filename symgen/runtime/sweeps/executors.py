@@ -25,7 +25,7 @@ from symgen.runtime.sweeps.designs import Design, Listed
 from symgen.version import __version__
 
 if TYPE_CHECKING:
-    from symgen.runtime.sweeps.layout import Layout
+    from symgen.runtime.sweeps.layout import SweepLayout
 
 #: A chunk, as its first run and the run after its last; and its first run with its results.
 Span = tuple[int, int]
@@ -37,7 +37,7 @@ _ENDED = 3
 
 
 def submitted(
-    sweep: Any, layout: Layout, spans: Sequence[Span], executor: Any
+    sweep: Any, layout: SweepLayout, spans: Sequence[Span], executor: Any
 ) -> Generator[Chunk, None, None]:
     """Yield the results of chunks as they are completed, in any order.
 
@@ -188,16 +188,16 @@ def _by(pool: Executor, work: bytes, design: Design, spans: Sequence[Span], most
             future.cancel()
 
 
-def _packed(sweep: Any, layout: Layout) -> bytes:
+def _packed(sweep: Any, layout: SweepLayout) -> bytes:
     """Return a sweep for other processes: its model as a scene with the hash of its equations, no binary."""
     return pickle.dumps((__version__, sweep.model.description.equations, pickle.dumps((sweep, layout))))
 
 
 @lru_cache(maxsize=4)
-def _unpacked(work: bytes) -> tuple[Any, Layout]:
+def _unpacked(work: bytes) -> tuple[Any, SweepLayout]:
     """Return a sweep whose kernels come from the cache of this machine, or are compiled for its processor."""
     version, equations, inner = pickle.loads(work)  # noqa: S301 - as any executor does
-    unpacked: tuple[Any, Layout] | None = None
+    unpacked: tuple[Any, SweepLayout] | None = None
     if version == __version__:
         unpacked = pickle.loads(inner)  # noqa: S301
     if unpacked is None or equations != unpacked[0].model.description.equations:

@@ -20,7 +20,7 @@ SAMPLE = "sample"
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class StoredArray:
     """An array over runs: its dimensions and sizes after that of the runs, whether text, and attributes."""
 
     name: str
@@ -37,10 +37,10 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class SweepLayout:
     """Arrays of a sweep, the names of its parameters among them, and the components of vectors."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[StoredArray, ...]
     parameters: Mapping[str, str]
     axes: tuple[str, ...]
 
@@ -78,7 +78,7 @@ class Layout:
             arrays_of_entries[entry.name] = np.ascontiguousarray(values)
         return arrays_of_entries
 
-    def _padded(self, entry: Entry, values: Array) -> Array:
+    def _padded(self, entry: StoredArray, values: Array) -> Array:
         size = dict(zip(entry.dims, entry.sizes, strict=True)).get(SAMPLE, 0)
         if values.ndim != 1 + len(entry.sizes) or values.shape[1] > size:
             raise ModelError(
@@ -90,7 +90,7 @@ class Layout:
         return padded
 
 
-def layout_of(dataset: xarray.Dataset, parameters: Sequence[str]) -> Layout:
+def layout_of(dataset: xarray.Dataset, parameters: Sequence[str]) -> SweepLayout:
     """Return the layout of a sweep from the dataset of some of its runs."""
     entries = []
     for name, variable in dataset.variables.items():
@@ -99,7 +99,9 @@ def layout_of(dataset: xarray.Dataset, parameters: Sequence[str]) -> Layout:
         dims = tuple(d if d == "axis" else SAMPLE for d in variable.dims if d != "run")
         sizes = tuple(dataset.sizes[d] for d in variable.dims if d != "run")
         text = variable.dtype == object
-        entries.append(Entry(str(name), dims, sizes, text, dict(variable.attrs), name in dataset.coords))
+        entries.append(
+            StoredArray(str(name), dims, sizes, text, dict(variable.attrs), name in dataset.coords)
+        )
     labels = {p: f"{p} (parameter)" if f"{p} (parameter)" in dataset.coords else p for p in parameters}
     axes = tuple(str(a) for a in dataset["axis"].values) if "axis" in dataset.variables else ()
-    return Layout(tuple(entries), labels, axes)
+    return SweepLayout(tuple(entries), labels, axes)

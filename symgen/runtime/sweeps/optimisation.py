@@ -13,7 +13,7 @@ import numpy as np
 
 from symgen.errors import ModelError, RangeError, SimulationError, check_known, shown
 from symgen.runtime.arrays import Array
-from symgen.runtime.sweeps.problem import Problem, Quantity, Search
+from symgen.runtime.sweeps.problem import OptimisationArguments, Problem, ReducedOutput
 
 #: Most iterations.
 _MOST = 10**6
@@ -75,7 +75,7 @@ class Optimum:
         return {name: getattr(self, name) for name in self.__slots__ if name != "model"}
 
 
-def optimum_of(search: Search, objective: str, measured: Sequence[str] = ()) -> Optimum:
+def optimum_of(search: OptimisationArguments, objective: str, measured: Sequence[str] = ()) -> Optimum:
     """Return the parameters of least objective; see :meth:`symgen.Model.optimise`.
 
     ``measured`` are quantities without bounds, whose values are among those of the constraints.
@@ -93,8 +93,8 @@ def optimum_of(search: Search, objective: str, measured: Sequence[str] = ()) -> 
     if search.tolerance <= 0.0 or not 1 <= search.iterations <= _MOST:
         text = f"{search.tolerance:g}, {search.iterations}"
         raise ModelError(f"expected a tolerance above 0 and 1 to {_MOST} iterations, got {text}")
-    goal = Quantity.named(objective, bounds)
-    quantities = {name: Quantity.named(name, bounds) for name in (*limits, *measured)}
+    goal = ReducedOutput.named(objective, bounds)
+    quantities = {name: ReducedOutput.named(name, bounds) for name in (*limits, *measured)}
     problem = Problem(bounds, [goal, *quantities.values()], search)
     begin = np.array([start.get(name, model.parameters[name]) for name in bounds])
     x = np.clip((begin - problem.low) / (problem.high - problem.low), 0.0, 1.0)
@@ -149,10 +149,10 @@ def _pair(name: str, pair: Any, *, open_ended: bool) -> tuple[float, float]:
     return ends
 
 
-_Limits = Sequence[tuple[Quantity, float, float]]
+_Limits = Sequence[tuple[ReducedOutput, float, float]]
 
 
-def _working(problem: Problem, goal: Quantity, x: Array) -> Array:
+def _working(problem: Problem, goal: ReducedOutput, x: Array) -> Array:
     """Return the point if its run succeeds, or the nearest of some others with one; else raise why."""
     from scipy.stats.qmc import Sobol
 
@@ -167,7 +167,7 @@ def _working(problem: Problem, goal: Quantity, x: Array) -> Array:
     return x
 
 
-def _descended(problem: Problem, goal: Quantity, limits: _Limits, x: Array) -> Any:
+def _descended(problem: Problem, goal: ReducedOutput, limits: _Limits, x: Array) -> Any:
     """Minimise by gradients, with further variables for the bounds of samples.
 
     A step that ends where a run fails is shortened, since the objective is large there.
@@ -259,7 +259,7 @@ class _Rule:
 
 def _below_variable(
     problem: Problem,
-    goal: Quantity,
+    goal: ReducedOutput,
     sign: float,
     places: tuple[int, int, int],
     size: float,
@@ -285,7 +285,7 @@ def _below_variable(
 
 def _between(
     problem: Problem,
-    quantity: Quantity,
+    quantity: ReducedOutput,
     bounds: tuple[float, float],
     start: Array,
     width: int,
@@ -314,7 +314,7 @@ def _between(
     return _Rule(value, slope, low / size, high / size, not quantity.reduction)
 
 
-def _evolved(problem: Problem, goal: Quantity, limits: _Limits) -> Any:
+def _evolved(problem: Problem, goal: ReducedOutput, limits: _Limits) -> Any:
     """Minimise by differential evolution: all points of a generation are runs of one call."""
     from scipy.optimize import NonlinearConstraint, differential_evolution
     from scipy.stats.qmc import LatinHypercube
@@ -329,7 +329,7 @@ def _evolved(problem: Problem, goal: Quantity, limits: _Limits) -> Any:
         values = problem.many(goal, np.atleast_2d(points.T))
         return np.where(np.isnan(values), np.inf, values)
 
-    def bounded(quantity: Quantity, low: float) -> Callable[[Array], Array]:
+    def bounded(quantity: ReducedOutput, low: float) -> Callable[[Array], Array]:
         outside = -1e300 if math.isfinite(low) else 1e300  # of runs that fail
 
         def with_bounds(points: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.optimisation import Optimum, optimum_of
-from symgen.runtime.sweeps.problem import Search
+from symgen.runtime.sweeps.problem import OptimisationArguments
 
 if TYPE_CHECKING:
     import xarray
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _SLACK = 1e-6
 
 
-def front_of(search: Search, objectives: Sequence[str], points: int) -> xarray.Dataset:
+def front_of(search: OptimisationArguments, objectives: Sequence[str], points: int) -> xarray.Dataset:
     """Return designs none of which is better in both objectives; see :meth:`symgen.Model.pareto`."""
     if len(objectives) != 2 or len({*objectives}) != 2:
         raise ModelError(f"expected two objectives, got {', '.join(objectives) or 'none'}")

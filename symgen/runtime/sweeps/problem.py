@@ -32,7 +32,7 @@ _TRIED = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class ReducedOutput:
     """A reduction of an output, or of a component: ``OUTPUT.REDUCTION`` or ``OUTPUT.REDUCTION.COMPONENT``.
 
     A variable of the optimisation has no reduction.
@@ -43,7 +43,7 @@ class Quantity:
     component: str
 
     @classmethod
-    def named(cls, name: str, variables: Collection[str] = ()) -> Quantity:
+    def named(cls, name: str, variables: Collection[str] = ()) -> ReducedOutput:
         """Return the quantity of a name; raise ModelError for an output without a reduction."""
         if name in variables:
             return cls(name, "", "")
@@ -86,7 +86,7 @@ _WEIGHTS = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
+class OptimisationArguments:
     """Arguments of an optimisation but its objective; see :meth:`symgen.Model.optimise`."""
 
     model: Any
@@ -108,8 +108,8 @@ class Problem:
     def __init__(
         self,
         bounds: Mapping[str, tuple[float, float]],
-        quantities: Sequence[Quantity],
-        search: Search,
+        quantities: Sequence[ReducedOutput],
+        search: OptimisationArguments,
     ) -> None:
         self.search, self.model, self.names = search, search.model, tuple(bounds)
         self.low, self.high = np.array([*bounds.values()]).T
@@ -326,7 +326,7 @@ class Problem:
         if not self.exact:
             self.reason = "exact ones hold times and angles at the start, and differ from these"
 
-    def of(self, quantity: Quantity, values: Array) -> Array:
+    def of(self, quantity: ReducedOutput, values: Array) -> Array:
         """Return the samples (..., samples) from which a quantity is reduced, of those with components."""
         components = self._components[quantity.output]
         if quantity.component:
@@ -346,7 +346,7 @@ class Problem:
             )
         return np.sqrt(np.sum(values**2, axis=-1))
 
-    def slopes_of(self, quantity: Quantity, values: Array, slopes: Array) -> Array:
+    def slopes_of(self, quantity: ReducedOutput, values: Array, slopes: Array) -> Array:
         """Return the derivatives (variables, samples) of the samples from which a quantity is reduced."""
         components = self._components[quantity.output]
         if components and not quantity.component:
@@ -355,31 +355,31 @@ class Problem:
         i = components.index(quantity.component) if quantity.component else 0
         return slopes[..., i] * (np.sign(values[..., i]) if quantity.of_magnitude else 1.0)
 
-    def quantity(self, quantity: Quantity, x: Array) -> tuple[Array, Array]:
+    def quantity(self, quantity: ReducedOutput, x: Array) -> tuple[Array, Array]:
         """Return the samples and their derivatives (variables, samples) of a quantity at a point."""
         values, slopes = self.at(x)[quantity.output], self.slopes(x)[quantity.output]
         return self.of(quantity, values), self.slopes_of(quantity, values, slopes)
 
-    def slope(self, quantity: Quantity, x: Array) -> Array:
+    def slope(self, quantity: ReducedOutput, x: Array) -> Array:
         """Return the derivatives (variables,) of a quantity at a point."""
         if not quantity.reduction:
             return np.where(np.array(self.names) == quantity.output, self.high - self.low, 0.0)
         return np.asarray(quantity.value(*self.quantity(quantity, x), self.weights(x))[1])
 
-    def unit(self, quantity: Quantity) -> str:
+    def unit(self, quantity: ReducedOutput) -> str:
         """Return the unit of a quantity after a run."""
         if not quantity.reduction:
             return next(p.unit for p in self.model.description.tunable if p.name == quantity.output)
         return self._units[quantity.output]
 
-    def value(self, quantity: Quantity, x: Array) -> float:
+    def value(self, quantity: ReducedOutput, x: Array) -> float:
         """Return a quantity at a point."""
         if not quantity.reduction:
             return float(self.parameters(x)[self.names.index(quantity.output)])
         samples = self.of(quantity, self.at(x)[quantity.output])
         return float(quantity.value(samples, np.zeros((0, samples.size)), self.weights(x))[0])
 
-    def many(self, quantity: Quantity, points: Array) -> Array:
+    def many(self, quantity: ReducedOutput, points: Array) -> Array:
         """Return a quantity at some points; nan where a run fails.
 
         The runs of one call are kept for the next, which may be of another quantity at some of the points.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from symgen.atomic import write_text
 from symgen.errors import ModelError, OutputError, ResultError
 from symgen.runtime.digest import digest
-from symgen.runtime.sweeps.layout import Layout
+from symgen.runtime.sweeps.layout import SweepLayout
 
 if TYPE_CHECKING:
     import xarray
@@ -32,10 +32,10 @@ DIGEST = "digest"
 ENDING = ".zarr"
 
 
-class Memory:
+class MemoryStore:
     """Results of a sweep in memory."""
 
-    def __init__(self, layout: Layout, count: int, chunk: int, attributes: Mapping[str, str]) -> None:
+    def __init__(self, layout: SweepLayout, count: int, chunk: int, attributes: Mapping[str, str]) -> None:
         self.layout, self.count, self.chunk, self.attributes = layout, count, chunk, attributes
         self.arrays = {entry.name: entry.empty(count) for entry in layout.entries}
 
@@ -83,7 +83,7 @@ class Zarr:
         self.group: Any = None  # until descriptions are restored
 
     @classmethod
-    def created(cls, path: Path, layout: Layout, sweep: Any, chunk: int) -> Zarr:
+    def created(cls, path: Path, layout: SweepLayout, sweep: Any, chunk: int) -> Zarr:
         """Create an empty store, which appears complete; another process may be faster."""
         aside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.absolute().parent))
         try:
@@ -97,7 +97,7 @@ class Zarr:
             shutil.rmtree(aside, ignore_errors=True)
         return cls(path)
 
-    def restored(self, layout: Layout, sweep: Any) -> None:
+    def restored(self, layout: SweepLayout, sweep: Any) -> None:
         """Restore damaged descriptions and names of axes, with a warning each, and open the store."""
         import zarr
 
@@ -123,7 +123,7 @@ class Zarr:
             return ()
 
     @staticmethod
-    def _described(path: Path, layout: Layout, sweep: Any, chunk: int) -> None:
+    def _described(path: Path, layout: SweepLayout, sweep: Any, chunk: int) -> None:
         """Write the descriptions of all arrays to a folder."""
         import zarr
         from numcodecs import Zstd

@@ -24,8 +24,8 @@ from symgen.runtime.many.runs import FAILURES, Runs, carried_out, variants
 from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.designs import Design
 from symgen.runtime.sweeps.executors import Chunk, submitted
-from symgen.runtime.sweeps.layout import Layout, layout_of
-from symgen.runtime.sweeps.stores import DONE, ENDING, Memory, Zarr, needed
+from symgen.runtime.sweeps.layout import SweepLayout, layout_of
+from symgen.runtime.sweeps.stores import DONE, ENDING, MemoryStore, Zarr, needed
 from symgen.runtime.sweeps.tables import TABLE, table_at, write_table
 from symgen.version import __version__
 
@@ -91,7 +91,7 @@ class Sweep:
         }
         return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
-    def layout(self) -> Layout:
+    def layout(self) -> SweepLayout:
         """Return the layout of the results: with the model's parameters, or of the first run that succeeds.
 
         Raises
@@ -133,7 +133,7 @@ class Sweep:
         return Runs(self.model, self.analysis, *variants(self.model, columns, None), self.arguments)
 
     def arrays(
-        self, layout: Layout, rows: Array, progress: Callable[[float], None] | None = None
+        self, layout: SweepLayout, rows: Array, progress: Callable[[float], None] | None = None
     ) -> dict[str, Array]:
         """Return the results of runs with values of the parameters, (runs, parameters)."""
         columns = {name: rows[:, i] for i, name in enumerate(self.design.names)}
@@ -150,7 +150,7 @@ class Sweep:
         results = carried_out(self._runs(columns), self.keep, self.threads, None)
         return dataset_of(self.model.description, self.analysis, columns, results)
 
-    def chunk(self, layout: Layout) -> int:
+    def chunk(self, layout: SweepLayout) -> int:
         """Return the number of runs of a chunk."""
         share = -(-self.design.count // _CHUNKS)
         size = min(_RUNS, max(1, _BYTES // layout.row), max(share, _LEAST))
@@ -282,7 +282,7 @@ def estimate(sweep: Sweep, chunk: int | None, part: tuple[int, int]) -> tuple[in
 
 def _store(
     sweep: Sweep, file: str | os.PathLike[str] | None, chunk: int | None
-) -> tuple[Memory | Zarr, Layout]:
+) -> tuple[MemoryStore | Zarr, SweepLayout]:
     if file is None:
         layout = sweep.layout()
         if sweep.design.count * layout.row > _HELD:
@@ -290,7 +290,7 @@ def _store(
                 f"the results of {sweep.design.count} runs are too large for memory: take fewer, or give a "
                 "sweep a file"
             )
-        return Memory(layout, sweep.design.count, chunk or sweep.chunk(layout), sweep.attributes), layout
+        return MemoryStore(layout, sweep.design.count, chunk or sweep.chunk(layout), sweep.attributes), layout
     path, layout = Path(file), sweep.layout()
     size = chunk or sweep.chunk(layout)
     store = _part_of(sweep, Zarr(path) if path.exists() else Zarr.created(path, layout, sweep, size))

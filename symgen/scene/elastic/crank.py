@@ -10,7 +10,7 @@ import sympy as sp
 from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.elastic.links import Crank
-from symgen.scene.elastic.schema import Crank as Table
+from symgen.scene.elastic.schema import CrankTable as Table
 from symgen.scene.reading import Reader
 from symgen.scene.rods.linkage import TIME, Driver, RigidLink, state_symbol
 

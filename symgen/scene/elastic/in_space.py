@@ -9,7 +9,7 @@ import sympy as sp
 from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.elastic.links import ElasticLink, JointInSpace, Section, SectionInSpace
-from symgen.scene.elastic.schema import Elastic, Joint, Weld
+from symgen.scene.elastic.schema import ElasticTable, JointTable, Weld
 from symgen.scene.elastic.spatial_section import section_in_space
 from symgen.scene.reading import Reader, check_count
 from symgen.scene.rods.constraints import is_hinge
@@ -21,7 +21,7 @@ _ELEMENTS, _MOST_ELEMENTS = 4, 200
 _ZERO, _HALF = sp.Integer(0), sp.Rational(1, 2)
 
 
-def spatial_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -> ElasticLink:
+def spatial_link(read: Reader, rigid: RigidLink, elastic: ElasticTable, place: str) -> ElasticLink:
     """Return an elastic link in space.
 
     Raises
@@ -97,7 +97,7 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
         For links that do not meet at the point or of which none is elastic, and an axis of zero length.
     """
     scene, elastic = read.scene, {link.link for link in links}
-    tables: tuple[tuple[str, Sequence[Weld | Joint]], ...] = (
+    tables: tuple[tuple[str, Sequence[Weld | JointTable]], ...] = (
         ("welds", scene.welds),
         ("joints", scene.joints),
     )

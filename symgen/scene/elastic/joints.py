@@ -8,7 +8,7 @@ from dataclasses import replace
 import sympy as sp
 
 from symgen.errors import SceneError, check_joints
-from symgen.loads.measure import Measure, Term
+from symgen.loads.measure import LoadTerm, Measure
 from symgen.scene.elastic.links import ElasticLink
 from symgen.scene.elastic.offsets import is_lug
 from symgen.scene.elastic.schema import Weld
@@ -163,6 +163,6 @@ def places_along(link: RigidLink, on: Measure) -> dict[str, sp.Expr]:
     return ends | carried
 
 
-def carries(link: RigidLink, term: Term) -> bool:
+def carries(link: RigidLink, term: LoadTerm) -> bool:
     """Return whether a term is a force along an elastic link."""
     return any(term.on.along(link.name, link.length, places_along(link, term.on), term.total))

@@ -11,14 +11,14 @@ from symgen.scene import units
 from symgen.scene.elastic.schema import Weld
 from symgen.scene.reading import Reader
 from symgen.scene.rods.linkage import PlacedPoint, RigidLink
-from symgen.scene.schema import Link, Point
+from symgen.scene.schema import Link, PointTable
 from symgen.scene.units import is_quantity
 from symgen.symbolic.constants import vanishes
 
 #: Names of a lug and of its foot, the point of the elastic link to which it is welded, after its point.
 LUG, FOOT = "{}_lug", "{}_foot"
 #: The table of a point that has been placed.
-_FREE = Point.model_construct()
+_FREE = PointTable.model_construct()
 
 
 @dataclass(slots=True)
@@ -98,9 +98,9 @@ def _place(read: Reader, name: str, link: str) -> tuple[sp.Expr, sp.Expr, str | 
     return (px * dx + py * dy) / squared, (py * dx - px * dy) / squared, None
 
 
-def _on(link: str, along: sp.Expr) -> Point:
+def _on(link: str, along: sp.Expr) -> PointTable:
     """Return the table of a point on the line of a link."""
-    return Point.model_validate({"on": link, "fraction": str(along)})
+    return PointTable.model_validate({"on": link, "fraction": str(along)})
 
 
 def check_fraction(read: Reader, link: str | None, fraction: sp.Expr, where: str) -> None:

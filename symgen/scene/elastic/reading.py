@@ -15,7 +15,7 @@ from symgen.scene.elastic.in_space import spatial_link
 from symgen.scene.elastic.joints import carries
 from symgen.scene.elastic.links import AREA_POWER, ElasticLink, ModalDamping, Polynomial, Section, Station
 from symgen.scene.elastic.offsets import check_fraction
-from symgen.scene.elastic.schema import Elastic
+from symgen.scene.elastic.schema import ElasticTable
 from symgen.scene.elastic.spatial_section import shear_modulus
 from symgen.scene.reading import Reader, check_count
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
@@ -30,12 +30,12 @@ _MOST_ELEMENTS = 1000
 _ROUNDED = 1e-9
 
 
-def has_rotary_inertia(elastic: Elastic | None, where: str) -> bool:
+def has_rotary_inertia(elastic: ElasticTable | None, where: str) -> bool:
     """Return whether the elements of a link have rotary inertia; False for a rigid link."""
     return elastic is not None and _element(elastic, where).rotary
 
 
-def _element(elastic: Elastic, where: str) -> Element:
+def _element(elastic: ElasticTable, where: str) -> Element:
     # Rigid scenes do without the elements.
     from symgen.elements import ELEMENTS
 
@@ -62,7 +62,7 @@ def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticL
             yield link_of(read, rigid, elastic, f"links.{rigid.name}")
 
 
-def _elastic_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -> ElasticLink:
+def _elastic_link(read: Reader, rigid: RigidLink, elastic: ElasticTable, place: str) -> ElasticLink:
     where = f"{place}.elastic"
     if TIME.symbol in rigid.length.free_symbols:
         raise SceneError("the length of an elastic link does not depend on the time", where=f"{place}.length")
@@ -139,7 +139,7 @@ def _ratio(read: Reader, ratio: sp.Expr, where: str) -> sp.Expr:
     return ratio
 
 
-def _reduction(elastic: Elastic, where: str) -> tuple[str, int]:
+def _reduction(elastic: ElasticTable, where: str) -> tuple[str, int]:
     """Return kind of the reduction and number of modes; empty and zero without one."""
     reduction = elastic.reduction
     if reduction is None:
@@ -168,7 +168,9 @@ def _reduction(elastic: Elastic, where: str) -> tuple[str, int]:
     return "craig-bampton", reduction.modes
 
 
-def _shear(read: Reader, elastic: Elastic, modulus: sp.Expr, shape: sections.Shape, where: str) -> Polynomial:
+def _shear(
+    read: Reader, elastic: ElasticTable, modulus: sp.Expr, shape: sections.SectionShape, where: str
+) -> Polynomial:
     """Return the shear stiffness k G A along a link; zero where its elements do not shear."""
     shear = elastic.shear
     if _element(elastic, where).rotation is None:

@@ -12,7 +12,7 @@ from symgen.scene.table import Bare, Name, SpatialVector, Table, Value, absent
 Ends = Annotated[list[Value], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
 
 
-class Section(Table):
+class SectionTable(Table):
     """The section of a rod: a rectangle, a circle, or its area and second moment of area.
 
     A list of two values is a taper: at the first point and at the second, linear between them.
@@ -53,7 +53,7 @@ class Reduction(Bare):
     modes: int | None = absent("How many modes (craig-bampton).")
 
 
-class Elastic(Table):
+class ElasticTable(Table):
     """A link that bends and stretches, by finite elements."""
 
     E: Value = Field(description="Young's modulus.")
@@ -67,7 +67,7 @@ class Elastic(Table):
     yield_stress: Value | None = absent("Stress beyond which a result warns.")
 
 
-class Crank(Table):
+class CrankTable(Table):
     """How the input of a linkage with elastic links turns, but for its elastic motion."""
 
     link: Name = Field(description="Its first point is on the ground.")
@@ -89,7 +89,7 @@ class Weld(Table):
     links: list[Name] = Field(description="One or more at a ground point, else two or more.")
 
 
-class Joint(Table):
+class JointTable(Table):
     """A joint at an end of an elastic link in space, which is a ball joint otherwise."""
 
     point: Name
@@ -110,7 +110,7 @@ class Rotor(Table):
     through: Name | None = absent("A point on the axis; the origin if absent.")
 
 
-class ModalDamping(Table):
+class ModalDampingTable(Table):
     """Damping of the modes of the assembled structure at rest, in the pose in which the crank starts."""
 
     ratio: Value | list[Value] = Field(
@@ -118,7 +118,7 @@ class ModalDamping(Table):
     )
 
 
-class Station(Table):
+class StationTable(Table):
     """A position on an elastic link for the output of strains and stresses."""
 
     link: Name

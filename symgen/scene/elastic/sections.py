@@ -10,7 +10,7 @@ import sympy as sp
 from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.elastic.links import AREA_POWER, INERTIA_POWER, Polynomial
-from symgen.scene.elastic.schema import Section
+from symgen.scene.elastic.schema import SectionTable
 from symgen.scene.reading import Reader
 from symgen.scene.schema import Link
 from symgen.scene.table import Value
@@ -30,7 +30,7 @@ _HINT = (
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class SectionShape:
     """Area [m^2], second moment [m^4] and outer fibre [m] along a rod, as polynomials in x [m]."""
 
     area: Polynomial
@@ -45,10 +45,10 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LineDensity:
     """Mass [kg/m] and rotary inertia [kg m] per length of a rod of this shape, as polynomials in x [m]."""
 
-    shape: Shape
+    shape: SectionShape
     mass: Polynomial
     rotary: Polynomial
 
@@ -58,7 +58,7 @@ def is_line(link: Link) -> bool:
     return any(x is not None for x in (link.density, link.section, link.elastic))
 
 
-def line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool = False) -> Line:
+def line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool = False) -> LineDensity:
     """Return the properties of a rod along its line; ``in_space`` a rectangle has the direction of its width.
 
     Raises
@@ -104,7 +104,9 @@ def line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool =
 _NEEDED = "stiffness and mass follow from it"
 
 
-def _line(read: Reader, link: Link, key: str, shape: Shape, length: sp.Expr, where: str) -> Line:
+def _line(
+    read: Reader, link: Link, key: str, shape: SectionShape, length: sp.Expr, where: str
+) -> LineDensity:
     dim = {"density": units.DENSITY, "mass": units.MASS, "mass_per_length": units.MASS_PER_LENGTH}[key]
     text = getattr(link, key)
     value = read.not_negative(text, dim, f"{where}.{key}")
@@ -115,7 +117,7 @@ def _line(read: Reader, link: Link, key: str, shape: Shape, length: sp.Expr, whe
             hint="Without mass its vibrations have no finite frequency. Give it one, or leave elastic out.",
         )
     if key == "density":
-        return Line(shape, _times(value, shape.area), _times(value, shape.second_moment))
+        return LineDensity(shape, _times(value, shape.area), _times(value, shape.second_moment))
     if not shape.uniform:
         raise SceneError(
             "a tapered link needs its density: its mass alone does not determine the distribution",
@@ -124,10 +126,10 @@ def _line(read: Reader, link: Link, key: str, shape: Shape, length: sp.Expr, whe
         )
     per_length = value / length if key == "mass" else value
     turned = per_length * shape.second_moment[0] / shape.area[0]
-    return Line(shape, _padded((per_length,), AREA_POWER), _padded((turned,), INERTIA_POWER))
+    return LineDensity(shape, _padded((per_length,), AREA_POWER), _padded((turned,), INERTIA_POWER))
 
 
-def rigid(line: Line, length: sp.Expr, rotary: bool) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+def rigid(line: LineDensity, length: sp.Expr, rotary: bool) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """Return mass, centre from the first point, and inertia about the centre of the rod undeformed.
 
     The inertia is that of its line alone unless its elements have rotary inertia: then a turning link has the
@@ -145,7 +147,7 @@ def rigid(line: Line, length: sp.Expr, rotary: bool) -> tuple[sp.Expr, sp.Expr, 
     return mass, centre, inertia
 
 
-def _shape(read: Reader, section: Section, length: sp.Expr, where: str, in_space: bool) -> Shape:
+def _shape(read: Reader, section: SectionTable, length: sp.Expr, where: str, in_space: bool) -> SectionShape:
     """Return the properties of a section of one of the kinds."""
     written = {key for key in section.model_fields_set if getattr(section, key) is not None}
     kind = next(((keys, factor) for keys, factor in _KINDS if written & set(keys)), None)
@@ -175,7 +177,7 @@ def _shape(read: Reader, section: Section, length: sp.Expr, where: str, in_space
     else:
         area, second = linear("area", units.AREA), linear("second_moment", units.SECOND_MOMENT)
         fibre = linear("fibre")
-    return Shape(_padded(area, AREA_POWER), _padded(second, INERTIA_POWER), _padded(fibre, 1), factor)
+    return SectionShape(_padded(area, AREA_POWER), _padded(second, INERTIA_POWER), _padded(fibre, 1), factor)
 
 
 def _linear(

@@ -6,7 +6,7 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene import units
-from symgen.scene.elastic.schema import Elastic, Shear
+from symgen.scene.elastic.schema import ElasticTable, Shear
 from symgen.scene.elastic.sections import line
 from symgen.scene.reading import Reader
 from symgen.symbolic.switch import greatest, least
@@ -31,7 +31,7 @@ def shear_modulus(read: Reader, shear: Shear, modulus: sp.Expr, where: str) -> s
 
 
 def section_in_space(
-    read: Reader, name: str, elastic: Elastic, length: sp.Expr, where: str
+    read: Reader, name: str, elastic: ElasticTable, length: sp.Expr, where: str
 ) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
     """Return the direction of the width, and mu, J_y, J_z, EA, EI_y, EI_z, GJ."""
     link = read.scene.links[name]

@@ -11,8 +11,8 @@ from symgen.scene import units
 from symgen.scene.expressions import Names
 from symgen.scene.inertia import check_real, inertia_matrix
 from symgen.scene.loop.loop import LoopBody, LoopLoad, Vector
-from symgen.scene.loop.reading import UNKNOWN, ZERO, LoopReader, Place
-from symgen.scene.loop.rows import GROUND, Rows
+from symgen.scene.loop.reading import UNKNOWN, ZERO, LoopReader, PlacedVariable
+from symgen.scene.loop.rows import GROUND, LoopTable
 from symgen.scene.loop.schema import LinkLoad
 from symgen.scene.rods.linkage import number
 
@@ -21,7 +21,7 @@ NOWHERE: Vector = (ZERO, ZERO, ZERO)
 _TRIALS, _SAME = (1.0, 1.37, 0.71), 1e-12
 
 
-def bodies(read: LoopReader, table: Rows) -> Iterator[LoopBody]:
+def bodies(read: LoopReader, table: LoopTable) -> Iterator[LoopBody]:
     """Yield the mass properties of the links that have any, in the order of the rows."""
     rows = _rows_by_link(table)
     for name in read.loop.links:
@@ -47,7 +47,7 @@ def bodies(read: LoopReader, table: Rows) -> Iterator[LoopBody]:
         yield body
 
 
-def loads(read: LoopReader, table: Rows, names: Names) -> Iterator[LoopLoad]:
+def loads(read: LoopReader, table: LoopTable, names: Names) -> Iterator[LoopLoad]:
     """Yield the loads on the links."""
     rows = _rows_by_link(table)
     for i, written in enumerate(read.loop.loads):
@@ -71,7 +71,7 @@ def loads(read: LoopReader, table: Rows, names: Names) -> Iterator[LoopLoad]:
         yield load
 
 
-def efforts(read: LoopReader, table: Rows, names: Names) -> Mapping[str, sp.Expr | None]:
+def efforts(read: LoopReader, table: LoopTable, names: Names) -> Mapping[str, sp.Expr | None]:
     """Return the effort of the drive at each variable, None where it is to be found."""
     places = {p.name: p for p in table.places}
     by_variable: dict[str, sp.Expr | None] = {
@@ -107,7 +107,7 @@ def efforts(read: LoopReader, table: Rows, names: Names) -> Mapping[str, sp.Expr
     return by_variable
 
 
-def _rows_by_link(table: Rows) -> dict[str, int]:
+def _rows_by_link(table: LoopTable) -> dict[str, int]:
     return {row.link: i for i, row in enumerate(table.rows[:-1])}
 
 
@@ -174,7 +174,7 @@ def _check_no_twist(load: LoopLoad, written: LinkLoad, where: str) -> None:
             )
 
 
-def _check_not_idle(table: Rows, place: Place, where: str) -> None:
+def _check_not_idle(table: LoopTable, place: PlacedVariable, where: str) -> None:
     for link in table.idle:
         if place.row in (link, link + 1):
             raise SceneError(

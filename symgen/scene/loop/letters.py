@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import sympy as sp
 
-from symgen.scene.loop.loop import ENTRIES, Loop, LoopBody, LoopLoad, Row, Variable
+from symgen.scene.loop.loop import ENTRIES, JointVariable, Loop, LoopBody, LoopLoad, Row
 from symgen.scene.loop.resolve import OF_LOOP
 from symgen.scene.rods.letters import added, gravity_of, motion_of
 from symgen.symbolic.constants import vanishes, with_pi
@@ -59,7 +59,7 @@ def _row(letters: Letters, number: int, row: Row, loop: Loop) -> Row:
     return replace(row, **values)
 
 
-def _variable(letters: Letters, variable: Variable) -> Variable:
+def _variable(letters: Letters, variable: JointVariable) -> JointVariable:
     name, effort = variable.name, variable.effort
     if effort is not None:
         variable = replace(variable, effort=letters.form(f"loop.drives.{name}", effort))

@@ -22,7 +22,7 @@ ENTRIES = ("theta", "S", "eta", "alpha", "a")
 
 
 @dataclass(frozen=True, slots=True)
-class Variable:
+class JointVariable:
     """A joint variable.
 
     Attributes
@@ -161,7 +161,7 @@ class Loop:
     title: str
     parameters: tuple[Parameter, ...]
     rows: tuple[Row, ...]
-    variables: tuple[Variable, ...]
+    variables: tuple[JointVariable, ...]
     bodies: tuple[LoopBody, ...]
     gravity: Vector
     loads: tuple[LoopLoad, ...]
@@ -195,6 +195,6 @@ class Loop:
         """Return the mass properties of the link of a row, where it has any."""
         return next((b for b in self.bodies if b.row == row), None)
 
-    def having(self, role: str) -> tuple[Variable, ...]:
+    def having(self, role: str) -> tuple[JointVariable, ...]:
         """Return the variables of one role."""
         return tuple(v for v in self.variables if v.role == role)

@@ -25,8 +25,8 @@ UNKNOWN = "?"
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
-    """An input or a free variable named in the scene; see :class:`~symgen.scene.loop.loop.Variable`."""
+class NamedVariable:
+    """An input or a free variable named in the scene; see :class:`~symgen.scene.loop.loop.JointVariable`."""
 
     name: str
     dimension: Dimension
@@ -42,14 +42,14 @@ class Named:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PlacedVariable:
     """A variable at its position in the table; ``named`` is None if it follows from closure."""
 
     name: str
     row: int
     entry: str
     dimension: Dimension
-    named: Named | None
+    named: NamedVariable | None
 
 
 class LoopReader(Values):
@@ -58,7 +58,7 @@ class LoopReader(Values):
     def __init__(self, scene: Scene, loop: SpatialLoop) -> None:
         super().__init__(scene)
         self.loop = loop
-        self.named: dict[str, Named] = {}
+        self.named: dict[str, NamedVariable] = {}
         self.read_signals()
         self._read_inputs()
         self._read_free()
@@ -84,7 +84,7 @@ class LoopReader(Values):
                     hint='It leads the loop through its range: give it by the time t, as in "speed*t".',
                 )
             names[name] = motion, dim
-            self.named[name] = Named(name, dim, "input", motion=motion)
+            self.named[name] = NamedVariable(name, dim, "input", motion=motion)
 
     def _read_free(self) -> None:
         for name, table in self.loop.free.items():
@@ -95,7 +95,7 @@ class LoopReader(Values):
                 )
             self._check_name(name, where)
             dim = self._dimension(name, table.at, f"{where}.at", self.names)
-            self.named[name] = Named(
+            self.named[name] = NamedVariable(
                 name,
                 dim,
                 "free",
@@ -117,7 +117,7 @@ class LoopReader(Values):
         return expression
 
     @property
-    def free(self) -> list[Named]:
+    def free(self) -> list[NamedVariable]:
         """The free variables."""
         return [v for v in self.named.values() if v.role == "free"]
 
@@ -145,7 +145,7 @@ class LoopReader(Values):
         """Names for entries of rows: parameters, inputs and free variables."""
         return {**self.names, **{v.name: (v.symbol, v.dimension) for v in self.named.values()}}
 
-    def with_variables(self, places: Iterable[Place]) -> Names:
+    def with_variables(self, places: Iterable[PlacedVariable]) -> Names:
         """Names for drives and loads: time, the scene's inputs, variables, and rates as ``NAME.rate``."""
         names = {**self.with_time, **self.signals}
         for place in places:
@@ -154,7 +154,9 @@ class LoopReader(Values):
             names[f"{place.name}.rate"] = rate.symbol, rate_of(place.dimension)
         return names
 
-    def entry(self, text: str | int | float, dim: Dimension, where: str) -> tuple[sp.Expr, Named | None]:
+    def entry(
+        self, text: str | int | float, dim: Dimension, where: str
+    ) -> tuple[sp.Expr, NamedVariable | None]:
         """Return an entry of a row, and the variable it holds; it must be linear in it."""
         with at(where):
             expression = parse_value(text, self.with_named, dim)

@@ -11,9 +11,9 @@ from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.loop.ball_turns import with_ball_turns
 from symgen.scene.loop.bodies import NOWHERE, bodies, efforts, loads
-from symgen.scene.loop.loop import Loop, LoopBody, Row, Variable, Vector
+from symgen.scene.loop.loop import JointVariable, Loop, LoopBody, Row, Vector
 from symgen.scene.loop.reading import ZERO, LoopReader, symbols
-from symgen.scene.loop.rows import Rows, rows_of
+from symgen.scene.loop.rows import LoopTable, rows_of
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.reading import shown_units
 from symgen.scene.schema import Scene
@@ -67,7 +67,9 @@ def loop_of(scene: Scene, table: SpatialLoop) -> Loop:
     return with_ball_turns(resolved)
 
 
-def _variables(read: LoopReader, rows: Rows, drives: Mapping[str, sp.Expr | None]) -> Iterator[Variable]:
+def _variables(
+    read: LoopReader, rows: LoopTable, drives: Mapping[str, sp.Expr | None]
+) -> Iterator[JointVariable]:
     places = {p.name: p for p in rows.places}
     for name in read.loop.start:
         where = f"loop.start.{name}"
@@ -83,7 +85,7 @@ def _variables(read: LoopReader, rows: Rows, drives: Mapping[str, sp.Expr | None
         value, rate, acceleration = symbols(place.name, place.dimension, about)
         named = place.named
         guess = read.loop.start.get(place.name, 0)
-        yield Variable(
+        yield JointVariable(
             value,
             rate,
             acceleration,
@@ -97,7 +99,7 @@ def _variables(read: LoopReader, rows: Rows, drives: Mapping[str, sp.Expr | None
         )
 
 
-def _check_names(scene: Scene, rows: Rows) -> None:
+def _check_names(scene: Scene, rows: LoopTable) -> None:
     """Refuse names that stand for something of the loop already."""
     variables = {p.name for p in rows.places}
     derived = {f"{name}_{derivative}" for name in variables for derivative in ("rate", "acceleration")}
@@ -163,7 +165,7 @@ def _span(read: LoopReader) -> tuple[sp.Expr, sp.Expr] | None:
 
 
 def _size(
-    read: LoopReader, rows: Sequence[Row], variables: Sequence[Variable], masses: Sequence[LoopBody]
+    read: LoopReader, rows: Sequence[Row], variables: Sequence[JointVariable], masses: Sequence[LoopBody]
 ) -> float:
     """Return the largest length of the table, or of its first guesses; that of the links, or 1 m, if none."""
     zeros = {v.quantity.symbol: ZERO for v in variables}

@@ -12,7 +12,7 @@ from symgen.joints import JOINTS
 from symgen.joints.joint import Joint
 from symgen.scene import units
 from symgen.scene.loop.loop import ENTRIES, Row
-from symgen.scene.loop.reading import UNKNOWN, LoopReader, Place
+from symgen.scene.loop.reading import UNKNOWN, LoopReader, PlacedVariable
 from symgen.scene.loop.schema import LoopRow
 from symgen.symbolic.constants import with_pi
 
@@ -27,11 +27,11 @@ _TURNS = {"theta", "eta", "alpha"}
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class LoopTable:
     """The table, read: rows, the variables in their order, and the rows whose links spin idly."""
 
     rows: tuple[Row, ...]
-    places: tuple[Place, ...]
+    places: tuple[PlacedVariable, ...]
     idle: frozenset[int]
 
     def joined(self, row: int) -> str:
@@ -39,11 +39,11 @@ class Rows:
         return f"{self.rows[row - 1].link} and {self.rows[row].link}"
 
 
-def rows_of(read: LoopReader) -> Rows:
+def rows_of(read: LoopReader) -> LoopTable:
     """Return the table of a scene, checked but for what only its assembly can tell."""
     _check_links(read)
     rows: list[Row] = []
-    places: list[Place] = []
+    places: list[PlacedVariable] = []
     links_of_variable: dict[int, list[str]] = {}
     for i, written in enumerate(read.loop.rows):
         where = f"loop.rows.{i}"
@@ -59,7 +59,7 @@ def rows_of(read: LoopReader) -> Rows:
             pitch = read.value(written.pitch or 0, units.LENGTH, f"{where}.pitch")
             entries[key] += pitch * entries[freedom]
         rows.append(Row(written.joint, written.link, **entries))
-    result = Rows(tuple(rows), tuple(places), _idle(read, rows, links_of_variable))
+    result = LoopTable(tuple(rows), tuple(places), _idle(read, rows, links_of_variable))
     _check_named(read, places)
     _check_count(read, result)
     return result
@@ -99,7 +99,9 @@ def _joint(row: LoopRow, where: str) -> Joint:
     return joint
 
 
-def _entry(read: LoopReader, row: LoopRow, joint: Joint, i: int, key: str) -> tuple[sp.Expr, Place | None]:
+def _entry(
+    read: LoopReader, row: LoopRow, joint: Joint, i: int, key: str
+) -> tuple[sp.Expr, PlacedVariable | None]:
     text = getattr(row, key)
     where, varies = f"loop.rows.{i}.{key}", key in joint.varies
     dim = units.LENGTH if key in _LENGTHS else units.NUMBER
@@ -107,7 +109,7 @@ def _entry(read: LoopReader, row: LoopRow, joint: Joint, i: int, key: str) -> tu
         if not varies:
             raise _fixed(joint, key, where)
         name = f"{key}{i + 1}"
-        return sp.Symbol(name, real=True), Place(name, i, key, dim, None)
+        return sp.Symbol(name, real=True), PlacedVariable(name, i, key, dim, None)
     expression, named = read.entry(text or 0, dim, where)
     expression = with_pi(expression)
     if named is not None and not varies:
@@ -118,7 +120,7 @@ def _entry(read: LoopReader, row: LoopRow, joint: Joint, i: int, key: str) -> tu
             where=where,
             hint="Place its centre by S and a of the row before.",
         )
-    return expression, Place(named.name, i, key, named.dimension, named) if named else None
+    return expression, PlacedVariable(named.name, i, key, named.dimension, named) if named else None
 
 
 def _fixed(joint: Joint, key: str, where: str) -> SceneError:
@@ -167,7 +169,7 @@ def _idle(read: LoopReader, rows: Sequence[Row], links_of_variable: dict[int, li
     return frozenset(idle)
 
 
-def _check_named(read: LoopReader, places: Sequence[Place]) -> None:
+def _check_named(read: LoopReader, places: Sequence[PlacedVariable]) -> None:
     """Check that every named variable occurs in one row, and that variable names are unique."""
     for named in read.named.values():
         table = "inputs" if named.role == "input" else "free"
@@ -190,7 +192,7 @@ def _check_named(read: LoopReader, places: Sequence[Place]) -> None:
             )
 
 
-def _check_count(read: LoopReader, table: Rows) -> None:
+def _check_count(read: LoopReader, table: LoopTable) -> None:
     """Count the variables that follow from closure, as far as no numbers are needed."""
     for i in _between_balls(table.rows):
         if read.number(table.rows[i].a) == 0:

@@ -12,7 +12,7 @@ from symgen.scene.elastic import sections
 from symgen.scene.elastic.reading import has_rotary_inertia
 from symgen.scene.reading import Reader
 from symgen.scene.rods.linkage import TIME, CarriedPoint, PlacedPoint, RigidLink, Vector
-from symgen.scene.schema import Link, Point
+from symgen.scene.schema import Link, PointTable
 
 _ZERO = sp.Integer(0)
 
@@ -99,7 +99,7 @@ def on_link(read: Reader, link: str) -> Iterator[str]:
             yield name
 
 
-def _drawn(read: Reader, name: str, point: Point, place: list[str | int | float]) -> PlacedPoint:
+def _drawn(read: Reader, name: str, point: PointTable, place: list[str | int | float]) -> PlacedPoint:
     """Return a point where it is drawn, with the motion of a ground point."""
     where = f"points.{name}"
     at = read.vector(place, units.LENGTH, f"{where}.at")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from symgen.errors import SceneError
 from symgen.scene import units
-from symgen.scene.elastic.schema import Joint, Weld
+from symgen.scene.elastic.schema import JointTable, Weld
 from symgen.scene.reading import Reader
 from symgen.scene.rods.hinges import Hinge
 from symgen.scene.rods.linkage import Driver, Guide, StartConditions, Vector
@@ -43,10 +43,10 @@ def drivers(read: Reader) -> Iterator[Driver]:
         yield Driver(driver.link, angle)
 
 
-def is_hinge(scene: Scene, joint: Joint | Weld) -> bool:
+def is_hinge(scene: Scene, joint: JointTable | Weld) -> bool:
     """Return whether a joint is revolute, between one rigid link and the ground."""
     rigid = [name for name in joint.links if name in scene.links and scene.links[name].elastic is None]
-    return isinstance(joint, Joint) and joint.kind == "revolute" and len(rigid) == len(joint.links) == 1
+    return isinstance(joint, JointTable) and joint.kind == "revolute" and len(rigid) == len(joint.links) == 1
 
 
 def hinges(read: Reader) -> Iterator[Hinge]:

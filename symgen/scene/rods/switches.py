@@ -10,7 +10,7 @@ from itertools import count
 
 import sympy as sp
 
-from symgen.scene.loop.loop import Loop, LoopLoad, Variable
+from symgen.scene.loop.loop import JointVariable, Loop, LoopLoad
 from symgen.scene.rods.held import Parameter, Switch
 from symgen.scene.rods.linkage import TIME, Linkage, Vector
 from symgen.symbolic.quantity import quantity
@@ -71,7 +71,7 @@ def with_switches_of_loop(loop: Loop) -> Loop:
         )
         return replace(load, force=force, torque=torque)
 
-    def driven(variable: Variable) -> Variable:
+    def driven(variable: JointVariable) -> JointVariable:
         if variable.effort is None:
             return variable
         where = f"the drive of {variable.name}"

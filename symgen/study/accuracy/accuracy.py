@@ -13,8 +13,8 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.precision import precision as precision_named
 from symgen.study.accuracy.cancelling import Cancelling, cancelling
-from symgen.study.accuracy.kernel_errors import Errors, OutputAccuracy
-from symgen.study.accuracy.kernels import Kernels, kernels_of
+from symgen.study.accuracy.kernel_errors import KernelErrors, OutputAccuracy
+from symgen.study.accuracy.kernels import ComparedKernels, kernels_of
 from symgen.symbolic.exact import DIGITS
 
 Progress = Callable[[float], None]
@@ -115,7 +115,7 @@ def accuracy(
 def report(
     scene: str,
     title: str,
-    parts: list[Kernels],
+    parts: list[ComparedKernels],
     *,
     seed: int = 0,
     precision: str = "float64",
@@ -130,7 +130,7 @@ def report(
     sums: list[Cancelling] = []
     notes: list[str] = []
     for part in parts:
-        errors = Errors(part, epsilon, np.random.default_rng(seed))
+        errors = KernelErrors(part, epsilon, np.random.default_rng(seed))
         for at in part.states.all:
             errors.look(at)
             finished += 1

@@ -11,8 +11,8 @@ from symgen.codegen.printers import Printer
 from symgen.lowering.cancellation import lost_digits
 from symgen.lowering.kernel import Kernel
 from symgen.lowering.nodes import Node, insert, references, rename
-from symgen.study.accuracy.kernel_errors import Place
-from symgen.study.accuracy.kernels import Kernels
+from symgen.study.accuracy.kernel_errors import EntryAtState
+from symgen.study.accuracy.kernels import ComparedKernels
 
 #: Generated names of shared terms: their expressions are inserted up to this length.
 _TEMPORARY, _LONGEST = re.compile(r"c\d+"), 100
@@ -54,7 +54,7 @@ class Cancelling:
         return round(max(0.0, self.needless), 1), round(self.in_output, 1), round(self.digits, 1)
 
 
-def cancelling(part: Kernels, places: Iterable[Place]) -> list[Cancelling]:
+def cancelling(part: ComparedKernels, places: Iterable[EntryAtState]) -> list[Cancelling]:
     """Return the cancelling sums that affect the given entries, each where its effect is largest."""
     by_node: dict[tuple[str, str, Node], Cancelling] = {}
     words = _Words(part)
@@ -81,7 +81,7 @@ def cancelling(part: Kernels, places: Iterable[Place]) -> list[Cancelling]:
 class _Words:
     """Formats expressions of a program in terms of its argument names."""
 
-    def __init__(self, part: Kernels) -> None:
+    def __init__(self, part: ComparedKernels) -> None:
         self._kernels: dict[str, Kernel] = {k.name: k for k in part.program.kernels}
         self._arguments = {
             f"{g.name}[{i}]": x.name for g in part.system.groups for i, x in enumerate(g.quantities)

@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.study.accuracy.kernels import Kernels
+from symgen.study.accuracy.kernels import ComparedKernels
 from symgen.study.accuracy.states import At
 from symgen.symbolic.exact import DIGITS, number, solve
 
@@ -113,7 +113,7 @@ class OutputAccuracy:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class EntryAtState:
     """An entry of ``out`` at a state, and its condition."""
 
     kernel: str
@@ -123,14 +123,14 @@ class Place:
     condition: float
 
 
-class Errors:
+class KernelErrors:
     """Accumulates the errors of kernels over states.
 
     ``condition`` is the largest condition of solvable equations of motion, with the state; ``unsolved`` are
     the states at which the equations are singular.
     """
 
-    def __init__(self, part: Kernels, epsilon: float, random: np.random.Generator) -> None:
+    def __init__(self, part: ComparedKernels, epsilon: float, random: np.random.Generator) -> None:
         self.part, self.epsilon, self.random = part, epsilon, random
         self.condition: tuple[float, str] | None = None
         self.unsolved: list[str] = []
@@ -204,7 +204,7 @@ class Errors:
         """Return the errors of all outputs, in the order of the kernels."""
         return [o.result() for o in self._in_order()]
 
-    def places(self) -> Iterator[Place]:
+    def places(self) -> Iterator[EntryAtState]:
         """Yield the entries with the largest errors that can be analysed further."""
         for o in self._in_order():
             if o.kernel != "solve":  # 'accelerations' includes its operations
@@ -214,7 +214,7 @@ class Errors:
 class _Output:
     """The errors of one output."""
 
-    def __init__(self, part: Kernels, kernel: str, name: str, epsilon: float) -> None:
+    def __init__(self, part: ComparedKernels, kernel: str, name: str, epsilon: float) -> None:
         self.kernel, self.name, self.epsilon, self.prefix = kernel, name, epsilon, part.prefix
         matrix = None if kernel in _SOLVERS else part.system[name]
         labels = [x.name for x in part.system.group("work").quantities]
@@ -225,7 +225,7 @@ class _Output:
         self.count = 0
         self.of_largest = self.beyond_largest = self.of_zeros = 0.0
         #: Largest errors in ulps and relative to the condition: value, entry and state.
-        self.worst: dict[str, tuple[Worst, Place]] = {}
+        self.worst: dict[str, tuple[Worst, EntryAtState]] = {}
 
     def add(self, at: At, computed: Array, truth: Sequence[Any], spread: Sequence[float], first: int) -> None:
         """Compare the entries from ``first`` on with the reference; ``spread`` is the effect of rounding."""
@@ -261,7 +261,7 @@ class _Output:
                     moved / size,
                     beyond,
                 )
-                self.worst[measure] = worst, Place(self.kernel, self.name, at, first + i, moved / size)
+                self.worst[measure] = worst, EntryAtState(self.kernel, self.name, at, first + i, moved / size)
 
     def _label(self, i: int, first: int) -> str:
         """Return the row and column names of an entry; indices if it has none."""
@@ -293,7 +293,7 @@ class _Output:
             self.of_zeros,
         )
 
-    def places(self) -> list[Place]:
+    def places(self) -> list[EntryAtState]:
         """Return the entries with the largest errors."""
         return [place for _, place in self.worst.values()]
 

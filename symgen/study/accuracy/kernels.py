@@ -49,7 +49,7 @@ Call = Callable[[str, Mapping[str, Array]], Array]
 
 
 @dataclass(eq=False)
-class Kernels:
+class ComparedKernels:
     """Compiled kernels of one System, with states and reference values.
 
     Attributes
@@ -113,7 +113,7 @@ def kernels_of(
     seed: int,
     run: bool,
     precision: str,
-) -> tuple[str, list[Kernels]]:
+) -> tuple[str, list[ComparedKernels]]:
     """Return the title of a scene or building block, and all kernels to compare.
 
     Raises
@@ -129,21 +129,21 @@ def kernels_of(
             )
         system = BLOCKS[str(scene)]()
         call = _of_module(shipped_module(str(scene))) if scene in SHIPPED_BLOCKS else _in_numpy(system)
-        return system.title, [Kernels("", system, call, of_block(system, count, seed))]
+        return system.title, [ComparedKernels("", system, call, of_block(system, count, seed))]
     model = build(scene, set=set, precision=precision)
     method = method_of(model)
     if method.claims:  # a scene, else a user-defined system
         model, system = with_forces(cast("Any", model)), derive(override(read_scene(scene), set or {}))
     else:
         system = derive(scene)
-    kernels: list[Kernels] = method.load("accuracy")(
-        model, Request(scene, set, system, typed, count, seed, run)
+    kernels: list[ComparedKernels] = method.load("accuracy")(
+        model, KernelComparison(scene, set, system, typed, count, seed, run)
     )
     return system.title, kernels
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class KernelComparison:
     """The System whose kernels are compared, the number type, and the states: see :func:`kernels_of`."""
 
     scene: Any
@@ -155,20 +155,20 @@ class Request:
     run: bool
 
 
-def of_user_system(model: SystemModel, request: Request) -> list[Kernels]:
+def of_user_system(model: SystemModel, request: KernelComparison) -> list[ComparedKernels]:
     """Return the kernels of a user-defined system."""
     states = of_block(request.system, request.count, request.seed)
-    return [Kernels("", request.system, _of_system(model), states, without=("solve",))]
+    return [ComparedKernels("", request.system, _of_system(model), states, without=("solve",))]
 
 
-def of_loop_model(model: LoopModel, request: Request) -> list[Kernels]:
+def of_loop_model(model: LoopModel, request: KernelComparison) -> list[ComparedKernels]:
     """Return the kernels of a loop in the requested type."""
     states = of_loop(model, request.count, request.seed, request.run)
-    kernels = Kernels("", request.system, _of_loop(model.kernels), states)
+    kernels = ComparedKernels("", request.system, _of_loop(model.kernels), states)
     return [kernels if request.typed == FLOAT64 else _in_type(kernels, model, request.typed)]
 
 
-def of_rods(model: RodModel, request: Request) -> list[Kernels]:
+def of_rods(model: RodModel, request: KernelComparison) -> list[ComparedKernels]:
     """Return the kernels of the equations of motion of a linkage in the requested type."""
     labels, system = model.description.labels, request.system
     redundant = tuple(labels.index(name) for name in model.redundant)
@@ -176,22 +176,24 @@ def of_rods(model: RodModel, request: Request) -> list[Kernels]:
         tolerance = repr(model.description.rank_tolerance)
         system = replace(system, saddle_point=replace(system.saddle_point, rank_tolerance=tolerance))
     states = of_linkage(model, request.count, request.seed, request.run)
-    kernels = Kernels("", system, _of_evaluator(model.evaluator), states, redundant)
+    kernels = ComparedKernels("", system, _of_evaluator(model.evaluator), states, redundant)
     return [kernels if request.typed == FLOAT64 else _in_type(kernels, model, request.typed)]
 
 
-def of_spatial(model: ElasticModel | SpatialModel, request: Request) -> list[Kernels]:
+def of_spatial(model: ElasticModel | SpatialModel, request: KernelComparison) -> list[ComparedKernels]:
     """Return the kernels of the rigid motion, and in double precision those of its rigid parts."""
     (of_motion,) = kernels = of_rods(model.rigid, request)
     if request.typed == FLOAT64:
         for kind, system in elastic_systems(resolve_linkage(load_scene(request.scene, request.set))).items():
             kernels.append(
-                Kernels(f"{kind}.", system, _of_evaluator(model.rigid.analysis(kind)), of_motion.states)
+                ComparedKernels(
+                    f"{kind}.", system, _of_evaluator(model.rigid.analysis(kind)), of_motion.states
+                )
             )
     return kernels
 
 
-def of_elastic(model: ElasticModel, request: Request) -> list[Kernels]:
+def of_elastic(model: ElasticModel, request: KernelComparison) -> list[ComparedKernels]:
     """Return the kernels of the rigid motion, and in double precision those of elastic links."""
     kernels = of_spatial(model, request)
     if request.typed != FLOAT64:
@@ -199,7 +201,7 @@ def of_elastic(model: ElasticModel, request: Request) -> list[Kernels]:
     for name, block in sorted({(b.info.element, b.info.block) for b in model.beams}):
         system, call = element(name), _of_module(elements.kernels(block))
         states = of_beams(model, name, system, request.count, request.seed)
-        kernels.append(Kernels(f"element_{name}.", system, call, states))
+        kernels.append(ComparedKernels(f"element_{name}.", system, call, states))
     return kernels
 
 
@@ -207,7 +209,7 @@ def of_elastic(model: ElasticModel, request: Request) -> list[Kernels]:
 _LEADING = ("assembly",)
 
 
-def _in_type(kernels: Kernels, model: RodModel | LoopModel, typed: Precision) -> Kernels:
+def _in_type(kernels: ComparedKernels, model: RodModel | LoopModel, typed: Precision) -> ComparedKernels:
     """Return the same kernels in another number type, with the states that it can represent."""
     if model._typed is None:
         raise ModelError(f"{model.name} has no kernels for batches: build it with symgen.build")
@@ -228,7 +230,7 @@ def _in_type(kernels: Kernels, model: RodModel | LoopModel, typed: Precision) ->
         return replace(at, arrays=rounded)
 
     states = replace(kernels.states, all=tuple(in_precision(at) for at in kernels.states.all))
-    return Kernels(kernels.prefix, kernels.system, call, states, kernels.redundant, ("solve",))
+    return ComparedKernels(kernels.prefix, kernels.system, call, states, kernels.redundant, ("solve",))
 
 
 def _of_evaluator(evaluator: Evaluator) -> Call:

@@ -15,7 +15,7 @@ from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.result.result import Result
 from symgen.study.speed.measures import distance, sizes
-from symgen.study.speed.subjects import Reference, Request, Run, Subject, in_types
+from symgen.study.speed.subjects import ReferenceSolution, StudyRequest, StudyRun, StudySubject, in_types
 from symgen.study.speed.sweeps import Setting, tolerances
 
 Array = NDArray[np.float64]
@@ -24,12 +24,12 @@ Array = NDArray[np.float64]
 _ELASTIC, _PEAKS = 8192, 1024
 
 
-def elastic(model: ElasticModel, request: Request) -> Subject:
+def elastic(model: ElasticModel, request: StudyRequest) -> StudySubject:
     """Return a linkage with elastic links as a subject."""
-    return Elastic(in_types(request, model), request.t_end, request.samples)
+    return ElasticSubject(in_types(request, model), request.t_end, request.samples)
 
 
-class Elastic(Subject):
+class ElasticSubject(StudySubject):
     """A linkage with elastic links; errors are those of bending strains, relative to their peaks."""
 
     unit = "of the peak"
@@ -83,17 +83,17 @@ class Elastic(Subject):
             )
         return np.stack(strains, axis=1)
 
-    def read(self, result: Result) -> Run:
+    def read(self, result: Result) -> StudyRun:
         """Return all recorded bending strains relative to their peaks, (times, strains)."""
-        return Run(self._of(result) / self._peaks, result.statistics["steps"], None)
+        return StudyRun(self._of(result) / self._peaks, result.statistics["steps"], None)
 
-    def reference(self) -> Reference:
+    def reference(self) -> ReferenceSolution:
         """Return a solution by Gauss collocation with many steps."""
         tight, loose = (
             self._strains(self._fixed("gauss", n)) / self._peaks for n in (_ELASTIC, _ELASTIC // 2)
         )
         about = f"Gauss collocation of order {self.orders['gauss']}, {_ELASTIC} steps per revolution"
-        return Reference(tight, float(np.max(distance(tight, loose))), about)
+        return ReferenceSolution(tight, float(np.max(distance(tight, loose))), about)
 
     def size(self) -> float:
         """Return 1: errors are relative to peak values."""

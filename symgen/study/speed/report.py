@@ -11,7 +11,7 @@ from symgen.display import seconds
 from symgen.report.page import plots
 from symgen.report.tables import print_notes, table
 from symgen.study.speed.orders import Order
-from symgen.study.speed.work_precision import Point, WorkPrecision
+from symgen.study.speed.work_precision import WorkPrecision, WorkPrecisionPoint
 
 
 def print_work_precision(measurement: WorkPrecision, console: Console) -> None:
@@ -29,7 +29,7 @@ def print_work_precision(measurement: WorkPrecision, console: Console) -> None:
     print_notes(measurement.notes, console)
 
 
-def _row(p: Point, measurement: WorkPrecision) -> tuple[str, ...]:
+def _row(p: WorkPrecisionPoint, measurement: WorkPrecision) -> tuple[str, ...]:
     mark = "" if p.resolved else "~"
     errors = (f"{mark}{p.end:.1e}", f"{mark}{p.along:.1e}")
     times = (seconds(p.best), seconds(p.median))
@@ -45,7 +45,7 @@ def _of_order(o: Order) -> tuple[str, ...]:
     return name, f"{o.observed:.2f}", str(o.theoretical), f"{o.steps[0]} to {o.steps[-1]}", verdict
 
 
-def _name(p: Point) -> str:
+def _name(p: WorkPrecisionPoint) -> str:
     return p.method if p.precision == "float64" else f"{p.method}, {p.precision}"
 
 

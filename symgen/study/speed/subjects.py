@@ -34,7 +34,7 @@ _REFERENCE, _JUDGE, _LOOSENED = {"float128": 1e-17, "float64": 3e-14}, 30.0, 3
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class StudyRun:
     """Recorded values (times, quantities) of one run in the subject's unit, with its statistics."""
 
     along: Array
@@ -43,7 +43,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class ReferenceSolution:
     """Reference solution; ``uncertainty`` is its distance from a looser one."""
 
     along: Array
@@ -51,7 +51,7 @@ class Reference:
     about: str
 
 
-class Subject(ABC):
+class StudySubject(ABC):
     """A scene to be integrated with many methods.
 
     Attributes
@@ -85,11 +85,11 @@ class Subject(ABC):
         """Run once; this call is timed."""
 
     @abstractmethod
-    def read(self, result: Any) -> Run:
+    def read(self, result: Any) -> StudyRun:
         """Return the recorded values of a run."""
 
     @abstractmethod
-    def reference(self) -> Reference:
+    def reference(self) -> ReferenceSolution:
         """Return the reference solution."""
 
     @abstractmethod
@@ -111,7 +111,7 @@ def subject(
     t_end: float | None = None,
     samples: int = 21,
     precisions: Sequence[str] = (FLOAT64.name,),
-) -> Subject:
+) -> StudySubject:
     """Return a scene as a subject, to be run in the given precisions.
 
     Raises
@@ -123,11 +123,11 @@ def subject(
         precision(name)
     checked = scene if isinstance(scene, Scene) else load_scene(scene, set=set)
     model = build_scene(checked, backend=backend)
-    request = Request(checked, backend, precisions, t_end, samples)
+    request = StudyRequest(checked, backend, precisions, t_end, samples)
     return method_of(model).load("subject")(model, request)
 
 
-class Request(NamedTuple):
+class StudyRequest(NamedTuple):
     """Subject of a study and its settings: see :func:`subject`."""
 
     scene: Scene
@@ -137,7 +137,7 @@ class Request(NamedTuple):
     samples: int
 
 
-def loop(model: LoopModel, request: Request) -> Subject:
+def loop(model: LoopModel, request: StudyRequest) -> StudySubject:
     """Return a loop under forces as a subject; errors as of :func:`subject`."""
     if model.is_driven:
         raise ModelError(
@@ -147,7 +147,7 @@ def loop(model: LoopModel, request: Request) -> Subject:
     return FreeLoop(_and_widest(request, in_types(request, model)), request.t_end, request.samples)
 
 
-def rods(model: RodModel, request: Request) -> Subject:
+def rods(model: RodModel, request: StudyRequest) -> StudySubject:
     """Return a linkage of rods and bodies as a subject."""
     outputs = [f"{p}.position" for p in model.description.free]
     analysis = request.scene.analysis.model_copy(update={"outputs": outputs})
@@ -156,7 +156,7 @@ def rods(model: RodModel, request: Request) -> Subject:
     return Rods(models, request.t_end, request.samples)
 
 
-def in_types(request: Request, plain: Any = None) -> dict[str, Any]:
+def in_types(request: StudyRequest, plain: Any = None) -> dict[str, Any]:
     """Return the model in each number type, including float64."""
     scene, backend = request.scene, request.backend
     models = {FLOAT64.name: plain or build_scene(scene, backend=backend)}
@@ -166,7 +166,7 @@ def in_types(request: Request, plain: Any = None) -> dict[str, Any]:
     return models
 
 
-def _and_widest(request: Request, models: dict[str, Any]) -> dict[str, Any]:
+def _and_widest(request: StudyRequest, models: dict[str, Any]) -> dict[str, Any]:
     """Add the model in the reference's number type, or double precision if no compiler supports it."""
     with suppress(BuildError, ModelError):
         if "float128" not in models:
@@ -174,7 +174,7 @@ def _and_widest(request: Request, models: dict[str, Any]) -> dict[str, Any]:
     return models
 
 
-class Rods(Subject):
+class Rods(StudySubject):
     """A linkage of rods and bodies; errors are distances [m] between points and their reference positions."""
 
     unit = "m"
@@ -215,12 +215,12 @@ class Rods(Subject):
             )
         return result
 
-    def read(self, result: Any) -> Run:
+    def read(self, result: Any) -> StudyRun:
         """Return the positions of all moving points, (times, points, axes)."""
         along = np.stack([v.values for v in result.variables], axis=1)
-        return Run(along, result.statistics["steps"], result.statistics["evaluations"])
+        return StudyRun(along, result.statistics["steps"], result.statistics["evaluations"])
 
-    def reference(self) -> Reference:
+    def reference(self) -> ReferenceSolution:
         """Return a run at the tightest possible tolerance, in the widest available precision."""
         name = next(p for p in _REFERENCE if p in self.models)
         for k in range(_LOOSENED + 1):
@@ -232,7 +232,7 @@ class Rods(Subject):
                     raise
                 continue
             moved = float(np.max(distance(tight, loose)))
-            return Reference(tight, moved, f"dop853 at rtol {rtol:.0e}, {name}")
+            return ReferenceSolution(tight, moved, f"dop853 at rtol {rtol:.0e}, {name}")
         raise AssertionError("the last failure is raised")
 
     def _along(self, rtol: float, precision: str = FLOAT64.name) -> Array:
@@ -265,7 +265,7 @@ class FreeLoop(Rods):
         rows = [v.values.reshape(result.count, -1) for v in result.variables]
         return np.concatenate([*rows, np.zeros((result.count, 0))], axis=1)
 
-    def read(self, result: Any) -> Run:
+    def read(self, result: Any) -> StudyRun:
         """Return all recorded outputs relative to their largest values, (times, outputs)."""
         along = self._outputs(result) / self._sizes
-        return Run(along, result.statistics["steps"], result.statistics["evaluations"])
+        return StudyRun(along, result.statistics["steps"], result.statistics["evaluations"])

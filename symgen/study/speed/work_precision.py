@@ -17,7 +17,7 @@ from symgen.precision import PRECISIONS
 from symgen.scene.schema import Scene
 from symgen.study.speed.measures import distance
 from symgen.study.speed.orders import Order, observed_order
-from symgen.study.speed.subjects import Reference, Subject, subject
+from symgen.study.speed.subjects import ReferenceSolution, StudySubject, subject
 from symgen.study.speed.sweeps import Setting, worth_running
 
 #: A sweep ends within this multiple of the reference's uncertainty, or at this error relative to the
@@ -26,7 +26,7 @@ _NEAR, _ENOUGH = 3.0, 1e-13
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class WorkPrecisionPoint:
     """One setting of one method: final and largest error, wall time and counts.
 
     ``resolved`` is False if the error is within the uncertainty of the reference.
@@ -55,7 +55,7 @@ class WorkPrecision:
     measured: str
     reference: str
     uncertainty: float
-    points: tuple[Point, ...]
+    points: tuple[WorkPrecisionPoint, ...]
     orders: tuple[Order, ...]
     notes: tuple[str, ...]
 
@@ -152,7 +152,7 @@ def work_precision(
 class _Measured:
     """The runs of a subject by setting, each performed once, and their errors."""
 
-    def __init__(self, subject: Subject, reference: Reference, longest: float) -> None:
+    def __init__(self, subject: StudySubject, reference: ReferenceSolution, longest: float) -> None:
         self.subject, self.reference, self.longest = subject, reference, longest
         self.size = subject.size()
         self.goal = max(_NEAR * reference.uncertainty, _ENOUGH * self.size)
@@ -187,9 +187,9 @@ class _Measured:
             self.errors[setting] = (gaps[-1], max(gaps), run.steps, run.evaluations)
         return self.errors[setting][1], self.walls[setting]
 
-    def point(self, setting: Setting, times: Sequence[float]) -> Point:
+    def point(self, setting: Setting, times: Sequence[float]) -> WorkPrecisionPoint:
         end, along, steps, evaluations = self.errors[setting]
-        return Point(
+        return WorkPrecisionPoint(
             method=setting.method,
             precision=setting.precision,
             setting=setting.text,
@@ -212,7 +212,10 @@ class _Measured:
 
 
 def _timed(
-    measured: Subject, settings: Sequence[Setting], repeats: int, progress: Callable[[float], None] | None
+    measured: StudySubject,
+    settings: Sequence[Setting],
+    repeats: int,
+    progress: Callable[[float], None] | None,
 ) -> dict[Setting, list[float]]:
     times: dict[Setting, list[float]] = {setting: [] for setting in settings}
     collecting = gc.isenabled()
@@ -231,7 +234,7 @@ def _timed(
     return times
 
 
-def _of_reference(points: Sequence[Point], reference: Reference) -> list[str]:
+def _of_reference(points: Sequence[WorkPrecisionPoint], reference: ReferenceSolution) -> list[str]:
     """Return a note if errors are within the uncertainty of the reference."""
     lost = sum(not p.resolved for p in points)
     if not lost:

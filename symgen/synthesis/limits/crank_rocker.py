@@ -10,8 +10,8 @@ import numpy as np
 
 from symgen.mechanics.synthesis import limits as relations
 from symgen.synthesis.four_bar import FourBar
-from symgen.synthesis.limits.kind import Kind, time_ratio
-from symgen.synthesis.linkage import Linkage, angle
+from symgen.synthesis.limits.kind import LimitKind, time_ratio
+from symgen.synthesis.linkage import DesignedLinkage, angle
 from symgen.synthesis.search import ONE_LINK
 from symgen.synthesis.spherical import SphericalFourBar, corner
 
@@ -88,7 +88,7 @@ def _drawn_on_sphere(x: dict[str, float]) -> SphericalFourBar:
     return SphericalFourBar(axis(0, 0), axis(a, theta), axis(a + b, theta), axis(d, 0), error=x["error"])
 
 
-def _measured(angle: Angle, linkage: Linkage) -> Iterator[tuple[str, float]]:
+def _measured(angle: Angle, linkage: DesignedLinkage) -> Iterator[tuple[str, float]]:
     lengths = linkage.lengths
     yield from lengths.items()
     extended = linkage.parameters["start"]
@@ -108,11 +108,11 @@ def _measured(angle: Angle, linkage: Linkage) -> Iterator[tuple[str, float]]:
     yield "time_ratio", time_ratio(folded - extended)
 
 
-CRANK_ROCKER = Kind(
+CRANK_ROCKER = LimitKind(
     "synthesis_limits", "a crank-rocker", relations.QUANTITIES, 10, relations.necessary, _random,
     partial(_derived, angle), partial(_accepts, relations.QUANTITIES), _drawn, partial(_measured, angle),
 )  # fmt: skip
-SPHERICAL_CRANK_ROCKER = Kind(
+SPHERICAL_CRANK_ROCKER = LimitKind(
     "synthesis_spherical_limits", "a spherical crank-rocker", relations.SPHERICAL_QUANTITIES, 10,
     relations.spherical_necessary, _random_on_sphere, partial(_derived, corner), _accepts_on_sphere,
     _drawn_on_sphere, partial(_measured, corner),

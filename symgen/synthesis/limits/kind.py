@@ -12,7 +12,7 @@ from symgen.synthesis.contradictions import contradiction
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class LimitKind:
     """Limit positions of one kind of linkage.
 
     Attributes

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import SceneError
-from symgen.synthesis.limits.kind import Kind, in_sizes
-from symgen.synthesis.search import Search, conditions, search
+from symgen.synthesis.limits.kind import LimitKind, in_sizes
+from symgen.synthesis.search import RootSearch, conditions, search
 from symgen.synthesis.spherical import without_opposites
 from symgen.synthesis.tasks import SIZES
 
@@ -26,7 +26,9 @@ _BISECTIONS = 12
 _MAY_VANISH = "offset"
 
 
-def linkages(kind: Kind, prescribed: dict[str, float], starts: int, seed: int) -> tuple[list[Any], Search]:
+def linkages(
+    kind: LimitKind, prescribed: dict[str, float], starts: int, seed: int
+) -> tuple[list[Any], RootSearch]:
     """Return all linkages found that have the prescribed quantities [m, rad].
 
     Raises
@@ -74,13 +76,13 @@ def linkages(kind: Kind, prescribed: dict[str, float], starts: int, seed: int) -
 
 
 def best(
-    kind: Kind,
+    kind: LimitKind,
     prescribed: dict[str, float],
     ranges: dict[str, tuple[float, float]],
     starts: int,
     seed: int,
     allowed: Callable[[Any], bool],
-) -> tuple[list[Any], Search]:
+) -> tuple[list[Any], RootSearch]:
     """Return the linkage of best transmission, with one of its quantities in a range [m, rad].
 
     Its transmission angle is least off 90 deg, at worst, over a revolution of the crank: the thesis on
@@ -100,7 +102,7 @@ def best(
     ((name, (low, high)),) = ranges.items()
     if not low < high:
         raise SceneError("expected a range of rising values", where=name)
-    searches: list[Search] = []
+    searches: list[RootSearch] = []
 
     def at(value: float) -> tuple[float, Any]:
         value = 0.0 if name in kind.lengths and value < SIZES[0] else float(value)  # an offset of zero
@@ -121,7 +123,7 @@ def best(
     return [min(tried[top], at(refined.x), key=lambda pair: pair[0])[1]], searches[top]
 
 
-def greatest_transmission(kind: Kind, prescribed: dict[str, float], starts: int, seed: int) -> float:
+def greatest_transmission(kind: LimitKind, prescribed: dict[str, float], starts: int, seed: int) -> float:
     """Return the greatest ``transmission_least`` [rad] found with the other quantities, at most 90 deg.
 
     Linkages are searched at values up to a right angle, with a fifth of the starts each, then by bisection
@@ -143,13 +145,13 @@ def greatest_transmission(kind: Kind, prescribed: dict[str, float], starts: int,
     return float(low)
 
 
-def _off_right(kind: Kind, linkage: Any) -> float:
+def _off_right(kind: LimitKind, linkage: Any) -> float:
     """Return the largest deviation of the transmission angle from a right angle [rad]."""
     values = kind.derived([*linkage.lengths.values()])
     return max(abs(values[f"transmission_{end}"] - np.pi / 2) for end in ("least", "greatest"))
 
 
-def _check(kind: Kind, prescribed: dict[str, float]) -> None:
+def _check(kind: LimitKind, prescribed: dict[str, float]) -> None:
     if len(prescribed) != kind.required:
         names = ", ".join(prescribed) or "none"
         raise SceneError(
@@ -174,7 +176,7 @@ def _check(kind: Kind, prescribed: dict[str, float]) -> None:
             raise SceneError(f"expected an angle between 0 and 180 deg, got {text}", where=name)
 
 
-def _advice(kind: Kind, prescribed: dict[str, float]) -> str:
+def _advice(kind: LimitKind, prescribed: dict[str, float]) -> str:
     """Return advice on further quantities if there are too few; empty without advice."""
     if len(prescribed) > kind.required or "transmission_least" in prescribed:
         return ""
@@ -185,7 +187,7 @@ def _advice(kind: Kind, prescribed: dict[str, float]) -> str:
     )
 
 
-def _sample(kind: Kind, generator: np.random.Generator, prescribed: dict[str, float]) -> Array:
+def _sample(kind: LimitKind, generator: np.random.Generator, prescribed: dict[str, float]) -> Array:
     """Return the quantities of a random linkage, of the size of the first prescribed length."""
     named = kind.derived(kind.random(generator))
     sized = (name for name in kind.names if name in kind.lengths and prescribed.get(name))

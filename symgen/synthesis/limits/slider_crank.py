@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from symgen.mechanics.synthesis import limits as relations
-from symgen.synthesis.limits.kind import Kind, time_ratio
+from symgen.synthesis.limits.kind import LimitKind, time_ratio
 from symgen.synthesis.slider_crank import SliderCrank
 
 #: Angle below zero, or length, that counts as zero: rounding.
@@ -68,7 +68,7 @@ def _measured(linkage: SliderCrank) -> Iterator[tuple[str, float]]:
     yield "time_ratio", time_ratio(folded - extended)
 
 
-SLIDER_CRANK = Kind(
+SLIDER_CRANK = LimitKind(
     "synthesis_slider_limits", "a slider-crank", relations.SLIDER_QUANTITIES, 8, relations.slider_necessary,
     _random, _derived, _accepts, _drawn, _measured,
 )  # fmt: skip

@@ -82,7 +82,7 @@ class Lumps:
 
 
 @dataclass(frozen=True, slots=True)
-class Along:
+class ForceAlongLink:
     """One force along a link: number of the link, row in the kernel ``loads``, unknowns and shares at nodes.
 
     ``shares`` are those of the force at each node, and at its tangent [m], (nodes, 2).
@@ -108,7 +108,7 @@ class Along:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class LinkSection:
     """A section of an elastic link: the link, its ends, its length [m], and the unknown of its rotation.
 
     Without an unknown, -1, it stands for the line between the ends.
@@ -124,7 +124,7 @@ class Section:
 class Posed:
     """Calls of kernels with the links of sections in the direction of these."""
 
-    def __init__(self, motion: ElasticMotion, sections: Sequence[Section]) -> None:
+    def __init__(self, motion: ElasticMotion, sections: Sequence[LinkSection]) -> None:
         self._free = motion.rigid.description.free
         moves = next(self._choices(sections, ()), None)
         if moves is None:
@@ -136,8 +136,8 @@ class Posed:
         self.moves = moves
 
     def _choices(
-        self, sections: Sequence[Section], moves: tuple[tuple[Section, str], ...]
-    ) -> Iterator[tuple[tuple[Section, str], ...]]:
+        self, sections: Sequence[LinkSection], moves: tuple[tuple[LinkSection, str], ...]
+    ) -> Iterator[tuple[tuple[LinkSection, str], ...]]:
         """Yield moves of an end of each section, none of which moves a link that has its direction."""
         if not sections:
             yield moves
@@ -206,7 +206,7 @@ def lumps_of(motion: ElasticMotion, links: Sequence[LargeLink], gravity: Array) 
     return Lumps(np.array(places), np.array(bodies), gravity)
 
 
-def forces_along(motion: ElasticMotion, links: Sequence[LargeLink]) -> Iterator[Along]:
+def forces_along(motion: ElasticMotion, links: Sequence[LargeLink]) -> Iterator[ForceAlongLink]:
     """Yield the forces along links, but for those of joints, whose displacements the links share."""
     for number, link in enumerate(links):
         name = link.beam.info.link
@@ -223,7 +223,7 @@ def forces_along(motion: ElasticMotion, links: Sequence[LargeLink]) -> Iterator[
                 for k, (start, length) in enumerate(zip(nodes[:-1], np.diff(nodes), strict=True)):
                     spread = {"start": start, "even": profile.even, "slope": profile.slope}
                     shares[k : k + 2] += at_nodes("shares", 1, length=length, **spread).reshape(2, 2)
-            yield Along(number, row, link.places, shares)
+            yield ForceAlongLink(number, row, link.places, shares)
 
 
 def _node(motion: ElasticMotion, link: LargeLink, at: float) -> Indices:

@@ -9,11 +9,11 @@ import numpy as np
 from symgen.runtime._constrained import Steps
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import Moment, Pause, System
+from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, ResumePoint
 from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping
 
 
-class Samples(Checkpoints):
+class SampleCheckpoints(Checkpoints):
     """Checkpoints of runs of one system, which resume from the last sample.
 
     Attributes
@@ -24,10 +24,10 @@ class Samples(Checkpoints):
         Steps between two samples of the run to resume; 0 without.
     """
 
-    def __init__(self, system: System, mark: str, keeping: Keeping) -> None:
+    def __init__(self, system: ConstrainedSystem, mark: str, keeping: Keeping) -> None:
         super().__init__(mark, keeping)
         self._system, self._corrections = system, 0
-        self.before: tuple[list[Moment], int, int] | None = None
+        self.before: tuple[list[MotionState], int, int] | None = None
         with self.reading():
             self.steps = int(self.left["steps"]) if self.left else 0
             if self.left and self.steps < 1:
@@ -36,9 +36,9 @@ class Samples(Checkpoints):
                 steps, corrections = (int(k) for k in self.left["counts_before"])
                 system.restore(_part(self.left, "before_"))
                 self.before = self._unpacked(self.left["before"]), steps, corrections
-        self._latest: tuple[int, Pause, int] | None = None
+        self._latest: tuple[int, ResumePoint, int] | None = None
 
-    def resumed(self) -> Pause | None:
+    def resumed(self) -> ResumePoint | None:
         """Return the motion of the run to resume, once, with the memory of the system; else None."""
         content, self.steps = self.left, 0
         if "moments" not in content:
@@ -53,15 +53,15 @@ class Samples(Checkpoints):
                     raise ValueError(f"expected {size} numbers at each stage, got shape {numbers.shape}")
             self.left = {k: v for k, v in content.items() if k.startswith("before") or k == "counts_before"}
             self._corrections = int(content["corrections"])
-        return Pause(moments, now, guess, self._corrections)
+        return ResumePoint(moments, now, guess, self._corrections)
 
-    def finished(self, moments: Sequence[Moment], steps: int, corrections: int) -> None:
+    def finished(self, moments: Sequence[MotionState], steps: int, corrections: int) -> None:
         """Record a finished run."""
         memory = {f"before_{name}": values for name, values in self._system.memory().items()}
         counts, self._corrections, self._latest = np.array([steps, corrections]), 0, None
         self.left = {"before": _packed(moments), "counts_before": counts, **memory}
 
-    def look(self, steps: int, pause: Pause, stepper: Steps) -> None:
+    def look(self, steps: int, pause: ResumePoint, stepper: Steps) -> None:
         """Write a checkpoint at a sample if it is time."""
         self._latest = steps, pause, self._corrections + stepper.corrections
         if self.due():
@@ -83,16 +83,16 @@ class Samples(Checkpoints):
         }
         self.write(pause.now.t, arrays)
 
-    def _unpacked(self, rows: Array) -> list[Moment]:
+    def _unpacked(self, rows: Array) -> list[MotionState]:
         n, width = self._system.unknowns, 2 + 3 * self._system.unknowns + self._system.multipliers
         if rows.ndim != 2 or rows.shape[1] != width:
             raise ValueError(f"expected rows of {width} numbers, got shape {rows.shape}")
         ends = [n, 2 * n, 3 * n]
         parts = ((x, np.split(x[2:], ends)) for x in rows)
-        return [Moment(float(x[0]), q, v, a, m, float(x[1])) for x, (q, v, a, m) in parts]
+        return [MotionState(float(x[0]), q, v, a, m, float(x[1])) for x, (q, v, a, m) in parts]
 
 
-def _packed(moments: Sequence[Moment]) -> Array:
+def _packed(moments: Sequence[MotionState]) -> Array:
     return np.array([[x.t, x.work, *x.q, *x.v, *x.a, *x.multipliers] for x in moments])
 
 

@@ -31,7 +31,7 @@ PART = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class MotionState:
     """Places, rates, second rates (unknowns,) and multipliers at a time [s].
 
     ``work`` is that of moving constraints and of loads without potential less what damping dissipates, from
@@ -47,26 +47,26 @@ class Moment:
 
 
 @dataclass(frozen=True, slots=True)
-class Pause:
+class ResumePoint:
     """A run at a sample: its motion at samples so far, and the end of its last step.
 
     ``guess`` are second rates and multipliers of the stages of this step, ``corrections`` those of all steps.
     """
 
-    moments: list[Moment]
-    now: Moment
+    moments: list[MotionState]
+    now: MotionState
     guess: tuple[Array, Array]
     corrections: int = 0
 
 
-def stacked(moments: Sequence[Moment]) -> tuple[Array, ...]:
+def stacked(moments: Sequence[MotionState]) -> tuple[Array, ...]:
     """Return times, places, rates, second rates and multipliers of a motion, each (times, numbers)."""
     names = "t", "q", "v", "a", "multipliers"
     return tuple(np.array([getattr(moment, name) for moment in moments]) for name in names)
 
 
 @dataclass(frozen=True, slots=True)
-class Slopes:
+class SystemSlopes:
     """Slopes by second rates, rates and places, and of the constraints, over the slots of a pattern."""
 
     mass: Array
@@ -75,7 +75,7 @@ class Slopes:
     jacobian: Array
 
 
-class Pattern:
+class EnvelopePattern:
     """The slots of the matrix [W, J^T; J, 0] of a system, in the envelope of its entries.
 
     They are those of the rows below the diagonal, of the columns above it, and of the diagonal, in an order
@@ -155,7 +155,7 @@ class Pattern:
         return solve
 
 
-class System:
+class ConstrainedSystem:
     """A mechanical system of parts with constraints Phi(t, q) = 0, at one or more times in each call.
 
     Parameters
@@ -174,10 +174,10 @@ class System:
         self.name, self.scale, self.unknowns, self.multipliers = name, scale, len(scale), multipliers
         pairs, bound = (np.concatenate([getattr(p, of) for p in parts], axis=1) for of in ("pairs", "bound"))
         bound = bound[:, bound[1] < self.unknowns]
-        self.pattern = Pattern(pairs, bound, self.unknowns, multipliers)
+        self.pattern = EnvelopePattern(pairs, bound, self.unknowns, multipliers)
         self.core = Constrained(self.unknowns, multipliers, known, self.pattern, parts)
 
-    def start(self) -> Moment:
+    def start(self) -> MotionState:
         """Return the motion at the start."""
         raise NotImplementedError
 
@@ -186,7 +186,7 @@ class System:
         """Whether it takes note of the motion at the end of each step."""
         return False
 
-    def follow(self, at: Moment) -> None:
+    def follow(self, at: MotionState) -> None:
         """Take note of the motion at the end of a step, or at the start."""
 
     def memory(self) -> dict[str, Array]:
@@ -222,14 +222,14 @@ class System:
         time = np.array([t])
         return self.core.rows(time, q[None], np.zeros((1, self.unknowns)), *self.prescribed(time))[0][0]
 
-    def slopes(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> Slopes:
+    def slopes(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> SystemSlopes:
         """Return the slopes at a state."""
         time = np.array([t])
         state = q[None], v[None], a[None], multipliers[None]
-        return Slopes(*self.core.slopes(time, *state, *self.prescribed(time)))
+        return SystemSlopes(*self.core.slopes(time, *state, *self.prescribed(time)))
 
 
-def settled(system: System, at: Moment, span: float, first: bool = False) -> Moment:
+def settled(system: ConstrainedSystem, at: MotionState, span: float, first: bool = False) -> MotionState:
     """Return a motion with the second rates and multipliers at its time.
 
     They are those of the equation of motion and of the second rate of the constraints, which is the
@@ -244,22 +244,22 @@ def settled(system: System, at: Moment, span: float, first: bool = False) -> Mom
     near = system.rates(at.t + offsets, q + np.outer(offsets, v), np.broadcast_to(v, (5, n)))
     changes = weights @ near / (12 * PART * span)
     solution = system.core.accelerated(-np.append(system.core.forces(*state)[0], changes), *state)
-    return Moment(at.t, q, v, solution[:n], solution[n:], at.work)
+    return MotionState(at.t, q, v, solution[:n], solution[n:], at.work)
 
 
 def moved(
-    system: System,
+    system: ConstrainedSystem,
     method: BeamMethod,
     times: Array,
     steps: int,
     pace: Pace,
     progress: Progress | None = None,
-    at_step: Callable[[Moment, Array, Array, Moment], bool | None] | None = None,
-    at_sample: Callable[[Pause, Steps], None] | None = None,
-    resumed: Pause | None = None,
-    initial: Moment | None = None,
+    at_step: Callable[[MotionState, Array, Array, MotionState], bool | None] | None = None,
+    at_sample: Callable[[ResumePoint, Steps], None] | None = None,
+    resumed: ResumePoint | None = None,
+    initial: MotionState | None = None,
     close: float = CLOSE,
-) -> tuple[list[Moment], Steps]:
+) -> tuple[list[MotionState], Steps]:
     """Return the motion at times, by so many equal steps between two of them, and what counted them.
 
     ``at_step`` receives the motion before each step, second rates and multipliers of its stages, and the end;
@@ -298,7 +298,7 @@ def moved(
                     raise OutOfTime(now.t, moments, np.arange(len(moments)))
                 some, before = slice(at, at + each), now
                 done = stepper.advance(places[some], rates[some])
-                now = Moment(*stepper.motion)
+                now = MotionState(*stepper.motion)
                 if done < len(places[some]):
                     raise SimulationError(
                         f"{system.name}: Newton's method does not converge in a step of {h:.3g} s", time=now.t
@@ -308,7 +308,7 @@ def moved(
                     return moments, stepper
         moments.append(settled(system, now, h))
         if at_sample is not None:
-            at_sample(Pause(moments, now, stepper.guess), stepper)
+            at_sample(ResumePoint(moments, now, stepper.guess), stepper)
         if progress is not None:
             progress(end / float(times[-1]))
     return moments, stepper

@@ -8,10 +8,10 @@ import numpy as np
 
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BeamMethod
-from symgen.runtime.elastic.large.collocation import Moment
+from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.recording import motion
-from symgen.runtime.result.records import Event
+from symgen.runtime.result.records import LocatedEvent
 
 #: Fractions of a step at which gaps are evaluated.
 _SHARES = np.linspace(0.0, 1.0, 5)
@@ -21,8 +21,8 @@ _SHARES = np.linspace(0.0, 1.0, 5)
 class _Step:
     """Coordinates of the free points in a step: the polynomial with second rates of its stages."""
 
-    before: Moment
-    after: Moment
+    before: MotionState
+    after: MotionState
     powers: Array
 
     def at(self, shares: Array) -> tuple[Array, Array, Array]:
@@ -66,11 +66,11 @@ class Events:
         self._of, self._known = rigid.evaluator, rigid.description.events
         self._points = rigid.description.coordinates
         self._powers = np.linalg.inv(np.vander(method.c, increasing=True))
-        self.located: list[Event] = []
+        self.located: list[LocatedEvent] = []
         self.ended = False
         self.blind: tuple[str, float] | None = None
 
-    def step(self, before: Moment, a: Array, multipliers: Array, after: Moment) -> bool:
+    def step(self, before: MotionState, a: Array, multipliers: Array, after: MotionState) -> bool:
         """Locate the events in a step with these second rates of stages; return whether one ends the run."""
         step = _Step(before, after, self._powers @ a[:, : self._points])
         gaps, zeros = self._gaps(step, _SHARES), list[tuple[float, int, bool]]()
@@ -88,7 +88,7 @@ class Events:
             (t,), (q,), (v,) = step.at(np.array([share]))
             event = self._known[k]
             self.located.append(
-                Event(event.name, float(t), rising, motion(self._of, t, np.concatenate([q, v])))
+                LocatedEvent(event.name, float(t), rising, motion(self._of, t, np.concatenate([q, v])))
             )
             if event.ends_run:
                 self.ended = True

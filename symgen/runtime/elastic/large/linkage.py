@@ -19,8 +19,8 @@ from symgen.runtime._constrained import Added, Elements, Part, Rigid, Ties
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
-from symgen.runtime.elastic.large.attached import Posed, Section, direction_of, forces_along, lumps_of
-from symgen.runtime.elastic.large.collocation import Moment, System
+from symgen.runtime.elastic.large.attached import LinkSection, Posed, direction_of, forces_along, lumps_of
+from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState
 from symgen.runtime.elastic.large.counted import Counted
 from symgen.runtime.elastic.large.links import BLOCK
 from symgen.runtime.elastic.large.supports import (
@@ -37,7 +37,7 @@ from symgen.runtime.elastic.motion import ElasticMotion
 _SLOPES = ("mass_matrix", "damping", "stiffness")
 
 
-class LargeLinkage(System):
+class LargeLinkage(ConstrainedSystem):
     """The equations of a linkage with elastic links in large rotation: M a + ... + J^T lambda = f, Phi = 0.
 
     Parameters
@@ -140,22 +140,22 @@ class LargeLinkage(System):
     def _chord(self, number: int) -> Posed:
         """Return the calls of kernels with a link of undeformed length along the line between its ends."""
         beam = self.links[number].beam
-        line = Section(beam.info.link, beam.info.start, beam.info.end, beam.properties.length)
+        line = LinkSection(beam.info.link, beam.info.start, beam.info.end, beam.properties.length)
         free = self.motion.rigid.description.free
         return Posed(self.motion, [line] if {line.start, line.end} & set(free) else [])
 
-    def _acting(self, name: str) -> list[Section]:
+    def _acting(self, name: str) -> list[LinkSection]:
         """Return the sections on whose rotations the couples on one of them depend, this one first."""
         among = (other for couple in self.motion.info.couples if name in couple for other in couple)
         return [self._sections[other] for other in dict.fromkeys((name, *among))]
 
-    def start(self) -> Moment:
+    def start(self) -> MotionState:
         """Return positions and rates at t = 0, of straight links with the velocities of rigid links."""
         for counted, _ in self._counts():
             counted.restart()
         self._rigid_parts.take_parameters(self._counted.now(self._joints).parameters)
         q, v = self._start
-        return Moment(0.0, q, v, np.zeros(self.unknowns), np.zeros(self.multipliers))
+        return MotionState(0.0, q, v, np.zeros(self.unknowns), np.zeros(self.multipliers))
 
     def _counts(self) -> Iterator[tuple[Counted, Posed | None]]:
         """Yield the angles in loads, each after the motion in which they are counted."""
@@ -169,7 +169,7 @@ class LargeLinkage(System):
         """Whether loads count angles."""
         return bool(self._rigid.description.windings)
 
-    def follow(self, at: Moment) -> None:
+    def follow(self, at: MotionState) -> None:
         """Move the references of angles in loads."""
         if not self.follows:
             return

@@ -12,13 +12,13 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
-from symgen.runtime.elastic.large.collocation import Moment, settled
+from symgen.runtime.elastic.large.collocation import MotionState, settled
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import refined_run
 from symgen.runtime.elastic.large.run import counted, large_motion, least_steps, outputs
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.model.arguments import LargeRotation
-from symgen.runtime.result.modes import Assembled, AssembledMatrices
+from symgen.runtime.result.modes import AssembledMatrices, LabelledMatrix
 from symgen.runtime.result.records import Variable
 
 #: Unit and meaning of the matrices by name.
@@ -63,12 +63,12 @@ def large_matrices(motion: ElasticMotion, elements: int, t: float) -> AssembledM
         matrix = linkage.pattern.matrix(getattr(slopes, name)).toarray()[:n, :n]
         found[f"large_{name}"] = matrix, names, names
     return AssembledMatrices(
-        (name, Assembled(name, values, tuple(of_rows), tuple(of_columns), *LARGE[name]))
+        (name, LabelledMatrix(name, values, tuple(of_rows), tuple(of_columns), *LARGE[name]))
         for name, (values, of_rows, of_columns) in ((name, found[name]) for name in LARGE)
     )
 
 
-def _started(motion: ElasticMotion, elements: int) -> tuple[LargeLinkage, Moment]:
+def _started(motion: ElasticMotion, elements: int) -> tuple[LargeLinkage, MotionState]:
     """Return the linkage at the start, of straight links."""
     linkage = LargeLinkage(motion, counted(elements))
     start = linkage.start()
@@ -77,11 +77,13 @@ def _started(motion: ElasticMotion, elements: int) -> tuple[LargeLinkage, Moment
     return linkage, settled(linkage, start, _SPAN * span, first=True)
 
 
-def _reached(motion: ElasticMotion, elements: int, t: float) -> tuple[LargeLinkage, Moment]:
+def _reached(motion: ElasticMotion, elements: int, t: float) -> tuple[LargeLinkage, MotionState]:
     """Return the linkage at the end of a run, of the one with the most steps."""
-    ends: list[tuple[LargeLinkage, Moment]] = []
+    ends: list[tuple[LargeLinkage, MotionState]] = []
 
-    def recorded(motion: ElasticMotion, linkage: LargeLinkage, moments: Sequence[Moment]) -> list[Variable]:
+    def recorded(
+        motion: ElasticMotion, linkage: LargeLinkage, moments: Sequence[MotionState]
+    ) -> list[Variable]:
         ends.append((linkage, moments[-1]))
         return outputs(motion, linkage, moments)
 

@@ -14,8 +14,8 @@ import numpy as np
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.checkpoint import Samples
-from symgen.runtime.elastic.large.collocation import Moment, System, moved, stacked
+from symgen.runtime.elastic.large.checkpoint import SampleCheckpoints
+from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, moved, stacked
 from symgen.runtime.elastic.large.events import Events
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.outputs import selected
@@ -62,15 +62,15 @@ class LargeMotion:
     """
 
     rigid: RodModel
-    system: System
-    finer: Callable[[], System]
-    outputs: Callable[[Any, Sequence[Moment]], list[Variable]]
+    system: ConstrainedSystem
+    finer: Callable[[], ConstrainedSystem]
+    outputs: Callable[[Any, Sequence[MotionState]], list[Variable]]
     coordinate: Callable[[Array], Coordinate]
     modulus: float
     form: str
     notes: tuple[str, ...] = ()
     identity: tuple[str, ...] = ()
-    start: Callable[[Any], Moment] = operator.methodcaller("start")
+    start: Callable[[Any], MotionState] = operator.methodcaller("start")
     initial: str | Sequence[float] = "undeformed"
 
     def error(self, coarse: Sequence[Variable], fine: Sequence[Variable]) -> float:
@@ -83,7 +83,7 @@ class LargeMotion:
 
 
 @dataclass(frozen=True, slots=True)
-class Pass:
+class Refinement:
     """Outputs, events and counts of a run with ``steps`` steps between two of its ``count`` samples.
 
     ``error`` is the error of stresses by time steps over their peak; infinite as long as it is not known.
@@ -123,12 +123,12 @@ def refined_run(
         if not real(request.max_step, "max_step") > 0.0:
             raise ModelError(f"expected max_step above zero, got {request.max_step!r}")
         least = max(least, end / request.max_step)
-    times, pace, passes = np.linspace(0.0, end, samples), Pace(0.0, end), list[Pass]()
-    record: Samples | None = None
+    times, pace, passes = np.linspace(0.0, end, samples), Pace(0.0, end), list[Refinement]()
+    record: SampleCheckpoints | None = None
     if keeping is not None:
         evaluator, identity = of.rigid.evaluator, (of.form, rtol, least, times.tobytes().hex(), *of.identity)
         mark = mark_of_kernels(evaluator, evaluator.library, evaluator.equations(), *identity)
-        record = Samples(of.system, mark, keeping)
+        record = SampleCheckpoints(of.system, mark, keeping)
     spent = record.spent if record else 0.0
     try:
         _refine(passes, of, times, least, rtol, pace, request.progress, record)
@@ -143,14 +143,14 @@ def refined_run(
 
 
 def _refine(
-    passes: list[Pass],
+    passes: list[Refinement],
     of: LargeMotion,
     times: Array,
     least: float,
     rtol: float,
     pace: Pace,
     progress: Progress | None,
-    record: Samples | None = None,
+    record: SampleCheckpoints | None = None,
 ) -> None:
     """Append runs with twice the steps each to ``passes``, from ``least`` on, until the error is ``rtol``.
 
@@ -169,7 +169,7 @@ def _refine(
         moments, before, corrections = record.before
         variables, drift = of.outputs(of.system, moments), drift_of(of.system, moments)
         none = Events(of.rigid, GAUSS8)
-        passes.append(Pass(variables, before, corrections, math.inf, *drift, len(moments), none))
+        passes.append(Refinement(variables, before, corrections, math.inf, *drift, len(moments), none))
     steps = record.steps or steps if record else steps
     while True:
         events = Events(of.rigid, GAUSS8)
@@ -182,7 +182,7 @@ def _refine(
         except OutOfTime as stop:
             if not passes:
                 variables, drift = of.outputs(of.system, stop.states), drift_of(of.system, stop.states)
-                passes.append(Pass(variables, 0, 0, math.inf, *drift, len(stop.states), events))
+                passes.append(Refinement(variables, 0, 0, math.inf, *drift, len(stop.states), events))
             raise
         except SimulationError:
             if passes or steps * (len(times) - 1) > _MOST:
@@ -203,7 +203,7 @@ def _refine(
                     return
             drift = drift_of(of.system, moments)
             corrections = stepper.corrections + (resumed.corrections if resumed else 0)
-            passes.append(Pass(variables, steps, corrections, math.inf, *drift, count, events))
+            passes.append(Refinement(variables, steps, corrections, math.inf, *drift, count, events))
             if record:
                 record.finished(moments, steps, corrections)
         steps *= 2
@@ -215,7 +215,7 @@ def _first(variables: Sequence[Variable], count: int) -> list[Variable]:
     return [replace(v, values=v.values[:count]) for v in variables]
 
 
-def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | None) -> float | str:
+def _by_elements(of: LargeMotion, times: Array, coarse: Refinement, max_wall: float | None) -> float | str:
     """Return the change of stresses in twice as many elements, over their peak, or why it is not known.
 
     Both runs have the steps of ``coarse``, or as many more as Newton's method needs with the finer elements.
@@ -237,7 +237,7 @@ def _by_elements(of: LargeMotion, times: Array, coarse: Pass, max_wall: float | 
     return reason
 
 
-def drift_of(system: System, moments: Sequence[Moment]) -> tuple[Drift, float | None]:
+def drift_of(system: ConstrainedSystem, moments: Sequence[MotionState]) -> tuple[Drift, float | None]:
     """Return the largest errors of the constraints, of the energy, and of the balance of powers.
 
     The last is the largest difference between the input power and the sum of the dissipated power and the
@@ -260,7 +260,7 @@ def drift_of(system: System, moments: Sequence[Moment]) -> tuple[Drift, float | 
     return drift, float(np.max(np.abs(imbalance))) / max(change, *powers) if any(powers) else None
 
 
-def _result(of: LargeMotion, times: Array, one: Pass, rtol: float, wall: float) -> ElasticResult:
+def _result(of: LargeMotion, times: Array, one: Refinement, rtol: float, wall: float) -> ElasticResult:
     times = times[: one.count]
     d, rigid, coordinate = of.rigid.description, of.rigid, of.coordinate(times)
     notes = [*of.notes, *one.events.notes()]

@@ -11,7 +11,7 @@ from symgen.errors import ModelError
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.forces import joint_force, torque
 from symgen.runtime.elastic.exact import end_of_run, rigid_places, stiffness_damped
-from symgen.runtime.elastic.large.collocation import Moment, stacked
+from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.large.shaking import in_large_rotation
@@ -31,7 +31,7 @@ _STRIDES = 5.0
 _MOST_ELEMENTS = 1000
 
 #: Function that returns the outputs of a motion.
-Outputs = Callable[[ElasticMotion, LargeLinkage, Sequence[Moment]], list[Variable]]
+Outputs = Callable[[ElasticMotion, LargeLinkage, Sequence[MotionState]], list[Variable]]
 
 
 def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> ElasticResult:
@@ -87,7 +87,7 @@ def _free(motion: ElasticMotion) -> Iterator[str]:
         )
 
 
-def outputs(motion: ElasticMotion, linkage: LargeLinkage, moments: Sequence[Moment]) -> list[Variable]:
+def outputs(motion: ElasticMotion, linkage: LargeLinkage, moments: Sequence[MotionState]) -> list[Variable]:
     """Return strains, displacements, forces, torque and energies."""
     times, q, v, a, multipliers = stacked(moments)
     d, variables = motion.rigid.description, list[Variable]()

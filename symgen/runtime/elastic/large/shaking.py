@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.forces import Forces, Motion, of_coordinates
-from symgen.runtime.elastic.large.collocation import Moment, stacked
+from symgen.runtime.beams.forces import ElasticForces, TotalMotion, of_coordinates
+from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
 
@@ -27,7 +27,11 @@ _OUTPUTS = {
 
 
 def in_linear_theory(
-    motion: ElasticMotion, rigid: Sequence[Array], run: Motion, accelerations: Array, acting: Forces
+    motion: ElasticMotion,
+    rigid: Sequence[Array],
+    run: TotalMotion,
+    accelerations: Array,
+    acting: ElasticForces,
 ) -> Iterator[Variable]:
     """Yield the outputs if the scene selects them.
 
@@ -54,7 +58,9 @@ def in_linear_theory(
     yield from _shaking(motion.rigid, run.times, q, u, a, on_links)
 
 
-def in_large_rotation(linkage: LargeLinkage, rigid: RodModel, moments: Sequence[Moment]) -> list[Variable]:
+def in_large_rotation(
+    linkage: LargeLinkage, rigid: RodModel, moments: Sequence[MotionState]
+) -> list[Variable]:
     """Return the outputs if the scene selects them, and no load acts along an elastic link."""
     if linkage.loaded or not _selected(rigid):
         return []
@@ -68,7 +74,7 @@ def in_large_rotation(linkage: LargeLinkage, rigid: RodModel, moments: Sequence[
     return _shaking(rigid, t, q[:, :n], v[:, :n], a[:, :n], on_links)
 
 
-def in_space(linkage: LinkageInSpace, moments: Sequence[Moment]) -> list[Variable]:
+def in_space(linkage: LinkageInSpace, moments: Sequence[MotionState]) -> list[Variable]:
     """Return the outputs if the scene selects them."""
     t, q, v, a, _ = stacked(moments)
     if np.iscomplexobj(q) or not _selected(linkage.rigid):

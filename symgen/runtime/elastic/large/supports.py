@@ -11,7 +11,7 @@ from symgen.errors import ModelError
 from symgen.runtime._constrained import Rows
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels, meshed
-from symgen.runtime.elastic.large.attached import DIRECTION, FORCE, Section, at_nodes
+from symgen.runtime.elastic.large.attached import DIRECTION, FORCE, LinkSection, at_nodes
 from symgen.runtime.elastic.large.links import LargeLink, element_properties
 from symgen.runtime.elastic.motion import ElasticMotion
 
@@ -59,15 +59,15 @@ def gravity_of(motion: ElasticMotion) -> Array:
     return at_nodes("force", 1, acting={FORCE: (1.0, 0.0, *axes, *force)})[0, :2]
 
 
-def section_of(links: Sequence[LargeLink], link: str, point: str) -> Section:
+def section_of(links: Sequence[LargeLink], link: str, point: str) -> LinkSection:
     """Return the section of a link at one of its joints."""
     link_number = next(k for k in links if k.beam.info.link == link)
     info = link_number.beam.info
     place = int(link_number.places[info.joint_nodes[info.points.index(point)], 2])
-    return Section(link, info.start, info.end, link_number.beam.properties.length, place)
+    return LinkSection(link, info.start, info.end, link_number.beam.properties.length, place)
 
 
-def rotation_of(links: Sequence[LargeLink], name: str) -> Section:
+def rotation_of(links: Sequence[LargeLink], name: str) -> LinkSection:
     """Return the section with a rotation of the linkage: of a link at a point, or of links welded there."""
     link, _, point = name.rpartition(".")
     welded = (k.beam.info.link for k in links if point in k.beam.info.welds)

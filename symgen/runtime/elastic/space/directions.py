@@ -20,7 +20,7 @@ _PAIRS = ((0, 0, 0.5), (1, 1, 0.5), (2, 2, 0.5), (0, 1, 1.0), (0, 2, 1.0), (1, 2
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class DirectionRow:
     """One constraint: places of its seven vectors, (7, 3), their factors (7,), its value, and its joint.
 
     Factors may have tangents.
@@ -32,17 +32,19 @@ class Row:
     label: str = DIRECTORS
 
 
-def orthonormal(directors: Indices) -> list[Row]:
+def orthonormal(directors: Indices) -> list[DirectionRow]:
     """Return the rows of the directors of nodes, whose places are (nodes, 3, 3)."""
     units = np.eye(4)
     return [
-        Row(np.concatenate([of, of, of[:1]]), np.append(units[i, :3], factor * units[j]), factor * (i == j))
+        DirectionRow(
+            np.concatenate([of, of, of[:1]]), np.append(units[i, :3], factor * units[j]), factor * (i == j)
+        )
         for of in directors
         for i, j, factor in _PAIRS
     ]
 
 
-def directions(rows: Sequence[Row], unknowns: int, first: int) -> Rows:
+def directions(rows: Sequence[DirectionRow], unknowns: int, first: int) -> Rows:
     """Return constraints on directions, one or more, as the part of a system.
 
     Places of vectors from ``unknowns`` on are those of prescribed numbers; ``first`` is the number of the

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from symgen.runtime.elastic.large.collocation import Moment, stacked
+from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.space.linkage import AXES, LinkageInSpace
 from symgen.runtime.result.records import Variable
 
 
-def drives(of: LinkageInSpace, moments: Sequence[Moment]) -> list[Variable]:
+def drives(of: LinkageInSpace, moments: Sequence[MotionState]) -> list[Variable]:
     """Return torque and power of each drive.
 
     A torque is the sum of that on the link alone and of the virtual work, per angle, of the joints with axes

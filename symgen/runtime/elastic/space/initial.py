@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
-from symgen.runtime.elastic.large.collocation import Moment
+from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.modes import linearised, modes_of, moved_by_loads
 from symgen.runtime.elastic.space.statics import at_rest, equilibrium, unbalanced
@@ -38,7 +38,7 @@ _FAR = 0.1
 _MOST, _CLOSE = 20, 1e-13
 
 
-def initial(linkage: LinkageInSpace, state: str | Sequence[float]) -> Moment:
+def initial(linkage: LinkageInSpace, state: str | Sequence[float]) -> MotionState:
     """Return the motion at the start: ``undeformed``, ``quasi-static``, or deflected by modes [m].
 
     Raises
@@ -52,7 +52,7 @@ def initial(linkage: LinkageInSpace, state: str | Sequence[float]) -> Moment:
     return deflected(linkage, state)
 
 
-def quasi_static(linkage: LinkageInSpace) -> Moment:
+def quasi_static(linkage: LinkageInSpace) -> MotionState:
     """Return the shape under loads and inertia at the start, and its rates: the motion without vibrations.
 
     The equilibria with the input held at successive times have rates and second rates. Their inertia and
@@ -61,7 +61,7 @@ def quasi_static(linkage: LinkageInSpace) -> Moment:
     start = equilibrium(linkage, 0.0)
     if linkage.rigid.description.freedom and moved_by_loads(linkage):  # else links bend, by any angle
         _check_near(linkage, start, "a quasi-static start, which is")
-    before: Moment | None = None
+    before: MotionState | None = None
     usual = _APART * linkage.rigid.description.t_end
     longest = max(usual, _time_of_vibrations(linkage, start))
     tries = _SHORTER + math.ceil(math.log(longest / usual, math.pi))
@@ -82,7 +82,7 @@ def quasi_static(linkage: LinkageInSpace) -> Moment:
     )
 
 
-def _time_of_vibrations(linkage: LinkageInSpace, rest: Moment) -> float:
+def _time_of_vibrations(linkage: LinkageInSpace, rest: MotionState) -> float:
     """Return the inverse of the lowest angular frequency w about an equilibrium [s]; 0 where there is none.
 
     Second rates of equilibria bend shapes, which have rates in turn: intervals h divide round-off by h^3 w^2.
@@ -95,7 +95,7 @@ def _time_of_vibrations(linkage: LinkageInSpace, rest: Moment) -> float:
     return float(1 / frequencies[rigid]) if rigid < len(frequencies) else 0.0
 
 
-def _slow(linkage: LinkageInSpace, start: Moment, apart: float) -> Moment:
+def _slow(linkage: LinkageInSpace, start: MotionState, apart: float) -> MotionState:
     """Return the quasi-static shape with its rates, by poses at an interval [s]."""
     times = apart * np.arange(_POSES)
     held = [start]
@@ -108,7 +108,7 @@ def _slow(linkage: LinkageInSpace, start: Moment, apart: float) -> Moment:
     shapes = [at_rest(linkage, replace(x, v=v, a=a)) for x, v, a in zip(held, rates, second, strict=True)]
     v = _differences(times, 1)[0] @ np.array([x.q - shapes[0].q for x in shapes])
     still, none = np.zeros(linkage.unknowns), np.zeros(linkage.multipliers)
-    return linkage.with_rates(Moment(0.0, shapes[0].q, v, still, none))
+    return linkage.with_rates(MotionState(0.0, shapes[0].q, v, still, none))
 
 
 def _differences(times: NDArray[Any], order: int) -> Array:
@@ -121,7 +121,7 @@ def _differences(times: NDArray[Any], order: int) -> Array:
     return slopes @ np.linalg.inv(powers) / span**order
 
 
-def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
+def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> MotionState:
     """Return the undeformed start deflected by modes, with its rates.
 
     Amplitudes [m] are the largest displacements of elastic links in the first modes that strain the linkage,
@@ -150,7 +150,7 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> Moment:
     )
 
 
-def _check_near(linkage: LinkageInSpace, rest: Moment, noun: str) -> None:
+def _check_near(linkage: LinkageInSpace, rest: MotionState, noun: str) -> None:
     """Refuse an equilibrium far from the drawing: the linkage hangs elsewhere."""
     apart = float(np.max(np.abs(rest.q - linkage.start().q) / linkage.scale))
     if apart > _FAR:

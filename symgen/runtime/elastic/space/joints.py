@@ -9,14 +9,14 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.elastic.space.directions import DIRECTORS, Row
+from symgen.runtime.elastic.space.directions import DIRECTORS, DirectionRow
 
 #: Size of a direction, of length one, that counts as zero.
 _NONE = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class FixedVectors:
     """Vectors fixed in a part: their places (vectors, 3), and values at the start (vectors, 3).
 
     ``between``: the vectors are places of points, and directions are differences of them. Values may have
@@ -46,7 +46,9 @@ class Frame:
         return factors if np.linalg.norm(of @ factors - right) < _NONE else None
 
 
-def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> Iterator[Row]:
+def rows_of(
+    kind: str, about: str, axis: Array, first: FixedVectors, second: FixedVectors
+) -> Iterator[DirectionRow]:
     """Yield the constraints between the directors of a link and another part, which hold at the start.
 
     Parameters
@@ -91,7 +93,7 @@ def rows_of(kind: str, about: str, axis: Array, first: Frame, second: Frame) -> 
             raise ModelError(f"{about}: the axis has no direction fixed in the other link\n  {_REMEDY}")
         missing = 4 - len(factors)
         places = np.concatenate([first.places, second.places, second.places[:1].repeat(missing, axis=0)])
-        yield Row(places, np.concatenate([vectors @ a, factors, np.zeros(missing)]))
+        yield DirectionRow(places, np.concatenate([vectors @ a, factors, np.zeros(missing)]))
 
 
 def _normals(axis: Array) -> Array:

@@ -20,9 +20,9 @@ from symgen.runtime._constrained import Elements, Rigid, Ties
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels, rows_at
 from symgen.runtime.beams.layout import entries_of
-from symgen.runtime.elastic.large.collocation import Moment, System
-from symgen.runtime.elastic.space.directions import Row, directions, orthonormal
-from symgen.runtime.elastic.space.joints import Frame, check_independent, length_of, rows_of
+from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState
+from symgen.runtime.elastic.space.directions import DirectionRow, directions, orthonormal
+from symgen.runtime.elastic.space.joints import FixedVectors, check_independent, length_of, rows_of
 from symgen.runtime.elastic.space.links import BLOCK, DAMPING, links_in_space
 from symgen.runtime.kernels.elastic_description import JointInfo
 from symgen.runtime.kernels.evaluate import UNIT, Duals
@@ -35,7 +35,7 @@ AXES = 9
 
 
 @dataclass(frozen=True, slots=True)
-class Along:
+class ParameterDirection:
     """A direction: tangents of the parameters, and of coordinates and rates at the start."""
 
     parameters: Array
@@ -43,7 +43,7 @@ class Along:
     u: Array
 
 
-class LinkageInSpace(System):
+class LinkageInSpace(ConstrainedSystem):
     """The equations M a + ... + J^T lambda = f, Phi = 0 of a linkage with elastic links in space.
 
     Parameters
@@ -59,7 +59,11 @@ class LinkageInSpace(System):
     """
 
     def __init__(
-        self, rigid: RodModel, divided: int = 1, elements: int | None = None, along: Along | None = None
+        self,
+        rigid: RodModel,
+        divided: int = 1,
+        elements: int | None = None,
+        along: ParameterDirection | None = None,
     ) -> None:
         d = rigid.description
         if d.elastic is None:
@@ -145,7 +149,7 @@ class LinkageInSpace(System):
         info = self.rigid.description.elastic
         return info is not None and bool(info.driven)
 
-    def start(self) -> Moment:
+    def start(self) -> MotionState:
         """Return places and rates at t = 0: straight links that move as rigid ones.
 
         They spin about their lines as joints that restrict rotations prescribe.
@@ -162,9 +166,9 @@ class LinkageInSpace(System):
         ends = np.delete(np.arange(n), np.concatenate([link.between.ravel() for link in self.links]))
         jacobian = self.pattern.matrix(slopes.jacobian)[n:, ends].toarray()
         check_independent(self.name, jacobian, self.labels)
-        return self.with_rates(Moment(0.0, q, v, *none))
+        return self.with_rates(MotionState(0.0, q, v, *none))
 
-    def with_rates(self, at: Moment) -> Moment:
+    def with_rates(self, at: MotionState) -> MotionState:
         """Return a motion with its rates projected on the constraints, in the metric of the mass matrix."""
         slopes, n = self.slopes(at.t, at.q, at.v, at.a, at.multipliers), self.unknowns
         over = np.append(np.zeros(n), self.rates(np.array([at.t]), at.q[None], at.v[None])[0])
@@ -196,7 +200,7 @@ class LinkageInSpace(System):
                 vectors[1, node[3:]] = np.cross(turning, directors).ravel()
         return vectors
 
-    def _joined(self) -> Iterator[Row]:
+    def _joined(self) -> Iterator[DirectionRow]:
         """Yield the constraints of joints that restrict rotations."""
         info = self.rigid.description.elastic
         if info is None or not info.joints_in_space:
@@ -208,21 +212,21 @@ class LinkageInSpace(System):
             for row in rows_of(joint.kind, about, axis, first, second):
                 yield replace(row, label=f"the {joint.kind} at {joint.point}")
 
-    def _frame(self, name: str, joint: JointInfo) -> Frame:
+    def _frame(self, name: str, joint: JointInfo) -> FixedVectors:
         """Return the vectors fixed in a link of a joint; in the ground without a name."""
         d, size = self.rigid.description, self.straight.shape[1]
         start = np.concatenate([self.straight[0], self.prescribed_with_tangents(np.zeros(1))[0][0]])
         for link in self.links:
             if link.info.link == name:
                 places = link.places[link.nodes[joint.point], 3:].reshape(3, 3)
-                return Frame(places, start[places])
+                return FixedVectors(places, start[places])
         turned = ("", *d.elastic.driven) if d.elastic else ("",)
         if name in turned:
             places = size + 3 * len(d.points) + AXES * turned.index(name) + np.arange(AXES).reshape(3, 3)
-            return Frame(places, start[places])
+            return FixedVectors(places, start[places])
         first = [3 * d.free.index(p) if p in d.free else size + 3 * d.points.index(p) for p in joint.base]
         places = np.array(first)[:, None] + np.arange(3)
-        return Frame(places, start[places], between=True)
+        return FixedVectors(places, start[places], between=True)
 
     def prescribed(self, t: Array) -> tuple[Array, Array]:
         """Return places and rates of points, valid of those of the ground, and of axes, (times, numbers).
@@ -281,7 +285,7 @@ class LinkageInSpace(System):
         states = np.concatenate([q[:, self.vectors], v[:, self.vectors], factors], axis=2).reshape(-1, 50)
         return rows_at("direction", kernel, states, 21, np.zeros(1), width).reshape(len(q), -1, width)
 
-    def jacobian_rate(self, moment: Moment) -> Array:
+    def jacobian_rate(self, moment: MotionState) -> Array:
         """Return the rate of the constraint Jacobian, (multipliers, unknowns)."""
         n, rigid, points, t = self.unknowns, len(self.rows), self._points, np.array([moment.t])
         rates = self.prescribed(t)[1]

@@ -10,7 +10,7 @@ import numpy as np
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.elastic.large.collocation import Moment, stacked
+from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.model import ModelOfRigid
 from symgen.runtime.elastic.outputs import selected
@@ -161,7 +161,7 @@ class SpatialModel(ModelOfRigid):
                     raise
                 raise SimulationError(f"{error}{self._dead_centre(error.time)}", time=error.time) from None
 
-    def _outputs(self, linkage: LinkageInSpace, moments: Sequence[Moment]) -> list[Variable]:
+    def _outputs(self, linkage: LinkageInSpace, moments: Sequence[MotionState]) -> list[Variable]:
         """Return the outputs, without places of points at rest unless the scene selects them.
 
         Raises

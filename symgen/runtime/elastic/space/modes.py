@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.elastic.large.collocation import Moment
+from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.statics import equilibrium, unbalanced
 from symgen.runtime.model.rods import RodModel
@@ -70,7 +70,7 @@ class AtRest:
     sizes: Array
 
 
-def linearised(linkage: LinkageInSpace, at: Moment) -> AtRest:
+def linearised(linkage: LinkageInSpace, at: MotionState) -> AtRest:
     """Return the equations about an equilibrium, on the changes that the constraints leave."""
     from scipy.linalg import null_space
 
@@ -89,7 +89,7 @@ def linearised(linkage: LinkageInSpace, at: Moment) -> AtRest:
     return AtRest(basis, mass, damping, symmetric, sizes)
 
 
-def resting(linkage: LinkageInSpace, t: float, stable: bool) -> tuple[Moment, AtRest]:
+def resting(linkage: LinkageInSpace, t: float, stable: bool) -> tuple[MotionState, AtRest]:
     """Return an equilibrium at a time [s] and the equations about it.
 
     Where loads bend the drawing to an unstable shape, a ``stable`` one is looked for with a force along its

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from symgen.runtime.beams.energies import Energies
-from symgen.runtime.elastic.large.collocation import Moment, stacked
+from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.shaking import in_space
 from symgen.runtime.elastic.outputs import length_change
 from symgen.runtime.elastic.space.drives import drives
@@ -30,7 +30,7 @@ _AT_STATIONS = {
 _MOMENTS = slice(3, 6)
 
 
-def outputs(linkage: LinkageInSpace, states: Sequence[Moment]) -> list[Variable]:
+def outputs(linkage: LinkageInSpace, states: Sequence[MotionState]) -> list[Variable]:
     """Return strains and stresses at stations, joint forces and moments of links, places, energies."""
     t, q, v, a, multipliers = stacked(states)
     links, variables, axes = {k.info.link: k for k in linkage.links}, list[Variable](), ("x", "y", "z")

@@ -15,12 +15,12 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import Moment, moved
-from symgen.runtime.elastic.space.linkage import Along, LinkageInSpace
+from symgen.runtime.elastic.large.collocation import MotionState, moved
+from symgen.runtime.elastic.space.linkage import LinkageInSpace, ParameterDirection
 from symgen.runtime.elastic.space.modes import modes_in_space
 from symgen.runtime.elastic.space.outputs import outputs as outputs_of
 from symgen.runtime.elastic.space.statics import equilibrium, held
-from symgen.runtime.elastic.space.tangents import Tangents, by_parameters, matrices
+from symgen.runtime.elastic.space.tangents import RunTangents, by_parameters, matrices
 from symgen.runtime.integrate.pace import Pace
 from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.elastic import derived, frequency_slopes, frequency_units
@@ -60,7 +60,7 @@ def of_run(
             f"{rigid.description.switches[0]}"
         )
     linkage, directions = LinkageInSpace(rigid), [*_directions(rigid, parameters, coordinates)]
-    tangents = Tangents(linkage, directions, GAUSS8, float(times[1] - times[0]) / steps)
+    tangents = RunTangents(linkage, directions, GAUSS8, float(times[1] - times[0]) / steps)
     pace = Pace(0.0, float(times[-1]))
     moments, _ = moved(linkage, GAUSS8, times, steps, pace, at_step=tangents.step)
     by = [(*x, *tangents.settled(m, *x)) for m, x in zip(moments, tangents.directions[::steps], strict=True)]
@@ -69,7 +69,7 @@ def of_run(
         duals = []
         for m, changes in zip(moments, by, strict=True):
             q, v, a, multipliers = (1j * UNIT * x[:, j] for x in changes)
-            duals.append(Moment(m.t, m.q + q, m.v + v, m.a + a, m.multipliers + multipliers))
+            duals.append(MotionState(m.t, m.q + q, m.v + v, m.a + a, m.multipliers + multipliers))
         return outputs_of(directions[j], duals)
 
     each = map(along, range(len(directions)))
@@ -120,4 +120,4 @@ def _directions(
     for j, name in enumerate(parameters):
         change = np.zeros(len(rigid.evaluator.parameter_values))
         change[[*rigid.parameters].index(name)] = 1.0
-        yield LinkageInSpace(rigid, along=Along(change, dq[:, j], du[:, j]))
+        yield LinkageInSpace(rigid, along=ParameterDirection(change, dq[:, j], du[:, j]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
-from symgen.runtime.elastic.large.collocation import Moment
+from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 
 #: Corrections of an equilibrium at most, and the last one over the sizes of the unknowns.
@@ -26,7 +26,7 @@ _POSES = 64
 _SHIFT = 1e-9
 
 
-def equilibrium(linkage: LinkageInSpace, t: float, push: Array | None = None) -> Moment:
+def equilibrium(linkage: LinkageInSpace, t: float, push: Array | None = None) -> MotionState:
     """Return places and multipliers at rest, in equilibrium with the loads at a time [s].
 
     ``push`` (unknowns,) is a force that acts on the way there, and not in the end.
@@ -44,7 +44,7 @@ def equilibrium(linkage: LinkageInSpace, t: float, push: Array | None = None) ->
     return moment if push is None else at_rest(linkage, moment)
 
 
-def at_rest(linkage: LinkageInSpace, moment: Moment, push: Array | None = None) -> Moment:
+def at_rest(linkage: LinkageInSpace, moment: MotionState, push: Array | None = None) -> MotionState:
     """Return a motion with the places and multipliers of equilibrium with its rates and second rates.
 
     The forces that are unbalanced at ``moment`` are applied in parts, as small as the displacements require,
@@ -80,13 +80,13 @@ def at_rest(linkage: LinkageInSpace, moment: Moment, push: Array | None = None) 
     return now
 
 
-def unbalanced(linkage: LinkageInSpace, at: Moment) -> Array:
+def unbalanced(linkage: LinkageInSpace, at: MotionState) -> Array:
     """Return the unbalanced forces and the errors of the constraints, (unknowns + multipliers,)."""
     state = (x[None] for x in (at.q, at.v, at.a, at.multipliers))
     return np.concatenate([linkage.residual(np.array([at.t]), *state)[0], linkage.errors(at.t, at.q)])
 
 
-def _corrected(linkage: LinkageInSpace, at: Moment, left: Array, largest: float) -> Moment | None:
+def _corrected(linkage: LinkageInSpace, at: MotionState, left: Array, largest: float) -> MotionState | None:
     """Return a motion with these unbalanced forces and errors by Newton's method, or None if it fails."""
     n = linkage.unknowns
     for count in range(_MOST):
@@ -100,7 +100,7 @@ def _corrected(linkage: LinkageInSpace, at: Moment, left: Array, largest: float)
     return None
 
 
-def held(linkage: LinkageInSpace, at: Moment) -> Callable[[Array], Array]:
+def held(linkage: LinkageInSpace, at: MotionState) -> Callable[[Array], Array]:
     """Return the change of places and multipliers at rest by a change of forces and errors of constraints."""
     slopes = linkage.slopes(at.t, at.q, at.v, at.a, at.multipliers)
     shift = _SHIFT * np.max(np.abs(slopes.stiffness)) / np.max(np.abs(slopes.mass))

@@ -16,7 +16,7 @@ import numpy as np
 
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.methods import BeamMethod
-from symgen.runtime.elastic.large.collocation import PART, Moment, Slopes, stacked
+from symgen.runtime.elastic.large.collocation import PART, MotionState, SystemSlopes, stacked
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.kernels.evaluate import UNIT
 
@@ -64,7 +64,7 @@ def input_power(of: LinkageInSpace, t: Array, q: Array, v: Array, a: Array, mult
     return power + of_rigid["power"].reshape(len(t)) if "power" in of_rigid else power
 
 
-def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters:
+def by_parameters(of: LinkageInSpace, moments: Sequence[MotionState]) -> ByParameters:
     """Return the tangents along the direction of a linkage with its motion held at each of the moments."""
     n, rigid = of.unknowns, len(of.rows)
     t, *moved, multipliers = stacked(moments)
@@ -87,7 +87,7 @@ def by_parameters(of: LinkageInSpace, moments: Sequence[Moment]) -> ByParameters
     return ByParameters(*(x.imag / UNIT for x in (forces[:, :n], errors, speeds)))
 
 
-def matrices(of: LinkageInSpace, at: Moment) -> tuple[Array, Array, Array]:
+def matrices(of: LinkageInSpace, at: MotionState) -> tuple[Array, Array, Array]:
     """Return mass, stiffness (unknowns, unknowns) and constraint Jacobian at rest, dense, with tangents."""
     n, rigid, t = of.unknowns, len(of.rows), np.array([at.t])
     places, still = of.prescribed_with_tangents(t)[0], np.zeros((1, n))
@@ -120,7 +120,7 @@ def matrices(of: LinkageInSpace, at: Moment) -> tuple[Array, Array, Array]:
     return mass[:n, :n], stiffness[:n, :n], bound[:, :n]
 
 
-class Tangents:
+class RunTangents:
     """Tangents of places and rates (unknowns, directions) along a run from its start.
 
     Parameters
@@ -151,7 +151,7 @@ class Tangents:
         #: After every step.
         self.directions = [(self.q, self.v)]
 
-    def _held(self, *moments: Moment) -> ByParameters:
+    def _held(self, *moments: MotionState) -> ByParameters:
         """Return the tangents at held motions along all directions, which are the last axis."""
         parts_of_links = [by_parameters(of, moments) for of in self._along]
         names = "forces", "errors", "rates"
@@ -159,7 +159,7 @@ class Tangents:
             *(np.stack([getattr(x, name) for x in parts_of_links], axis=-1) for name in names)
         )
 
-    def _slopes(self, moment: Moment) -> Slopes:
+    def _slopes(self, moment: MotionState) -> SystemSlopes:
         return self._of.slopes(moment.t, moment.q, moment.v, moment.a, moment.multipliers)
 
     def _start(self) -> tuple[Array, Array]:
@@ -167,15 +167,15 @@ class Tangents:
         of, n = self._of, self._of.unknowns
         (q, v), still, none = of.straight, np.zeros(of.unknowns), np.zeros(of.multipliers)
         dq, dv = (np.array([x.straight[k].imag for x in self._along]).T / UNIT for k in range(2))
-        before = self._slopes(Moment(0.0, q, v, still, none))
+        before = self._slopes(MotionState(0.0, q, v, still, none))
         solve = of.pattern.factorised(before.mass + before.jacobian)
         over = of.rates(np.zeros(1), q[None], v[None])[0]
         spin, w = np.split(-solve(np.append(still, over)), [n])
-        start = Moment(0.0, q, v, still, none)
+        start = MotionState(0.0, q, v, still, none)
         rows = self._rows(replace(start, v=v + spin), dq, dv)
         return dq, dv - solve(np.vstack([self._pushed(start, spin, w, dq), rows]))[:n]
 
-    def _pushed(self, at: Moment, change: Array, multipliers: Array, dq: Array) -> Array:
+    def _pushed(self, at: MotionState, change: Array, multipliers: Array, dq: Array) -> Array:
         """Return the differential of M c + J^T lambda for a held change c of places or rates."""
         still, none = np.zeros_like(change), np.zeros_like(multipliers)
         pushed, rest = replace(at, a=change, multipliers=multipliers), replace(at, a=still, multipliers=none)
@@ -183,18 +183,18 @@ class Tangents:
         by, without = self._held(pushed, rest).forces
         return by - without + curved[: len(dq), : len(dq)] @ dq
 
-    def _rows(self, at: Moment, dq: Array, dv: Array) -> Array:
+    def _rows(self, at: MotionState, dq: Array, dv: Array) -> Array:
         """Return the differentials of the rates of the constraints."""
         jacobian = self._one.matrix(self._slopes(at).jacobian)[self._of.unknowns :, : self._of.unknowns]
         return jacobian @ dv + self._of.jacobian_rate(at) @ dq + self._held(at).rates[0]
 
-    def step(self, before: Moment, a: Array, multipliers: Array, after: Moment) -> None:
+    def step(self, before: MotionState, a: Array, multipliers: Array, after: MotionState) -> None:
         """Go one step on, which has these second rates and multipliers at its stages."""
         of, method, h, n = self._of, self._method, self._h, self._of.unknowns
         v = before.v + h * method.a @ a
         q = before.q + h * np.outer(method.c, before.v) + h * h * (method.a @ (method.a @ a))
         matrix, right = np.zeros((len(a), len(a), len(self._row))), []
-        stages = [Moment(*x) for x in zip(before.t + h * method.c, q, v, a, multipliers, strict=True)]
+        stages = [MotionState(*x) for x in zip(before.t + h * method.c, q, v, a, multipliers, strict=True)]
         derivatives = self._held(*stages)
         for k, (c, moment) in enumerate(zip(method.c.tolist(), stages, strict=True)):
             slopes, turning = self._slopes(moment), np.zeros(len(self._row))
@@ -221,7 +221,7 @@ class Tangents:
         self._project(replace(after, q=q, v=before.v + h * method.b @ a), after, dq, dv)
         self.directions.append((self.q, self.v))
 
-    def _project(self, ended: Moment, after: Moment, dq: Array, dv: Array) -> None:
+    def _project(self, ended: MotionState, after: MotionState, dq: Array, dv: Array) -> None:
         """Project tangents of places and rates as the end of a step: with M and J before the projection."""
         of, n, still = self._of, self._of.unknowns, np.zeros(self._of.unknowns)
         slopes, placed = self._slopes(ended), replace(ended, q=after.q)
@@ -242,14 +242,14 @@ class Tangents:
         rows = by - without + turned @ dq + self._rows(placed, self.q, dv)
         self.v = dv - metric(np.vstack([pushed(change), rows]))[:n]
 
-    def settled(self, at: Moment, dq: Array, dv: Array) -> tuple[Array, Array]:
+    def settled(self, at: MotionState, dq: Array, dv: Array) -> tuple[Array, Array]:
         """Return the tangents of second rates and multipliers that ``collocation.settled`` found."""
         of, n = self._of, self._of.unknowns
         slopes, changes = self._slopes(at), np.zeros((of.multipliers, dq.shape[1]))
         for k, weight in ((-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)):
             later = PART * self._h * k
             v, q = at.v + later * at.a, at.q + later * at.v + later**2 / 2 * at.a
-            near = Moment(at.t + later, q, v, at.a, at.multipliers)
+            near = MotionState(at.t + later, q, v, at.a, at.multipliers)
             changes = changes + weight / (12 * PART * self._h) * self._rows(near, dq + later * dv, dv)
         forces = self._held(at).forces[0] + self._one.matrix(slopes.damping)[:n, :n] @ dv
         forces = forces + self._one.matrix(slopes.stiffness)[:n, :n] @ dq

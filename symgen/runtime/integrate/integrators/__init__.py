@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from symgen.errors import check_known
 from symgen.runtime.integrate.integrators import alpha, dop853, dopri5, radau5, rattle, rk4
-from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.integrate.integrators.method import Integrator
 
-INTEGRATORS: dict[str, Method] = {
+INTEGRATORS: dict[str, Integrator] = {
     "dop853": dop853.METHOD,
     "dopri5": dopri5.METHOD,
     "rk4": rk4.METHOD,
@@ -20,7 +20,7 @@ INTEGRATORS: dict[str, Method] = {
 }
 
 
-def integrator(name: str) -> Method:
+def integrator(name: str) -> Integrator:
     """Return the integrator called ``name``; raise ModelError with the nearest name otherwise."""
     check_known(name, INTEGRATORS, "there is no integrator")
     return INTEGRATORS[name]

@@ -6,13 +6,13 @@ J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993) 371; M. Arnold, O. Bruls, Mult
 
 from __future__ import annotations
 
-from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.integrate.integrators.method import Integrator
 
 
-def _method(name: str, about: str, inertia: float, force: float) -> Method:
+def _method(name: str, about: str, inertia: float, force: float) -> Integrator:
     """Return the method that weighs the old accelerations of its own and of the motion like this."""
     gamma, beta = 0.5 - inertia + force, (1 - inertia + force) ** 2 / 4
-    return Method(
+    return Integrator(
         name=name,
         about=f"{about}, implicit, for stiff systems, fixed step",
         kind="alpha",

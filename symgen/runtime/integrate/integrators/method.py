@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Method:
+class Integrator:
     """A method of one of the core's kinds.
 
     Parameters

@@ -5,7 +5,7 @@ E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, second editi
 
 from __future__ import annotations
 
-from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.integrate.integrators.method import Integrator
 
 # Bring the inverse of the method's matrix to block diagonal form, T^-1 A^-1 T; the first column is that of
 # the real eigenvalue.
@@ -20,7 +20,7 @@ _T_INVERSE = (
     (-0.50287263494578687595, 2.5719269498556054292, -0.59603920482822492497),
 )
 
-METHOD = Method(
+METHOD = Integrator(
     name="radau5",
     about="Radau IIA of order 5, implicit, for stiff systems, adaptive step",
     kind="radau",

@@ -8,18 +8,18 @@ C. Lubich, G. Wanner, *Geometric Numerical Integration*, second edition, section
 
 from __future__ import annotations
 
-from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.integrate.integrators.method import Integrator
 from symgen.runtime.integrate.integrators.tableau import exact
 
 #: 1 / (4 - 4^(1/3)).
 _SUZUKI = "0.4144907717943757371423540628607614957118"
 
 
-def _composed(order: int, dense_order: int, *side: str) -> Method:
+def _composed(order: int, dense_order: int, *side: str) -> Integrator:
     """Return the method whose parts are ``side``, the rest of the step, and ``side`` in reverse order."""
     parts = 2 * len(side) + 1
     composed = f"{parts} symmetric parts of it" if side else "time reversible"
-    return Method(
+    return Integrator(
         name=f"rattle{order if side else ''}",
         about=f"RATTLE of order {order}, {composed}, fixed step",
         kind="rattle",

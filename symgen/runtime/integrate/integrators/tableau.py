@@ -11,7 +11,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.integrate.integrators.method import Integrator
 
 #: Fractions, and whole numbers.
 Exact = NDArray[np.object_]
@@ -29,7 +29,7 @@ def explicit_runge_kutta(
     error: Exact,
     dense: Exact,
     edge: float = 0.0,
-) -> Method:
+) -> Integrator:
     """Return a method by its coefficients, under the names that ``core/tableau.h`` lists.
 
     Stage ``len(b)`` is the derivative at the end of the step, the stages behind it serve the interpolant
@@ -60,7 +60,7 @@ def explicit_runge_kutta(
         "same_as_last": error.shape[1] > stages, "a": a, "b": b, "c": c, "dense": dense, "edge": edge,
         "error": np.pad(error, ((0, 0), (0, stages + 1 - error.shape[1]))),
     }  # fmt: skip
-    return Method(name, about, "explicit", order, degree + 1, error_order, coefficients)
+    return Integrator(name, about, "explicit", order, degree + 1, error_order, coefficients)
 
 
 def exact(values: Sequence[Fraction | int | str]) -> Exact:

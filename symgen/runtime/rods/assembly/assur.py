@@ -22,7 +22,14 @@ from numpy.polynomial import chebyshev
 
 from symgen.runtime.arrays import Array
 from symgen.runtime.rods.assembly.axes import determined
-from symgen.runtime.rods.assembly.quadratics import NONE, NotInGroups, Poses, Quadratics, Rows, quadratics
+from symgen.runtime.rods.assembly.quadratics import (
+    NONE,
+    NotInGroups,
+    Poses,
+    QuadraticRows,
+    Quadratics,
+    quadratics,
+)
 from symgen.runtime.rods.following.groups import groups_of
 
 #: Largest number of poses for which groups are solved, of unknowns of a group of one point and of a larger
@@ -165,7 +172,7 @@ def _roots(function: Callable[[Array], Array]) -> list[float]:
     return angles
 
 
-def modes_of_groups(constraints: Rows, near: Array, t: float) -> list[Array]:
+def modes_of_groups(constraints: QuadraticRows, near: Array, t: float) -> list[Array]:
     """Return coordinates of all poses that meet the constraints at a time, nearly to round-off.
 
     Raises
@@ -185,7 +192,7 @@ def modes_of_groups(constraints: Rows, near: Array, t: float) -> list[Array]:
     return [near + size * x @ axes for x in poses]
 
 
-def modes_by_drawing(conditions: Rows, drawn: Array, slopes: Array) -> Iterator[Array]:
+def modes_by_drawing(conditions: QuadraticRows, drawn: Array, slopes: Array) -> Iterator[Array]:
     """Yield coordinates that meet the conditions at the start, the assembly mode of the drawing first.
 
     There each group is on its drawn side, the sign of the determinant of its Jacobian, as in a continuous

@@ -21,7 +21,7 @@ NONE, _POLYNOMIAL = 1e-13, 1e-10
 _CURVED = "constraints are not quadratic in the coordinates"
 
 
-class Rows(Protocol):
+class QuadraticRows(Protocol):
     """Conditions Phi(q, t) = 0 in metres: m rows, n coordinates."""
 
     m: int
@@ -70,7 +70,7 @@ class Quadratics:
         return Quadratics(self.constant, *_cleared(self.slope @ axes.T, axes @ self.curvature @ axes.T))
 
 
-def quadratics(constraints: Rows, near: Array, t: float) -> tuple[Quadratics, float]:
+def quadratics(constraints: QuadraticRows, near: Array, t: float) -> tuple[Quadratics, float]:
     """Return constraints by coordinates from the given pose, both over the size, and the size."""
     if constraints.m != constraints.n:
         raise NotInGroups("constraints are redundant")

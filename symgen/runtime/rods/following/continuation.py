@@ -16,7 +16,7 @@ import numpy as np
 from symgen.runtime.arrays import Array
 
 
-class Constraints(Protocol):
+class ImplicitCurve(Protocol):
     """Phi(q, t) = 0 in metres, with its derivatives by q and by t."""
 
     def residual(self, q: Array, t: float) -> Array:
@@ -29,7 +29,7 @@ class Constraints(Protocol):
         """Return dPhi/dt at fixed q [m/s], shape (m,)."""
 
 
-Held = TypeVar("Held", bound=Constraints)
+Held = TypeVar("Held", bound=ImplicitCurve)
 
 _EPS = float(np.finfo(float).eps)
 #: Round-off of a residual against the size of the coordinates, and the rank tolerance of singular values.

@@ -17,12 +17,12 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageForces
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.forces import Forces
-from symgen.runtime.result.recorded_motion import Along, coordinate_of
+from symgen.runtime.result.recorded_motion import CurvePositions, coordinate_of
 from symgen.runtime.result.recording import of_points, outputs_by_group
 from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
-from symgen.runtime.rods.forces.assembly import Assembly, Solution, Unknown, solve
+from symgen.runtime.rods.forces.assembly import Assembly, ForceSolution, Unknown, solve
 from symgen.runtime.rods.forces.multipliers import by_multipliers
 from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.kinematics import Followed, driven, follow, with_references
@@ -167,7 +167,7 @@ def _at_pose(linkage: _Linkage, pose: SingularPose) -> str:
     return f"{pose.describe(converters(d.units))}; {_undetermined(linkage, assembly, solve(assembly), 0)}"
 
 
-def _undetermined(linkage: _Linkage, assembly: Assembly, solution: Solution, i: int) -> str:
+def _undetermined(linkage: _Linkage, assembly: Assembly, solution: ForceSolution, i: int) -> str:
     """Return the message that names the undetermined forces at a pose, and the rank of the equations."""
     names = ", ".join(u.describe() for u in _open(assembly, solution.loose[i]))
     return (
@@ -182,7 +182,9 @@ def _open(assembly: Assembly, loose: Array) -> list[Unknown]:
     return [u for u in sorted(size, key=lambda u: -size[u]) if size[u] > _OPEN]
 
 
-def _notes(linkage: _Linkage, assembly: Assembly, solution: Solution, followed: Followed) -> Iterator[str]:
+def _notes(
+    linkage: _Linkage, assembly: Assembly, solution: ForceSolution, followed: Followed
+) -> Iterator[str]:
     whole = np.flatnonzero(solution.rank >= assembly.size - linkage.redundant)
     if linkage.redundant and len(whole):
         loose = _open(assembly, np.max(solution.loose[whole], axis=0))
@@ -209,7 +211,7 @@ def _notes(linkage: _Linkage, assembly: Assembly, solution: Solution, followed: 
 
 
 def _variables(
-    linkage: _Linkage, assembly: Assembly, solution: Solution, request: LinkageForces
+    linkage: _Linkage, assembly: Assembly, solution: ForceSolution, request: LinkageForces
 ) -> Iterator[Variable]:
     axes, x = assembly.description.axes, solution.x
     for name, values in linkage.driving(np.array(assembly.times)).items():
@@ -262,7 +264,7 @@ def _selected(linkage: _Linkage, poses: Poses, followed: Followed) -> Iterator[V
     groups = ((of.parameter_values, numbers) for of, numbers in poses.wound(evaluator))
     order = np.argsort(followed.samples.times)
     place = order[np.searchsorted(followed.samples.times, poses.times, sorter=order)]
-    along = Along(d, constraints.moving(followed.path)[0], followed.near[place], followed.start)
+    along = CurvePositions(d, constraints.moving(followed.path)[0], followed.near[place], followed.start)
     for v in outputs_by_group(evaluator, equations, groups, poses.times, rows, linkage.redundant):
         link, _, word = v.name.rpartition(".")
         yield replace(v, values=along.counted(link, v.values)) if word == "angle" and link in d.links else v
@@ -288,7 +290,7 @@ def of_unknown(u: Unknown, axes: tuple[str, ...], values: Array) -> Variable:
 def _recorded(
     linkage: _Linkage,
     assembly: Assembly,
-    solution: Solution,
+    solution: ForceSolution,
     poses: Poses,
     followed: Followed,
     request: LinkageForces,

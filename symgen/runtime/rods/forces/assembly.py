@@ -19,7 +19,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Constraints
-from symgen.runtime.rods.forces.chain import Attachment, Chain, Distribution, even
+from symgen.runtime.rods.forces.chain import Attachment, Distribution, ElementChain, even
 from symgen.runtime.rods.poses import Poses
 
 #: A singular value that is a smaller part of the largest is lost rank; as in the kinematics.
@@ -135,13 +135,13 @@ class Assembly:
         return self.elements if self.distribution(link) else 1
 
     @cached_property
-    def chains(self) -> tuple[Chain, ...]:
+    def chains(self) -> tuple[ElementChain, ...]:
         """Every link that moves, cut into elements."""
         gravity, chains = self._values("gravity")[0, :, 0], []
         for link in self.names:
             ends = [self.index(p) for p in self.points_of(link)[:2]]
             chains.append(
-                Chain(
+                ElementChain(
                     link, self.cuts(link), self.places[:, ends], self.accelerations[:, ends], gravity,
                     self._bodies[link], self.distribution(link), tuple(self._attached(link)), self.size,
                 )
@@ -252,7 +252,7 @@ class Assembly:
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class ForceSolution:
     """Unknowns at all poses, (poses, unknowns), and how well they are determined.
 
     ``rank`` of the equations at each pose, ``loose`` for each unknown how much of it forces that nothing
@@ -270,7 +270,7 @@ class Solution:
     residual: float
 
 
-def solve(assembly: Assembly) -> Solution:
+def solve(assembly: Assembly) -> ForceSolution:
     """Solve the equations at all poses; where some forces are open, those of least norm are taken."""
     left, right = assembly.equations
     u, s, vt = np.linalg.svd(left)
@@ -285,4 +285,4 @@ def solve(assembly: Assembly) -> Solution:
     open_[:, :k] = ~independent
     loose = np.sqrt(np.einsum("kij,ki->kj", vt**2, open_))
     worst = int(np.argmax(condition))
-    return Solution(x, rank, loose, worst, float(condition[worst]), assembly.residual(x))
+    return ForceSolution(x, rank, loose, worst, float(condition[worst]), assembly.residual(x))

@@ -71,7 +71,7 @@ class Attachment:
 
 
 @dataclass(frozen=True)
-class Chain:
+class ElementChain:
     """One link of n elements at some poses: ``places`` and ``accelerations`` of its ends, (poses, 2, 2)."""
 
     name: str
@@ -162,7 +162,7 @@ class Chain:
                 at_node = known.onward(low, high, none, at_node)[1]
         return np.stack([sections[s] for s in shares], axis=1)
 
-    def with_unknowns(self, x: Array) -> Chain:
+    def with_unknowns(self, x: Array) -> ElementChain:
         """Return the link with its unknown forces known."""
         attached = []
         for a in self.attached:

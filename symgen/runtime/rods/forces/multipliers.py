@@ -7,13 +7,13 @@ import numpy as np
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import steps_of
-from symgen.runtime.rods.forces.assembly import Assembly, Solution, solve
+from symgen.runtime.rods.forces.assembly import Assembly, ForceSolution, solve
 from symgen.runtime.rods.poses import Poses
 
 
 def by_multipliers(
     constraints: Constraints, loads: Evaluator, poses: Poses, assembly: Assembly
-) -> Solution | None:
+) -> ForceSolution | None:
     """Return the forces at all poses by J^T lambda = f - M a, whose J the kinematics factorises.
 
     The equations of the elements are set up at one pose, that nearest to a loss of rank: they tell the
@@ -43,7 +43,7 @@ def by_multipliers(
     nearest = Assembly(constraints, loads, poses[np.array([worst])], assembly.elements)
     solution = solve(nearest)
     size = float(np.max(np.abs(x / nearest.scales), initial=0.0)) or 1.0
-    return Solution(
+    return ForceSolution(
         x,
         np.full(len(poses), assembly.size),
         np.zeros((len(poses), assembly.size)),
