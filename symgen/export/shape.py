@@ -14,7 +14,7 @@ from symgen.errors import SymgenError
 from symgen.export.view import ConstantArray, doubles, indices
 from symgen.lowering.kernel import Slot
 from symgen.runtime import _core
-from symgen.runtime.beams.forces import TotalMotion, forces, torque
+from symgen.runtime.beams.forces import RunMotion, forces, torque
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.elastic.model import ElasticModel
@@ -194,7 +194,7 @@ def _expected(motion: MeshedMotion, recorded: list[Recorded]) -> tuple[ConstantA
     equations = motion.equations()
     shapes = quasi_static(motion, equations, times)
     (q, *_), links, loads = motion.rigid_motion(equations, times)
-    rigid = TotalMotion(times, q, links, loads, shapes, None)
+    rigid = RunMotion(times, q, links, loads, shapes, None)
     variables = [
         *outputs(motion, links, shapes),
         *recovered(motion, rigid),

@@ -42,11 +42,11 @@ def test_rows_of_inextensible_links():
     links = {f"links.{link}.elastic.axial": False for link in ("crank", "coupler", "output")}
     system = Subject("thesis_four_bar", links).further["elastic_joints"]
     assert system["jacobian"].source == "thesis (E.30)-(E.42)"
-    a, b, q = sp.symbols("A_x A_y"), sp.symbols("B_x B_y"), (sp.Symbol("x_Q"), sp.Integer(0))
+    a, b, q = sp.symbols("A_x A_y"), sp.symbols("B_x B_y"), (sp.Symbol("frame"), sp.Integer(0))
     zero = (sp.Integer(0),) * 2
     along = [
-        [(end - start) / sp.Symbol(f"l_{link}") for start, end in zip(*ends, strict=True)]
-        for link, ends in (("crank", (zero, a)), ("coupler", (a, b)), ("output", (b, q)))
+        [(end - start) / sp.Symbol(length) for start, end in zip(*ends, strict=True)]
+        for length, ends in (("a", (zero, a)), ("b", (a, b)), ("c", (b, q)))
     ]
     crank, coupler, output = along
     back, none = [[-e for e in row] for row in (coupler, output)], [0, 0]

@@ -141,7 +141,7 @@ def test_events_are_saved_and_summed_up(tmp_path):
     summary = json.loads(json.dumps(result.summary()))
     time = result.events[0].time
     assert summary["events"] == [{"name": "e", "time": time, "rising": False}]
-    assert repr(result.events[0]) == f"Event(name='e', time={time!r}, rising=False)"
+    assert repr(result.events[0]) == f"LocatedEvent(name='e', time={time!r}, rising=False)"
 
 
 def test_an_event_without_a_value_is_told():

@@ -19,7 +19,7 @@ from symgen.runtime._beams import APPLIED, QUASI_STATIC, BeamEquations
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.data import BeamInfo, Properties
 from symgen.runtime.beams.elements import SHAPES, at, gauss, kernels, meshed, names, segments
-from symgen.runtime.beams.forces import TotalMotion, crank_rotation, of_coordinates
+from symgen.runtime.beams.forces import RunMotion, crank_rotation, of_coordinates
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.evaluate import at_rows
@@ -46,10 +46,10 @@ _SINGULAR = 1e-10
 _NOTHING = 1e-12
 
 #: The axial force of the rigid motion [N] of link k at fractions of its length, (times, fractions).
-AxialForce = Callable[[ElasticMotion, int, TotalMotion, Array], Array]
+AxialForce = Callable[[ElasticMotion, int, RunMotion, Array], Array]
 
 
-def warnings(motion: ElasticMotion, recorded: TotalMotion, moments: Sequence[str]) -> list[str]:
+def warnings(motion: ElasticMotion, recorded: RunMotion, moments: Sequence[str]) -> list[str]:
     """Return a note for every elastic link and limit of linear theory that it passes.
 
     Parameters
@@ -84,7 +84,7 @@ def _of_slope(beam: Beam, slopes: Array, moments: Sequence[str]) -> list[str]:
     ]
 
 
-def second_order(motion: ElasticMotion, equations: BeamEquations, recorded: TotalMotion) -> dict[str, float]:
+def second_order(motion: ElasticMotion, equations: BeamEquations, recorded: RunMotion) -> dict[str, float]:
     """Return the strain that terms of second order add to each link, over its peak strain, an estimate."""
     shares = omitted(motion, equations, recorded, _rigid_axial_force)
     return {beam.info.link: share for beam, share in zip(motion.beams, shares, strict=True)}
@@ -100,7 +100,7 @@ def of_second_order(shares: Mapping[str, float]) -> list[str]:
     ]
 
 
-def _rigid_axial_force(motion: ElasticMotion, k: int, recorded: TotalMotion, places: Array) -> Array:
+def _rigid_axial_force(motion: ElasticMotion, k: int, recorded: RunMotion, places: Array) -> Array:
     """Return the axial force of the rigid motion [N], tension positive, (times, places)."""
     axes, beam = recorded.axes(k), motion.beams[k]
     axial_force = axes.axial_force(beam, places)
@@ -212,7 +212,7 @@ def moments(motion: ElasticMotion, times: Array) -> list[str]:
     return [f"crank angle {angle:.6g} degrees" for angle in np.degrees(motion.angle_at(times)).tolist()]
 
 
-def of_crank(motion: ElasticMotion, run: TotalMotion) -> list[str]:
+def of_crank(motion: ElasticMotion, run: RunMotion) -> list[str]:
     """Report a crank, not held, that turns away from its rigid motion."""
     if motion.info.mode == "held":
         return []
@@ -251,7 +251,7 @@ def of_reductions(motion: ElasticMotion) -> list[str]:
 
 
 def omitted(
-    motion: ElasticMotion, equations: BeamEquations, recorded: TotalMotion, axial_force: AxialForce
+    motion: ElasticMotion, equations: BeamEquations, recorded: RunMotion, axial_force: AxialForce
 ) -> list[float]:
     """Return for every link the strain that terms of second order add, over its peak strain, an estimate.
 
@@ -266,7 +266,7 @@ def omitted(
     return [_added(motion, k, rows, second, inertia) for k in range(len(motion.beams))]
 
 
-def _added(motion: ElasticMotion, k: int, states: TotalMotion, second: Array, inertia: Array) -> float:
+def _added(motion: ElasticMotion, k: int, states: RunMotion, second: Array, inertia: Array) -> float:
     """Return the strain that displacements of second order add to link k, over its peak strain."""
     beam = motion.beams[k]
     places = np.linspace(0.0, 1.0, 4 * beam.info.elements + 1)
@@ -290,19 +290,19 @@ def _added(motion: ElasticMotion, k: int, states: TotalMotion, second: Array, in
     return added / peak
 
 
-def _chosen(recorded: TotalMotion, unknowns: int) -> Indices:
+def _chosen(recorded: RunMotion, unknowns: int) -> Indices:
     count = max(3, min(_TIMES, _WORTH // unknowns, len(recorded.times)))
     return np.unique(np.linspace(0, len(recorded.times) - 1, count).round().astype(np.intp))
 
 
-def _at(recorded: TotalMotion, places: Indices) -> TotalMotion:
+def _at(recorded: RunMotion, places: Indices) -> RunMotion:
     rates = None if recorded.rates is None else recorded.rates[places]
     parts = recorded.times, recorded.q, recorded.links, recorded.loads, recorded.displacements
     times, q, links, loads, displacements = (x[places] for x in parts)
-    return TotalMotion(times, q, links, loads, displacements, rates, recorded.thesis)
+    return RunMotion(times, q, links, loads, displacements, rates, recorded.thesis)
 
 
-def _loads(motion: ElasticMotion, rows: TotalMotion, axial_force: AxialForce) -> Array:
+def _loads(motion: ElasticMotion, rows: RunMotion, axial_force: AxialForce) -> Array:
     """Return f2 of the elastic links on all unknowns, (times, unknowns)."""
     points, weights = gauss(_GAUSS)
     loads = np.zeros((len(rows.times), motion.layout.unknowns + 1))
@@ -332,7 +332,7 @@ def _loads(motion: ElasticMotion, rows: TotalMotion, axial_force: AxialForce) ->
 
 
 def _carried(
-    motion: ElasticMotion, equations: BeamEquations, states: TotalMotion, loads: Array, violated: Array
+    motion: ElasticMotion, equations: BeamEquations, states: RunMotion, loads: Array, violated: Array
 ) -> tuple[Array, Array]:
     """Return S2, and the displacements under the loads of the rigid motion alone, (times, unknowns) each.
 
@@ -362,7 +362,7 @@ def _carried(
     return forced + second, static
 
 
-def _violated(motion: ElasticMotion, rows: TotalMotion) -> Array:
+def _violated(motion: ElasticMotion, rows: RunMotion) -> Array:
     """Return the violation of their constraints by the displacements, (times, constraints)."""
     rigid, d = motion.rigid, motion.rigid.description
     columns = of_coordinates(motion)

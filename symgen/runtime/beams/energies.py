@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.forces import ElasticForces, TotalMotion, local_motion, modal_rates, of_coordinates
+from symgen.runtime.beams.forces import ElasticForces, RunMotion, local_motion, modal_rates, of_coordinates
 from symgen.runtime.beams.shortening import Shortening, rows_work, shortening
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
@@ -147,7 +147,7 @@ def of_angles(motion: ElasticMotion) -> list[str]:
 def energies(
     motion: ElasticMotion,
     rigid: tuple[Array, Array, Array],
-    run: TotalMotion,
+    run: RunMotion,
     accelerations: Array,
     acting: ElasticForces,
 ) -> Energies | None:
@@ -225,7 +225,7 @@ def energies(
 def torque_of_second_degree(
     motion: ElasticMotion,
     rigid: tuple[Array, Array, Array],
-    run: TotalMotion,
+    run: RunMotion,
     accelerations: Array,
     acting: ElasticForces,
     second: Shortening,
@@ -314,7 +314,7 @@ class EnergyForms:
     def __init__(
         self,
         motion: ElasticMotion,
-        run: TotalMotion,
+        run: RunMotion,
         accelerations: Array,
         k: int,
         second: Shortening | None,
@@ -373,7 +373,7 @@ def _sum(*powers: Array | None) -> Array:
     return np.sum([x for x in powers if x is not None] or [np.zeros(1)], axis=0)
 
 
-def _speed(motion: ElasticMotion, run: TotalMotion, weights: Sequence[Weights], u: Array) -> Array:
+def _speed(motion: ElasticMotion, run: RunMotion, weights: Sequence[Weights], u: Array) -> Array:
     """Return the angular velocity of the crank [rad/s] in the rigid motion, (times,)."""
     links = [beam.info.link for beam in motion.beams]
     if motion.info.crank in links:

@@ -23,7 +23,7 @@ States = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, slots=True)
-class TotalMotion:
+class RunMotion:
     """An elastic motion and the rigid motion below it, at the same times.
 
     Attributes
@@ -88,7 +88,7 @@ class ElasticForces:
 
 
 def forces(
-    motion: ElasticMotion, equations: BeamEquations, run: TotalMotion, accelerations: Array
+    motion: ElasticMotion, equations: BeamEquations, run: RunMotion, accelerations: Array
 ) -> ElasticForces:
     """Return the forces and couples on elastic links at joints and welds, and the torque on a crank not free.
 
@@ -143,7 +143,7 @@ def torque(crank: str, values: Array) -> Variable:
     )
 
 
-def accelerations_of(motion: ElasticMotion, equations: BeamEquations, run: TotalMotion) -> Array:
+def accelerations_of(motion: ElasticMotion, equations: BeamEquations, run: RunMotion) -> Array:
     """Return S'' at the times, (times, unknowns)."""
     accelerations = np.zeros_like(run.displacements)
     if run.rates is not None:
@@ -153,7 +153,7 @@ def accelerations_of(motion: ElasticMotion, equations: BeamEquations, run: Total
     return accelerations
 
 
-def _link(motion: ElasticMotion, run: TotalMotion, accelerations: Array, k: int) -> Array:
+def _link(motion: ElasticMotion, run: RunMotion, accelerations: Array, k: int) -> Array:
     """Return the external forces on a link at each of its unknowns, on its own axes, (times, n).
 
     Those of loads that rotate with it at a joint are among them.
@@ -210,7 +210,7 @@ def _piece(
     return force
 
 
-def local_motion(motion: ElasticMotion, run: TotalMotion, accelerations: Array | None, k: int) -> States:
+def local_motion(motion: ElasticMotion, run: RunMotion, accelerations: Array | None, k: int) -> States:
     """Return s, s' and s'' of a link's unknowns on its own turning axes, each (times, n), computed once.
 
     Without accelerations S'' those of s are not known, and not to be used.
@@ -221,7 +221,7 @@ def local_motion(motion: ElasticMotion, run: TotalMotion, accelerations: Array |
     return known[1]
 
 
-def _local_states(motion: ElasticMotion, run: TotalMotion, accelerations: Array | None, k: int) -> States:
+def _local_states(motion: ElasticMotion, run: RunMotion, accelerations: Array | None, k: int) -> States:
     derivatives = run.rates, accelerations
     s, still = run.local(motion, k), np.zeros_like(run.displacements)
     v, a = (motion.local_unknowns(k, run.links, still if x is None else x) for x in derivatives)
@@ -240,7 +240,7 @@ def _local_states(motion: ElasticMotion, run: TotalMotion, accelerations: Array 
     return s, v, a
 
 
-def modal_rates(motion: ElasticMotion, run: TotalMotion) -> Array:
+def modal_rates(motion: ElasticMotion, run: RunMotion) -> Array:
     """Return the rates at which the forces of damped modes work on the strains, (times, modes) [W^(1/2)].
 
     Their squares are the powers that the damping of the modes takes.
@@ -256,7 +256,7 @@ def modal_rates(motion: ElasticMotion, run: TotalMotion) -> Array:
 
 
 def _bound(
-    motion: ElasticMotion, equations: BeamEquations, run: TotalMotion, accelerations: Array
+    motion: ElasticMotion, equations: BeamEquations, run: RunMotion, accelerations: Array
 ) -> dict[str, Array]:
     """Return J^T lambda of M S'' + C S' + K S = Q - J^T lambda by constraint, (times, unknowns) each."""
     if not motion.layout.constraints:
@@ -278,7 +278,7 @@ def _bound(
     return dict(zip(names, of_rows, strict=True))
 
 
-def crank_rotation(motion: ElasticMotion, run: TotalMotion) -> Array:
+def crank_rotation(motion: ElasticMotion, run: RunMotion) -> Array:
     """Return by how far the shaft of a crank that is not held turns from its rigid motion [rad], (times,)."""
     if motion.layout.shaft >= 0:
         return run.displacements[:, motion.layout.shaft]
@@ -286,7 +286,7 @@ def crank_rotation(motion: ElasticMotion, run: TotalMotion) -> Array:
     return np.sum(rotation * run.displacements[:, _end_of_crank(motion)], axis=1)
 
 
-def _of_drive(motion: ElasticMotion, run: TotalMotion, bound: Array) -> Array:
+def _of_drive(motion: ElasticMotion, run: RunMotion, bound: Array) -> Array:
     """Return the torque of the shaft of a rigid crank from the forces that hold its direction."""
     _, arm = motion.rigid_crank(run.times, run.q)
     return -np.sum(arm * bound[:, _end_of_crank(motion)], axis=1)

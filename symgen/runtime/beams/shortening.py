@@ -14,7 +14,7 @@ import numpy as np
 
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import integral
-from symgen.runtime.beams.forces import States, TotalMotion, local_motion, of_coordinates
+from symgen.runtime.beams.forces import RunMotion, States, local_motion, of_coordinates
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 
@@ -97,7 +97,7 @@ class Shortening:
 
 
 def shortening(
-    motion: ElasticMotion, rigid: Sequence[Array], run: TotalMotion, accelerations: Array, shaft: Array
+    motion: ElasticMotion, rigid: Sequence[Array], run: RunMotion, accelerations: Array, shaft: Array
 ) -> Shortening:
     """Return the displacements of second degree of a motion.
 
@@ -137,7 +137,7 @@ def shortening(
     )
 
 
-def _quadratic(motion: ElasticMotion, run: TotalMotion, accelerations: Array) -> tuple[Array, Array]:
+def _quadratic(motion: ElasticMotion, run: RunMotion, accelerations: Array) -> tuple[Array, Array]:
     """Return changes of length with their rates, (links and joints, 3, times), and the bubbles.
 
     Those of a joint between the ends of a link are its axial displacement from the line between the ends.
@@ -246,7 +246,7 @@ def _of_rigid(motion: ElasticMotion, block: str, q: Array, kernel: str = "") -> 
 
 
 def rows_work(
-    motion: ElasticMotion, rigid: Sequence[Array], run: TotalMotion, bound: Mapping[str, Array], unit: Array
+    motion: ElasticMotion, rigid: Sequence[Array], run: RunMotion, bound: Mapping[str, Array], unit: Array
 ) -> Array:
     """Return lambda^T J' S of the constraints of rigid links, J' by the angle of the crank [N m], (times,).
 

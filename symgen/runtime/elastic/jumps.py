@@ -13,7 +13,7 @@ from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import DisplacementSolution, StressErrors
+from symgen.runtime.elastic.outputs import Errors, Solution
 from symgen.runtime.elastic.steps import Progress, Start, Task, turn
 from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
 from symgen.runtime.integrate.options import TIGHTEST
@@ -183,7 +183,7 @@ def explicit(
     progress: Progress | None,
     keeping: Keeping | None = None,
     start: Start = None,
-) -> DisplacementSolution:
+) -> Solution:
     """Step from jump to jump of the loads, each a run of its own.
 
     Raises
@@ -245,22 +245,20 @@ def explicit(
         spent = checkpoints.spent if checkpoints else 0.0
         steps += stepper.steps
         if status == _core.NOT_FINITE:
-            return DisplacementSolution(np.full((len(times), n), np.nan), None, steps)
+            return Solution(np.full((len(times), n), np.nan), None, steps)
         motion.check(equations, _core.DONE if status == OUT_OF_TIME else status, stepper.t)
         reached = order[: taken_steps + stepper.recorded]
         states[reached[taken_steps:]] = stepper.result[:, : 2 * n]
         if status == OUT_OF_TIME:
             states, reached = states[np.sort(reached)], np.sort(reached)
-            raise OutOfTime(
-                stepper.t, DisplacementSolution(states[:, :n], states[:, n:], steps, spent=spent), reached
-            )
+            raise OutOfTime(stepper.t, Solution(states[:, :n], states[:, n:], steps, spent=spent), reached)
         state, begin, taken_steps = states[order[last - 1]], after, last
-    return DisplacementSolution(states[:, :n], states[:, n:], steps, spent=spent)
+    return Solution(states[:, :n], states[:, n:], steps, spent=spent)
 
 
 def with_error(
-    motion: ElasticMotion, task: Task, times: Array, solution: DisplacementSolution, start: Start = None
-) -> DisplacementSolution:
+    motion: ElasticMotion, task: Task, times: Array, solution: Solution, start: Start = None
+) -> Solution:
     """Return an explicit run with its error, computed when it is read; at once if the wall time is limited.
 
     It is the change of stresses in another run: with half the step, or a hundredth of the tolerance.
@@ -283,7 +281,7 @@ def with_error(
             other = explicit(motion, equations, finer, times, None, start=start)
         except SimulationError:  # shorter steps than round-off allows
             return None, None
-        of = StressErrors(motion, equations, times, 1)
+        of = Errors(motion, equations, times, 1)
         return float(np.max(of.of(solution.displacements, other.displacements, safety=1.0))), None
 
     if wall_left() is not None:

@@ -16,7 +16,7 @@ from symgen.errors import SceneError, SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.beams.forces import TotalMotion, crank_rotation
+from symgen.runtime.beams.forces import RunMotion, crank_rotation
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.description import Description
@@ -180,7 +180,7 @@ def _shortening(beam: Beam, local: Array) -> Array:
     return np.asarray(shortened / 2)
 
 
-def recovered(motion: ElasticMotion, run: TotalMotion) -> list[Variable]:
+def recovered(motion: ElasticMotion, run: RunMotion) -> list[Variable]:
     """Return positions of moving joints, deflections at stations, greatest stresses, and the crank angle."""
     d, names, variables = motion.rigid.description, motion.layout.names, []
     for k, point in enumerate(d.free):
@@ -242,7 +242,7 @@ def in_mode(
         y = factor * np.real(np.exp(1j * phases)[:, None] * modes.shapes[:, number])
         return [
             *outputs(motion, links, y),
-            *recovered(motion, TotalMotion(np.full(count, t), q, links, loads, y, None)),
+            *recovered(motion, RunMotion(np.full(count, t), q, links, loads, y, None)),
         ]
 
     sizes = (v.values for v in shaped(1.0) if v.name.endswith((".displacement", ".deflection")))
@@ -250,7 +250,7 @@ def in_mode(
 
 
 @dataclass(frozen=True, slots=True)
-class DisplacementSolution:
+class Solution:
     """Displacements and their rates (times, unknowns) at the recorded times, and their cost.
 
     ``rates`` is None where the elastic motion itself adds nothing: quasi-static. ``errors`` returns the error
@@ -266,7 +266,7 @@ class DisplacementSolution:
     spent: float = 0.0
     counts: Counts | None = None
 
-    def at(self, places: Indices) -> DisplacementSolution:
+    def at(self, places: Indices) -> Solution:
         """Return the results at some of the times."""
         rates = None if self.rates is None else self.rates[places]
         return replace(self, displacements=self.displacements[places], rates=rates)
@@ -317,7 +317,7 @@ class Once(cached_property[Any]):
             return super().__get__(of, owner)
 
 
-class StressErrors:
+class Errors:
     """Errors of runs in time, over the peak stress at a station, the largest of all stations."""
 
     def __init__(

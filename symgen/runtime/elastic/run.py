@@ -23,20 +23,13 @@ from symgen.runtime.beams.checks import (
     warnings,
 )
 from symgen.runtime.beams.energies import Energies, energies, of_angles
-from symgen.runtime.beams.forces import ElasticForces, TotalMotion, accelerations_of, forces
+from symgen.runtime.beams.forces import ElasticForces, RunMotion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.elastic.jumps import explicit, jump_times, with_error
 from symgen.runtime.elastic.large.shaking import in_linear_theory
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import (
-    DisplacementSolution,
-    Once,
-    coordinate_of,
-    outputs,
-    recovered,
-    selected,
-)
+from symgen.runtime.elastic.outputs import Once, Solution, coordinate_of, outputs, recovered, selected
 from symgen.runtime.elastic.static import held, initial
 from symgen.runtime.elastic.steady.periodic import again, periodic
 from symgen.runtime.elastic.steps import Task, adapted, first_steps, recorded_times, step_counts, stepped
@@ -101,7 +94,7 @@ def run(
     if task.form == "thesis":
         _check_thesis(motion)
     check_wall("preparing the elastic links")
-    pace, passes = Pace(0.0, end), list[DisplacementSolution]()
+    pace, passes = Pace(0.0, end), list[Solution]()
     try:
         if task.method == "quasi-static":
             states = held(motion, equations, times, pace)
@@ -128,7 +121,7 @@ def run(
 
 
 def _mesh_error(
-    motion: ElasticMotion, task: Task, times: Array, states: DisplacementSolution, max_wall: float | None
+    motion: ElasticMotion, task: Task, times: Array, states: Solution, max_wall: float | None
 ) -> float | str:
     """Return the error of stresses by elements, over their peak, or why it is not known.
 
@@ -165,7 +158,7 @@ def _out_of_time(
     task: Task,
     times: Array,
     stop: OutOfTime,
-    passes: list[DisplacementSolution],
+    passes: list[Solution],
     pace: Pace,
 ) -> SimulationError:
     """Return the error of a run that took all of its wall time, with the best that it found."""
@@ -213,7 +206,7 @@ def _result(
     motion: ElasticMotion,
     task: Task,
     times: Array,
-    states: DisplacementSolution,
+    states: Solution,
     wall: float,
 ) -> ElasticResult:
     d, rigid = motion.rigid.description, motion.rigid
@@ -246,7 +239,7 @@ class _Recorded:
 
     motion: ElasticMotion
     task: Task
-    states: DisplacementSolution
+    states: Solution
     times: Array
     wall: float
     spent: bool
@@ -257,14 +250,13 @@ class _Recorded:
         return _equations(self.motion, self.task)
 
     @Once
-    def _moved(self) -> tuple[tuple[Array, Array, Array], TotalMotion]:
+    def _moved(self) -> tuple[tuple[Array, Array, Array], RunMotion]:
         """Return the rigid motion, and the whole."""
         states = self.states
         rigid, links, loads = self.motion.rigid_motion(self.equations, self.times)
         thesis = self.task.form == "thesis"
-        return rigid, TotalMotion(
-            self.times, rigid[0], links, loads, states.displacements, states.rates, thesis
-        )
+        moved = states.displacements, states.rates
+        return rigid, RunMotion(self.times, rigid[0], links, loads, *moved, thesis)
 
     @Once
     def _shapes(self) -> list[Variable]:
@@ -372,7 +364,7 @@ def _of_motor(motion: ElasticMotion, task: Task) -> list[str]:
     return [f"mean speed of the crank with its motor in the steady state: {60.0 / motion.period:.6g} rpm"]
 
 
-def _of_steps(motion: ElasticMotion, task: Task, states: DisplacementSolution) -> list[str]:
+def _of_steps(motion: ElasticMotion, task: Task, states: Solution) -> list[str]:
     """Report steps that were added to those requested: every recorded time ends one."""
     if (
         task.steps is None
@@ -386,7 +378,7 @@ def _of_steps(motion: ElasticMotion, task: Task, states: DisplacementSolution) -
     ]
 
 
-def _of_stability(states: DisplacementSolution) -> list[str]:
+def _of_stability(states: Solution) -> list[str]:
     if not states.floquet:
         return []
     stable = is_stable(abs(states.floquet[0]), states.errors()[1])

@@ -13,7 +13,7 @@ from symgen.runtime import _beams
 from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import DisplacementSolution
+from symgen.runtime.elastic.outputs import Solution
 from symgen.runtime.elastic.steps import Start, Task, turn
 from symgen.runtime.integrate.pace import OutOfTime, Pace
 from symgen.runtime.structure import stiffness_sizes
@@ -264,9 +264,7 @@ def _banded(matrix: Array) -> Array:
     return bands
 
 
-def held(
-    motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, pace: Pace
-) -> DisplacementSolution:
+def held(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, pace: Pace) -> Solution:
     """Return the quasi-static displacements at the times, in parts so that the wall time is watched."""
     parts = []
     for first in range(0, len(times), _HELD):
@@ -274,7 +272,5 @@ def held(
         end = min(first + _HELD, len(times))
         if end < len(times) and pace.spent(float(times[end - 1])):
             reached = np.arange(end)
-            raise OutOfTime(
-                float(times[end - 1]), DisplacementSolution(np.concatenate(parts), None, end), reached
-            )
-    return DisplacementSolution(np.concatenate(parts), None, len(times))
+            raise OutOfTime(float(times[end - 1]), Solution(np.concatenate(parts), None, end), reached)
+    return Solution(np.concatenate(parts), None, len(times))

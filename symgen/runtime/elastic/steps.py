@@ -21,8 +21,8 @@ from symgen.runtime.elastic.outputs import (
     SAFETY,
     SAFETY_FEWER,
     Counts,
-    DisplacementSolution,
-    StressErrors,
+    Errors,
+    Solution,
     compared_run,
     finer_counts,
     known,
@@ -219,7 +219,7 @@ def stepped(
             if over:
                 indices = np.sort(order[:place])
                 results = displacements[indices], rates[indices], int(np.sum(counts[:place]))
-                raise OutOfTime(at, DisplacementSolution(*results), indices)
+                raise OutOfTime(at, Solution(*results), indices)
         now, steps_done = max(t, now), 0
         displacements[k], rates[k] = steps.displacements.reshape(shape), steps.rates.reshape(shape)
         if jumps and t == jumps[0][0]:
@@ -237,9 +237,9 @@ def adapted(
     progress: Progress | None,
     keeping: Keeping | None,
     pace: Pace,
-    passes: list[DisplacementSolution],
+    passes: list[Solution],
     start: Start = None,
-) -> DisplacementSolution:
+) -> Solution:
     """Take the requested steps, or as many as ``rtol`` needs; append complete runs to ``passes``.
 
     The error of a run follows from another with finer steps, or where steps are given from one with fewer, if
@@ -266,12 +266,12 @@ def adapted(
         library = library_of_runs(motion.rigid.evaluator.library, motion.rigid.typed)
         stages = Stages(mark_of_kernels(motion.rigid.evaluator, library, equations, *identity), keeping)
     spent = stages.spent if stages else 0.0
-    errors = StressErrors(motion, equations, times, method.order)
+    errors = Errors(motion, equations, times, method.order)
     counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
 
-    def run(counts: Counts) -> DisplacementSolution:
+    def run(counts: Counts) -> Solution:
         both = stepped(motion, equations, method, times, counts, start, progress, stages, pace)
-        passes.append(DisplacementSolution(*both, int(np.sum(counts)), spent=spent, counts=counts))
+        passes.append(Solution(*both, int(np.sum(counts)), spent=spent, counts=counts))
         return passes[-1]
 
     most = max(_MOST * max(1.0, task.revolutions), float(np.sum(counts)))
@@ -327,12 +327,7 @@ def adapted(
 
 
 def _estimated(
-    motion: ElasticMotion,
-    task: Task,
-    times: Array,
-    states: DisplacementSolution,
-    start: Start,
-    stages: Stages | None,
+    motion: ElasticMotion, task: Task, times: Array, states: Solution, start: Start, stages: Stages | None
 ) -> Callable[[], tuple[float | None, float | None]]:
     """Return a function that computes the error of a run; called at once if the run is limited or kept."""
     counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
@@ -341,7 +336,7 @@ def _estimated(
     def errors() -> tuple[float | None, float | None]:
         # Each pose is found from the one before: equations of its own give the same bits at any time.
         equations, method = motion.equations(task.form == "thesis", stepping=True), BEAM_METHODS[task.method]
-        of = StressErrors(motion, equations, times, method.order)
+        of = Errors(motion, equations, times, method.order)
         return _by_another(of, method, counts, states.displacements, start, stages), None
 
     if stages or wall_left() is not None:
@@ -350,7 +345,7 @@ def _estimated(
 
 
 def _by_another(
-    errors: StressErrors,
+    errors: Errors,
     method: BeamMethod,
     counts: Counts,
     displacements: Array,
@@ -374,7 +369,7 @@ def _counts_by_part(
     task: Task,
     times: Array,
     counts: Counts,
-    errors: StressErrors,
+    errors: Errors,
     start: Start,
 ) -> tuple[Counts, bool]:
     """Return the counts that the first part of a run needs, and the whole if its error grows evenly.

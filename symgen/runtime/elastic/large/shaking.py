@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.forces import ElasticForces, TotalMotion, of_coordinates
+from symgen.runtime.beams.forces import ElasticForces, RunMotion, of_coordinates
 from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
@@ -29,7 +29,7 @@ _OUTPUTS = {
 def in_linear_theory(
     motion: ElasticMotion,
     rigid: Sequence[Array],
-    run: TotalMotion,
+    run: RunMotion,
     accelerations: Array,
     acting: ElasticForces,
 ) -> Iterator[Variable]:

@@ -17,15 +17,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS, RADAU
 from symgen.runtime.elastic.jumps import check_repeats
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import (
-    FINER,
-    SAFETY,
-    Counts,
-    DisplacementSolution,
-    StressErrors,
-    known,
-    next_factor,
-)
+from symgen.runtime.elastic.outputs import FINER, SAFETY, Counts, Errors, Solution, known, next_factor
 from symgen.runtime.elastic.steady.floquet import (
     RESONANT,
     HeldModes,
@@ -61,8 +53,8 @@ def periodic(
     task: Task,
     times: Array,
     pace: Pace,
-    passes: list[DisplacementSolution],
-) -> DisplacementSolution:
+    passes: list[Solution],
+) -> Solution:
     """Find the state that repeats after a revolution, and the Floquet multipliers.
 
     The periodic state y solves (I - Phi) y = y_1, with y_1 the state after one revolution from rest. Results
@@ -90,7 +82,7 @@ def periodic(
     held = held_modes(motion, task.form == "thesis")
     compare = partial(_compared, motion, times)
 
-    def whole(shot: _Shot) -> list[DisplacementSolution]:
+    def whole(shot: _Shot) -> list[Solution]:
         return _followed(motion, equations, times, [shot], [step_counts(motion, times, shot.per_turn)], pace)
 
     shot = _shot(motion, equations, per_turn, pace, held)
@@ -145,7 +137,7 @@ def _compared(
     shot: _Shot,
     other: _Shot,
     pace: Pace,
-) -> tuple[DisplacementSolution | None, float, float | None]:
+) -> tuple[Solution | None, float, float | None]:
     """Return the steady state of a shot, its error by another, and that of its largest multiplier.
 
     The first is None where a few of the times are compared.
@@ -158,7 +150,7 @@ def _compared(
     else:  # the steady state at all times has steps half as long, whose error is far smaller
         counts[1] = counts[0]
     result, finer = _followed(motion, equations, at, [shot, other], counts, pace)
-    parts = StressErrors(motion, equations, at, GAUSS.order).of(result.displacements, finer.displacements)
+    parts = Errors(motion, equations, at, GAUSS.order).of(result.displacements, finer.displacements)
     sizes = abs(shot.multipliers[0]), abs(other.multipliers[0])
     shift = None if shot.error is None else SAFETY * abs(sizes[1] - sizes[0]) + shot.error
     return result if at is times else None, float(np.max(parts)), shift
@@ -218,7 +210,7 @@ def _followed(
     shots: Sequence[_Shot],
     counts: Sequence[Counts],
     pace: Pace,
-) -> list[DisplacementSolution]:
+) -> list[Solution]:
     """Return the steady states of shots at times, without the lag of a crank with a motor.
 
     Those with the same steps to each time, see :func:`step_counts`, are stepped together: most of a step is
@@ -243,9 +235,7 @@ def _followed(
         if shot.phase is not None:
             free = (x[:, :, 1 + len(shots) + k] for x in both)
             states = [y - lag[:, None] * x for x, y in zip(free, states, strict=True)]
-        results.append(
-            DisplacementSolution(states[0], states[1], steps, floquet=shot.multipliers, counts=counts[0])
-        )
+        results.append(Solution(states[0], states[1], steps, floquet=shot.multipliers, counts=counts[0]))
     return results
 
 
@@ -325,7 +315,7 @@ def _turn(
             if pace.spent(at, f", with {int(np.sum(turns))} steps per revolution"):
                 none: Counts = np.zeros(0, dtype=np.intp)
                 empty = np.zeros((0, motion.layout.unknowns))
-                raise OutOfTime(at, DisplacementSolution(empty, empty, steps.steps), none)
+                raise OutOfTime(at, Solution(empty, empty, steps.steps), none)
         begin = end
 
 
