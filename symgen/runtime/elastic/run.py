@@ -254,9 +254,8 @@ class _Recorded:
         """Return the rigid motion, and the whole."""
         states = self.states
         rigid, links, loads = self.motion.rigid_motion(self.equations, self.times)
-        thesis = self.task.form == "thesis"
-        moved = states.displacements, states.rates
-        return rigid, RunMotion(self.times, rigid[0], links, loads, *moved, thesis)
+        moved = states.displacements, states.rates, self.task.form == "thesis"
+        return rigid, RunMotion(self.times, rigid[0], links, loads, *moved)
 
     @Once
     def _shapes(self) -> list[Variable]:
