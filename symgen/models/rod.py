@@ -182,7 +182,7 @@ def _three_particles(
             moments,
             "N*m",
             f"sum of mass times moment of the acceleration of the particles about end i{before}",
-            axes if n == 3 else (),
+            _across(axes),
         ),
     )
     return sums + tuple(
@@ -220,7 +220,7 @@ def _momenta(
         _matrix(
             "linear_momentum", linear, "N", "rate of the linear momentum: the sum of the forces, R", axes
         ),
-        _matrix("angular_momentum", angular, "N*m", about, axes if n == 3 else ()),
+        _matrix("angular_momentum", angular, "N*m", about, _across(axes)),
     )
 
 
@@ -258,6 +258,11 @@ def _crossed(arm: Sequence[sp.Expr], vector: Sequence[sp.Expr]) -> tuple[sp.Expr
     if len(arm) == 2:
         return (arm[0] * vector[1] - arm[1] * vector[0],)
     return tuple(cross(tuple(arm), tuple(vector)))
+
+
+def _across(axes: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the axes of moments: in the plane the one across it."""
+    return axes if len(axes) == 3 else AXES[2:]
 
 
 def _matrix(
