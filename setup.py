@@ -63,7 +63,7 @@ extensions = [
         Extension(
             f"symgen.generated.{name}",
             [f"generated/{file}" for file in sorted(model["sources"]) if file.endswith((".pyx", ".c"))],
-            include_dirs=["generated"],
+            include_dirs=sorted({f"generated/{Path(file).parent}" for file in model["sources"]}),
             depends=[f"generated/{file}" for file in sorted(model["sources"]) if file.endswith(".h")],
             extra_compile_args=flags(model["optimisation"]),
         )

@@ -155,7 +155,7 @@ TEMPLATES = {
     "c": (("c/kernel.h.j2", "{}_kernel.h"), ("c/kernel.c.j2", "{}_kernel{}.c")),
     "numpy": (("numpy/kernel.py.j2", "{}_numpy.py"),),
     "mpmath": (("mpmath/kernel.py.j2", "{}_mpmath.py"),),
-    "cython": (("cython/module.pyx.j2", "{}.pyx"), ("report/model.md.j2", "{}.md")),
+    "cython": (("cython/module.pyx.j2", "{}.pyx"),),
 }
 SPLIT = "c/kernel.c.j2"
 #: Additional C templates for kernels that evaluate batches of states.

@@ -21,7 +21,6 @@ TEMPLATES = (
     ("c/chain_kernel.h.j2", "{}_kernel.h"),
     ("c/chain_kernel.c.j2", "{}_kernel.c"),
     ("cython/chain.pyx.j2", "{}.pyx"),
-    ("report/chain.md.j2", "{}.md"),
 )
 
 
@@ -76,7 +75,7 @@ def loops_hash(loops: Loops) -> str:
 
 
 def emit_loops(loops: Loops, equations: str) -> tuple[SourceFile, ...]:
-    """Return the header, the C source, the Cython module and the page of a recursion.
+    """Return the header, the C source and the Cython module of a recursion.
 
     Parameters
     ----------

@@ -79,6 +79,7 @@ def write(folder: Path, files: Sequence[SourceFile]) -> list[str]:
         touched.append(name)
     for file in files:
         path = folder / file.name
+        path.parent.mkdir(exist_ok=True)
         if not path.is_file() or path.read_bytes() != file.text.encode("utf-8"):
             write_text(path, file.text)
             touched.append(file.name)

@@ -126,14 +126,21 @@ BLOCKS: dict[str, BuildingBlock] = {
     },
 }
 
-#: Building blocks that runs call: their kernels are committed under ``generated/`` and compiled at install.
-#: The others are for inspection, and compiled nowhere.
-SHIPPED_BLOCKS = (
-    *(f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")),
-    "rigid_element", "elastic_place", "elastic_place_tangents", "corotational_beam", "corotational_node",
-    "spatial_beam", "director_beam", "director_beam_tangents", "direction", "direction_tangents", "loop_row",
-    *(f"synthesis_{name}" for name in _SYNTHESIS_ABOUT),
-)  # fmt: skip
+_COMMITTED = {
+    "elements": (
+        *(f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")),
+        *("rigid_element", "elastic_place", "elastic_place_tangents", "spatial_beam"),
+    ),
+    "large_rotation": (
+        *("corotational_beam", "corotational_node", "director_beam", "director_beam_tangents"),
+        *("direction", "direction_tangents"),
+    ),
+    "loops": ("loop_row",),
+    "synthesis": tuple(f"synthesis_{name}" for name in _SYNTHESIS_ABOUT),
+}
+#: Building blocks that runs call, with the folder of ``generated/`` that holds their kernels; these are compiled
+#: at install. The other blocks are for inspection, and compiled nowhere.
+SHIPPED_BLOCKS = {name: folder for folder, names in _COMMITTED.items() for name in names}
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.
 DERIVATIONS: dict[str, Callable[[], System]] = {f"element_{x}": partial(derivation, x) for x in ELEMENTS}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,8 +40,15 @@ def names() -> tuple[str, ...]:
 
 
 def record_name(model: str) -> str:
-    """Return the name of the file with a model's recorded mathematics."""
-    return f"{model}_equations.json"
+    """Return the name of the file with a model's recorded mathematics.
+
+    Tangents have none: their equations are those of another model, differentiated.
+    """
+    return "" if model.endswith("_tangents") else f"{_folder(model)}/{model}_equations.json"
+
+
+def _folder(model: str) -> str:
+    return SHIPPED_BLOCKS.get(model) or ("chains" if model in RECURSIONS else "scenes")
 
 
 def make(name: str) -> Derived:
@@ -73,7 +81,8 @@ def _of_system(name: str) -> Shipped:
     equations = equations_hash(program, Target())
     files = [f for language in ("c", "cython") for f in emit(program, Target(language), equations)]
     costs = {k.name: k.counts.flops for k in program.kernels}
-    return Shipped(equations, (*files, _recorded(record(name, system.title, {"": system}, costs))))
+    mathematics = [record(name, system.title, {"": system}, costs)] if record_name(name) else []
+    return Shipped(equations, _placed(name, files, mathematics))
 
 
 def _of_scene(name: str) -> System:
@@ -93,12 +102,14 @@ def _of_recursion(name: str) -> Shipped:
     steps = {f"{step.name}.": step for step in recursion.steps}
     costs = {step.kernel.name: step.counts.flops for step in loops.steps}
     files = emit_loops(loops, equations)
-    mathematics = record(name, recursion.title, steps, costs)
-    return Shipped(equations, (*files, _recorded(mathematics)), optimisation=3)
+    mathematics = [record(name, recursion.title, steps, costs)]
+    return Shipped(equations, _placed(name, files, mathematics), optimisation=3)
 
 
-def _recorded(mathematics: Record) -> SourceFile:
-    return SourceFile(record_name(mathematics.name), mathematics.to_json())
+def _placed(model: str, files: Iterable[SourceFile], mathematics: Iterable[Record]) -> tuple[SourceFile, ...]:
+    """Return the files of a model in its folder, and its record."""
+    records = (SourceFile(record_name(model), m.to_json()) for m in mathematics)
+    return (*(replace(f, name=f"{_folder(model)}/{f.name}") for f in files), *records)
 
 
 def sources(models: dict[str, Shipped]) -> list[SourceFile]:

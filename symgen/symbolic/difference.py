@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from symgen.symbolic.record import Record, RecordedMatrix
+from symgen.symbolic.record import Record, RecordedMatrix, Values, terms_of
 
 #: Values with a smaller relative difference are the same mathematics in another form.
 _SAME = Fraction(1, 10**15)
@@ -96,8 +96,13 @@ class Difference:
 def difference(before: Record, after: Record) -> Difference:
     """Return the changes between two records, in the order of the later one."""
     costs = before.operations, after.operations
+    values = Values(before), Values(after)
     return Difference(
-        tuple(d for name in _names(before.matrices, after.matrices) if (d := _matrix(name, before, after))),
+        tuple(
+            d
+            for name in _names(before.matrices, after.matrices)
+            if (d := _matrix(name, before, after, values))
+        ),
         texts(before.constants, after.constants),
         texts(before.definitions, after.definitions),
         {k: c for k in _names(*costs) if len(set(c := (costs[0].get(k), costs[1].get(k)))) > 1},
@@ -110,19 +115,23 @@ def _names(before: Mapping[str, object], after: Mapping[str, object]) -> list[st
     return list(dict.fromkeys([*after, *before]))
 
 
-_NOTHING = RecordedMatrix("", 0, 0, {}, {})
+_NOTHING = RecordedMatrix("", 0, 0, {})
 
 
-def _matrix(name: str, before: Record, after: Record) -> MatrixDifference | None:
+def _matrix(
+    name: str, before: Record, after: Record, values: tuple[Values, Values]
+) -> MatrixDifference | None:
     old, new = before.matrices.get(name, _NOTHING), after.matrices.get(name, _NOTHING)
     there = _names(old.entries, new.entries)
-    differences = [c for place in there if (c := _entry(place, old, new))]
-    factor = _factor([c.place for c in differences if c.kind == "changed"], old, new)
+    terms = [terms_of(record, name)[1] for record in (before, after)]
+    differences, factor = [], ""
+    if old.entries != new.entries or terms[0] != terms[1]:
+        found = [v.of(name) for v in values]
+        differences = [c for place in there if (c := _entry(place, old, new, found))]
+        factor = _factor([c.place for c in differences if c.kind == "changed"], found)
     if any(c.through_shared_terms for c in differences):
-        shared = _shared(name, before, after)
         differences = [
-            replace(c, through=_through(c.after, shared)) if c.through_shared_terms else c
-            for c in differences
+            replace(c, through=_through(c.after, terms)) if c.through_shared_terms else c for c in differences
         ]
     if old is not _NOTHING and new is not _NOTHING and old.unit != new.unit:
         differences.insert(0, Change("changed", "unit", old.unit, new.unit))
@@ -135,22 +144,24 @@ def _matrix(name: str, before: Record, after: Record) -> MatrixDifference | None
     return MatrixDifference(kind, name, shapes, tuple(differences), factor, len(there))
 
 
-def _entry(place: str, old: RecordedMatrix, new: RecordedMatrix) -> Change | None:
+def _entry(
+    place: str, old: RecordedMatrix, new: RecordedMatrix, found: list[dict[str, str]]
+) -> Change | None:
     before, after = old.entries.get(place, ""), new.entries.get(place, "")
     if not before or not after:
         return Change("removed" if before else "added", place, before, after)
-    values = old.values.get(place), new.values.get(place)
-    if values == (None, None):
+    pair = found[0].get(place), found[1].get(place)
+    if pair == (None, None):
         return None if before == after else Change("changed", place, before, after)
-    if not _equal(*values):
+    if not _equal(*pair):
         return Change("changed", place, before, after)
     return None if before == after else Change("rewritten", place, before, after)
 
 
-def _factor(places: list[str], old: RecordedMatrix, new: RecordedMatrix) -> str:
+def _factor(places: list[str], found: list[dict[str, str]]) -> str:
     """Return the rational number that the values at these places are multiplied by; empty if none is."""
     try:
-        pairs = [(Fraction(old.values[p]), Fraction(new.values[p])) for p in places]
+        pairs = [(Fraction(found[0][p]), Fraction(found[1][p])) for p in places]
         factors = {_rational(after / before) for before, after in pairs}
     except (KeyError, ValueError, ZeroDivisionError):  # no value, or none whose ratio is defined
         return ""
@@ -166,27 +177,16 @@ def _rational(ratio: Fraction) -> Fraction | None:
     return near if abs(near - ratio) <= _SAME * abs(ratio) else None
 
 
-def _shared(matrix: str, before: Record, after: Record) -> dict[str, tuple[str, str]]:
-    """Return both texts of each shared subexpression of the system of a matrix."""
-    names = _names(before.definitions, after.definitions)
-    parts = matrix.split(".")
-    prefixes = (".".join(parts[:k]) + "." for k in range(len(parts) - 1, 0, -1))
-    prefix = next((p for p in prefixes if any(n.startswith(p) for n in names)), "")
-    own = [n for n in names if n.startswith(prefix)]
-    return {
-        n.removeprefix(prefix): (before.definitions.get(n, ""), after.definitions.get(n, "")) for n in own
-    }
-
-
-def _through(text: str, shared: Mapping[str, tuple[str, str]]) -> tuple[str, ...]:
+def _through(text: str, terms: list[dict[str, str]]) -> tuple[str, ...]:
     """Return the shared subexpressions with other texts that a text uses, the nearest first."""
     used: dict[str, None] = {}
     front = [text]
     while front:
-        found = dict.fromkeys(n for t in front for n in _NAME.findall(t) if n in shared and n not in used)
-        used |= found
-        front = [t for n in found for t in shared[n]]
-    return tuple(n for n in used if shared[n][0] != shared[n][1])
+        names = dict.fromkeys(n for t in front for n in _NAME.findall(t) if n not in used)
+        found = [n for n in names if any(n in t for t in terms)]
+        used |= dict.fromkeys(found)
+        front = [t[n] for n in found for t in terms if n in t]
+    return tuple(n for n in used if terms[0].get(n) != terms[1].get(n))
 
 
 def _equal(before: str | None, after: str | None) -> bool:

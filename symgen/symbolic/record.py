@@ -4,35 +4,31 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    import mpmath
-    import sympy as sp
-
     from symgen.symbolic.system import NamedMatrix, System
 
-#: Stored digits of the value of an entry, and digits of its computation.
+#: Digits of the value of an entry, and digits of its computation.
 DIGITS, _WORKING = 20, 40
-#: Functions with other names in mpmath than in SymPy.
-_FUNCTIONS = {"Abs": "fabs", "Sign": "sign"}
+#: Names in mpmath of functions and constants that have other names in SymPy.
+_FUNCTIONS = {"Abs": "fabs"}
+_CONSTANTS = {"pi": "+mpmath.pi", "oo": "mpmath.inf", "zoo": "mpmath.nan", "nan": "mpmath.nan"}
+#: A name, with the bracket behind that of a function, or a number.
+_TOKEN = re.compile(r"([^\W\d]\w*)(\()?|(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)")
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedMatrix:
-    """A derived matrix: its unit and size, and its nonzero entries by the names of row and column.
-
-    ``entries`` holds each entry as text, ``values`` its value at argument values derived from their names;
-    empty where it has no value there.
-    """
+    """A derived matrix: its unit and size, and its nonzero entries as text by the names of row and column."""
 
     unit: str
     rows: int
     columns: int
     entries: Mapping[str, str]
-    values: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,18 +74,15 @@ def record(name: str, title: str, systems: Mapping[str, System], operations: Map
     for prefix, system in systems.items():
         constants |= {f"{prefix}{c.quantity.name}": sstr(c.expression) for c in system.constants}
         definitions |= {f"{prefix}{d.quantity.name}": sstr(d.expression) for d in system.definitions}
-        values = _values(system)
-        for m in system.matrices:
-            matrices[prefix + m.name] = _recorded(m, values[m.name])
+        matrices |= {prefix + m.name: _recorded(m) for m in system.matrices}
     return Record(name, title, definitions, matrices, operations, constants)
 
 
-def _recorded(m: NamedMatrix, texts: list[str]) -> RecordedMatrix:
+def _recorded(m: NamedMatrix) -> RecordedMatrix:
     from sympy import sstr
 
-    there = [(p, e, v) for p, e, v in zip(places(m), m.matrix, texts, strict=True) if e != 0]
-    entries, values = {p: sstr(e) for p, e, _ in there}, {p: v for p, _, v in there if v}
-    return RecordedMatrix(m.unit, m.matrix.rows, m.matrix.cols, entries, values)
+    entries = {p: sstr(e) for p, e in zip(places(m), m.matrix, strict=True) if e != 0}
+    return RecordedMatrix(m.unit, m.matrix.rows, m.matrix.cols, entries)
 
 
 def places(m: NamedMatrix) -> list[str]:
@@ -104,57 +97,74 @@ def _named(names: tuple[str, ...], size: int) -> Iterable[str]:
     return [""] if size == 1 else [str(i) for i in range(size)]
 
 
-def _values(system: System) -> dict[str, list[str]]:
-    """Return every entry at arguments between 1/2 and 3/2, derived from their names and so reproducible."""
+class Values:
+    """Values of the entries of a record, at arguments between 1/2 and 3/2 derived from their names."""
+
+    def __init__(self, record: Record) -> None:
+        self._record = record
+        self._known: dict[str, _Known] = {}
+
+    def of(self, matrix: str) -> dict[str, str]:
+        """Return the value of each entry of a matrix that has one."""
+        import mpmath
+
+        entries = self._record.matrices[matrix].entries if matrix in self._record.matrices else {}
+        with mpmath.workdps(_WORKING):
+            known = self._terms(matrix)
+            found = {place: _value(text, known) for place, text in entries.items()}
+            return {place: str(mpmath.nstr(x, DIGITS)) for place, x in found.items() if _is_real(x)}
+
+    def _terms(self, matrix: str) -> _Known:
+        prefix, terms = terms_of(self._record, matrix)
+        if prefix not in self._known:
+            self._known[prefix] = known = _Known()
+            for name, term in terms.items():
+                known[name] = _value(term, known)
+        return self._known[prefix]
+
+
+def terms_of(record: Record, matrix: str) -> tuple[str, dict[str, str]]:
+    """Return the prefix of the system of a matrix, and its shared subexpressions in order of use."""
+    parts = matrix.split(".")
+    prefixes = (".".join(parts[:k]) + "." for k in range(len(parts) - 1, 0, -1))
+    prefix = next((p for p in prefixes if any(n.startswith(p) for n in record.definitions)), "")
+    own = {n.removeprefix(prefix): d for n, d in record.definitions.items() if n.startswith(prefix)}
+    return prefix, own
+
+
+class _Known(dict[str, Any]):
+    """Values by name; those of arguments are made when first asked for."""
+
+    def __missing__(self, name: str) -> Any:
+        import mpmath
+
+        digest = hashlib.sha256(name.encode()).digest()[:4]
+        self[name] = value = mpmath.mpf(0.5 + int.from_bytes(digest, "big") / 2**32)
+        return value
+
+
+def _value(text: str, known: _Known) -> Any:
+    """Return the value of an expression, or nan if it has none."""
     import mpmath
 
-    arguments = [x for group in system.groups for x in group.quantities]
-    arguments += [c.quantity for c in system.constants]
-    known: dict[sp.Basic, Any] = {x.symbol: _argument(x.name) for x in arguments}
-    with mpmath.workdps(_WORKING):
-        for definition in system.definitions:
-            known[definition.quantity.symbol] = _value(definition.expression, known)
-        return {m.name: [_text(_value(e, known)) for e in m.matrix] for m in system.matrices}
+    scope = {"__builtins__": {}, "mpmath": mpmath, "number": mpmath.mpf, "known": known}
+    try:
+        return eval(_TOKEN.sub(_in_python, text), scope)  # noqa: S307 - names, numbers and operators only
+    except (ArithmeticError, ValueError, TypeError, AttributeError, RecursionError, SyntaxError):
+        return mpmath.nan  # a pole, or no function of numbers
 
 
-def _argument(name: str) -> mpmath.mpf:
+def _in_python(token: re.Match[str]) -> str:
+    """Return a token of an expression as Python evaluates it with many digits."""
+    name, bracket, number = token.groups()
+    if number:
+        return f"number('{number}')"
+    if bracket:
+        return f"mpmath.{_FUNCTIONS.get(name, name)}("
+    return _CONSTANTS.get(name) or f"known['{name}']"
+
+
+def _is_real(value: Any) -> bool:
     import mpmath
 
-    return mpmath.mpf(0.5 + int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32)
-
-
-def _value(expression: sp.Expr, known: dict[sp.Basic, Any]) -> Any:
-    """Return the value of an expression, or nan if it has none; every subexpression is evaluated once."""
-    import mpmath
-
-    if expression not in known:
-        parts = [_value(x, known) for x in expression.args]
-        try:
-            known[expression] = _combined(expression, parts)
-        except (ArithmeticError, ValueError, TypeError, AttributeError):  # a pole, or no function of numbers
-            known[expression] = mpmath.nan
-    return known[expression]
-
-
-def _combined(expression: sp.Expr, parts: list[Any]) -> Any:
-    import mpmath
-
-    if expression.is_Rational:
-        return mpmath.mpf(expression.p) / expression.q
-    if expression.is_Add:
-        return mpmath.fsum(parts)
-    if expression.is_Mul:
-        return mpmath.fprod(parts)
-    if expression.is_Pow:
-        return mpmath.power(*parts)
-    if expression.is_number and not parts:
-        return mpmath.mpf(expression.evalf(_WORKING)._mpf_)
-    return getattr(mpmath, _FUNCTIONS.get(expression.func.__name__, expression.func.__name__))(*parts)
-
-
-def _text(value: Any) -> str:
-    """Return the stored digits of a real number; empty for any other value."""
-    import mpmath
-
-    real = isinstance(value, mpmath.mpf) and mpmath.isfinite(value)
-    return str(mpmath.nstr(value, DIGITS)) if real else ""
+    return isinstance(value, mpmath.mpf) and bool(mpmath.isfinite(value))
