@@ -138,8 +138,8 @@ _COMMITTED = {
     "loops": ("loop_row",),
     "synthesis": tuple(f"synthesis_{name}" for name in _SYNTHESIS_ABOUT),
 }
-#: Building blocks that runs call, with the folder of ``generated/`` that holds their kernels; these are compiled
-#: at install. The other blocks are for inspection, and compiled nowhere.
+#: Building blocks that runs call, with the folder of ``generated/`` that holds their kernels, which are
+#: compiled at install. The other blocks are for inspection, and compiled nowhere.
 SHIPPED_BLOCKS = {name: folder for folder, names in _COMMITTED.items() for name in names}
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from symgen.symbolic.record import Record, RecordedMatrix, Values, terms_of
+from symgen.symbolic.record import EntryValues, Record, RecordedMatrix, terms_of
 
 #: Values with a smaller relative difference are the same mathematics in another form.
 _SAME = Fraction(1, 10**15)
@@ -96,7 +96,7 @@ class Difference:
 def difference(before: Record, after: Record) -> Difference:
     """Return the changes between two records, in the order of the later one."""
     costs = before.operations, after.operations
-    values = Values(before), Values(after)
+    values = EntryValues(before), EntryValues(after)
     return Difference(
         tuple(
             d
@@ -119,7 +119,7 @@ _NOTHING = RecordedMatrix("", 0, 0, {})
 
 
 def _matrix(
-    name: str, before: Record, after: Record, values: tuple[Values, Values]
+    name: str, before: Record, after: Record, values: tuple[EntryValues, EntryValues]
 ) -> MatrixDifference | None:
     old, new = before.matrices.get(name, _NOTHING), after.matrices.get(name, _NOTHING)
     there = _names(old.entries, new.entries)

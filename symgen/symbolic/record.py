@@ -97,7 +97,7 @@ def _named(names: tuple[str, ...], size: int) -> Iterable[str]:
     return [""] if size == 1 else [str(i) for i in range(size)]
 
 
-class Values:
+class EntryValues:
     """Values of the entries of a record, at arguments between 1/2 and 3/2 derived from their names."""
 
     def __init__(self, record: Record) -> None:

@@ -93,16 +93,15 @@ def test_same_bytes_whatever_the_hash_seed(seeds, models, made, capsys):
 
 
 def test_one_changed_byte_fails_the_check_with_a_readable_diff(tmp_path, sources):
-    for file in sources:
-        (tmp_path / file.name).write_text(file.text)
+    write(tmp_path, sources)
     assert differences(tmp_path, sources) == []
-    victim = tmp_path / "loop_row_kernel.c"
+    victim = tmp_path / "loops" / "loop_row_kernel.c"
     changed = victim.read_text().replace("cos_eta1*cos_theta1", "cos_eta1*sin_theta1", 1)
     assert changed != victim.read_text()
     victim.write_text(changed)
     (found,) = differences(tmp_path, sources)
     lines = found.splitlines()
-    assert lines[0] == "--- generated/loop_row_kernel.c (there)"
+    assert lines[0] == "--- generated/loops/loop_row_kernel.c (there)"
     assert sum(line.startswith("-") for line in lines) == 2
     assert sum(line.startswith("+") for line in lines) == 2
     assert any("cos_eta1*sin_theta1" in line for line in lines)
@@ -205,19 +204,17 @@ def test_constants_have_the_digits_of_their_type():
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 @pytest.mark.parametrize("name", RECURSIONS)
 def test_loops_compile_without_a_warning_and_with_lanes_in_vector_registers(name, tmp_path, sources):
-    for file in sources:
-        if file.name.startswith(f"{name}_kernel"):
-            (tmp_path / file.name).write_text(file.text)
+    write(tmp_path, [file for file in sources if f"/{name}_kernel" in file.name])
     done = subprocess.run(
         ["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wdouble-promotion", "-O3"]
         + ["-ffp-contract=off", "-S", f"{name}_kernel.c", "-o", "x.s"],
         check=False,
         capture_output=True,
         text=True,
-        cwd=tmp_path,
+        cwd=tmp_path / "chains",
     )
     assert done.returncode == 0, done.stderr
-    assembly = (tmp_path / "x.s").read_text()
+    assembly = (tmp_path / "chains" / "x.s").read_text()
     assert "fmadd" not in assembly, "contraction would make results depend on the processor"
     if platform.machine() == "x86_64":
         assert "divpd" in assembly
@@ -233,19 +230,13 @@ def test_header_serves_cplusplus(tmp_path):
     subprocess.run(["c++", "-Wall", "-Werror", "-c", "main.cpp", "-o", "main.o"], cwd=tmp_path, check=True)
 
 
-@pytest.mark.parametrize("name", RECURSIONS)
-def test_page_of_a_recursion_has_units_and_meanings(name, sources):
-    (page,) = (f.text for f in sources if f.name == f"{name}.md")
-    assert "| `along[0]` | d_x | m | x component of the vector from the inner to the outer point" in page
-    assert "1.0/(det*pivot)" in page and page.count(" = 1.0/") == 3, (
-        "one for the end masses, one a rod, one at a free base"
-    )
-
-
 @pytest.mark.parametrize("name, flops", [("chain", 87), ("chain_spatial", 173)])
 def test_operations_of_a_rod_do_not_grow(name, flops, sources):
-    (source,) = (f.text for f in sources if f.name == f"{name}_kernel.c")
+    (source,) = (f.text for f in sources if f.name == f"chains/{name}_kernel.c")
     assert f"One rod in one evaluation of all accelerations: {flops} operations (" in source
+    assert "1.0/(det*pivot)" in source and source.count(" = 1.0/") == 3, (
+        "one for the end masses, one a rod, one at a free base"
+    )
 
 
 def test_nothing_is_left_unrendered_and_nothing_of_the_machine_is_in_it(sources):

@@ -13,7 +13,7 @@ from symgen.report.mathematics.difference import difference_lines
 from symgen.report.mathematics.regeneration import regenerated_lines
 from symgen.symbolic.difference import difference
 from symgen.symbolic.quantity import quantity
-from symgen.symbolic.record import Values, places, read_record, record
+from symgen.symbolic.record import EntryValues, places, read_record, record
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
 
 a, b, c = (quantity(name, "m", f"length {name}") for name in "abc")
@@ -240,7 +240,7 @@ def test_what_has_no_value_is_compared_as_text():
     assert changes(recorded([x, 0, 0, 1 / (x - x.func(x.name, real=True) + sp.zoo * 0 + y)]), recorded(PLAIN))
     pole = 1 / sp.Add(sp.log(x**2), -2 * sp.log(sp.Abs(x)), evaluate=False)
     before, same, other = recorded([pole, 0, 0, 0]), recorded([pole, 0, 0, 0]), recorded([pole * y, 0, 0, 0])
-    assert not Values(before).of("k")
+    assert not EntryValues(before).of("k")
     assert not difference(before, same)
     assert changes(before, other) == [("changed", "r, 0")]
 
