@@ -21,6 +21,7 @@ from symgen.cli.common import changes
 from symgen.errors import ModelError
 from symgen.mechanics import sources
 from symgen.pipeline.subject import Subject
+from symgen.symbolic.system import NamedMatrix
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE = (DOCS / "papers.md").read_text("utf-8")
@@ -166,6 +167,10 @@ def subject(name: str, options: tuple[str, ...]) -> Subject:
     return Subject(name, changes([*options]))
 
 
+def found(of: Subject, name: str) -> list[NamedMatrix]:
+    return [m for chosen in of.found(name) for m in chosen.matrices]
+
+
 @pytest.mark.parametrize("name", sorted({shlex.split(c)[2] for c, _ in SHOWN}))
 def test_shown_matrices_state_an_equation_of_their_row(name):
     for command, row in SHOWN:
@@ -173,7 +178,7 @@ def test_shown_matrices_state_an_equation_of_their_row(name):
         if scene != name or not rest or rest[0] == "derivation":
             continue
         options = tuple(rest[i + 1] for i, x in enumerate(rest) if x == "--set")
-        matrices = subject(name, options).choose(rest[0]).matrices
+        matrices = found(subject(name, options), rest[0])
         ranges = [x for m in matrices for x in equations(m.source) if row.paper in m.source]
         here = [*equations(row.place)]
         common = any(covered(a, here) or covered(b, here) for a, b in ranges)
@@ -194,7 +199,7 @@ def test_every_equation_of_the_thesis_is_found_by_its_number(name):
             for n in range(first, last + 1):
                 number = f"({chapter}{'.' * bool(chapter)}{n}{letter})"
                 try:
-                    assert subject(name, options).choose(number).matrices
+                    assert found(subject(name, options), number)
                 except ModelError:
                     lost.append((row.place, number))
     assert not lost
@@ -225,15 +230,13 @@ def test_numbers_of_a_row_are_found_with_its_model(name):
     wrong = []
     for _, number, row in (x for x in PRINTED if x[0] == name):
         try:
-            found = subject(name, ()).choose(number).matrices
+            shown = found(subject(name, ()), number)
         except ModelError:
             wrong.append((number, row.place, "not found"))
             continue
         names = {shlex.split(c)[3] for c in row.commands if c.startswith(f"symgen show {name} ")}
-        if not {m.name for m in found} & {
-            m.name for x in names for m in subject(name, ()).choose(x).matrices
-        }:
-            wrong.append((number, row.place, [m.name for m in found]))
+        if not {m.name for m in shown} & {m.name for x in names for m in found(subject(name, ()), x)}:
+            wrong.append((number, row.place, [m.name for m in shown]))
     assert not wrong
 
 

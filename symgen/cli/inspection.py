@@ -154,17 +154,18 @@ def show(
         _show_record(subject, form, _numbers(with_), numeric)
     else:
         cuts = [x.strip() for x in cut.split(",")] if cut else []
-        chosen = subject.choose(matrix, numbers=form == "numeric", cuts=cuts)
-        chosen = chosen.by(by) if by else chosen
-        chosen, values = chosen.part(rows, columns), _numbers(with_)
-        if form == "numeric":
-            _show_numbers(subject, chosen, at, values)
-        else:
-            from symgen.report.mathematics.equations import show as print_matrices
+        values = _numbers(with_)
+        for i, found in enumerate(subject.found(matrix, numbers=form == "numeric", cuts=cuts)):
+            chosen = (found.by(by) if by else found).part(rows, columns)
+            print("\n" * bool(i), end="")
+            if form == "numeric":
+                _show_numbers(subject, chosen, at, values)
+            else:
+                from symgen.report.mathematics.equations import show as print_matrices
 
-            if values or numeric:
-                chosen = chosen.valued(values, constants=numeric)
-            print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
+                if values or numeric:
+                    chosen = chosen.valued(values, constants=numeric)
+                print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
 
 
 def _list_models() -> None:

@@ -1,6 +1,8 @@
 """Equations of the sources that derived matrices correspond to, by the names of the matrices.
 
 Patterns are tried in order; a matrix that matches none is not in the source. Numbers are those of the prints.
+Behind semicolons stand the equations of rows, ``fx (62a)``, of ranges, ``p12-p23 (20)``, and of entries,
+``w:theta1 (6.24)``.
 Where a print is wrong, the derived matrix is the corrected form (docs/errata_dual_euler.md,
 docs/errata_elastic.md).
 
@@ -26,7 +28,7 @@ ROD: Sources = (
     ("middle_acceleration", "Attia (5b)"),
     ("linear_momentum", "Attia (6)"),
     ("angular_momentum", "Attia (7)"),
-    ("projected_momentum", "Attia (8a), (8b), printed as (1), (2)"),
+    ("projected_momentum", "Attia, section 2.1; u_bar (8a), printed as (1); u_hat (8b), printed as (2)"),
     ("constraint", "Attia (3a), halved"),
     ("constraint_jacobian", "Attia (5a), left side"),
     ("velocity_constraint", "Attia (4a)"),
@@ -43,11 +45,12 @@ LINKAGE: Sources = (
     ("velocities", "Attia, section 2.1"),
     *ROD[:2],
     ("mass_matrix", "not in the source; equivalent with J to Attia (12)-(15)"),
-    ("constraints", "Attia (3a) halved, (16a), (16b)"),
+    ("constraints", "Attia (3a) halved; guide_* (16a), (16b)"),
     ("constraint_jacobian", "Attia (5a), left side"),
     ("velocity_constraints", "Attia (4a)"),
     ("acceleration_rhs", "Attia (5a), right side"),
 )
+_CLOSURE_ROWS = "wx (37a); vx (37b); wy (37c); vy (37d); wz (37e); vz (37f)"
 LOOP: Sources = (
     ("rows", "Rahman, table 1"),
     ("closure_defect", "Rahman (5), (6), (18), (19)"),
@@ -63,15 +66,18 @@ LOOP: Sources = (
     ("eta3_operator", "Rahman (15), general form (17)"),
     ("S4_operator", "Rahman (16), general form (17)"),
     ("*_operator", "Rahman (17)"),
-    ("closure_step_matrix", "Rahman (7), (11), (19b), (23), (23a), (24): A; columns (26)"),
-    ("closure_step_rhs", "Rahman (19a), (20)-(22), (23a), (25), corrected: V"),
+    (
+        "closure_step_matrix",
+        "Rahman (7), (11), (19b), (23), (23a), (24): A; columns (26); p12-p23 (20), (22); d12-d23 (21)",
+    ),
+    ("closure_step_rhs", "Rahman (19a), (23a), (25), corrected: V; p12-p23 (20), (22); d12-d23 (21)"),
     ("closure_jacobian", "Rahman (12)-(17), as screws"),
     ("screws", "Rahman (12)-(17), as screws"),
-    ("closure_matrix", "Rahman (37)-(37f), (38), corrected: A; (39)-(43) solve it"),
-    ("closure_rhs", "Rahman (37)-(37f), (38), corrected: V; (39)-(43) solve it"),
+    ("closure_matrix", f"Rahman (37), (38), corrected: A; (39)-(43) solve it; {_CLOSURE_ROWS}"),
+    ("closure_rhs", f"Rahman (37), (38), corrected: V; (39)-(43) solve it; {_CLOSURE_ROWS}"),
     ("screw_rates", "Rahman (38a)-(42a), corrected"),
     ("screw_drift", "Rahman (38a)-(42a), corrected"),
-    ("inputs", "Rahman (27), (28), (28a), (28b), corrected"),
+    ("inputs", "Rahman (27), corrected; s1:value (28); s1:rate (28a); s1:acceleration (28b)"),
     ("*_frame", "Rahman (1)-(4): the product up to the link"),
     ("crank_motion", "Rahman (29), (33), (33a)"),
     ("rod_motion", "Rahman (30), (34), (35), (35a), (36), (36a), corrected"),
@@ -100,11 +106,23 @@ LOOP: Sources = (
     ("*.drive", "Rahman (62)-(64), corrected"),
     ("*transform", "Rahman (1)-(4)"),
 )
-#: Of the equilibrium of the links, in letters.
+#: Of the equilibrium of the links, in letters; each of (69) follows from the rows that cite it.
 EQUILIBRIUM: Sources = (
-    ("crank_equilibrium", "Rahman (62), signs corrected"),
-    ("rod_equilibrium", "Rahman (63), signs corrected"),
-    ("slider_equilibrium", "Rahman (64), signs corrected"),
+    (
+        "crank_equilibrium",
+        "Rahman (62), signs corrected; fx (62a), (69i)-(69k); mx (62b), (69p), (69q); fy (62c), (69g); "
+        "my (62d), (69p), (69q); fz (62e), (69a); mz (62f), (69g), (69i), (69j)",
+    ),
+    (
+        "rod_equilibrium",
+        "Rahman (63), signs corrected; fx (63a), (69l); mx (63b); fy (63c), (69b); my (63d), (69c); "
+        "fz (63e), (69c); mz (63f), (69b), (69h)",
+    ),
+    (
+        "slider_equilibrium",
+        "Rahman (64), signs corrected; fx (64a), (69o); mx (64b), (69d); fy (64c), (69n); my (64d), (69e); "
+        "fz (64e), (69m); mz (64f), (69f)",
+    ),
     ("*_equilibrium", "Rahman (62)-(64), signs corrected"),
 )
 #: Row transforms by the entries of the row that are not zero.
@@ -136,14 +154,20 @@ ELEMENT: Sources = (
 PRINTED_ELEMENT: Sources = (
     ("constant_mass", "thesis (F.1)"),
     ("constant_gyroscopic", "thesis (F.3)"),
-    ("constant_stiffness", "thesis (D.4)-(D.27), (D.28), corrected"),
+    ("constant_stiffness", "thesis (D.9)-(D.27), (D.28), corrected"),
     ("constant_load_x", "thesis (B.1), times m: integral of [D]^T (x)"),
     ("constant_load_y", "thesis (B.4), (B.16), times m: integral of [D]^T (X)"),
     ("constant_load_out", "thesis (B.6), (B.18), times m: integral of x [D]^T (x)"),
     ("constant_load_turn", "thesis (B.7), (B.19), times m: integral of x [D]^T (X)"),
     (
         "shape",
-        "thesis (5.1)-(5.23), (6.16)-(6.19), (6.22)-(6.28), (B.8), (C.1)-(C.21), (D.1)-(D.3), corrected",
+        "thesis (5.3), (5.7), (5.16)-(5.18), (5.23), (B.8), corrected; "
+        "u (5.2), (5.5), (5.6), (5.8), (5.12), (5.20), (5.22), (6.16), (6.19), (C.1)-(C.13); "
+        "u:u1 (6.17); u:u2 (6.18); "
+        "w (5.1), (5.4), (5.9), (5.13), (5.19), (5.21), (6.22), (C.14), (C.15), (D.1); "
+        "w:w1 (6.23), (C.16); w:theta1 (6.24), (C.17); w:kappa1 (6.25), (C.18); w:w2 (6.26), (C.19); "
+        "w:theta2 (6.27), (C.20); w:kappa2 (6.28), (C.21); slope (5.10), (5.14), (D.2); "
+        "curvature (5.11), (5.15), (D.3)-(D.8)",
     ),
     *ELEMENT,
     ("thesis_local_stiffness", "thesis (7.26), (F.5), corrected"),
@@ -175,10 +199,17 @@ ASSEMBLY: Sources = (
 #: Of all but the elastic links: rows of inextensible links, whose entries are cosines and sines.
 JOINTS: Sources = (("jacobian", "thesis (E.30)-(E.42)"),)
 RIGID_ELEMENT: Sources = (
-    ("nodal_matrix", "thesis (4.1)-(4.9), (4.10)"),
+    ("nodal_matrix", "thesis (4.1)-(4.6), (4.10); x (4.7); y (4.8); moment (4.9)"),
     ("inertia", "thesis (4.10), right side"),
 )
 #: Of limit positions: case studies I and II.
-LIMITS: Sources = (("residual", "thesis (3.3)-(3.17), corrected"),)
+LIMITS: Sources = (
+    (
+        "residual",
+        "thesis (3.3)-(3.17), corrected; extended_along (3.7), (3.9), (3.16); extended_across (3.6), (3.15); "
+        "extended_angles (3.5), (3.12); folded_along (3.7); folded_across (3.14), (3.15), (3.17); "
+        "folded_angles (3.13); swing (3.4), (3.11); least (3.8)",
+    ),
+)
 #: Of systems that have no counterpart in the sources.
 NONE: Sources = (("", ""),)

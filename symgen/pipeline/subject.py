@@ -16,7 +16,7 @@ from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
-from symgen.pipeline.citations import citing, is_equation
+from symgen.pipeline.citations import as_equation, citing
 from symgen.pipeline.systems import momentum_of, system_of
 from symgen.pipeline.user_system import is_user_file, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
@@ -31,6 +31,15 @@ from symgen.symbolic.system import DerivedMatrix, Export, Matrices, NamedMatrix,
 RECORD = "derivation"
 _MOMENTUM = "momentum_rows"
 _SQUARE = "matrix", "rhs"
+#: Models that between them print the equations of each paper, with settings that are false.
+_ATTIA = "rod", "rod_spatial", "triple_pendulum", "vertical_rods", "elastic_slider_crank"
+_THESIS = "element_beam8", "rigid_element", "synthesis_limits", "thesis_four_bar"
+_INEXTENSIBLE = tuple(f"links.{link}.elastic.axial" for link in ("crank", "coupler", "output"))
+PAPERS: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
+    "Attia": tuple((name, ()) for name in _ATTIA),
+    "Rahman": (("slider_crank", ()),),
+    "thesis": (*((name, ()) for name in _THESIS), ("thesis_four_bar", _INEXTENSIBLE)),
+}
 #: Maximum number of matrices named in an error.
 _NAMED = 5
 
@@ -205,13 +214,33 @@ class Subject:
         known = {m.name for prefix, part in self.parts if not prefix for m in part.matrices}
         return tuple(m for step in self._before_assembly for m in step.matrices if m.name not in known)
 
+    def found(self, name: str, *, numbers: bool = False, cuts: Sequence[str] = ()) -> tuple[Chosen, ...]:
+        """Return what a name or the number of an equation stands for, by system.
+
+        A number, as in ``(47)``, ``F.1`` or ``Attia (7)``, stands for the matrices that correspond to it, or
+        those of their rows that do. All other names are looked up as by :meth:`choose`.
+
+        Raises
+        ------
+        ModelError
+            If there is nothing.
+        """
+        equation = as_equation(name)
+        if not equation or cuts:
+            return (self.choose(name, numbers=numbers, cuts=cuts),)
+        _, cited = self.citing(equation)
+        if not cited:
+            raise ModelError(
+                f"no matrix of {self.name} corresponds to the equation {equation}\n  {_elsewhere(equation)}"
+            )
+        return cited
+
     def choose(self, name: str, *, numbers: bool = False, cuts: Sequence[str] = ()) -> Chosen:
         """Return what a name stands for, with its System: a matrix, a kernel, a shared term, an argument.
 
         Names of the derivation record and of further systems are known as well, those of further systems
-        with and without their prefix. The number of an equation, as in ``(47)`` or ``Attia (7)``, stands for
-        the matrices that correspond to it. ``momentum_rows`` are all momentum rows, with the joints of
-        ``cuts`` cut; with ``numbers``, they are returned as the square system that they form.
+        with and without their prefix. ``momentum_rows`` are all momentum rows, with the joints of ``cuts``
+        cut; with ``numbers``, they are returned as the square system that they form.
 
         Raises
         ------
@@ -227,8 +256,6 @@ class Subject:
             return Chosen(self.steps, (self.steps[name],))
         if name in ASSEMBLED and self.is_assembled and name in self.assembled:
             return Chosen(self.assembled, (self.assembled[name],))
-        if is_equation(name):
-            return self._citing(name)
         known: list[str] = []
         for prefix, system in self._searched():
             own = name.removeprefix(prefix) if name.startswith(prefix) else name
@@ -241,17 +268,18 @@ class Subject:
             f"  symgen show {self.name} lists its matrices."
         )
 
-    def _citing(self, equation: str) -> Chosen:
-        systems = [system for _, system in self._searched()]
-        systems += [self.steps] if self.steps else []
-        ranked = [(*citing(equation, system.matrices), system) for system in systems]
-        rank, matrices, system = max(ranked, key=lambda of: of[0])
-        if not rank:
-            raise ModelError(
-                f"no matrix of {self.system.name} corresponds to the equation {equation}\n"
-                f"  symgen show {self.name} lists the equations of its matrices; see docs/papers.md for all."
-            )
-        return Chosen(system, matrices)
+    def citing(self, equation: str) -> tuple[int, tuple[Chosen, ...]]:
+        """Return the matrices or rows that cite an equation most precisely, by system, and how precisely."""
+        ranked = [(*citing(equation, system.matrices), system) for _, system in self._searched()]
+        best = max(rank for rank, _, _ in ranked)
+        seen: set[str] = set()
+        found = []
+        for rank, matrices, system in sorted(ranked, key=lambda of: of[2] is not self.steps):
+            new = tuple(m for m in matrices if m.name not in seen)
+            if new and rank == best:
+                seen.update(m.name for m in new)
+                found.append(Chosen(system, new))
+        return best, tuple(found)
 
     def _searched(self) -> Iterator[tuple[str, System]]:
         """Yield the systems in which names are looked up, each derived when it is reached."""
@@ -276,6 +304,25 @@ class Subject:
             check_known(row, {*system.names()}, f"{self.name} has no momentum row")
             return Chosen(system, system.named(row))
         return Chosen(system, tuple(m for m in system.matrices if (m.name in _SQUARE) == numbers))
+
+
+def _elsewhere(equation: str) -> str:
+    """Return the command that prints an equation of each paper that has this number."""
+    number = equation[equation.index("(") :]
+    found = []
+    for paper, models in PAPERS.items():
+        if equation.startswith("(") or equation.casefold().startswith(paper.casefold()):
+            of_paper = f"{paper} {number}"
+            ranked = [
+                (Subject(name, dict.fromkeys(options, False)).citing(of_paper)[0], name, options)
+                for name, options in models
+            ]
+            best, name, options = max(ranked, key=lambda of: of[0])
+            settings = "".join(f" --set {x}=false" for x in options)
+            found.append((best, f'{paper}: symgen show {name} "{number}"{settings}'))
+    best = max((rank for rank, _ in found), default=0)
+    commands = "\n  ".join(command for rank, command in found if rank == best > 0)
+    return commands or "docs/papers.md lists all equations of the papers, also those not derived."
 
 
 def _solved(system: System, point: SaddlePoint) -> System:
@@ -306,7 +353,7 @@ class Equations(Matrices):
         return self._subject.system._repr_html_()
 
     def __missing__(self, name: str) -> sp.ImmutableMatrix:
-        matrices = self._subject.choose(name).matrices
+        matrices = [m for chosen in self._subject.found(name) for m in chosen.matrices]
         if len(matrices) != 1:
             names = ", ".join(m.name for m in matrices[:_NAMED])
             raise ModelError(f"{name} stands for {len(matrices)} matrices: {names}, ...: name one of them")

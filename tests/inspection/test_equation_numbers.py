@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 import sympy as sp
 from shared.commands import call
@@ -9,9 +11,14 @@ from shared.commands import call
 import symgen
 from symgen.errors import ModelError
 from symgen.pipeline.citations import citing
-from symgen.pipeline.subject import Subject
+from symgen.pipeline.subject import PAPERS, Subject
+from symgen.symbolic.system import NamedMatrix
 
 DUAL = ("x", "y", "z", "dual_x", "dual_y", "dual_z")
+
+
+def found(subject: Subject, equation: str) -> list[NamedMatrix]:
+    return [m for chosen in subject.found(equation) for m in chosen.matrices]
 
 
 @pytest.fixture(scope="module")
@@ -31,11 +38,12 @@ def crank() -> Subject:
         ("Rahman (47)", ["rod_binor"]),
         ("(56d)", ["slider_inertia_wrench"]),
         ("(63)", ["rod_equilibrium"]),
-        ("(63c)", ["rod_equilibrium"]),
+        ("63c", ["rod_equilibrium"]),
+        ("Rahman 47", ["rod_binor"]),
     ],
 )
 def test_of_the_slider_crank(crank, equation, names):
-    assert [m.name for m in crank.choose(equation).matrices] == names
+    assert [m.name for m in found(crank, equation)] == names
 
 
 def test_every_number_of_the_source(crank):
@@ -53,7 +61,7 @@ def test_every_number_of_the_source(crank):
     ],
 )
 def test_of_other_models(model, equation, name):
-    assert name in [m.name for m in Subject(model, {}).choose(equation).matrices]
+    assert name in [m.name for m in found(Subject(model, {}), equation)]
 
 
 def test_in_python_and_on_the_command_line():
@@ -92,9 +100,9 @@ def test_operators_of_rows_are_the_printed_ones(crank):
         "(4a)": ("S4", zero, about_k),
     }
     for number, (variable, *parts) in printed.items():
-        (found,) = crank.choose(number).matrices
-        assert found.name == f"{variable}_row_operator"
-        assert system.expanded(found.name) == sp.Matrix.hstack(*parts)
+        (operator,) = found(crank, number)
+        assert operator.name == f"{variable}_row_operator"
+        assert system.expanded(operator.name) == sp.Matrix.hstack(*parts)
     for row, variables in (
         ("1", ["theta1", "s1"]),
         ("2", ["theta2"]),
@@ -109,3 +117,106 @@ def test_operators_of_rows_are_the_printed_ones(crank):
             by, by_dual = operator[:, :3], operator[:, 3:]
             product = sp.Matrix.hstack(by * real, by * dual + by_dual * real)
             assert (transform.diff(q) - product).applyfunc(sp.simplify) == sp.zeros(3, 6)
+
+
+ROWS = [
+    ("slider_crank", "(37d)", {"closure_matrix": "vy", "closure_rhs": "vy"}),
+    ("slider_crank", "(22)", {"closure_step_matrix": "p12, p13, p23", "closure_step_rhs": "p12, p13, p23"}),
+    ("slider_crank", "28a", {"inputs": "s1"}),
+    ("rod_spatial", "(8b)", {"projected_momentum": "u_hat"}),
+    ("elastic_slider_crank", "(16a)", {"constraints": "guide_0_P"}),
+    ("rigid_element", "(4.9)", {"nodal_matrix": "moment"}),
+    ("synthesis_limits", "3.5", {"residual": "extended_angles F2 G2"}),
+    ("element_beam8", "(5.8)", {"shape": "u"}),
+    ("element_beam8", "(A.8)", {"kinetic_terms": "A.8 E"}),
+    ("element_beam8", "(D.7)", {"shape": "curvature"}),
+]
+
+
+@pytest.mark.parametrize(("model", "equation", "rows"), ROWS)
+def test_equations_of_rows(model, equation, rows):
+    matrices = found(Subject(model, {}), equation)
+    assert {m.name: ", ".join(m.rows) for m in matrices} == rows
+    for m in matrices:
+        assert m.description.startswith(f"row{'s' * (', ' in rows[m.name])} {rows[m.name]}")
+
+
+SOLVED = {
+    "69a": "F2_k", "69b": "F3_j", "69c": "F3_k", "69d": "T4_i", "69e": "T4_j", "69f": "T4_k", "69g": "F2_j",
+    "69h": "F2_i", "69i": "F1_i", "69j": "F1_j", "69k": "F2_i", "69l": "F3_i", "69m": "F4_k", "69n": "F4_j",
+    "69o": "F4_i", "69p": "T1_j", "69q": "T1_i",
+}  # fmt: skip
+PRINTED_69 = {
+    "69a": "F1_k - f1_zp",
+    "69b": "-f2_yp - f2_zd/a2",
+    "69c": "f2_yd/a2 - f2_zp",
+    "69g": "-f1_yp - (f1_zd - T1_k)/a1",
+    "69h": "(F2_j*a2*cos(theta2) + f2_zd)/(a2*sin(theta2))",
+    "69i": "(F2_i + f1_xp)*cos(theta1) - (T1_k - f1_zd)*sin(theta1)/a1",
+    "69l": "F2_i*cos(theta2)*cos(eta2) + F2_j*sin(theta2)*cos(eta2) - F2_k*sin(eta2) - f2_xp",
+    "69m": "F3_i*sin(theta3) - F3_j*cos(theta3) - f3_zp",
+}
+
+
+@pytest.mark.parametrize("number", SOLVED)
+def test_rows_of_equilibrium_give_the_solved_equations(crank, number):
+    """The rows that (69a)-(69q) lead to hold the component, and at 90 degrees of alpha3 they give the print.
+
+    Signs are those of forces on the link behind a joint, with f the rate of the momentum.
+    """
+    matrices = found(crank, number)
+    component = sp.Symbol(SOLVED[number], real=True)
+    straight = {sp.Symbol("alpha3", real=True): sp.pi / 2}
+    straight |= {sp.Symbol(f"T{k}_{a}", real=True): 0 for k in (2, 3) for a in "ijk"}
+    zeros = [e.xreplace(straight) for m in matrices for e in m.matrix]
+    assert 1 <= len(zeros) <= 2
+    assert any(component in e.free_symbols for e in zeros)
+    if number in PRINTED_69:
+        names = {str(s): s for e in zeros for s in e.free_symbols}
+        printed = sp.sympify(PRINTED_69[number], locals=names)
+        other = sorted(set().union(*(e.free_symbols for e in zeros)) - {component}, key=str)
+        solved = sp.solve(
+            zeros, [component, *[x for x in other if x not in printed.free_symbols]][: len(zeros)], dict=True
+        )
+        assert sp.simplify(solved[0][component] - printed) == 0
+
+
+@pytest.mark.parametrize(
+    ("equation", "column", "values"),
+    [
+        ("(6.17)", "u1", "1 - x"),
+        ("(6.23)", "w1", "1 - 10*x**3 + 15*x**4 - 6*x**5"),
+        ("(6.24)", "theta1", "L*(x - 6*x**3 + 8*x**4 - 3*x**5)"),
+        ("(C.18)", "kappa1", "L**2*(x**2 - 3*x**3 + 3*x**4 - x**5)/2"),
+        ("(6.27)", "theta2", "L*(-4*x**3 + 7*x**4 - 3*x**5)"),
+        ("(C.21)", "kappa2", "L**2*(x**3 - 2*x**4 + x**5)/2"),
+    ],
+)
+def test_a_mode_function_is_one_entry(equation, column, values):
+    (m,) = found(Subject("element_beam8", {}), equation)
+    assert (m.name, m.columns, m.matrix.shape) == ("shape", (column,), (1, 1))
+    length = sp.Symbol("L", real=True)
+    names = {str(s): s for s in m.matrix.free_symbols}
+    (place,) = (s for name, s in names.items() if name != "L")
+    printed = sp.sympify(values, locals={"x": place, "L": names.get("L", length)})
+    assert sp.expand(m.matrix[0] - printed) == 0
+
+
+def test_all_systems_and_other_models():
+    beam = Subject("element_beam8", {})
+    assert [m.name for m in found(beam, "(6.14)")] == ["strain_energy", "stiffness"]
+    text = call("show", "element_beam8", "6.14")
+    assert "strain_energy: " in text and "stiffness: " in text
+    for model, equation, command in [
+        ("rod", "F.1", 'thesis: symgen show element_beam8 "(F.1)"'),
+        ("slider_crank", "Attia 7", 'Attia: symgen show rod "(7)"'),
+        (
+            "rod",
+            "(E.40)",
+            'thesis: symgen show thesis_four_bar "(E.40)" --set links.crank.elastic.axial=false',
+        ),
+        ("rod", "(2.1)", "docs/papers.md"),
+    ]:
+        with pytest.raises(ModelError, match=re.escape(command)):
+            Subject(model, {}).found(equation)
+    assert {*PAPERS} == {"Attia", "Rahman", "thesis"}
