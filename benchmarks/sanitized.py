@@ -215,10 +215,10 @@ def committed() -> str:
     compiler = find_compiler()
     assert compiler
     with tempfile.TemporaryDirectory() as folder:
-        for header in sorted(GENERATED.glob("*_kernel.h")):
+        for header in sorted(GENERATED.glob("*/*_kernel.h")):
             name = header.name.removesuffix("_kernel.h")
             library = Path(folder) / f"{name}.so"
-            sources = [str(p) for p in sorted(GENERATED.glob(f"{name}_kernel*.c"))]
+            sources = [str(p) for p in sorted(header.parent.glob(f"{name}_kernel*.c"))]
             subprocess.run(
                 [
                     *compiler.command,

@@ -103,6 +103,8 @@ def _precision(number: list[str], source: str) -> int:
             best = max(best, _ITSELF if letters == letter else _GROUP)
         elif letter and first == last and last_letters:
             best = max(best, _LETTERS if letters <= letter <= last_letters else 0)
+        elif letter and letter == letters == last_letters:
+            best = max(best, _LETTERS)
         else:
             lettered = bool(letters or last_letters)
             best = max(best, _RANGE if lettered == bool(letter) else _NEAR)
