@@ -262,7 +262,7 @@ def _crossed(arm: Sequence[sp.Expr], vector: Sequence[sp.Expr]) -> tuple[sp.Expr
 
 def _across(axes: tuple[str, ...]) -> tuple[str, ...]:
     """Return the axes of moments: in the plane the one across it."""
-    return axes if len(axes) == 3 else AXES[2:]
+    return axes if len(axes) == 3 else tuple(AXES[2:])
 
 
 def _matrix(
