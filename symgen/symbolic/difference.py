@@ -123,7 +123,7 @@ def _matrix(
 ) -> MatrixDifference | None:
     old, new = before.matrices.get(name, _NOTHING), after.matrices.get(name, _NOTHING)
     there = _names(old.entries, new.entries)
-    terms = [terms_of(record, name)[1] for record in (before, after)]
+    terms = [terms_of(record, name) for record in (before, after)]
     differences, factor = [], ""
     if old.entries != new.entries or terms[0] != terms[1]:
         found = [v.of(name) for v in values]

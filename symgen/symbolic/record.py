@@ -110,26 +110,29 @@ class EntryValues:
 
         entries = self._record.matrices[matrix].entries if matrix in self._record.matrices else {}
         with mpmath.workdps(_WORKING):
-            known = self._terms(matrix)
+            known = self._known_terms(matrix)
             found = {place: _value(text, known) for place, text in entries.items()}
             return {place: str(mpmath.nstr(x, DIGITS)) for place, x in found.items() if _is_real(x)}
 
-    def _terms(self, matrix: str) -> _Known:
-        prefix, terms = terms_of(self._record, matrix)
+    def _known_terms(self, matrix: str) -> _Known:
+        prefix = _prefix(self._record, matrix)
         if prefix not in self._known:
             self._known[prefix] = known = _Known()
-            for name, term in terms.items():
+            for name, term in terms_of(self._record, matrix).items():
                 known[name] = _value(term, known)
         return self._known[prefix]
 
 
-def terms_of(record: Record, matrix: str) -> tuple[str, dict[str, str]]:
-    """Return the prefix of the system of a matrix, and its shared subexpressions in order of use."""
+def terms_of(record: Record, matrix: str) -> dict[str, str]:
+    """Return the shared subexpressions of the system of a matrix, in the order of their use."""
+    prefix = _prefix(record, matrix)
+    return {n.removeprefix(prefix): d for n, d in record.definitions.items() if n.startswith(prefix)}
+
+
+def _prefix(record: Record, matrix: str) -> str:
     parts = matrix.split(".")
     prefixes = (".".join(parts[:k]) + "." for k in range(len(parts) - 1, 0, -1))
-    prefix = next((p for p in prefixes if any(n.startswith(p) for n in record.definitions)), "")
-    own = {n.removeprefix(prefix): d for n, d in record.definitions.items() if n.startswith(prefix)}
-    return prefix, own
+    return next((p for p in prefixes if any(n.startswith(p) for n in record.definitions)), "")
 
 
 class _Known(dict[str, Any]):
