@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import shared.elastic_golden as golden
 from shared.commands import call
+from shared.equations import found
 from shared.golden import reference
 from shared.thesis_assembly import BOUNDARY, HELD, assembled
 
@@ -21,7 +22,6 @@ from symgen.cli.common import changes
 from symgen.errors import ModelError
 from symgen.mechanics import sources
 from symgen.pipeline.subject import Subject
-from symgen.symbolic.system import NamedMatrix
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE = (DOCS / "papers.md").read_text("utf-8")
@@ -165,10 +165,6 @@ RUN = sorted({c for row in rows() for c in row.commands})
 @cache
 def subject(name: str, options: tuple[str, ...]) -> Subject:
     return Subject(name, changes([*options]))
-
-
-def found(of: Subject, name: str) -> list[NamedMatrix]:
-    return [m for chosen in of.found(name) for m in chosen.matrices]
 
 
 @pytest.mark.parametrize("name", sorted({shlex.split(c)[2] for c, _ in SHOWN}))

@@ -135,9 +135,9 @@ def show(
     from symgen.pipeline.subject import RECORD, Subject
 
     subject = Subject(model, changes(set_))
-    if is_assembled(matrix, subject, numeric=bool(at) or form == "numeric") and not (
-        by or with_ or form not in ("unicode", "numeric")
-    ):
+    given = {"--by": by, "--with": with_, f"--format {form}": form not in ("unicode", "numeric")}
+    symbolic = [option for option, is_given in given.items() if is_given]
+    if is_assembled(matrix, subject, numeric=bool(at) or form == "numeric", symbolic=symbolic):
         print(numbers(subject, matrix, at, rows, columns))
         return
     if form != "numeric" and at:
@@ -219,7 +219,8 @@ def _print_names(title: str, listed: Sequence[Sequence[str]]) -> None:
         )
         for name, shape, unit, meaning, source in listed
     ]
-    console().print(table(title, ("matrix", "source", "meaning"), rows, texts=(0, 1, 2)), width=_width())
+    print("\n".join(wrapped(title, _width(), "  ")))
+    console().print(table("", ("matrix", "source", "meaning"), rows, texts=(0, 1, 2)), width=_width())
     if any(unit.endswith(by_unknown) for _, _, unit, *_ in listed):
         note = f"Units of elements are {by_unknown.lstrip('; ')}, of rows and of columns."
         print("\n".join(wrapped(note, _width(), "  ")))

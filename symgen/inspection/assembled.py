@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from symgen.errors import ModelError
@@ -11,13 +12,11 @@ from symgen.models.assembled.system import ASSEMBLED
 from symgen.pipeline.build import build_scene
 from symgen.report.mathematics.numbers import table_of_numbers
 from symgen.runtime.elastic.large.matrices import LARGE
+from symgen.runtime.elastic.matrices import CONDENSED
 from symgen.symbolic.system import NO_SOURCE
 
 if TYPE_CHECKING:
     from symgen.pipeline.subject import Subject
-
-#: Matrices of the independent unknowns, which are numbers alone.
-CONDENSED = tuple(f"condensed_{name}" for name in ("mass", "damping", "stiffness", "load"))
 
 
 def numbers(subject: Subject, name: str, at: str | None, rows: str | None, columns: str | None) -> str:
@@ -46,19 +45,24 @@ def _listed(text: str | None) -> list[str]:
     return [part.strip() for part in text.split(",")] if text else []
 
 
-def is_assembled(name: str | None, subject: Subject, *, numeric: bool) -> TypeGuard[str]:
+def is_assembled(
+    name: str | None, subject: Subject, *, numeric: bool, symbolic: Sequence[str] = ()
+) -> TypeGuard[str]:
     """Return whether a name is that of an assembled matrix that is shown as numbers.
 
     Raises
     ------
     ModelError
-        For such a name of a scene without elastic links in the plane.
+        For such a name of a scene without elastic links in the plane, and for options that apply to symbolic
+        matrices, ``symbolic``, next to a name of numbers alone.
     """
     if not subject.is_scene or name not in (*ASSEMBLED, *CONDENSED, *LARGE):
         return False
     if not subject.is_assembled:
         raise ModelError(f"{subject.name} has no elastic links in the plane, to which {name} belongs")
-    return numeric or name not in ASSEMBLED
+    if symbolic and name not in ASSEMBLED:
+        raise ModelError(f"{name} is a matrix of numbers alone: {', '.join(symbolic)} does not apply to it")
+    return (numeric or name not in ASSEMBLED) and not symbolic
 
 
 def assembled_names(subject: Subject) -> list[tuple[str, ...]]:
@@ -69,6 +73,6 @@ def assembled_names(subject: Subject) -> list[tuple[str, ...]]:
     sources = dict(ASSEMBLY)
     return [
         (name, *about, sources.get(name, NO_SOURCE))
-        for name, about in (ASSEMBLED | LARGE).items()
-        if bound or "condensation" not in name
+        for name, about in (ASSEMBLED | CONDENSED | LARGE).items()
+        if bound or not name.startswith("conden")
     ]

@@ -75,8 +75,9 @@ def _through(expression: sp.Expr, slopes: dict[sp.Symbol, sp.Expr]) -> sp.Expr:
 
 
 def _per(unit: str, by: str) -> str:
-    """Return the quotient of two units; for a list of units, the list of quotients."""
+    """Return the quotient of two units; of a list of units, the list; factors behind a semicolon stay."""
     if by == "1":
         return unit
     below = f"({by})" if set(by) & set("*/") else by
-    return ", ".join(f"{u}/{below}" for u in unit.split(", "))
+    units, *factors = unit.partition(";")
+    return ", ".join(f"{u}/{below}" for u in units.split(", ")) + "".join(factors)

@@ -7,18 +7,14 @@ import re
 import pytest
 import sympy as sp
 from shared.commands import call
+from shared.equations import found
 
 import symgen
 from symgen.errors import ModelError
 from symgen.pipeline.citations import citing
 from symgen.pipeline.subject import PAPERS, Subject
-from symgen.symbolic.system import NamedMatrix
 
 DUAL = ("x", "y", "z", "dual_x", "dual_y", "dual_z")
-
-
-def found(subject: Subject, equation: str) -> list[NamedMatrix]:
-    return [m for chosen in subject.found(equation) for m in chosen.matrices]
 
 
 @pytest.fixture(scope="module")

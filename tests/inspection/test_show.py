@@ -120,6 +120,26 @@ def test_a_derivative_by_what_there_is_not_is_refused():
     with pytest.raises(SymgenError, match="no argument 'length'"):
         shown("peaucellier", "mass_matrix", "--by", "length")
     assert "[kg/(kg/m)]" in shown("peaucellier", "mass_matrix", "--by", "rho")
+    slope = " ".join(shown("elastic_slider_crank", "elastic_mass", "--by", "m_at_P").split())
+    assert "[kg/kg; *m per angle, *m^2 per curvature]" in slope
+
+
+def test_options_of_symbols_do_not_apply_to_numbers():
+    axial = ("--set", "links.crank.elastic.axial=false")
+    for name, options, option in (
+        ("condensed_mass", ("--format", "latex"), "--format latex"),
+        ("large_mass", ("--with", "g=1"), "--with"),
+    ):
+        with pytest.raises(SymgenError, match=f"^{name} is a matrix of numbers alone: {option} does not"):
+            shown("thesis_four_bar", name, *options, *axial)
+    assert "condensed_mass" in shown("thesis_four_bar", *axial)
+    assert "condensed_mass" not in shown("thesis_four_bar")
+
+
+def test_comments_of_matrices_in_c_list_constants_once():
+    lines = shown("four_bar", "mass_matrix", "--format", "c").splitlines()
+    assert [line for line in lines if line.startswith(" * c:")] == [lines[1]]
+    assert lines[1].startswith(" * c: l_crank = 1, ")
 
 
 # --- numbers --------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from shared.commands import call
+from shared.equations import found
 
 from symgen.inspection.explanation import explanation
 from symgen.mechanics.rods.particles import particle_masses
@@ -70,6 +71,14 @@ def test_every_matrix_states_its_source(name):
         ("element_beam8", "thesis_stiffness", "thesis (E.13)-(E.17), (F.6), corrected"),
         ("element_beam8", "weak_form", "thesis (7.10)-(7.23)"),
         ("element_cubic", "geometric0", NO_SOURCE),
+        (
+            "synthesis_limits",
+            "residual",
+            "thesis (3.3)-(3.17), corrected; extended_along (3.7), (3.9), (3.16); "
+            "extended_across (3.6), (3.15); extended_angles (3.5), (3.12); folded_along (3.7); "
+            "folded_across (3.14), (3.15), (3.17); folded_angles (3.13); swing (3.4), (3.11); least (3.8)",
+        ),
+        ("rigid_element", "nodal_matrix", "thesis (4.1)-(4.6), (4.10); x (4.7); y (4.8); moment (4.9)"),
     ],
 )
 def test_sources_are_shown(name, matrix, source):
@@ -167,4 +176,4 @@ def test_without_the_middle_particle_its_equations_become_those_of_the_ends(name
     shown = {"(1)": "particle_momentum", "(2)": "particle_moment", "(3b)": "middle_position"}
     shown |= {"(4b)": "middle_velocity", "(5b)": "middle_acceleration"}
     for number, matrix in shown.items():
-        assert matrix in [m.name for chosen in subject(name).found(number) for m in chosen.matrices]
+        assert matrix in [m.name for m in found(subject(name), number)]

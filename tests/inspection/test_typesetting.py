@@ -152,6 +152,18 @@ def test_no_line_is_wider_than_asked_for(name):
     )
 
 
+def test_products_without_blanks_are_broken():
+    for product in ("0.5" + "*c1" * 60, "measure" + "*measure1**2" * 12):
+        lines = wrapped(product, 60)
+        assert len(lines) > 1 and max(map(columns, lines)) <= 60
+        assert "".join(line.strip() for line in lines) == product
+        assert not any(line.startswith("    *") for line in lines), "a power stays whole"
+
+
+def test_titles_of_lists_are_within_the_terminal():
+    assert max(map(columns, call("show", "element_beam8").splitlines())) <= WIDTH
+
+
 def test_no_line_loses_anything():
     line = "  a = " + " + ".join(f"b{k}⋅(c{k} - d)/e" for k in range(40)) + " + " + "⋅".join("f" * 70)
     lines = wrapped(line, 50)

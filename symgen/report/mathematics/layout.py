@@ -17,7 +17,7 @@ WIDTH = 100
 #: Columns between the columns of a matrix, and those of both brackets together.
 _GAP, _BRACKETS = 2, 2
 #: Places of an expression at which its line may be broken if there is no blank.
-_BREAKS = re.compile(r"(?<=[⋅,(/])")
+_BREAKS = re.compile(r"(?<=[⋅,(/])|(?<=[^*]\*)(?!\*)")
 
 
 def columns(line: str) -> int:

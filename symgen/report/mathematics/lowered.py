@@ -51,10 +51,9 @@ def in_c(system: System, matrix: NamedMatrix, width: int = WIDTH) -> str:
     printer = Printer({})
     comment = [f"/* {matrix.description} [{matrix.unit}]: {kernel.counts}"]
     for array, _ in kernel.inputs:
-        comment.append(f" * {array}: {', '.join(x.name for x in system.group(array).quantities)}")
-    if any(array == "c" for array, _ in kernel.inputs):
-        values = (f"{c.quantity.name} = {value_of(c)}" for c in system.constants)
-        comment.append(f" * c: {', '.join(values)}")
+        constants = [f"{c.quantity.name} = {value_of(c)}" for c in system.constants] if array == "c" else []
+        names = constants or [x.name for x in system.group(array).quantities]
+        comment.append(f" * {array}: {', '.join(names)}")
     lines = [part for line in comment for part in wrapped(line, width, " *     ")]
     code = [f"const double {a.target} = {printer(a.value)};" for a in kernel.assignments]
     code += [f"{s.array}[{s.index}] = {printer(s.value)};" for s in kernel.stores]

@@ -19,9 +19,13 @@ from symgen.runtime.result.modes import AssembledMatrices, LabelledMatrix
 _ELASTIC, _DAMPING, _GYROSCOPIC = ("stiffness",), ("damping",), ("mass", "gyroscopic")
 _GEOMETRIC = ("axial0", "axial1", "axial2", "force_axial", "follower_x", "follower_y")
 _MOTION = ("mass", "centrifugal", "gyroscopic", "damping")
-_CONDENSED = ("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m"), ("load", "N")
 #: Factors of the units of entries between displacements for others.
 _PER = "; *m per angle, *m^2 per curvature"
+#: Unit and meaning by name of the matrices of the independent unknowns, which are numbers alone.
+CONDENSED = {
+    f"condensed_{name}": (unit + _PER, f"{name} of the independent unknowns")
+    for name, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m"), ("load", "N"))
+}
 
 
 def assembled_at(motion: ElasticMotion, t: float) -> AssembledMatrices:
@@ -141,12 +145,10 @@ class _Pose:
             yield LabelledMatrix(
                 f"condensation{ending}", values[self.order][:, columns], self.names, kept, unit, about
             )
-        for (name, unit), matrix in zip(_CONDENSED, reduced, strict=True):
+        for (name, (unit, about)), matrix in zip(CONDENSED.items(), reduced, strict=True):
             names = kept if matrix.ndim == 2 else ()
             values = matrix[np.ix_(*[columns] * matrix.ndim)]
-            yield LabelledMatrix(
-                f"condensed_{name}", values, kept, names, unit + _PER, f"{name} of the independent unknowns"
-            )
+            yield LabelledMatrix(name, values, kept, names, unit, about)
 
     def assembly(self) -> Iterator[LabelledMatrix]:
         """Yield Z, which selects the unknowns of each element, and the numbers of those that are held."""
