@@ -49,7 +49,7 @@
 #define SYMGEN_WIDTHS
 #endif
 
-const char chain_equations[65] = "d1bc66ea1cce86bdf828962e6818906656de4bd8106a3ebff7e2a2d8d0f5b2dd";
+const char chain_equations[65] = "66f8de38775844004f83f326395b71e76ddfd99f894ef4933933bf460aeaf2bf";
 
 /* end mass matrix [a11 a12; a12 a22] of a rod: 15 operations (4 add, 10 mul, 1 div) */
 SYMGEN_INLINE void ends_step(const double *SYMGEN_RESTRICT rod, double *SYMGEN_RESTRICT masses)

@@ -49,7 +49,7 @@
 #define SYMGEN_WIDTHS
 #endif
 
-const char chain_spatial_equations[65] = "7fbb0f830274aedccae020a5610d5391ed40acb4da06cbd5c28526719b9950cf";
+const char chain_spatial_equations[65] = "9ea64526277f71c7f04263c586bbe48ccd3d792bc2fd954ccf8360f6ebb3b158";
 
 /* end mass matrix [a11 a12; a12 a22] of a rod: 15 operations (4 add, 10 mul, 1 div) */
 SYMGEN_INLINE void ends_step(const double *SYMGEN_RESTRICT rod, double *SYMGEN_RESTRICT masses)

@@ -38,8 +38,6 @@ class BlockView:
     columns: int
     unit: str
     description: str
-    row_names: tuple[str, ...]
-    column_names: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -371,8 +369,6 @@ def _block(block: Block) -> BlockView:
         columns,
         block.unit,
         block.description,
-        block.rows,
-        block.columns,
     )
 
 

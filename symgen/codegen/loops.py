@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from symgen.codegen.emit import TextAssignment, environment
 from symgen.codegen.printers import Printer
 from symgen.codegen.source import SourceFile
-from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, RecursionStep, StepResult
 from symgen.lowering.nodes import references, rename
 
@@ -25,15 +24,6 @@ TEMPLATES = (
 
 
 @dataclass(frozen=True, slots=True)
-class StepGroup:
-    """Arrays that a step reads of one rod or point."""
-
-    name: str
-    description: str
-    slots: tuple[Slot, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class LoopStepView:
     """A step as used by the templates: loads by index, expressions as final text, stores by index."""
 
@@ -42,7 +32,6 @@ class LoopStepView:
     counts: str
     arguments: tuple[str, ...]
     results: tuple[StepResult, ...]
-    groups: tuple[StepGroup, ...]
     loads: tuple[tuple[str, str, int], ...]
     assignments: tuple[TextAssignment, ...]
     stores: tuple[tuple[str, int, str, str], ...]
@@ -116,7 +105,6 @@ def _step(step: RecursionStep) -> LoopStepView:
         counts=str(step.counts),
         arguments=tuple(name for name, _ in kernel.inputs),
         results=step.results,
-        groups=tuple(StepGroup(*group) for group in step.groups),
         loads=tuple(sorted(loads, key=lambda load: load[1:])),
         assignments=tuple(
             TextAssignment(a.target, printer(rename(a.value, names))) for a in kernel.assignments

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from symgen.lowering.kernel import Kernel, Slot, Store
+from symgen.lowering.kernel import Kernel, Store
 from symgen.lowering.nodes import ZERO, OperationCount, references
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import System
@@ -55,10 +55,9 @@ class StepResult:
 
 @dataclass(frozen=True, slots=True)
 class RecursionStep:
-    """One step: its kernel, and the meaning of its arguments and results."""
+    """One step: its kernel, and the meaning of its results."""
 
     kernel: Kernel
-    groups: tuple[tuple[str, str, tuple[Slot, ...]], ...]
     results: tuple[StepResult, ...]
 
     @property
@@ -111,9 +110,5 @@ def _lower(step: System) -> RecursionStep:
     inputs = tuple((g.name, len(g.quantities)) for g in step.groups if g.name in used)
     return RecursionStep(
         Kernel(step.name, step.title, inputs, assignments, tuple(stores), ()),
-        tuple(
-            (g.name, g.description, tuple(Slot(x.name, x.unit, x.description) for x in g.quantities))
-            for g in step.groups
-        ),
         tuple(StepResult(m.name, m.matrix.rows, m.unit, m.description) for m in step.matrices),
     )
