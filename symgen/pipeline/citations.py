@@ -57,10 +57,12 @@ def _places(number: list[str], m: NamedMatrix) -> Iterator[tuple[int, NamedMatri
         if at is None:
             general.append(text)
             best = max(best, _precision(number, text))
-        elif _precision(number, text) in (_RANGE, _LETTERS, _ITSELF):
+        elif (precision := _precision(number, text)) in (_RANGE, _LETTERS, _ITSELF):
             rows += at[0]
             entries += at[1]
             cited.append(text)
+        elif not number[-1]:  # a group, of which these are equations
+            best = max(best, precision)
     if rows:
         yield _ITSELF, _part(m, rows, entries, "; ".join([*general, *cited]))
     elif best:

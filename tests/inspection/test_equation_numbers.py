@@ -198,6 +198,14 @@ def test_a_mode_function_is_one_entry(equation, column, values):
     assert sp.expand(m.matrix[0] - printed) == 0
 
 
+def test_a_group_of_equations_is_the_matrix_of_their_rows(crank):
+    for number in ("8", "Attia (8)"):
+        (m,) = found(Subject("rod_spatial", {}), number)
+        assert (m.name, *m.rows) == ("projected_momentum", "u_bar", "u_hat")
+    assert [m.name for m in found(crank, "28")] == ["inputs"]
+    assert "slider_equilibrium" in [m.name for m in found(crank, "69")]
+
+
 def test_all_systems_and_other_models():
     beam = Subject("element_beam8", {})
     assert [m.name for m in found(beam, "(6.14)")] == ["strain_energy", "stiffness"]
