@@ -161,7 +161,7 @@ LANES = (("c/batch.c.j2", "{}_batch.c"),)
 #: Templates included by other templates.
 INCLUDED = ("numpy/functions.py.j2",)
 
-#: Number of statements per C file; further kernels go to the next file. The files of a model are compiled
+#: Number of statements per C file; further kernels go to the next file. The files of a scene are compiled
 #: in parallel.
 STATEMENTS = 400
 #: Minimum number of consecutive zeros that are stored by a loop.

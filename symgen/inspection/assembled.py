@@ -61,7 +61,7 @@ def is_assembled(
     if not subject.is_assembled:
         raise ModelError(f"{subject.name} has no elastic links in the plane, to which {name} belongs")
     if symbolic and name not in ASSEMBLED:
-        raise ModelError(f"{name} is a matrix of numbers alone: {', '.join(symbolic)} does not apply to it")
+        raise ModelError(f"{name} is a matrix of numbers alone, shown without {' and '.join(symbolic)}")
     return (numeric or name not in ASSEMBLED) and not symbolic
 
 
@@ -74,5 +74,5 @@ def assembled_names(subject: Subject) -> list[tuple[str, ...]]:
     return [
         (name, *about, sources.get(name, NO_SOURCE))
         for name, about in (ASSEMBLED | CONDENSED | LARGE).items()
-        if bound or not name.startswith("conden")
+        if bound or not ("condensation" in name or name in CONDENSED)
     ]

@@ -266,7 +266,7 @@ def _files(shipped: Mapping[str, Shipped]) -> list[SourceFile]:
 def _written(
     folder: Path, shipped: Mapping[str, Shipped], derived: Mapping[str, tuple[str, ...]]
 ) -> Regenerated:
-    before = {name: _recorded(folder, name) for name in names()}
+    before = {name: _recorded(folder, name) for name in names() if record_name(name)}
     written = write(folder, _files(shipped))
     changes: dict[str, Difference | None] = {}
     for name in sorted(before):

@@ -81,7 +81,7 @@ def _of_system(name: str) -> Shipped:
     equations = equations_hash(program, Target())
     files = [f for language in ("c", "cython") for f in emit(program, Target(language), equations)]
     costs = {k.name: k.counts.flops for k in program.kernels}
-    mathematics = [record(name, system.title, {"": system}, costs)] if record_name(name) else []
+    mathematics = record(name, system.title, {"": system}, costs) if record_name(name) else None
     return Shipped(equations, _placed(name, files, mathematics))
 
 
@@ -102,14 +102,14 @@ def _of_recursion(name: str) -> Shipped:
     steps = {f"{step.name}.": step for step in recursion.steps}
     costs = {step.kernel.name: step.counts.flops for step in loops.steps}
     files = emit_loops(loops, equations)
-    mathematics = [record(name, recursion.title, steps, costs)]
+    mathematics = record(name, recursion.title, steps, costs)
     return Shipped(equations, _placed(name, files, mathematics), optimisation=3)
 
 
-def _placed(model: str, files: Iterable[SourceFile], mathematics: Iterable[Record]) -> tuple[SourceFile, ...]:
-    """Return the files of a model in its folder, and its record."""
-    records = (SourceFile(record_name(model), m.to_json()) for m in mathematics)
-    return (*(replace(f, name=f"{_folder(model)}/{f.name}") for f in files), *records)
+def _placed(model: str, files: Iterable[SourceFile], mathematics: Record | None) -> tuple[SourceFile, ...]:
+    """Return the files of a model in its folder, and its record if it has one."""
+    placed = tuple(replace(f, name=f"{_folder(model)}/{f.name}") for f in files)
+    return (*placed, SourceFile(record_name(model), mathematics.to_json())) if mathematics else placed
 
 
 def sources(models: dict[str, Shipped]) -> list[SourceFile]:

@@ -7,9 +7,12 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import sympy as sp
+
     from symgen.symbolic.system import NamedMatrix, System
 
 #: Digits of the value of an entry, and digits of its computation.
@@ -33,7 +36,10 @@ class RecordedMatrix:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """The mathematics of one model: constants, shared subexpressions, matrices, operations of each kernel."""
+    """The mathematics of one model: constants, shared subexpressions, matrices, operations of each kernel.
+
+    ``systems`` has the prefix of the names of each system that the model consists of.
+    """
 
     name: str
     title: str
@@ -41,6 +47,7 @@ class Record:
     matrices: Mapping[str, RecordedMatrix]
     operations: Mapping[str, int]
     constants: Mapping[str, str] = field(default_factory=dict)
+    systems: tuple[str, ...] = ("",)
 
     def to_json(self) -> str:
         """Return the record as JSON text, one line per entry, so that a change shows as a changed line."""
@@ -51,7 +58,7 @@ def read_record(text: str) -> Record:
     """Parse the text of ``to_json``; any fault raises KeyError, TypeError or ValueError."""
     data: dict[str, Any] = json.loads(text)
     matrices = {name: RecordedMatrix(**m) for name, m in data["matrices"].items()}
-    return Record(**{**data, "matrices": matrices})
+    return Record(**{**data, "matrices": matrices, "systems": tuple(data["systems"])})
 
 
 def record(name: str, title: str, systems: Mapping[str, System], operations: Mapping[str, int]) -> Record:
@@ -66,23 +73,35 @@ def record(name: str, title: str, systems: Mapping[str, System], operations: Map
     operations
         Operation count of each kernel.
     """
-    from sympy import sstr
-
     constants: dict[str, str] = {}
     definitions: dict[str, str] = {}
     matrices: dict[str, RecordedMatrix] = {}
     for prefix, system in systems.items():
-        constants |= {f"{prefix}{c.quantity.name}": sstr(c.expression) for c in system.constants}
-        definitions |= {f"{prefix}{d.quantity.name}": sstr(d.expression) for d in system.definitions}
+        constants |= {f"{prefix}{c.quantity.name}": _text(c.expression) for c in system.constants}
+        definitions |= {f"{prefix}{d.quantity.name}": _text(d.expression) for d in system.definitions}
         matrices |= {prefix + m.name: _recorded(m) for m in system.matrices}
-    return Record(name, title, definitions, matrices, operations, constants)
+    return Record(name, title, definitions, matrices, operations, constants, tuple(systems))
 
 
 def _recorded(m: NamedMatrix) -> RecordedMatrix:
-    from sympy import sstr
-
-    entries = {p: sstr(e) for p, e in zip(places(m), m.matrix, strict=True) if e != 0}
+    entries = {p: _text(e) for p, e in zip(places(m), m.matrix, strict=True) if e != 0}
     return RecordedMatrix(m.unit, m.matrix.rows, m.matrix.cols, entries)
+
+
+def _text(expression: sp.Expr) -> str:
+    """Return an expression as text."""
+    return str(_printer().doprint(expression))
+
+
+@lru_cache(maxsize=1)
+def _printer() -> Any:
+    from sympy.printing.str import StrPrinter
+
+    class Printer(StrPrinter):
+        def _print_Exp1(self, expr: sp.Expr) -> str:
+            return "exp(1)"  # an E is a modulus
+
+    return Printer()
 
 
 def places(m: NamedMatrix) -> list[str]:
@@ -130,9 +149,7 @@ def terms_of(record: Record, matrix: str) -> dict[str, str]:
 
 
 def _prefix(record: Record, matrix: str) -> str:
-    parts = matrix.split(".")
-    prefixes = (".".join(parts[:k]) + "." for k in range(len(parts) - 1, 0, -1))
-    return next((p for p in prefixes if any(n.startswith(p) for n in record.definitions)), "")
+    return max((p for p in record.systems if matrix.startswith(p)), key=len, default="")
 
 
 class _Known(dict[str, Any]):

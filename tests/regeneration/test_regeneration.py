@@ -271,6 +271,8 @@ def test_a_new_element_is_a_file_and_a_name(checkout):
     changed = {name for name in after if after[name] != before.get(name)}
     made = ("element_hermite", "element_hermite_tangents")
     assert {f"{name}{ending}" for name in made for ending in (".pyx", "_kernel.c")} < changed
+    unrecorded = [line for line in said if line.endswith("no record of its mathematics before")]
+    assert unrecorded == ["element_hermite: no record of its mathematics before"]
     assert {name for name in changed if name.endswith("_equations.json")} == {
         "element_hermite_equations.json"
     }

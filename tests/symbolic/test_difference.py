@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -111,6 +112,29 @@ def test_terms_of_another_system_are_no_cause():
     assert (matrix.name, matrix.changes[0].through) == ("k", ("e",))
     (matrix,) = difference(made(x + y, x * y), made(x + y, x / y)).matrices
     assert (matrix.name, matrix.changes[0].through) == ("further.k", ("e",))
+
+
+def test_an_argument_of_another_system_is_none_of_the_shared_terms():
+    """A further system without shared terms has an argument d; the main system a shared term of this name."""
+    square = NamedMatrix("k", sp.ImmutableMatrix([[shared**2]]), "m", "a square")
+    own = System("f", "Other", (Group("q", "lengths", (d,)),), (square,), ())
+
+    def made(term):
+        main = NamedMatrix("k", sp.ImmutableMatrix([[shared]]), "m", "a matrix")
+        terms = (Definition(d, term),)
+        first = System("m", "A model", (Group("q", "lengths", (a, b, c)),), (main,), (), terms)
+        return record("m", "A model", {"": first, "further.": own}, {})
+
+    assert [m.name for m in difference(made(x + y), made(x - y)).matrices] == ["k"]
+
+
+def test_the_base_of_exponentials_is_not_a_modulus():
+    modulus = quantity("E", "Pa", "modulus")
+    group = Group("q", "values", (modulus,))
+    entries = sp.ImmutableMatrix([[modulus.symbol, sp.E * modulus.symbol]])
+    system = System("m", "A model", (group,), (NamedMatrix("k", entries, "Pa", "it"),), ())
+    first, second = map(float, EntryValues(record("m", "A model", {"": system}, {})).of("k").values())
+    assert second / first == pytest.approx(math.e, rel=1e-15)
 
 
 @pytest.mark.parametrize("factor", [sp.Rational(1, 2), -1, 12, sp.Rational(-127, 5000), 10**9])
