@@ -316,7 +316,7 @@ def outside(names: Sequence[str], processes: int) -> int:
         }
         command = [sys.executable, __file__, "--inside"]
         with ThreadPoolExecutor(processes) as pool:
-            parts = [names[k::processes] for k in range(processes)]
+            parts = [names[k::processes] for k in range(min(processes, len(names)))]
             ended = pool.map(
                 lambda part: subprocess.run([*command, *part], env=environment, check=False), parts
             )
