@@ -31,10 +31,10 @@
  *
  *   p[11]: tunable parameters
  *     p[0]  a4  [m]  offset of the slider's line from the axis of the crank
- *     p[1]  alpha4  [1]  angle from the slider's line to the axis of the crank, about their common normal
+ *     p[1]  alpha4  [rad]  angle from the slider's line to the axis of the crank, about their common normal
  *     p[2]  S1  [m]  displacement of the crank along its axis, or its amplitude if ratio is not zero
  *     p[3]  ratio  [1]  oscillations of the displacement S1 per revolution of the crank; constant if zero
- *     p[4]  rpm  [1/s]  speed of the crank
+ *     p[4]  rpm  [rad/s]  speed of the crank
  *     p[5..10]  what depends on those alone. Whenever they were set, and before any other function, call
  *         slider_crank_setup(NULL, NULL, NULL, p, NULL, p + 5);
  *

@@ -38,14 +38,14 @@ def check_values(text: SceneText) -> None:
 
 def in_si(model: Compiled | ElasticModel, values: Mapping[str, str], file: str) -> dict[str, float]:
     """Return values of tunable parameters in SI units; raise SceneError for one with another unit."""
-    from symgen.scene.units import describe, describe_unit, parse_quantity
+    from symgen.scene.units import describe, describe_unit, parse_quantity, without_angles
 
     result = {}
     for info in model.description.tunable:
         if info.name in values:
             try:
                 number, dimension = parse_quantity(values[info.name])
-                if dimension.unit != info.unit:
+                if dimension.unit != without_angles(info.unit):
                     wanted, got = describe_unit(info.unit), describe(dimension)
                     raise SceneError(f"expected {wanted}, got {values[info.name]!r}, {got}")
             except SceneError as error:

@@ -62,6 +62,8 @@ class Values:
         self.parameters: list[Parameter] = []
         self.defaults: dict[sp.Symbol, sp.Expr] = {}
         self.written = Written()
+        #: Parameters that are angles, or rates of angles.
+        self._angles: dict[str, tuple[sp.Expr, Dimension]] = {}
         #: Values over tunable parameters whose sign is checked again at other values of these.
         self.limits: list[Limit] = []
         #: External signals, after :meth:`read_signals`.
@@ -74,7 +76,8 @@ class Values:
             with at(f"inputs.{name}.value"):
                 value, dim = parse_any(written.value, self.names)
                 self.number(value)
-            q = quantity(name, dim.unit, written.about.strip() or f"input {name}")
+            unit = self._unit(written.value, dim)
+            q = quantity(name, unit, written.about.strip() or f"input {name}")
             self.signals[name] = q.symbol, dim
             self.defaults[q.symbol] = value.xreplace(self.defaults)
             self.parameters.append(Parameter(q, self.defaults[q.symbol], input=True))
@@ -100,15 +103,30 @@ class Values:
         with at(where):
             value, dim = parse_any(parameter.value, self.names)
             self.number(value)
-        q = quantity(name, dim.unit, parameter.about.strip() or f"parameter {name}")
+        unit = self._unit(parameter.value, dim)
+        q = quantity(name, unit, parameter.about.strip() or f"parameter {name}")
+        if unit != dim.unit:
+            self._angles[name] = q.symbol, dim
         if not parameter.tunable:
             self.names[name] = value, dim
-            if value.is_number and not vanishes(value) and not is_reserved(name, self.scene):
+            if not (value.is_number and vanishes(value)) and not is_reserved(name, self.scene):
                 self.written.constants[name] = Definition(q, value)
             return
         self.names[name] = q.symbol, dim
         self.defaults[q.symbol] = value.xreplace(self.defaults)
         self.parameters.append(Parameter(q, self.defaults[q.symbol]))
+
+    def _unit(self, value: str | int | float, dim: Dimension) -> str:
+        """Return the SI unit of a parameter: with radians if written so, or a sum of such."""
+        text = str(value)
+        if is_quantity(text):
+            return units.shown_unit(text)
+        angular = units.OF_ANGLES.get(dim.unit)
+        if angular is None or self._angles.keys().isdisjoint(NAME.findall(text)):
+            return dim.unit
+        form = parse_any(text, {**self.names, **self._angles})[0]
+        doubled = form.xreplace({symbol: 2 * symbol for symbol, _ in self._angles.values()})
+        return angular if sp.expand(doubled - 2 * form) == 0 else dim.unit
 
     def value(
         self, text: str | int | float, dim: Dimension, where: str, names: Names | None = None

@@ -81,6 +81,10 @@ _NAMED = {
     PRESSURE: "Pa",
 }
 
+#: Units in which results show values that are written in units of angles, by the unit of their dimension.
+OF_ANGLES = {"1": "rad", "1/s": "rad/s", "1/s^2": "rad/s^2"}
+_ANGLE = re.compile(r"\b(?:rad|radians?|deg|degrees?|rev|revolutions?|turns?|rpm)\b")
+
 #: Name of each kind of value in messages, and an example.
 KINDS: dict[Dimension, tuple[str, str]] = {
     NUMBER: ("a plain number or an angle", '"30 deg" or 0.5'),
@@ -180,6 +184,12 @@ def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
     return value, dim
 
 
+def shown_unit(text: str) -> str:
+    """Return the SI unit of a quantity, with radians where it is written in units of angles."""
+    unit = parse_quantity(text)[1].unit
+    return OF_ANGLES.get(unit, unit) if _ANGLE.search(text) else unit
+
+
 def fits(value: Fraction) -> bool:
     """Return whether a number is zero, or neither too large nor too small for double precision.
 
@@ -267,8 +277,14 @@ def describe(dim: Dimension) -> str:
     return kind[0] if kind else f"a quantity in {dim.unit}"
 
 
+def without_angles(unit: str) -> str:
+    """Return an SI unit as that of its dimension, without radians."""
+    return next((plain for plain, angular in OF_ANGLES.items() if angular == unit), unit)
+
+
 def describe_unit(unit: str) -> str:
     """Return the name and an example of a quantity in an SI unit for a message."""
+    unit = without_angles(unit)
     known = (f"{name} such as {written}" for dim, (name, written) in KINDS.items() if dim.unit == unit)
     return next(known, f"a quantity in {unit}")
 

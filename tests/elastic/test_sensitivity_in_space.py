@@ -40,7 +40,7 @@ def test_the_command_prints_frequencies(model):
     asked = ["--outputs", "frequencies", "--at", "0.01 s", "--json"]
     printed = json.loads(call("sensitivity", "spatial_slider_crank", *asked))
     found = model.sensitivity(["frequencies"], at=0.01)
-    assert printed["parameters"] == {"rate": "1/s"} and [*printed["outputs"]] == [*found.outputs]
+    assert printed["parameters"] == {"rate": "rad/s"} and [*printed["outputs"]] == [*found.outputs]
     for name, entry in printed["outputs"].items():
         assert entry["by"]["rate"] == found[name, "rate"]
 

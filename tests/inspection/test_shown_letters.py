@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from typer.testing import CliRunner
 
@@ -10,6 +12,7 @@ from symgen.cli import app
 from symgen.errors import SymgenError
 from symgen.regeneration.sources import systems
 from symgen.scene.loading import check_scene, override, read_scene
+from symgen.scene.reading import Values
 from symgen.scene.resolve import resolve
 from symgen.scene.rods.letters import in_letters
 
@@ -81,3 +84,63 @@ def test_letters_say_of_what_they_are():
     assert meanings["s_rail"] == "distance of the centre of mass of link rail from W, along its line"
     assert "alpha of joint 2, between input and coupler" in meanings.values()
     assert not [m for m in meanings.values() if " of row " in m or "mass of the mass" in m or "{" in m]
+
+
+ANGLES = {
+    "half": {"value": "0.5*turn", "tunable": True},
+    "turn": "1 rev",
+    "rate": {"value": "rpm*n", "tunable": True},
+    "rpm": "60 rpm",
+    "n": 2,
+    "share": "half/turn",
+    "height": "sin(half)",
+    "per_time": "3 1/s",
+    "stiffness": "5 N*m/rad",
+}
+
+
+def test_angles_and_their_rates_are_in_radians():
+    """By the units they are written in; sums and multiples of angles too, their ratios and sines not."""
+    read = Values(check_scene(override(read_scene("four_bar"), {"parameters": ANGLES})))
+    of = {p.quantity.name: p.quantity.unit for p in read.parameters}
+    of |= {name: c.quantity.unit for name, c in read.written.constants.items()}
+    assert of == {
+        "half": "rad", "turn": "rad", "rate": "rad/s", "rpm": "rad/s", "n": "1", "share": "1", "height": "1",
+        "per_time": "1/s", "stiffness": "N*m",
+    }  # fmt: skip
+    changed = symgen.build("slider_crank", set={"alpha4": "0.25 turn", "rpm": "2 1/s"})
+    values = dict(zip((p.name for p in changed.description.tunable), changed.parameter_values, strict=True))
+    assert values["alpha4"] == pytest.approx(1.5707963267948966) and values["rpm"] == 2
+    with pytest.raises(SymgenError, match="expected an angular velocity such as .* got '3 m'"):
+        symgen.build("slider_crank", set={"rpm": "3 m"})
+
+
+def test_a_constant_that_depends_on_a_parameter_is_a_letter_with_its_meaning():
+    text = shown("slider_crank", "inputs")
+    assert "one where ratio is zero, nothing elsewhere [1] = exp(-1000000000000*ratio**2)" in text
+    by = shown(
+        "slider_crank", "inputs", "--by", "ratio", "--rows", "s1", "--columns", "value", "--format", "numeric"
+    )
+    assert "s1" in by
+
+
+@pytest.mark.parametrize(
+    ("scene", "output", "equation"),
+    [
+        ("slider_crank", "theta1.rate", "row theta1, column rate of inputs"),
+        ("slider_crank", "theta2", "zero of closure_defect"),
+        (
+            "slider_crank",
+            "theta2.rate",
+            "row theta2 of the solution of A q' = V: closure_matrix, closure_rhs",
+        ),
+        ("bennett", "theta3.acceleration", "of the solution of screws * accelerations + screw_drift = 0"),
+        ("cssp", "S1.acceleration", "solution of inverse_efforts = given_efforts along motions"),
+        ("cssp", "theta1.rate", "integral of theta1.acceleration"),
+    ],
+)
+def test_the_motion_of_a_variable_says_its_equation(scene, output, equation):
+    head = " ".join(shown(scene, output).partition("\n\n")[0].split())
+    assert equation in head
+    names = {m.name for m in symgen.derive(scene).matrices}
+    assert not set(re.findall(r"\w*(?:closure|screw|efforts|inputs)\w*", equation)) - names

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -188,6 +188,32 @@ def output(model: LoopDerivation, name: str) -> NamedMatrix:
     rows = tuple(AXES) if len(entries) == 3 else ()
     matrix = sp.ImmutableMatrix(len(entries), 1, list(entries))
     return NamedMatrix(name, matrix, unit, description, rows)
+
+
+def sources_of(model: LoopDerivation) -> Iterator[tuple[str, str]]:
+    """Yield what the motion of each variable, a symbol in its output, follows from."""
+    for v in model.variables:
+        for word, origin in _ORIGINS[v.role].items():
+            yield v.name + word, origin.format(v.name)
+
+
+#: Equations of the motion of variables, by their role and the word of the output.
+_ORIGINS = {
+    "input": {
+        word: f"row {{}}, column {column} of inputs"
+        for word, column in (("", "value"), (".rate", "rate"), (".acceleration", "acceleration"))
+    },
+    "dependent": {
+        "": "zero of closure_defect",
+        ".rate": "row {} of the solution of A q' = V: closure_matrix, closure_rhs",
+        ".acceleration": "row {} of the solution of screws * accelerations + screw_drift = 0",
+    },
+    "free": {
+        "": "integral of {0}.rate",
+        ".rate": "integral of {0}.acceleration",
+        ".acceleration": "solution of inverse_efforts = given_efforts along motions of the closed loop",
+    },
+}
 
 
 def default(model: LoopDerivation) -> list[str]:

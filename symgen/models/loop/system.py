@@ -68,7 +68,7 @@ def loop_system(loop: Loop) -> System:
         ),
         definitions=model.names.definitions,
         references=(REFERENCE,),
-        sources=LOOP,
+        sources=(*loop_outputs.sources_of(model), *LOOP),
         left_out=tuple(_left_out(model, needs)),
     )
 
