@@ -7,12 +7,26 @@ an entry ``w:theta1``. A row called by a number, as ``A.8 E``, is that of this e
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from pathlib import Path
 
 from symgen.symbolic.system import NamedMatrix
+
+#: Models that between them print the equations of each paper, with settings that are false.
+_ATTIA = "rod", "rod_spatial", "triple_pendulum", "vertical_rods", "elastic_slider_crank"
+_THESIS = "element_beam8", "rigid_element", "synthesis_limits", "thesis_four_bar"
+_INEXTENSIBLE = tuple(f"links.{link}.elastic.axial" for link in ("crank", "coupler", "output"))
+PAPERS: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
+    "Attia": tuple((name, ()) for name in _ATTIA),
+    "Rahman": (("slider_crank", ()),),
+    "thesis": (*((name, ()) for name in _THESIS), ("thesis_four_bar", _INEXTENSIBLE)),
+}
+#: The generated file of what these models cite, by paper and command: sources, with the rows that they name.
+STORED = Path(__file__).with_name("citations.json")
 
 _NUMBER = r"\(((?:[A-Z]|\d+)\.)?(\d+)([a-z]?)\)"
 _ASKED = re.compile(rf"(?:(\w+) )?{_NUMBER}")
@@ -30,6 +44,14 @@ def as_equation(name: str) -> str:
     return name if _ASKED.fullmatch(name) else ""
 
 
+def citation(m: NamedMatrix) -> tuple[str, ...]:
+    """Return the source of a matrix and, where these matter, its rows; empty where it cites no equation."""
+    numbered = any(as_equation(row.partition(" ")[0]) for row in m.rows)
+    if not numbered and not _CITED.search(m.source):
+        return ()
+    return m.source, *(m.rows if numbered or ";" in m.source else ())
+
+
 def citing(name: str, matrices: Iterable[NamedMatrix]) -> tuple[int, tuple[NamedMatrix, ...]]:
     """Return how precisely an equation is cited, zero if not at all, and the matrices or rows that do so."""
     asked = _ASKED.fullmatch(name)
@@ -37,42 +59,67 @@ def citing(name: str, matrices: Iterable[NamedMatrix]) -> tuple[int, tuple[Named
         return 0, ()
     author, *number = asked.groups(default="")
     ranked = [
-        found for m in matrices if author.casefold() in m.source.casefold() for found in _places(number, m)
+        (_cited(number, m.source, m.rows), m) for m in matrices if author.casefold() in m.source.casefold()
     ]
-    best = max((rank for rank, _ in ranked), default=0)
-    return best, tuple(m for rank, m in ranked if rank == best > 0)
+    best = max((cited.rank for cited, _ in ranked), default=0)
+    return best, tuple(_part(m, cited) for cited, m in ranked if cited.rank == best > 0)
 
 
-def _places(number: list[str], m: NamedMatrix) -> Iterator[tuple[int, NamedMatrix]]:
-    """Yield how precisely a matrix, or rows of it, cite an equation."""
+@dataclass(frozen=True, slots=True)
+class _Cited:
+    """How precisely a source cites an equation, and for which rows and columns; none stands for all."""
+
+    rank: int
+    source: str
+    rows: Sequence[str] = ()
+    columns: Sequence[str] = ()
+
+
+def _cited(number: Sequence[str], source: str, rows: Sequence[str]) -> _Cited:
+    """Return how the source of a matrix with these rows cites an equation."""
     own = "".join(number)
-    if named := [row for row in m.rows if row.partition(" ")[0] == own]:
-        yield _ITSELF, _part(m, named, (), m.source)
-        return
-    whole, *others = (text.strip() for text in m.source.split(";"))
-    best, rows, entries = _precision(number, whole), list[str](), list[str]()
+    if named := [row for row in rows if row.partition(" ")[0] == own]:
+        return _Cited(_ITSELF, source, named)
+    whole, *others = (text.strip() for text in source.split(";"))
+    best, found, columns = _precision(number, whole), list[str](), list[str]()
     general, cited = [whole], list[str]()
     for text in others:
-        at = _place(text, m)
+        at = _place(text, rows)
         if at is None:
             general.append(text)
             best = max(best, _precision(number, text))
         elif (precision := _precision(number, text)) in (_RANGE, _LETTERS, _ITSELF):
-            rows += at[0]
-            entries += at[1]
+            found += at[0]
+            columns += at[1]
             cited.append(text)
         elif not number[-1]:  # a group, of which these are equations
             best = max(best, precision)
-    if rows:
-        yield _ITSELF, _part(m, rows, entries, "; ".join([*general, *cited]))
-    elif best:
-        yield best, m
+    return _Cited(_ITSELF, "; ".join([*general, *cited]), found, columns) if found else _Cited(best, source)
 
 
-def _place(text: str, m: NamedMatrix) -> tuple[list[str], list[str]] | None:
+def elsewhere(equation: str) -> str:
+    """Return the command that prints the equation of this number, of each paper that has it, as stored."""
+    asked = _ASKED.fullmatch(equation)
+    author, *number = asked.groups(default="") if asked else ("",)
+    found = []
+    for paper, commands in json.loads(STORED.read_text(encoding="utf-8")).items():
+        if author.casefold() in paper.casefold():
+            ranked = [
+                (max(_cited(number, source, rows).rank for source, *rows in cited), command)
+                for command, cited in commands.items()
+            ]
+            best, command = max(ranked, key=lambda of: of[0])
+            shown = equation.removeprefix(author).strip()
+            found.append((best, f"{paper}: {command.format(shown)}"))
+    best = max((rank for rank, _ in found), default=0)
+    commands = "\n  ".join(command for rank, command in found if rank == best > 0)
+    return commands or "docs/papers.md lists all equations of the papers, also those not derived."
+
+
+def _place(text: str, rows: Sequence[str]) -> tuple[list[str], list[str]] | None:
     """Return the rows and columns named before the first number of a citation; None where there are none."""
     named, _, column = text.partition("(")[0].strip().partition(":")
-    names = [row.partition(" ")[0] for row in m.rows]
+    names = [row.partition(" ")[0] for row in rows]
     first, _, last = named.partition("-")
     if first in names and (last or first) in names:
         at = [*range(names.index(first), names.index(last or first) + 1)]
@@ -80,20 +127,22 @@ def _place(text: str, m: NamedMatrix) -> tuple[list[str], list[str]] | None:
         at = [i for i, name in enumerate(names) if fnmatchcase(name, named)]
     else:
         return None
-    return [m.rows[i] for i in at], [column] if column else []
+    return [rows[i] for i in at], [column] if column else []
 
 
-def _part(m: NamedMatrix, rows: Iterable[str], columns: Iterable[str], source: str) -> NamedMatrix:
-    """Return rows, in the order of the matrix, or an entry, with the place in the description."""
-    rows = sorted({*rows}, key=m.rows.index)
+def _part(m: NamedMatrix, cited: _Cited) -> NamedMatrix:
+    """Return rows, in the order of the matrix, or an entry, with the place in the description; else all."""
+    if not cited.rows:
+        return m
+    rows = sorted({*cited.rows}, key=m.rows.index)
     place = f"row{'s' * (len(rows) > 1)} {', '.join(rows)}"
-    columns = [*columns]
-    if columns:
-        place += f", column {', '.join(columns)}"
-    return replace(m.part(rows, columns), description=f"{place}: {m.description}", source=source)
+    if cited.columns:
+        place += f", column {', '.join(cited.columns)}"
+    part = m.part(rows, cited.columns)
+    return replace(part, description=f"{place}: {m.description}", source=cited.source)
 
 
-def _precision(number: list[str], source: str) -> int:
+def _precision(number: Sequence[str], source: str) -> int:
     """Return how precisely a source cites an equation."""
     chapter, own, letter = number
     best = 0

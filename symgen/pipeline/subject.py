@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,11 +13,12 @@ import sympy as sp
 
 from symgen.errors import ModelError, check_known, nearest
 from symgen.lowering.program import lower_system
+from symgen.mechanics.sources import ASSEMBLY
 from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
-from symgen.pipeline.citations import as_equation, citing
+from symgen.pipeline.citations import PAPERS, as_equation, citation, citing, elsewhere
 from symgen.pipeline.systems import momentum_of, system_of
 from symgen.pipeline.user_system import is_user_file, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
@@ -31,15 +33,6 @@ from symgen.symbolic.system import DerivedMatrix, Export, Matrices, NamedMatrix,
 RECORD = "derivation"
 _MOMENTUM = "momentum_rows"
 _SQUARE = "matrix", "rhs"
-#: Models that between them print the equations of each paper, with settings that are false.
-_ATTIA = "rod", "rod_spatial", "triple_pendulum", "vertical_rods", "elastic_slider_crank"
-_THESIS = "element_beam8", "rigid_element", "synthesis_limits", "thesis_four_bar"
-_INEXTENSIBLE = tuple(f"links.{link}.elastic.axial" for link in ("crank", "coupler", "output"))
-PAPERS: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
-    "Attia": tuple((name, ()) for name in _ATTIA),
-    "Rahman": (("slider_crank", ()),),
-    "thesis": (*((name, ()) for name in _THESIS), ("thesis_four_bar", _INEXTENSIBLE)),
-}
 #: Maximum number of matrices named in an error.
 _NAMED = 5
 
@@ -228,10 +221,9 @@ class Subject:
         equation = as_equation(name)
         if not equation or cuts:
             return (self.choose(name, numbers=numbers, cuts=cuts),)
-        _, cited = self.citing(equation)
-        if not cited:
+        if not (cited := self._citing(equation)):
             raise ModelError(
-                f"no matrix of {self.name} corresponds to the equation {equation}\n  {_elsewhere(equation)}"
+                f"no matrix of {self.name} corresponds to the equation {equation}\n  {elsewhere(equation)}"
             )
         return cited
 
@@ -268,8 +260,8 @@ class Subject:
             f"  symgen show {self.name} lists its matrices."
         )
 
-    def citing(self, equation: str) -> tuple[int, tuple[Chosen, ...]]:
-        """Return the matrices or rows that cite an equation most precisely, by system, and how precisely."""
+    def _citing(self, equation: str) -> tuple[Chosen, ...]:
+        """Return the matrices or rows that cite an equation most precisely, by system."""
         ranked = [(*citing(equation, system.matrices), system) for _, system in self._searched()]
         best = max(rank for rank, _, _ in ranked)
         seen: set[str] = set()
@@ -279,10 +271,16 @@ class Subject:
             if new and rank == best:
                 seen.update(m.name for m in new)
                 found.append(Chosen(system, new))
-        return best, tuple(found)
+        return tuple(found)
 
     def _searched(self) -> Iterator[tuple[str, System]]:
         """Yield the systems in which names are looked up, each derived when it is reached."""
+        yield from self.unassembled()
+        if self.is_assembled:
+            yield "", self.assembled
+
+    def unassembled(self) -> Iterator[tuple[str, System]]:
+        """Yield the systems by their prefix whose derivation needs no kernels: all but the assembled one."""
         yield "", self.system
         yield from ((f"{kind}.", system) for kind, system in self.further.items())
         seen = {id(self.system)}
@@ -295,8 +293,6 @@ class Subject:
                 yield "", step.system
         if self.system.saddle_point:
             yield "", _solved(self.system, self.system.saddle_point)
-        if self.is_assembled:
-            yield "", self.assembled
 
     def _momentum(self, row: str, numbers: bool, cuts: Sequence[str]) -> Chosen:
         system = momentum_of(self.resolved, cuts, joined=numbers)
@@ -306,23 +302,26 @@ class Subject:
         return Chosen(system, tuple(m for m in system.matrices if (m.name in _SQUARE) == numbers))
 
 
-def _elsewhere(equation: str) -> str:
-    """Return the command that prints an equation of each paper that has this number."""
-    number = equation[equation.index("(") :]
-    found = []
+def citations_of_papers() -> str:
+    """Return the content of :data:`symgen.pipeline.citations.STORED`."""
+    papers: dict[str, dict[str, list[list[str]]]] = {}
     for paper, models in PAPERS.items():
-        if equation.startswith("(") or equation.casefold().startswith(paper.casefold()):
-            of_paper = f"{paper} {number}"
-            ranked = [
-                (Subject(name, dict.fromkeys(options, False)).citing(of_paper)[0], name, options)
-                for name, options in models
-            ]
-            best, name, options = max(ranked, key=lambda of: of[0])
+        known: set[tuple[str, ...]] = set()
+        papers[paper] = {}
+        for name, options in models:
+            every = dict.fromkeys(_citations(Subject(name, dict.fromkeys(options, False))))
+            cited = [c for c in every if c and paper in c[0] and c not in known]
+            known.update(cited)
             settings = "".join(f" --set {x}=false" for x in options)
-            found.append((best, f'{paper}: symgen show {name} "{number}"{settings}'))
-    best = max((rank for rank, _ in found), default=0)
-    commands = "\n  ".join(command for rank, command in found if rank == best > 0)
-    return commands or "docs/papers.md lists all equations of the papers, also those not derived."
+            papers[paper][f'symgen show {name} "{{}}"{settings}'] = [*map(list, cited)]
+    return json.dumps(papers, indent=1) + "\n"
+
+
+def _citations(subject: Subject) -> Iterator[tuple[str, ...]]:
+    yield from (citation(m) for _, system in subject.unassembled() for m in system.matrices)
+    if subject.is_assembled:  # without kernels, which may be those of older equations here
+        condensed = "jacobian" in subject.further["elastic_joints"]
+        yield from ((source,) for pattern, source in ASSEMBLY if condensed or pattern != "condensation")
 
 
 def _solved(system: System, point: SaddlePoint) -> System:

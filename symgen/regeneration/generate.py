@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -128,14 +128,14 @@ def derive_all(models: Iterable[str], progress: Progress | None = None) -> dict[
 _PARENT = "import sys; from symgen.regeneration.generate import answer_all; answer_all(*sys.argv[1:])"
 
 
-def _as_derived(names: Iterable[str], folder: Path) -> Iterator[str]:
+def _as_derived(requested: Sequence[str], folder: Path) -> Iterator[str]:
     """Yield the names of models as they are completed; child processes import this symgen."""
     home = str(Path(__file__).resolve().parent.parent.parent)
     path = os.pathsep.join(p for p in (home, os.environ.get("PYTHONPATH", "")) if p)
     with (
         (folder / _SAID).open("wb") as said,
         subprocess.Popen(
-            [sys.executable, "-P", "-c", _PARENT, str(folder), *names],
+            [sys.executable, "-P", "-c", _PARENT, str(folder), *requested],
             env={**os.environ, "PYTHONPATH": path},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -153,7 +153,8 @@ def _as_derived(names: Iterable[str], folder: Path) -> Iterator[str]:
             else:
                 failed.append(name)
     if failed:
-        raise _failed(failed[0], folder / f"{failed[0]}{_SAID}")
+        first = min(failed, key=requested.index)
+        raise _failed(first, folder / f"{first}{_SAID}")
     if process.returncode:
         raise _failed("the remaining models", folder / _SAID)
 

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
     from symgen.symbolic.system import System
 
 #: The generated items that are not models, and their files: Pint's conversion factors for the units of most
-#: scenes, and the order of the numbers that elastic kernels write.
-UNITS, COLUMNS = "units", "columns"
+#: scenes, the order of the numbers that elastic kernels write, and what models of the papers cite.
+UNITS, COLUMNS, CITATIONS = "units", "columns", "citations"
 _PACKAGE = Path(__file__).resolve().parent.parent
 TABLES = {
     UNITS: _PACKAGE / "scene" / "units.json",
     COLUMNS: _PACKAGE / "runtime" / "core" / "elastic_columns.h",
+    CITATIONS: _PACKAGE / "pipeline" / "citations.json",
 }
 
 
@@ -52,7 +53,7 @@ def _folder(model: str) -> str:
 
 
 def make(name: str) -> Derived:
-    """Derive one model, evaluate the units with Pint, or list columns, and write the files."""
+    """Derive one model, evaluate the units with Pint, or list columns or citations, and write the files."""
     if name == UNITS:
         from symgen.scene.units import answers
 
@@ -64,6 +65,16 @@ def make(name: str) -> Derived:
         from symgen.models.elastic.columns import header
 
         return Derived(Shipped("", (SourceFile(TABLES[COLUMNS].name, header()),)), graph.needs())
+    if name == CITATIONS:
+        from symgen.pipeline.citations import PAPERS
+        from symgen.pipeline.subject import citations_of_papers
+
+        shown = {model for models in PAPERS.values() for model, _ in models}
+        depends = {}
+        for model in sorted(shown - BLOCKS.keys()):
+            depends.update(graph.of_package("symgen", f"scenes/{model}.toml"))
+        file = SourceFile(TABLES[CITATIONS].name, citations_of_papers())
+        return Derived(Shipped("", (file,)), graph.needs(depends))
     if name in RECURSIONS:
         return Derived(_of_recursion(name), graph.needs())
     scene = graph.of_package("symgen", f"scenes/{name}.toml") if name in SHIPPED_SCENES else {}

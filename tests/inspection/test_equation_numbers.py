@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
@@ -10,9 +11,10 @@ from shared.commands import call
 from shared.equations import found
 
 import symgen
-from symgen.errors import ModelError
-from symgen.pipeline.citations import citing
-from symgen.pipeline.subject import PAPERS, Subject
+from symgen.errors import ModelError, StaleBinaryError
+from symgen.pipeline.citations import PAPERS, STORED, citing
+from symgen.pipeline.subject import Subject
+from symgen.runtime.beams import elements
 
 DUAL = ("x", "y", "z", "dual_x", "dual_y", "dual_z")
 
@@ -224,3 +226,28 @@ def test_all_systems_and_other_models():
         with pytest.raises(ModelError, match=re.escape(command)):
             Subject(model, {}).found(equation)
     assert {*PAPERS} == {"Attia", "Rahman", "thesis"}
+
+
+def test_other_models_are_found_where_kernels_are_of_older_equations(monkeypatch):
+    def stale(block):
+        raise StaleBinaryError(block)
+
+    monkeypatch.setattr(elements, "_shipped", stale)
+    with pytest.raises(ModelError, match=re.escape('thesis: symgen show thesis_four_bar "(E.26)" --set')):
+        Subject("rod", {}).found("E.26")
+
+
+@pytest.mark.parametrize(("model", "false"), [of for of in PAPERS["thesis"] if of[0] == "thesis_four_bar"])
+def test_stored_citations_are_those_of_the_matrices(model, false):
+    """Those of assembled equations are stored without deriving these."""
+    options = dict.fromkeys(false, False)
+    systems = [system for _, system in Subject(model, options)._searched()]
+    cited = {
+        m.source for system in systems for m in system.matrices if re.search(r"thesis.*\(.*\d\)", m.source)
+    }
+    stored = json.loads(STORED.read_text())["thesis"]
+    settings = "".join(f" --set {name}=false" for name in false)
+    own = {source for source, *_ in stored[f'symgen show {model} "{{}}"{settings}']}
+    every = {source for commands in stored.values() for source, *_ in commands}
+    assert own <= cited <= every
+    assert ("thesis (E.21)-(E.29), (E.43)-(E.47)" in own) == bool(false)

@@ -212,7 +212,8 @@ def test_what_changed_is_derived_anew_and_said(checkout):
     code, said, _ = generate(checkout)
     assert code == 0
     assert [line for line in said if line.startswith("derived")] == [
-        "derived rigid_element: mechanics/elastic/rigid_elements.py changed"
+        f"derived {name}: mechanics/elastic/rigid_elements.py changed"
+        for name in ("rigid_element", "citations")
     ]
     start = said.index("rigid_element:")
     assert said[start + 1 : start + 5] == [
@@ -238,6 +239,7 @@ def test_what_changed_is_derived_anew_and_said(checkout):
     code, said, _ = generate(checkout)
     assert said == [
         "derived rigid_element: mechanics/elastic/rigid_elements.py changed",
+        "derived citations: mechanics/elastic/rigid_elements.py changed",
         "generated/ is current",
     ]
 
