@@ -12,6 +12,7 @@ import sympy as sp
 from shared.commands import call
 from shared.read_latex import from_text, matrix_from_latex
 
+import symgen
 from symgen.inspection.page import block_page
 from symgen.pipeline.subject import Subject
 from symgen.report.mathematics.equations import FORMATS, in_python, show
@@ -21,6 +22,8 @@ from symgen.report.page.page import render
 from symgen.report.page.views import matrix_view
 from symgen.symbolic.notation import latex_name, readable, text, text_name
 
+#: Matrices with angles of two arguments.
+ANGLES = ("assembly_residual", "assembly_jacobian")
 #: Matrices of all methods: rods, their momentum rows and recursion; loops; elastic links, in the plane and space.
 SHOWN = [
     ("rod", "mass_matrix"),
@@ -46,6 +49,8 @@ SHOWN = [
     ("element_timoshenko", "geometric1"),
     ("thesis_four_bar", "elastic_joints.load"),
     ("thesis_four_bar", "velocity_constraints"),
+    *((name, "assembly_residual") for name in ("crank_rocker", "far_origin", "elastic_slider_crank")),
+    *((name, matrix) for name in ("spatial_four_bar", "thesis_rig") for matrix in ANGLES),
     ("direction", "slopes"),
 ]  # fmt: skip
 
@@ -75,6 +80,14 @@ def test_what_is_shown_is_what_was_derived(name, matrix):
     (m,) = chosen.matrices
     same(matrix_from_latex(show(chosen.system, [m], "latex"), m, chosen.system), m.matrix)
     same([from_text(text(e), chosen.system) for e in m.matrix], m.matrix)
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "bricard", "loop_row", "four_bar"])
+def test_columns_of_matrices_have_names(name):
+    """Axes and origin of a frame: i, j, k, p."""
+    assert not [
+        m.name for m in symgen.derive(name).matrices if m.matrix.cols > 1 and m.rows and not m.columns
+    ]
 
 
 def test_common_numbers_and_signs_of_sums_are_in_front():

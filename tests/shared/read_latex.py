@@ -9,10 +9,12 @@ import sympy as sp
 from symgen.symbolic.notation import latex_name, text_name
 
 _FUNCTIONS = {
-    "sin": sp.sin, "cos": sp.cos, "tan": sp.tan, "asin": sp.asin, "acos": sp.acos, "atan": sp.atan, "exp": sp.exp,
+    "sin": sp.sin, "cos": sp.cos, "tan": sp.tan, "asin": sp.asin, "acos": sp.acos, "atan": sp.atan, "exp": sp.exp, "atan}_{2": sp.atan2,
     "log": sp.log, "sign": sp.sign, "cosh": sp.cosh, "sinh": sp.sinh, "tanh": sp.tanh, "min": sp.Min, "max": sp.Max,
 }  # fmt: skip
-_FUNCTION = re.compile(r"\\operatorname\{(\w+)\}|\\(sin|cos|tan|log|exp|sinh|cosh|tanh|min|max)(?![a-zA-Z])")
+_FUNCTION = re.compile(
+    r"\\operatorname\{(\w+(?:\}_\{2)?)\}|\\(sin|cos|tan|log|exp|sinh|cosh|tanh|min|max)(?![a-zA-Z])"
+)
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 

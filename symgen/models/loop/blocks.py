@@ -9,7 +9,7 @@ import sympy as sp
 from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia
 from symgen.mechanics.loop.dual_rows import GROUND, MOTIONS, Frame, motions, name_functions, onward
 from symgen.mechanics.sources import LOOP
-from symgen.models.loop.derivation import REFERENCE, named
+from symgen.models.loop.derivation import DUAL, PLACED, REFERENCE, named
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import AXES, Quantity, quantity
@@ -37,8 +37,8 @@ def loop_row_system() -> System:
         "Row of a link-joint table",
         (_ROW,),
         (
-            named("transform", placed, "1, m", "axes and origin of the frame behind the row", AXES),
-            named("dual_transform", frame.dual.beside, "1, m", "the same, R | D of R + eps D", AXES),
+            named("transform", placed, "1, m", "axes and origin of the frame behind the row", AXES, PLACED),
+            named("dual_transform", frame.dual.beside, "1, m", "the same, R | D of R + eps D", AXES, DUAL),
         ),
         names,
         kernels=("transform",),  # the dual form is shown only

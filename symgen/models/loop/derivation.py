@@ -21,6 +21,9 @@ from symgen.symbolic.vectors import cross, dot
 REFERENCE = (
     "S. Rahman, Dynamic Analysis of the Generalized Slider Crank (1991), Eqs. (1)-(68), in the corrected form"
 )
+#: Columns of a dual matrix, real part and dual part, and of axes and origin of a frame.
+DUAL = ("x", "y", "z", "dual_x", "dual_y", "dual_z")
+PLACED = ("i", "j", "k", "p")
 _ZERO = sp.Integer(0)
 
 

@@ -11,14 +11,12 @@ from symgen.errors import SceneError
 from symgen.mechanics.sources import LOOP, row_source
 from symgen.models.limits import limits_of
 from symgen.models.loop import outputs as loop_outputs
-from symgen.models.loop.derivation import REFERENCE, LoopDerivation, entries, named
+from symgen.models.loop.derivation import DUAL, PLACED, REFERENCE, LoopDerivation, entries, named
 from symgen.scene.loop.loop import ENTRIES, Loop
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
-#: Columns of a dual matrix, real part and dual part.
-_DUAL = ("x", "y", "z", "dual_x", "dual_y", "dual_z")
 _FRAME = ("ix jx kx px", "iy jy ky py", "iz jz kz pz")
 _SCREW = ("wx", "wy", "wz", "vx", "vy", "vz")
 _MOMENTUM = ("px", "py", "pz", "hx", "hy", "hz")
@@ -129,6 +127,7 @@ def _motion(model: LoopDerivation, forces: bool) -> tuple[list[NamedMatrix], lis
             "1, m",
             "B - I of the closure B = T_1 ... T_n: rotation, translation",
             "xyz",
+            PLACED,
         ),
         named("closure_jacobian", exact, "1, m", f"{about}: exact also where it is open", _SCREW, names),
         named("screws", screws, "1, m", f"{about}, by the shorter way", _SCREW, names),
@@ -223,7 +222,7 @@ def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
     """Return the steps of the derivation that no kernel writes, in the order of the source."""
     steps = [
         replace(
-            named(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz", _DUAL),
+            named(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz", DUAL),
             source=row_source(name for name in ENTRIES if getattr(row, name) != 0),
         )
         for i, (row, t) in enumerate(zip(model.loop.rows, model.paths.transforms, strict=True), 1)
@@ -235,7 +234,7 @@ def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
             "1, m",
             f"Q of dT/d{v.name} = Q T, T of its row, real part | dual part",
             "xyz",
-            _DUAL,
+            DUAL,
         )
         for j, v in enumerate(model.variables)
         if (q := model.paths.row_operator(j)) is not None
@@ -247,7 +246,7 @@ def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
             "1, m",
             f"H of dB/d{v.name} = H B, real part | dual part: the operator of its screw",
             "xyz",
-            _DUAL,
+            DUAL,
         )
         for j, v in enumerate(model.variables)
     ]
@@ -257,7 +256,14 @@ def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
         placed = frame.turn.row_join(sp.Matrix(frame.origin))
         here = f"of {link}, in its frame about its origin"
         steps += [
-            named(f"{link}_frame", placed, "1, m", f"frame of {link} in the first: axes and origin", "xyz"),
+            named(
+                f"{link}_frame",
+                placed,
+                "1, m",
+                f"frame of {link} in the first: axes and origin",
+                "xyz",
+                PLACED,
+            ),
             _screw(f"{link}_motion", model.velocity(k), "rad/s, m/s", f"dual velocity {here}", _SCREW),
             _screw(
                 f"{link}_motion_rate",
