@@ -202,6 +202,31 @@ RIGID_ELEMENT: Sources = (
     ("nodal_matrix", "thesis (4.1)-(4.6), (4.10); x (4.7); y (4.8); moment (4.9)"),
     ("inertia", "thesis (4.10), right side"),
 )
+#: Of four-bars in closed form; the numbers (4.17) to (4.27) stand apart in the copy, by order.
+FOUR_BAR: Sources = (
+    ("freudenstein", "thesis (4.17); output (4.17)"),
+    ("ratios", "thesis (4.18)-(4.22); K1 (4.18); K2 (4.19); K3 (4.20); K4 (4.21); K5 (4.22)"),
+    (
+        "half_angle_coefficients",
+        "thesis (4.23)-(4.27); K6 (4.23); K7 (4.24); K8 (4.25); K9 (4.26); K10 (4.27)",
+    ),
+    ("angles", "thesis (4.28), (4.29); theta3 (4.28); theta2 (4.29)"),
+    ("angular_velocities", "thesis (4.30), (4.31); theta2_rate (4.30); theta3_rate (4.31), corrected"),
+    (
+        "angular_accelerations",
+        "thesis (4.32), (4.33); theta2_acceleration (4.32); theta3_acceleration (4.33)",
+    ),
+    (
+        "acceleration_terms",
+        "thesis (4.34)-(4.39); H1 (4.34); H2 (4.35); H3 (4.36); H4 (4.37); H5 (4.38); H6 (4.39)",
+    ),
+    ("point_accelerations", "thesis (4.40), (4.41), in the plane"),
+    ("joints", "thesis (4.42)-(4.45); A_x (4.42); A_y (4.43); B_x (4.44); B_y (4.45)"),
+    (
+        "centres",
+        "thesis (4.46)-(4.51); G1_x (4.46); G1_y (4.47); G2_x (4.48); G2_y (4.49); G3_x (4.50); G3_y (4.51)",
+    ),
+)
 #: Of limit positions: case studies I and II.
 LIMITS: Sources = (
     (

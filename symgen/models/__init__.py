@@ -86,6 +86,9 @@ BLOCKS: dict[str, BuildingBlock] = {
     "loop_row": _block("transform of a row of a link-joint table", "models.loop.blocks:loop_row_system"),
     "loop_screws": _block("screws of a row of a link-joint table", "models.loop.blocks:loop_screws_system"),
     "loop_inertia": _block("momentum and inertia of a link", "models.loop.blocks:loop_inertia_system"),
+    "four_bar_motion": _block(
+        "motion of a planar four-bar in closed form", "models.loop.four_bar:four_bar_motion_system"
+    ),
     **{
         f"element_{x}": BuildingBlock(f"beam element {x} of elastic links", partial(element, x))
         for x in ELEMENTS

@@ -18,7 +18,7 @@ from symgen.symbolic.system import NamedMatrix
 
 #: Models that between them print the equations of each paper, with settings that are false.
 _ATTIA = "rod", "rod_spatial", "triple_pendulum", "vertical_rods", "elastic_slider_crank"
-_THESIS = "element_beam8", "rigid_element", "synthesis_limits", "thesis_four_bar"
+_THESIS = "element_beam8", "rigid_element", "four_bar_motion", "synthesis_limits", "thesis_four_bar"
 _INEXTENSIBLE = tuple(f"links.{link}.elastic.axial" for link in ("crank", "coupler", "output"))
 PAPERS: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "Attia": tuple((name, ()) for name in _ATTIA),

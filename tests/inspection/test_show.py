@@ -195,6 +195,20 @@ def test_numbers_of_given_symbols():
         shown("four_bar", "positions", "--with", "A_z=7")
 
 
+@pytest.mark.parametrize(
+    ("name", "matrix", "given", "row"),
+    [
+        ("rod", "particle_masses", "m=1 l=0 l_c=0.5 I_c=1", "start"),
+        ("four_bar_motion", "angles", "a=1 b=1 c=1 d=9 branch=1 theta1=0.5", "theta2"),
+        ("four_bar_motion", "angles", "a=1 b=1 c=1 d=3 branch=1 theta1=0", "theta3"),
+    ],
+)
+def test_values_without_a_real_number_are_refused(name, matrix, given, row):
+    values = [word for text in given.split() for word in ("--with", text)]
+    with pytest.raises(SymgenError, match=f"{matrix} has no finite real value in row {row}: "):
+        shown(name, matrix, "--format", "numeric", *values)
+
+
 # --- the record -----------------------------------------------------------------------------------------------
 
 

@@ -43,6 +43,8 @@ SHOWN = [
     ("slider_crank", "rod_binor"),
     ("slider_crank", "inverse_efforts"),
     ("loop_row", "transform"),
+    ("four_bar_motion", "angles"),
+    ("four_bar_motion", "acceleration_terms"),
     ("element_cubic", "mass"),
     ("element_beam8", "stiffness"),
     ("element_beam8", "weak_form"),

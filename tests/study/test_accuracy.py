@@ -18,7 +18,7 @@ from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
 from symgen.study.accuracy.accuracy import Accuracy, accuracy, report
 from symgen.study.accuracy.kernels import ComparedKernels
-from symgen.study.accuracy.states import At, States
+from symgen.study.accuracy.states import At, States, of_block
 from symgen.symbolic.exact import DIGITS, Exact
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
@@ -117,6 +117,15 @@ def test_not_a_number_is_an_infinite_error():
     found = looked(system(x, y), (1.3, 0.7), call=lambda *_: np.array([math.nan, 0.7]))
     assert found.outputs[0].verdict == "code" and math.isinf(found.outputs[0].worst.ulps)
     assert found.summary()["outputs"][0]["worst"]["ulps"] is None
+
+
+def test_random_states_of_blocks_are_real():
+    """A root or logarithm of a negative number is no output: other states are drawn."""
+    states = of_block(system(sp.sqrt(x - y), sp.log(y - 1)), 6, 0).all
+    assert len(states) == 6
+    assert all(at.arrays["q"][0] >= at.arrays["q"][1] >= 1 for at in states)
+    with pytest.raises(ModelError, match="planted is real at 0 of 100 states"):
+        of_block(system(sp.sqrt(-x)), 2, 0)
 
 
 @pytest.mark.parametrize("name", ["rod", "loop_screws", "loop_inertia"])

@@ -117,7 +117,7 @@ def evaluated(system: System, matrix: NamedMatrix, values: Mapping[str, float]) 
     Raises
     ------
     ModelError
-        If the matrix contains an argument without a value in ``values``.
+        If the matrix contains an argument without a value in ``values``, or is not finite and real.
     """
     known = {x.symbol: sp.Rational(values[x.name]) for x in system.symbols() if x.name in values}
     for definition in (*system.constants, *system.definitions):
@@ -131,6 +131,14 @@ def evaluated(system: System, matrix: NamedMatrix, values: Mapping[str, float]) 
             f"{matrix.name} contains symbols without values: {', '.join(missing[:_NAMED])}{more}\n"
             "  Give each with --with NAME=NUMBER, in SI units."
         )
+    for (i, j), x in numbers.todok().items():
+        if not (isinstance(x, sp.Number) and x.is_finite):
+            place = f"row {matrix.rows[i] if matrix.rows else i}"
+            place += f", column {matrix.columns[j] if matrix.columns else j}" if numbers.cols > 1 else ""
+            raise ModelError(
+                f"{matrix.name} has no finite real value in {place}: a denominator is zero, or a root is that"
+                " of a negative number.\n  Give symbols other values with --with NAME=NUMBER, in SI units."
+            )
     return numbers
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING
 
+import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import SimulationError
+from symgen.errors import ModelError, SimulationError
+from symgen.symbolic.exact import Exact
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic.model import ElasticModel
@@ -25,6 +28,8 @@ _AWAY = (0.3, 0.1, 0.03, 0.01)
 _NEWTON, _RANK, _ROUNDING = 30, 1e-9, 1e-14
 #: Velocities of random states, in sizes of the mechanism per second.
 _SPEED = 1.0
+#: Number of random states of a building block that are drawn for each that is needed.
+_DRAWS = 50
 #: Range of random parameters off the constraints, relative to their values.
 _TUNED = (0.5, 2.0)
 
@@ -55,9 +60,24 @@ class States:
 
 
 def of_block(system: System, count: int, seed: int) -> States:
-    """Return random arguments of a building block, all between 0.5 and 2."""
-    random = np.random.default_rng(seed)
-    return States(tuple(At("open", f"random {i + 1}", _between(system, random)) for i in range(count)))
+    """Return random arguments of a building block, all between 0.5 and 2, at which its outputs are real.
+
+    Raises
+    ------
+    ModelError
+        If roots or logarithms of negative numbers leave too few of them.
+    """
+    random, exact = np.random.default_rng(seed), Exact(system)
+    names = tuple(m for e in system.exports for m in e.matrices)
+    drawn = (_between(system, random) for _ in range(_DRAWS * count))
+    real = (x for x in drawn if all(mpmath.im(y) == 0 for m in exact.matrices(names, x) for y in m))
+    states = tuple(At("open", f"random {i}", x) for i, x in enumerate(islice(real, count), 1))
+    if len(states) < count:
+        raise ModelError(
+            f"{system.name} is real at {len(states)} of {_DRAWS * count} states with all arguments between"
+            f" 0.5 and 2, and {count} are needed: state its equations without roots of negative numbers there"
+        )
+    return States(states)
 
 
 def of_beams(model: ElasticModel, element: str, system: System, count: int, seed: int) -> States:
