@@ -153,6 +153,10 @@ class CacheError(SymgenError):
     """The cache folder cannot be read or written. Free space, or point ``SYMGEN_CACHE`` elsewhere."""
 
 
+#: Remedy for compiled modules that are missing, or of other sources than those of Python.
+COMPILE_AGAIN = "  Compile it again: 'pip install -e .' in a checkout, 'symgen cache clear' for a scene."
+
+
 class StaleBinaryError(SymgenError):
     """A compiled module does not belong to the equations next to it. Reinstall symgen to recompile it."""
 

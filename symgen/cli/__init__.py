@@ -29,6 +29,7 @@ from symgen.cli import (
 from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app, tell
 from symgen.cli.streams import Ends, discard, open_streams
 from symgen.errors import (
+    COMPILE_AGAIN,
     ArgumentError,
     BuildError,
     CacheError,
@@ -92,6 +93,8 @@ _EXIT_CODES: dict[type[SymgenError], int] = {
     StaleBinaryError: FAULT,
 }
 
+#: Modules that the installation compiles: after an update, they may be missing, or lack a name.
+_COMPILED = "symgen._cython", "symgen.runtime._"
 #: Errors of standard output: a full device, an exhausted quota, a closed stream.
 _UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
@@ -141,6 +144,10 @@ def _ended() -> int:
         return _failed(Ends.message(), 128 + Ends.number)
     except KeyboardInterrupt:
         return _failed(Ends.message(), 128 + Ends.number)
+    except ImportError as error:
+        if not (error.name or "").startswith(_COMPILED):
+            raise
+        return _failed(f"{error}\n{COMPILE_AGAIN}", FAULT)
     except BrokenPipeError:
         discard(sys.stdout)
         return FAULT

@@ -49,12 +49,11 @@ def definition_of(element: str) -> str:
 
 def supply_elements(beams: Iterable[BeamInfo], tools: Tools) -> None:
     """Compile the kernels of the beam elements that have no shipped module."""
-    from symgen.runtime.beams.elements import SUPPLIED, kernels
+    from symgen.runtime.beams.elements import SUPPLIED
+    from symgen.runtime.kernels.library import is_compiled
 
     for block, name in sorted({(beam.block, beam.element) for beam in beams}):
-        try:
-            kernels(block)
-        except ModuleNotFoundError:
+        if block not in SUPPLIED and not is_compiled(block):
             SUPPLIED[block] = _Module(_element(name, tools))
 
 

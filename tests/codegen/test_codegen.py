@@ -10,12 +10,14 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from shared.full import full, full_unless
 from shared.shipped import lowered
 
 import symgen
+from symgen.cli.common import FAULT
 from symgen.codegen.emit import emit, equations_hash, unit_view
 from symgen.codegen.manifest import differences, listed, write
 from symgen.codegen.target import Target
@@ -126,6 +128,28 @@ def test_a_module_of_other_equations_is_refused(monkeypatch):
     monkeypatch.setattr(shipped_module("loop_row"), "EQUATIONS", "0" * 64)
     with pytest.raises(StaleBinaryError, match=r"compiled from the equations 0000.*\n.*pip install"):
         shipped_module("loop_row")
+
+
+@pytest.mark.parametrize("module", ["symgen.generated.elastic_place", "symgen.runtime._beams"])
+def test_a_module_that_was_not_compiled_is_named_with_the_remedy(module):
+    """As after an update without a new installation."""
+    command = "quasi-static", "elastic_slider_crank", "--samples", "3"
+    program = (
+        f"import sys; sys.modules[{module!r}] = None; sys.argv[1:] = {command}; "
+        "from symgen.cli import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == FAULT and "Traceback" not in done.stderr
+    first, second = done.stderr.strip().splitlines()
+    assert module.rpartition(".")[2] in first and "pip install -e ." in second
+
+
+def test_a_module_of_no_model_is_refused(monkeypatch):
+    """An update leaves modules of models that there are no longer."""
+    module = SimpleNamespace(EQUATIONS="0" * 64, __name__="symgen.generated.gone")
+    monkeypatch.setitem(sys.modules, "symgen.generated.gone", module)
+    with pytest.raises(StaleBinaryError, match=r"gone was compiled from .*\n.*pip install"):
+        shipped_module("gone")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-import importlib
+import importlib.util
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symgen.calls import FAILURES
-from symgen.errors import StaleBinaryError
+from symgen.errors import COMPILE_AGAIN, StaleBinaryError
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime.kernels.description import Described
 
 if TYPE_CHECKING:
     from symgen.runtime._core import Core
 
+_GENERATED = "symgen.generated"
 _KERNEL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)
 
 
@@ -70,7 +71,7 @@ def open_library(path: Path, description: Described) -> Library:
         )
         functions = {k.name: getattr(library, f"{description.name}_{k.name}") for k in description.kernels}
     except (OSError, ValueError, AttributeError) as error:
-        raise StaleBinaryError(f"cannot use the compiled kernels {path}: {error}") from None
+        raise StaleBinaryError(f"cannot use the compiled kernels {path}: {error}\n{COMPILE_AGAIN}") from None
     _check_tag(tag, description.equations, str(path))
     addresses = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
     return Library("c", addresses, library, description.derived)
@@ -91,18 +92,22 @@ def open_core(path: Path) -> Core:
         table = ctypes.c_char.in_dll(library, "symgen_core")
         return Core(ctypes.addressof(table), library)
     except (OSError, ValueError) as error:
-        raise StaleBinaryError(f"cannot use the compiled core {path}: {error}") from None
+        raise StaleBinaryError(f"cannot use the compiled core {path}: {error}\n{COMPILE_AGAIN}") from None
 
 
 def open_shipped(description: Described) -> Library | None:
     """Return the kernels compiled at install when they are of exactly these equations, else None."""
-    try:
-        module = shipped_module(description.name)
-    except ImportError:
+    if not is_compiled(description.name):
         return None
+    module = shipped_module(description.name)
     if description.equations != module.EQUATIONS:
         return None
     return Library("shipped", module.ADDRESSES, module, description.derived)
+
+
+def is_compiled(name: str) -> bool:
+    """Return whether there is a shipped extension module of this name, of any equations."""
+    return importlib.util.find_spec(f"{_GENERATED}.{name}") is not None
 
 
 def shipped_module(name: str) -> ModuleType:
@@ -110,17 +115,20 @@ def shipped_module(name: str) -> ModuleType:
 
     Raises
     ------
-    ImportError
-        When no such module was compiled.
     StaleBinaryError
-        When it was compiled from other equations than ``generated/manifest.json`` lists.
+        When there is none, or it was compiled from other equations than ``generated/manifest.json`` lists.
     """
-    package = importlib.import_module("symgen.generated")
+    package = importlib.import_module(_GENERATED)
     listed = Path(str(package.__file__)).with_name("manifest.json")
     manifest = _manifest(listed, listed.stat().st_mtime_ns)
-    module = importlib.import_module(f"symgen.generated.{name}")
-    expected = manifest["models"][name]["equations"]
-    _check_tag(module.EQUATIONS, expected, f"symgen.generated.{name}")
+    try:
+        module = importlib.import_module(f"{_GENERATED}.{name}")
+    except ImportError as error:
+        raise StaleBinaryError(
+            f"the compiled kernels of {name} cannot be loaded: {error}\n{COMPILE_AGAIN}"
+        ) from None
+    expected = manifest["models"].get(name, {"equations": "of no model"})["equations"]
+    _check_tag(module.EQUATIONS, expected, module.__name__)
     return module
 
 
@@ -134,7 +142,7 @@ def _check_tag(tag: str, expected: str, noun: str) -> None:
     if tag != expected:
         raise StaleBinaryError(
             f"{noun} was compiled from the equations {tag[:12]}..., expected {expected[:12]}...\n"
-            "  Compile it again: 'pip install -e .' in a checkout, 'symgen cache clear' for a scene."
+            f"{COMPILE_AGAIN}"
         )
 
 
