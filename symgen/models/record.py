@@ -207,6 +207,29 @@ def of_loop(loop: Loop, system: System) -> Iterator[Step]:
             yield _equilibrium(loop)
         if names:
             yield Step(title, about, source, system, names)
+        if title == "Momenta and inertia wrenches":
+            yield from _by_both_paths(loop)
+
+
+def _by_both_paths(loop: Loop) -> Iterator[Step]:
+    """Yield velocities and momenta of the links by the forward and by the backward path."""
+    from symgen.models.loop.momenta import path_system
+
+    for path, about in (
+        (
+            "forward",
+            "The velocity of a link is that of the link before it and that of their joint, carried to its "
+            "frame.",
+        ),
+        (
+            "backward",
+            "The velocity of a link is that of the link behind it, carried to its frame, less that of "
+            "their joint.",
+        ),
+    ):
+        system = path_system(loop, path)
+        names = tuple(m.name for m in system.matrices)
+        yield Step(system.title, about, "Rahman, Eqs. (29)-(58), corrected", system, names)
 
 
 def _equilibrium(loop: Loop) -> Step:
@@ -215,10 +238,10 @@ def _equilibrium(loop: Loop) -> Step:
 
     system = equilibrium_system(loop)
     return Step(
-        "Equilibrium of the links",
-        "The wrench of the joint before a link, carried to its frame, less that of the joint behind it, is "
-        "the inertia wrench less that of the loads.",
-        "Rahman, Eqs. (62)-(64), signs corrected",
+        "Dual Euler equations and equilibrium of the links",
+        "The inertia wrench is the rate of the dual momentum. The wrench of the joint before a link, carried "
+        "to its frame, less that of the joint behind it, is the inertia wrench less that of the loads.",
+        "Rahman, Eqs. (59)-(64), signs corrected",
         system,
         tuple(m.name for m in system.matrices),
     )

@@ -34,7 +34,7 @@ def crank() -> Subject:
         ("(38)", ["closure_matrix", "closure_rhs"]),
         ("(41)", ["closure_matrix", "closure_rhs"]),
         ("Rahman (47)", ["rod_binor"]),
-        ("(56d)", ["slider_inertia_wrench"]),
+        ("(56d)", ["slider_momentum_rate_forward"]),
         ("(63)", ["rod_equilibrium"]),
         ("63c", ["rod_equilibrium"]),
         ("Rahman 47", ["rod_binor"]),

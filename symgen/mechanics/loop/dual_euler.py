@@ -124,6 +124,11 @@ def _at(motion: DualVector, point: Triple) -> DualVector:
     return DualVector(motion.real, tuple(v + x for v, x in zip(motion.dual, moved, strict=True)))
 
 
+def rate_in_space(rate: DualVector, velocity: DualVector, momentum: DualVector) -> DualVector:
+    """Return the rate of a dual momentum in space from that of its components in a frame, Eqs. (59)-(61)."""
+    return rate + velocity.cross(momentum)
+
+
 def effort(motion: JointMotion, wrench: DualVector) -> sp.Expr:
     """Return the virtual power of a wrench on a unit of a motion: the reciprocal product, force.v + moment.w.
 

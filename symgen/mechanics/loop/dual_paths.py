@@ -51,19 +51,28 @@ class Paths:
         Rates of all joint variables.
     names
         Collector of the intermediates.
+    meet
+        Number of motions propagated outward: by default half of the variable ones, and constant ones after
+        them. With all motions, every link is reached by the forward path, with none by the backward one.
     """
 
-    def __init__(self, rows: Sequence[Sequence[JointMotion]], rates: Sequence[sp.Expr], names: Names) -> None:
+    def __init__(
+        self,
+        rows: Sequence[Sequence[JointMotion]],
+        rates: Sequence[sp.Expr],
+        names: Names,
+        meet: int | None = None,
+    ) -> None:
         self.rows, self.rates, self.names = rows, tuple(rates), names
         self.motions = [m for row in rows for m in row]
         #: Number of motions up to the end of each row: frame i + 1 follows ends[i - 1] of them.
         self.ends = [sum(len(row) for row in rows[: i + 1]) for i in range(len(rows))]
+        self.meet = self._halfway if meet is None else meet
         for m in self.motions:
             name_functions(m, names)
 
-    @cached_property
-    def meet(self) -> int:
-        """Number of motions propagated outward: half of the variable ones, and constant ones after them."""
+    @property
+    def _halfway(self) -> int:
         varying = [i for i, m in enumerate(self.motions) if m.slopes]
         return varying[(len(varying) + 1) // 2] if len(varying) > 1 else len(self.motions)
 
@@ -149,6 +158,17 @@ class Paths:
             for j, slope in m.slopes:
                 matrix[:, j] += slope * screw.column
         return sp.ImmutableMatrix(matrix)
+
+    def joint_velocity(self, number: int) -> DualVector:
+        """Return the velocity of the link behind a joint relative to that before it, Eqs. (29)-(32).
+
+        It is given in the frame before the row of the joint, which carries the axes of its motions.
+        """
+        total, before = NOTHING, identity()
+        for m in self.rows[number - 1]:
+            total = total + before.times(m.screw) * m.rate(self.rates)
+            before = before @ m.matrix
+        return total
 
     @cached_property
     def velocities(self) -> list[DualVector]:
