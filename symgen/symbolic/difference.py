@@ -13,6 +13,8 @@ from symgen.symbolic.record import EntryValues, Record, RecordedMatrix, terms_of
 _SAME = Fraction(1, 10**15)
 #: Largest denominator of a factor that entries have in common, or of its inverse.
 _DENOMINATOR = 1000
+#: Place of a changed unit, which is that of all entries.
+UNIT = "unit"
 _NAME = re.compile(r"[^\W\d]\w*")
 
 
@@ -54,12 +56,21 @@ class MatrixDifference:
 
     @property
     def whole(self) -> bool:
-        """Whether all entries are multiplied by the factor, and nothing else changed."""
-        return bool(self.factor) and len(self.changes) == self.count("changed") == self.entries
+        """Whether all entries are multiplied by the factor, and no other entry changed."""
+        return bool(self.factor) and len(self._of_entries) == self.count("changed") == self.entries
+
+    @property
+    def has_other_unit(self) -> bool:
+        """Whether the unit changed."""
+        return len(self._of_entries) < len(self.changes)
 
     def count(self, kind: str) -> int:
         """Return the number of entries with this kind of change."""
-        return sum(c.kind == kind for c in self.changes)
+        return sum(c.kind == kind for c in self._of_entries)
+
+    @property
+    def _of_entries(self) -> tuple[Change, ...]:
+        return tuple(c for c in self.changes if c.place != UNIT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +145,7 @@ def _matrix(
             replace(c, through=_through(c.after, terms)) if c.through_shared_terms else c for c in differences
         ]
     if old is not _NOTHING and new is not _NOTHING and old.unit != new.unit:
-        differences.insert(0, Change("changed", "unit", old.unit, new.unit))
+        differences.insert(0, Change("changed", UNIT, old.unit, new.unit))
     shapes = (old.rows, old.columns), (new.rows, new.columns)
     if not differences and shapes[0] == shapes[1]:
         return None

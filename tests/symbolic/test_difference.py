@@ -281,3 +281,16 @@ def test_places_without_names_are_numbers():
     m = NamedMatrix("v", sp.ImmutableMatrix(2, 2, [1, 2, 3, 4]), "m", "no names", (), ("left", "right"))
     assert places(m) == ["0, left", "0, right", "1, left", "1, right"]
     assert places(NamedMatrix("v", sp.ImmutableMatrix(1, 1, [1]), "m", "one")) == ["0"]
+
+
+@pytest.mark.parametrize(
+    ("entries", "summary"),
+    [
+        (PLAIN, "other unit"),
+        ([2 * x, 0, 2 * x * y, shared], "2 changed (times 2), other unit"),
+        ([2 * x, 0, 2 * x * y, 2 * shared], "all entries times 2, other unit"),
+    ],
+)
+def test_a_unit_is_no_entry(entries, summary):
+    lines = list(difference_lines(difference(recorded(PLAIN), recorded(entries, unit="mm"))))
+    assert lines[0] == f"k (2 x 2): {summary}"

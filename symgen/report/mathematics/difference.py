@@ -85,10 +85,13 @@ def _shape(matrix: MatrixDifference) -> str:
 def _summary(matrix: MatrixDifference) -> str:
     if matrix.kind in ("added", "removed"):
         return matrix.kind
+    unit = ["other unit"] if matrix.has_other_unit else []
     if matrix.whole and matrix.entries > 1:
-        return f"all entries times {matrix.factor}"
+        return ", ".join([f"all entries times {matrix.factor}", *unit])
     counts = [(matrix.count(kind), kind) for kind in _KINDS]
-    words = ", ".join(f"{n} {kind}{_times(matrix, kind)}" for n, kind in counts if n) or "other shape"
+    words = (
+        ", ".join([*(f"{n} {kind}{_times(matrix, kind)}" for n, kind in counts if n), *unit]) or "other shape"
+    )
     return f"{words} (the same values, written otherwise)" if matrix.kind == "rewritten" else words
 
 
