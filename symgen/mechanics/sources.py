@@ -50,7 +50,11 @@ LINKAGE: Sources = (
     ("velocity_constraints", "Attia (4a)"),
     ("acceleration_rhs", "Attia (5a), right side"),
 )
-_CLOSURE_ROWS = "wx (37a); vx (37b); wy (37c); vy (37d); wz (37e); vz (37f)"
+#: Each of (38a)-(42a), (39)-(43) follows from the rows that cite it, and from those that it contains.
+_ACCELERATIONS = "wx-wy (41a); wz (39a); vx (42a); vy (38a); vz (40a)"
+_CLOSURE_ROWS = (
+    "wx (37a), (42); wy (37c), (42); wz (37e), (40); vx (37b), (43); vy (37d), (39); vz (37f), (41)"
+)
 LOOP: Sources = (
     ("rows", "Rahman, table 1"),
     ("closure_defect", "Rahman (5), (6), (18), (19)"),
@@ -73,10 +77,10 @@ LOOP: Sources = (
     ("closure_step_rhs", "Rahman (19a), (23a), (25), corrected: V; p12-p23 (20), (22); d12-d23 (21)"),
     ("closure_jacobian", "Rahman (12)-(17), as screws"),
     ("screws", "Rahman (12)-(17), as screws"),
-    ("closure_matrix", f"Rahman (37), (38), corrected: A; (39)-(43) solve it; {_CLOSURE_ROWS}"),
-    ("closure_rhs", f"Rahman (37), (38), corrected: V; (39)-(43) solve it; {_CLOSURE_ROWS}"),
-    ("screw_rates", "Rahman (38a)-(42a), corrected"),
-    ("screw_drift", "Rahman (38a)-(42a), corrected"),
+    ("closure_matrix", f"Rahman (37), (38), corrected: A; {_CLOSURE_ROWS}; {_ACCELERATIONS}"),
+    ("closure_rhs", f"Rahman (37), (38), corrected: V; {_CLOSURE_ROWS}"),
+    ("screw_rates", "Rahman, section 2.8, in the first frame"),
+    ("screw_drift", "Rahman, section 2.8, in the first frame"),
     ("inputs", "Rahman (27), corrected; s1:value (28); s1:rate (28a); s1:acceleration (28b)"),
     ("*_frame", "Rahman (1)-(4): the product up to the link"),
     ("*_motion", "Rahman, section 2.7, by the shorter path"),
@@ -99,6 +103,7 @@ LOOP: Sources = (
 )
 #: Of velocities and momenta by both paths, link by link; the axes of eta are corrected.
 PATHS: Sources = (
+    ("closure_acceleration_rhs", f"Rahman, section 2.8, corrected; {_ACCELERATIONS}"),
     ("joint_1_velocity", "Rahman (29)"),
     ("joint_2_velocity", "Rahman (30), corrected"),
     ("joint_3_velocity", "Rahman (31), corrected; its negative is (31a)"),

@@ -212,9 +212,18 @@ def of_loop(loop: Loop, system: System) -> Iterator[Step]:
 
 
 def _by_both_paths(loop: Loop) -> Iterator[Step]:
-    """Yield velocities and momenta of the links by the forward and by the backward path."""
-    from symgen.models.loop.momenta import path_system
+    """Yield closure of accelerations, velocities and momenta of the links by the two paths."""
+    from symgen.models.loop.momenta import acceleration_system, path_system
 
+    system = acceleration_system(loop)
+    yield Step(
+        system.title,
+        "The rate of the closure of velocities has the same matrix; its right side is the difference of both "
+        "paths without the accelerations of dependent variables.",
+        "Rahman, Eqs. (38a)-(42a), corrected",
+        system,
+        tuple(m.name for m in system.matrices),
+    )
     for path, about in (
         (
             "forward",

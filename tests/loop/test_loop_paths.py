@@ -194,6 +194,45 @@ def test_dual_euler_equations_are_the_inertia_wrenches():
             )
 
 
+@pytest.mark.parametrize("scene", ["slider_crank", "cssp", "bricard"])
+def test_the_closure_of_accelerations_is_the_rate_of_that_of_velocities(scene):
+    """A q'' - V2 is the derivative of A q' - V by the time, at any state."""
+    whole, variables = subject(scene).system, subject(scene).resolved.variables
+    values = numbers(scene)
+    q, u, a = (
+        [sp.Symbol(x.name, real=True) for x in of]
+        for of in zip(*((v.quantity, v.rate, v.acceleration) for v in variables), strict=True)
+    )
+    found = [i for i, v in enumerate(variables) if v.role == "dependent"]
+    rates = sp.Matrix([u[i] for i in found])
+    matrix = sp.Matrix(whole.expanded("closure_matrix"))
+    closure = matrix * rates - sp.Matrix(whole.expanded("closure_rhs"))
+    rate = closure.jacobian(q) * sp.Matrix(u) + closure.jacobian(u) * sp.Matrix(a)
+    with mp.workdps(DIGITS):
+        left = (rate - matrix * sp.Matrix([a[i] for i in found])).xreplace(values).evalf(DIGITS)
+        shown = evaluated(system_of(scene, "accelerations"), "closure_acceleration_rhs", values)
+        assert close(shown, -mp.matrix([mp.mpf(x) for x in left]))
+
+
+#: Rows from which (39) to (43) and (38a) to (42a) follow, with the variable that is found.
+SOLVED = {
+    "39": ("theta2", ["vy"]), "40": ("theta3", ["wz"]), "41": ("eta2", ["vz"]), "42": ("eta3", ["wx", "wy"]),
+    "43": ("S4", ["vx"]), "38a": ("theta2", ["vy"]), "39a": ("theta3", ["wz"]), "40a": ("eta2", ["vz"]),
+    "41a": ("eta3", ["wx", "wy"]), "42a": ("S4", ["vx"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("number", SOLVED)
+def test_solved_equations_lead_to_the_rows_that_they_follow_from(number):
+    variable, rows = SOLVED[number]
+    parts = {m.name: m for m in found(subject("slider_crank"), number)}
+    last = "closure_acceleration_rhs" if number.endswith("a") else "closure_rhs"
+    assert [*parts] == (["closure_matrix", last])
+    assert all(list(m.rows) == rows for m in parts.values())
+    matrix = parts["closure_matrix"]
+    assert not matrix.matrix[:, matrix.columns.index(variable)].is_zero_matrix
+
+
 #: As printed, with the axes of eta and the second dots of the errata; alpha3 is 90 degrees.
 PRINTED = {
     "29": "0 0 w1 0 0 s1_rate",
@@ -260,4 +299,5 @@ def test_numbers_lead_to_them(number):
 def test_the_print_has_the_letters_that_it_uses():
     text = call("show", "slider_crank", "56a")
     assert "V̇₂_xd = " in text and "V₂_yd = " in text
-    assert "rod_momentum_rate_backward" in call("show", "slider_crank", "derivation")
+    recorded = [m.name for step in subject("slider_crank").record for m in step.matrices]
+    assert {"rod_momentum_rate_backward", "closure_acceleration_rhs", "rod_dual_euler"} <= {*recorded}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 import sympy as sp
 
@@ -28,9 +28,9 @@ def path_system(loop: Loop, path: str) -> System:
     part (d) of its dual velocity. Letters stand for sums only.
     """
     model = LoopDerivation(loop)
-    names = _LinkNames(model, path)
-    count = sum(map(len, model.rows)) if path == "forward" else 0
-    paths = Paths(model.rows, model.rates, names, meet=count)
+    meet = sum(map(len, model.rows)) if path == "forward" else 0
+    names = _LinkNames(model, meet, f"{path} path")
+    paths = Paths(model.rows, model.rates, names, meet)
     velocities, rates = (
         [vectors[end] for end in (0, *paths.ends)]
         for vectors in (paths.velocities, paths.accelerations(model.second, NOTHING, ""))
@@ -57,13 +57,42 @@ def path_system(loop: Loop, path: str) -> System:
                     ("_rate", rate, "N, N*m", "rate of the components of the dual momentum "),
                 )
             ]
+    return _system(model, path, f"Velocities and momenta by the {path} path", matrices, names)
+
+
+def acceleration_system(loop: Loop) -> System:
+    """Return the right side of A q'' = V, the rate of A q' = V in the frame where both paths meet."""
+    model = LoopDerivation(loop)
+    meet = model.paths.meet
+    names = _LinkNames(model, meet, "shorter path, dependent variables without accelerations")
+    given = [
+        sp.S.Zero if v.role == "dependent" else a for v, a in zip(model.variables, model.second, strict=True)
+    ]
+    ahead, behind = (
+        Paths(model.rows, model.rates, names, to).accelerations(given, NOTHING, "")[meet]
+        for to in (meet, meet - 1)
+    )
+    right = named(
+        "closure_acceleration_rhs",
+        [names.ordered(e) for e in (behind - ahead).column],
+        "rad/s^2, m/s^2",
+        "V of A q'' = V, closure of accelerations in the frame where both paths meet; A is closure_matrix",
+        _VELOCITY,
+    )
+    return _system(model, "accelerations", "Accelerations of the joint variables", [right], names)
+
+
+def _system(
+    model: LoopDerivation, name: str, title: str, matrices: Iterable[NamedMatrix], names: _LinkNames
+) -> System:
+    parameters = tuple(p.quantity for p in model.loop.parameters)
     return System(
-        f"{loop.name}_{path}",
-        f"Velocities and momenta by the {path} path",
+        f"{model.loop.name}_{name}",
+        title,
         (
             Group("q", "joint variables", tuple(v.quantity for v in model.variables)),
             Group("u", "rates of the joint variables", tuple(v.rate for v in model.variables)),
-            Group("p", "tunable parameters", tuple(p.quantity for p in loop.parameters), per_run=True),
+            Group("p", "tunable parameters", parameters, per_run=True),
             Group("work", "accelerations", tuple(v.acceleration for v in model.variables)),
         ),
         tuple(matrices),
@@ -93,15 +122,19 @@ def _matrix(name: str, vector: DualVector, unit: str, about: str) -> NamedMatrix
 class _LinkNames(Names):
     """Letters for the velocities of links and for their inertia; between links nothing is named."""
 
-    def __init__(self, model: LoopDerivation, path: str) -> None:
+    def __init__(self, model: LoopDerivation, meet: int, path: str) -> None:
         self._taken_names = taken_names(model)
         super().__init__(self._taken_names)
         self._path, self._links = path, model.links
         self._rates = (*model.second, *model.rates)
         #: Links by the motion at the end of their path, of which ``Paths`` names the velocity.
-        last = {row[-1].name: k for k, row in enumerate(model.rows[:-1], 1)}
-        first = {row[0].name: k for k, row in enumerate(model.rows[1:], 1)}
-        self._ends = last if path == "forward" else first
+        self._ends = {
+            (row[-1] if end < meet else behind[0]).name: k
+            for k, (row, behind, end) in enumerate(
+                zip(model.rows, model.rows[1:], model.paths.ends, strict=False), 1
+            )
+            if end != meet
+        }
         self._letters: dict[sp.Symbol, Definition] = {}
 
     @property
@@ -124,7 +157,7 @@ class _LinkNames(Names):
         written = self.written(vector, link)
         parts = []
         for letter, part, (_, unit, meaning) in zip("pd", (written.real, written.dual), kinds, strict=True):
-            about = f"{meaning} {self._links[link - 1]}, {self._path} path"
+            about = f"{meaning} {self._links[link - 1]}, {self._path}"
             ordered = [
                 (f"V{link}_{a}{letter}{ending}", self.ordered(e), f"{a} component: {about}")
                 for a, e in zip(AXES, part, strict=True)
