@@ -179,7 +179,7 @@ def row_source(entries: Iterable[str]) -> str:
 ELEMENT: Sources = (
     ("mass", "thesis (7.24): [M] + [B], m within the integrals"),
     ("gyroscopic", "thesis (7.25): [A] - [A]^T, m within the integrals"),
-    ("stiffness", "thesis (6.14), (6.20), (6.21), (6.29)-(6.33)"),
+    ("stiffness", "thesis (6.14): EA and EI within the integrals"),
     ("load_x", "thesis (B.1): integral of m [D]^T (x)"),
     ("load_y", "thesis (B.4): integral of m [D]^T (X)"),
     ("load_out", "thesis (B.6): integral of m x [D]^T (x)"),
@@ -190,7 +190,7 @@ ELEMENT: Sources = (
 PRINTED_ELEMENT: Sources = (
     ("constant_mass", "thesis (F.1)"),
     ("constant_gyroscopic", "thesis (F.3)"),
-    ("constant_stiffness", "thesis (D.9)-(D.27), (D.28), corrected"),
+    ("constant_stiffness", "thesis (6.31)-(6.33), (D.28), corrected"),
     ("constant_load_x", "thesis (B.1), times m: integral of [D]^T (x)"),
     ("constant_load_y", "thesis (B.4), (B.16), times m: integral of [D]^T (X)"),
     ("constant_load_out", "thesis (B.6), (B.18), times m: integral of x [D]^T (x)"),
@@ -203,7 +203,7 @@ PRINTED_ELEMENT: Sources = (
         "w (5.1), (5.4), (5.9), (5.13), (5.19), (5.21), (6.22), (C.14), (C.15), (D.1); "
         "w:w1 (6.23), (C.16); w:theta1 (6.24), (C.17); w:kappa1 (6.25), (C.18); w:w2 (6.26), (C.19); "
         "w:theta2 (6.27), (C.20); w:kappa2 (6.28), (C.21); slope (5.10), (5.14), (D.2); "
-        "curvature (5.11), (5.15), (D.3)-(D.8)",
+        "curvature (5.11), (5.15), (D.3), (D.4)",
     ),
     *ELEMENT,
     ("thesis_local_stiffness", "thesis (7.26), (F.5), corrected"),
@@ -234,6 +234,13 @@ ASSEMBLY: Sources = (
 )
 #: Of all but the elastic links: rows of inextensible links, whose entries are cosines and sines.
 JOINTS: Sources = (("jacobian", "thesis (E.30)-(E.42)"),)
+#: The same where the links have the names of the thesis.
+NAMED_JOINTS: Sources = (
+    (
+        "jacobian",
+        "thesis (E.30)-(E.42); crank (E.30), (E.34), (E.40); coupler (E.31), (E.41); output (E.32), (E.42)",
+    ),
+)
 RIGID_ELEMENT: Sources = (
     ("nodal_matrix", "thesis (4.1)-(4.6), (4.10); x (4.7); y (4.8); moment (4.9)"),
     ("inertia", "thesis (4.10), right side"),

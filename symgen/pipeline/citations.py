@@ -30,18 +30,19 @@ STORED = Path(__file__).with_name("citations.json")
 
 _NUMBER = r"\(((?:[A-Z]|\d+)\.)?(\d+)([a-z]?)\)"
 _ASKED = re.compile(rf"(?:(\w+) )?{_NUMBER}")
-_BARE = re.compile(r"(?:\w+ )?((?:(?:[A-Z]|\d+)\.)?\d+[a-z]?)")
+_WRITTEN = re.compile(r"(\w+ )?(\()?((?:[A-Za-z]|\d+)\.)?(\d+[a-z]?)(?(2)\))")
 _CITED = re.compile(rf"{_NUMBER}(?:-{_NUMBER})?")
-#: How precisely an equation is cited: by a range of other groups, or of groups, by its group, by a range of
-#: letters, by its own number.
+#: How precisely an equation is cited: by a range of lettered ones, of groups, by one of its letters, by a
+#: range of letters, by its own number. One with a letter is cited by its letter alone.
 _NEAR, _RANGE, _GROUP, _LETTERS, _ITSELF = range(1, 6)
 
 
 def as_equation(name: str) -> str:
-    """Return a number such as ``(47)``, ``F.1`` or ``Attia (5b)`` in brackets; empty for other names."""
-    if bare := _BARE.fullmatch(name):
-        return f"{name[: bare.start(1)]}({bare[1]})"
-    return name if _ASKED.fullmatch(name) else ""
+    """Return a number such as ``(47)``, ``f.1``, ``Attia 5b`` as sources write it; empty for other names."""
+    if written := _WRITTEN.fullmatch(name):
+        author, _, chapter, number = written.groups(default="")
+        return f"{author}({chapter.upper()}{number})"
+    return ""
 
 
 def citation(m: NamedMatrix) -> tuple[str, ...]:
@@ -151,12 +152,11 @@ def _precision(number: Sequence[str], source: str) -> int:
         if chapters != chapter or not int(first) <= int(own) <= int(last or first):
             continue
         if not last:
-            best = max(best, _ITSELF if letters == letter else _GROUP)
+            best = max(best, _ITSELF if letters == letter else 0 if letter else _GROUP)
         elif letter and first == last and last_letters:
             best = max(best, _LETTERS if letters <= letter <= last_letters else 0)
         elif letter and letter == letters == last_letters:
             best = max(best, _LETTERS)
         else:
-            lettered = bool(letters or last_letters)
-            best = max(best, _RANGE if lettered == bool(letter) else _NEAR)
+            best = max(best, 0 if letter else _NEAR if letters or last_letters else _RANGE)
     return best

@@ -254,6 +254,41 @@ def test_constant_sections_of_other_elements_are_those_of_textbooks():
     assert part("rayleigh", "mass", ("w1",))[0].coeff(inertia) == sp.Rational(10, 7) / length
 
 
+#: Factors of products of the unknowns in D1, D2, D3, D6, (D.17)-(D.19) and (D.22), with the errata, L = 1.
+SQUARED = {
+    "D1": {"24": -120, "34": -72, "44": -18, "46": 120, "47": -48, "48": 6},
+    "D2": {"22": 3600, "33": 1296, "44": 117, "66": 3600, "77": 576, "88": 9, "23": 4320, "24": 1440,
+           "26": -7200, "27": 2880, "28": -360, "34": 840, "36": -4320, "37": 1728, "38": -216, "46": -1440,
+           "47": 600, "48": -78, "67": -2880, "68": 360, "78": -144},
+    "D3": {"22": -21600, "33": -6912, "44": -344, "66": -21600, "77": -4032, "88": -72, "23": -24480,
+           "24": -5640, "26": 43200, "27": -18720, "28": 2520, "34": -3144, "36": 24480, "37": -10656,
+           "38": 1440, "46": 5640, "47": -2496, "48": 344, "67": 18720, "68": -2520, "78": 1080},
+    "D6": {"22": 14400, "33": 3600, "44": 100, "66": 14400, "77": 3600, "88": 100, "23": 14400, "24": 2400,
+           "26": -28800, "27": 14400, "28": -2400, "34": 1200, "36": -14400, "37": 7200, "38": -1200,
+           "46": -2400, "47": 1200, "48": -200, "67": -14400, "68": 2400, "78": -1200},
+}  # fmt: skip
+
+
+def test_the_strain_energy_is_that_of_the_print():
+    """Appendix D: polynomials as printed, and an energy whose second slopes are the stiffness (D.28)."""
+    steps = elastic_derivation_system(ELEMENTS["beam8"])
+    q = [sp.Symbol(name, real=True) for name in ELEMENTS["beam8"].dofs]
+    length, stretch, bend = (sp.Symbol(name, real=True) for name in ("L", "EA", "EI"))
+    squares = steps["squared_curvature_of_unknowns"]
+    for row, printed in SQUARED.items():
+        terms = (k * q[int(i) - 1] * q[int(j) - 1] for (i, j), k in printed.items())
+        assert sp.expand(squares.matrix[squares.rows.index(row)].subs(length, 1) - sp.Add(*terms)) == 0, row
+    (fourth,) = squares.part(["D4"], []).matrix
+    assert sp.expand(fourth).coeff(q[5] * q[7]) == 6240 / length**6
+    a1 = -60 * q[1] / length**3 - 36 * q[2] / length**2 - 9 * q[3] / length
+    a1 += 60 * q[5] / length**3 - 24 * q[6] / length**2 + 3 * q[7] / length
+    assert sp.expand(steps["curvature_coefficients"].matrix[1] - a1) == 0
+    assert (steps.expanded("squared_curvature_coefficients") - squares.matrix).expand() == sp.zeros(7, 1)
+    energy = steps.expanded("potential_energy")[2]
+    printed = derived()["D.28"].xreplace({L: length, EA: stretch, EI: bend})
+    assert (sp.hessian(energy, q) - printed).applyfunc(sp.simplify) == sp.zeros(8, 8)
+
+
 def test_counts():
     """How much was compared, how much differs, how much could not be read."""
     counts: Counter[str] = Counter()

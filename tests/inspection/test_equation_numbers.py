@@ -12,7 +12,7 @@ from shared.equations import found
 
 import symgen
 from symgen.errors import ModelError, StaleBinaryError
-from symgen.pipeline.citations import PAPERS, STORED, citing
+from symgen.pipeline.citations import PAPERS, STORED, as_equation, citing
 from symgen.pipeline.subject import Subject
 from symgen.runtime.beams import elements
 
@@ -37,10 +37,16 @@ def crank() -> Subject:
         ("(56d)", ["slider_momentum_rate_forward"]),
         ("(63)", ["rod_equilibrium"]),
         ("63c", ["rod_equilibrium"]),
+        ("62g", None),
         ("Rahman 47", ["rod_binor"]),
     ],
 )
 def test_of_the_slider_crank(crank, equation, names):
+    """One with a letter that the paper does not have, such as (62g), is not its group."""
+    if names is None:
+        with pytest.raises(ModelError, match=re.escape(f"corresponds to the equation ({equation})")):
+            found(crank, equation)
+        return
     assert [m.name for m in found(crank, equation)] == names
 
 
@@ -127,7 +133,13 @@ ROWS = [
     ("synthesis_limits", "3.5", {"residual": "extended_angles F2 G2"}),
     ("element_beam8", "(5.8)", {"shape": "u"}),
     ("element_beam8", "(A.8)", {"kinetic_terms": "A.8 E"}),
-    ("element_beam8", "(D.7)", {"shape": "curvature"}),
+    ("element_beam8", "(D.4)", {"shape": "curvature"}),
+    ("element_beam8", "(D.7)", {"curvature_coefficients": "a2"}),
+    ("element_beam8", "(D.14)", {"squared_curvature_coefficients": "D5"}),
+    ("element_beam8", "(D.19)", {"squared_curvature_of_unknowns": "D3"}),
+    ("element_beam8", "(6.21)", {"potential_energy": "axial"}),
+    ("element_beam8", "(6.29)", {"potential_energy": "bending"}),
+    ("element_beam8", "(6.30)", {"potential_energy": "sum"}),
 ]
 
 
@@ -198,6 +210,32 @@ def test_a_mode_function_is_one_entry(equation, column, values):
     (place,) = (s for name, s in names.items() if name != "L")
     printed = sp.sympify(values, locals={"x": place, "L": names.get("L", length)})
     assert sp.expand(m.matrix[0] - printed) == 0
+
+
+def test_letters_of_appendices_are_of_either_case():
+    assert {as_equation(x) for x in ("d.7", "(d.7)", "D.7")} == {"(D.7)"}
+    assert as_equation("thesis d.7") == "thesis (D.7)"
+    assert as_equation("(D.7") == as_equation("D.7)") == as_equation("frame.x") == ""
+    assert found(Subject("element_beam8", {}), "f.3") == found(Subject("element_beam8", {}), "(F.3)")
+
+
+def test_rows_of_inextensible_links_are_the_printed_equations():
+    """(E.40)-(E.42): cosine and sine of the angles of the links; other names of links have no numbers."""
+    axial = {f"links.{link}.elastic.axial": False for link in ("crank", "coupler", "output")}
+    four_bar = Subject("thesis_four_bar", axial)
+    printed = {
+        "E.40": ("crank", "crank_dx/a, crank_dy/a, 0, 0"),
+        "E.41": ("coupler", "-coupler_dx/b, -coupler_dy/b, coupler_dx/b, coupler_dy/b"),
+        "E.42": ("output", "0, 0, -output_dx/c, -output_dy/c"),
+    }
+    for number, (link, text) in printed.items():
+        (m,) = found(four_bar, number)
+        assert (m.name, m.rows, m.columns) == ("jacobian", (link,), ("A_x", "A_y", "B_x", "B_y"))
+        names = {str(s): s for s in m.matrix.free_symbols}
+        assert [*m.matrix] == [*sp.sympify(text, locals=names)]
+    changed = {f"links.{link}.elastic.axial": False for link in ("rod",)}
+    (m,) = found(Subject("elastic_slider_crank", changed), "E.40")
+    assert m.source == "thesis (E.30)-(E.42)"
 
 
 def test_a_group_of_equations_is_the_matrix_of_their_rows(crank):

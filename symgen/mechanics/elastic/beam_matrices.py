@@ -6,14 +6,14 @@ The integrands are polynomials, integrated exactly.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import sympy as sp
 from sympy.polys.rings import PolyElement, ring
 
-from symgen.elements.element import LENGTH, PLACE, Element, shape_functions
+from symgen.elements.element import LENGTH, PLACE, Element, derivative, shape_functions
 from symgen.mechanics.elastic import hamilton
 from symgen.mechanics.elastic.hamilton import Term, derive
 from symgen.mechanics.elastic.places import SHAPES
@@ -283,3 +283,53 @@ def shape_products(element: Element) -> dict[str, tuple[sp.ImmutableMatrix, str,
     }
     integral = lambda e: LENGTH.symbol * sp.integrate(sp.expand(e), (PLACE.symbol, 0, 1))  # noqa: E731
     return {n: (sp.ImmutableMatrix(m.applyfunc(integral)), *texts) for n, (m, *texts) in products.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class StrainEnergy:
+    """Curvature of an element over its unknowns, and its strain energy, step by step.
+
+    Attributes
+    ----------
+    coefficients
+        Those of the curvature by powers of x, Eqs. (D.4)-(D.8).
+    products
+        Coefficients of the squared curvature by powers of x, in letters for those, Eqs. (D.9)-(D.15).
+    polynomial
+        The squared curvature in letters for these, Eqs. (D.23), (D.24).
+    axial, bending
+        Strain energies [J], bending in the same letters: Eqs. (6.20), (6.21), and (6.29), (D.25)-(D.27).
+    """
+
+    coefficients: tuple[sp.Expr, ...]
+    products: tuple[sp.Expr, ...]
+    polynomial: sp.Expr
+    axial: sp.Expr
+    bending: sp.Expr
+
+
+def strain_energy(element: Element, unknowns: Sequence[sp.Symbol]) -> StrainEnergy:
+    """Return the steps to the strain energy of an element of a constant section without shear.
+
+    Letters are ``a0`` and so on of the curvature, ``D0`` and so on of its square.
+    """
+    x, shape = hamilton.X.symbol, shape_functions(element)
+
+    def field(row: tuple[sp.Expr, ...], order: int) -> sp.Expr:
+        derived = sp.Add(*(derivative(e, order) * q for e, q in zip(row, unknowns, strict=True)))
+        return sp.expand(derived.xreplace({PLACE.symbol: x / LENGTH.symbol}))
+
+    def lettered(letter: str, count: int) -> sp.Poly:
+        return sp.Poly.from_list([sp.Symbol(f"{letter}{k}", real=True) for k in reversed(range(count))], x)
+
+    coefficients = sp.Poly(field(shape.transverse, 2), x).all_coeffs()[::-1]
+    products = (lettered("a", len(coefficients)) ** 2).all_coeffs()[::-1]
+    squared = lettered("D", len(products))
+    length = (x, 0, LENGTH.symbol)
+    return StrainEnergy(
+        tuple(coefficients),
+        tuple(products),
+        squared.as_expr(),
+        sp.factor(hamilton.AXIAL.symbol / 2 * sp.integrate(field(shape.axial, 1) ** 2, length)),
+        hamilton.BENDING.symbol / 2 * sp.integrate(squared.as_expr(), length),
+    )
