@@ -1,8 +1,8 @@
 """Mathematical notation of names: as text, in LaTeX, and in MathML for pages and notebooks.
 
-Names follow the conventions of the derivations: ``A_vx`` is v with subscripts A and x, ``theta1_rate`` a
-theta with a dot, ``OA_lambda`` a lambda of OA. Any other name is a letter or word with the rest as its
-subscript.
+Names follow the conventions of the derivations: ``A_vx`` is v with subscripts A and x, ``ax`` a with
+subscript x, ``theta1_rate`` a theta with a dot, ``OA_lambda`` a lambda of OA. Any other name is a letter or
+word with the rest as its subscript.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega
 _GREEK = dict(zip(_LETTERS.split(), "αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΦΨΩ", strict=True))
 _DOTS = {"_rate": 1, "_acceleration": 2, "_tt": 2, "_t": 1}
 #: Names of components of velocities and accelerations of points, and of vectors of links, in derivations.
-_COMPONENT = re.compile(r"(?P<owner>.+)_(?P<letter>[vad])(?P<axis>[xyz])")
+_COMPONENT = re.compile(r"(?:(?P<owner>.+)_)?(?P<letter>[vad])(?P<axis>[xyz])")
 _NUMBERED = re.compile(r"(?P<word>[^\W\d]+)(?P<number>\d+)(?P<rest>.*)")
 
 
@@ -53,7 +53,8 @@ def notation(name: str) -> Notation:
             break
     component = _COMPONENT.fullmatch(name)
     if component:
-        return Notation(component["letter"], dots, (*component["owner"].split("_"), component["axis"]))
+        owner = component["owner"].split("_") if component["owner"] else ()
+        return Notation(component["letter"], dots, (*owner, component["axis"]))
     head, *rest = [part for part in name.split("_") if part] or [name]
     if rest and rest[-1] == "lambda":
         return Notation("lambda", dots, (head, *rest[:-1]))

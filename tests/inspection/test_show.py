@@ -260,6 +260,11 @@ def test_names_as_mathematics():
     assert latex_name("theta1_rate") == r"\dot{\theta}_{1}"
     assert latex_name("OA_lambda") == r"\lambda_{\mathrm{OA}}"
     assert latex_name("A_vx") == "v_{A,x}"
+    assert (latex_name("ax"), latex_name("dot"), latex_name("box")) == (
+        "a_{x}",
+        r"\mathrm{dot}",
+        r"\mathrm{box}",
+    )
     assert "θ" in mathml_name("theta1") and "<mn>1</mn>" in mathml_name("theta1")
     x, y = sp.Symbol("A_vx", real=True), sp.Symbol("rho", real=True)
     assert latex(x**2 * y) == r"v_{A,x}^{2} \rho"

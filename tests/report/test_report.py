@@ -146,6 +146,16 @@ def test_a_page_shows_what_was_derived(pages):
     assert "Attia, Eqs. (12)-(16)" in text and "Attia (14)" in text
 
 
+def test_matrices_that_a_page_leaves_out_in_part_have_their_command(pages):
+    text = pages["slider_crank"].read_text()
+    places = [part.split('<div class="matrix">')[0] for part in text.split('<div class="matrix">')[1:]]
+    short = [p for p in places if "too long for a page" in p or re.search(r"<summary>\d+ of \d+ entries", p)]
+    assert short
+    for place in short:
+        name = re.search(r"<code>(.*?)</code>", place)[1]
+        assert f"All entries: <code>symgen show slider_crank {name}</code>" in place
+
+
 def test_words_of_a_scene_are_escaped(gathered):
     odd = replace(gathered["four_bar"], title="<script>alert(1)</script> & co", about="a < b")
     text = render(odd)
