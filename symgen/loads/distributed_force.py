@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar, Literal, cast
 
 import sympy as sp
 from pydantic import Field
@@ -43,6 +43,7 @@ class DistributedLoad(Load):
     """
 
     noun, plural, schema, named = "distributed force", "distributed forces", DistributedForce, False
+    keys: ClassVar[Mapping[str, str]] = {"start": "force"}
 
     link: str
     start: Vector = expression("polar")
@@ -64,6 +65,10 @@ class DistributedLoad(Load):
         start = read.vector(table.force, units.STIFFNESS, f"{where}.force", names)
         end = start if table.end is None else read.vector(table.end, units.STIFFNESS, f"{where}.end", names)
         return cls(name, table.link, start, end, table.axes != "fixed", table.axes == "section")
+
+    def with_written(self, change: Callable[[str, sp.Expr], sp.Expr], axes: Sequence[str]) -> Load:
+        load = cast(DistributedLoad, Load.with_written(self, change, axes))
+        return replace(load, end=load.start) if self.end == self.start and load.end == self.end else load
 
     def terms(self, dimension: int) -> Iterator[LoadTerm]:
         yield LoadTerm(Span(self.link, self.turning, self.with_sections), force=(*self.start, *self.end))

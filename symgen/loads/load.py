@@ -17,6 +17,7 @@ import sympy as sp
 
 from symgen.loads.measure import LoadTerm, Measure, Vector
 from symgen.symbolic.names import Letter
+from symgen.symbolic.quantity import AXES
 
 if TYPE_CHECKING:
     from symgen.scene.table import Table
@@ -100,6 +101,7 @@ class Load(ABC):
     named: ClassVar[bool] = True
     drawn: ClassVar[Literal["spring", "actuator"]] = "actuator"
     letters: ClassVar[Mapping[str, Letter]] = {}
+    keys: ClassVar[Mapping[str, str]] = {}
 
     name: str
 
@@ -141,13 +143,22 @@ class Load(ABC):
         """Return the load with all its expressions of the time and the state changed."""
         return self._with(lambda _, __, value: tuple(map(change, value)))
 
-    def with_written(self, change: Callable[[str, sp.Expr], sp.Expr]) -> Load:
-        """Return the load with all its expressions changed, each with its key in the table of the scene."""
-        return self._with(
-            lambda name, kind, value: tuple(
-                change(name if kind == "scalar" else f"{name}.{i}", e) for i, e in enumerate(value)
-            )
-        )
+    def with_written(self, change: Callable[[str, sp.Expr], sp.Expr], axes: Sequence[str]) -> Load:
+        """Return the load with all its expressions changed, each with its key in the table of the scene.
+
+        ``axes`` are those of the drawing within which it acts.
+        """
+
+        def changed(name: str, kind: str, value: Vector) -> Vector:
+            key = self.keys.get(name, name)
+            if kind == "polar":
+                return tuple(change(f"{key}.{AXES.index(a)}", e) for a, e in zip(axes, value, strict=True))
+            if len(value) == 1:  # a couple about the axis across the plane of a drawing in space
+                (across,) = (i for i, a in enumerate(AXES) if a not in axes) if len(axes) == 2 else (2,)
+                return (change(f"{key}.{across}", change(key, value[0])),)
+            return tuple(change(f"{key}.{i}", e) for i, e in enumerate(value))
+
+        return self._with(changed)
 
     def in_plane(self, across: int, change: Callable[[sp.Expr], sp.Expr]) -> Load:
         """Return a load in space by its components in the plane across an axis, its expressions changed."""

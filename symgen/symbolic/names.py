@@ -83,12 +83,13 @@ class Names:
 class Letter(NamedTuple):
     """The letter of a field, with unit and meaning: constants are called ``LETTER_OWNER``.
 
-    Names in the meaning are in braces.
+    Names in the meaning are in braces. ``key`` is that of the scene, where the field has another name.
     """
 
     letter: str
     unit: str
     meaning: str
+    key: str = ""
 
 
 class WrittenForms(Protocol):
@@ -97,6 +98,10 @@ class WrittenForms(Protocol):
     @property
     def symbols(self) -> Mapping[sp.Symbol, Definition]:
         """The constants by symbol."""
+
+    @property
+    def composed(self) -> Collection[str]:
+        """Places of values that are composed of several."""
 
     def form(self, where: str, value: sp.Expr) -> sp.Expr | None:
         """Return a value as it is written at a place; None where it holds no constant."""
@@ -132,8 +137,15 @@ class Letters:
         self._own = {s: c for s, c in written.symbols.items() if self._fits(c.quantity.name)}
         self._taken.update(c.quantity.name for c in self._own.values())
         self.constants: list[Definition] = []
+        #: Letters that are defined by others.
+        self.definitions: list[Definition] = []
         #: Names of the constants that are zero.
         self.zero: list[str] = []
+
+    @property
+    def composed(self) -> Collection[str]:
+        """Places of values that the scene composes of several, with its own constants."""
+        return self._written.composed
 
     def form(self, where: str, value: sp.Expr, *, products: bool = False) -> sp.Expr:
         """Return a value as it is written at a place, with the constants of the scene; only ``products``."""
@@ -166,6 +178,16 @@ class Letters:
         self._taken.add(name)
         new = quantity(name, unit, meaning)
         self.constants.append(Definition(new, value))
+        return new.symbol
+
+    def defined(self, name: str, form: sp.Expr, unit: str, meaning: str) -> sp.Expr:
+        """Return a letter that is defined by those of the scene; symbols and numbers stay."""
+        if form.is_Symbol or form.is_number:
+            return form
+        name = self._free(name)
+        self._taken.add(name)
+        new = quantity(name, unit, meaning)
+        self.definitions.append(Definition(new, form))
         return new.symbol
 
     def _free(self, name: str) -> str:
@@ -206,24 +228,35 @@ class Letters:
         ``words`` are names in their meaning.
         """
         changed: dict[str, Any] = {}
-        for name, (letter, unit, meaning) in fields.items():
+        for name, (letter, unit, meaning, key) in fields.items():
             value = getattr(record, name)
             new = self.vector if isinstance(value, tuple) else self.scalar
             changed[name] = new(
-                f"{letter}_{owner}", value, unit, meaning.format(**words), where=f"{where}.{name}"
+                f"{letter}_{owner}", value, unit, meaning.format(**words), where=f"{where}.{key or name}"
             )
         return changed
 
     def kept(self, system: System) -> System:
         """Return a system whose letters are its constants, not its arguments."""
-        names = {c.quantity.name for c in self.constants}
+        names = {c.quantity.name for c in (*self.constants, *self.definitions)}
         if not any(x.name in names for g in system.groups for x in g.quantities):
             return system
         groups = tuple(
             replace(g, quantities=tuple(x for x in g.quantities if x.name not in names))
             for g in system.groups
         )
-        return replace(system, groups=groups, constants=tuple(self.constants), absent=tuple(self.zero))
+        needed = set[sp.Basic]().union(
+            *(m.matrix.free_symbols for m in system.matrices),
+            *(d.expression.free_symbols for d in system.definitions),
+        )
+        own = (d for d in self.definitions if d.quantity.symbol in needed)
+        return replace(
+            system,
+            groups=groups,
+            definitions=(*own, *system.definitions),
+            constants=tuple(self.constants),
+            absent=tuple(self.zero),
+        )
 
     def forget(self, letter: sp.Expr) -> None:
         """Omit a letter whose value follows from others; the scene's own stay."""

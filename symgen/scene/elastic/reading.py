@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -18,12 +19,15 @@ from symgen.scene.elastic.offsets import check_fraction
 from symgen.scene.elastic.schema import ElasticTable
 from symgen.scene.elastic.spatial_section import shear_modulus
 from symgen.scene.reading import Reader, check_count
+from symgen.scene.rods.held import LENGTH, MODULUS, compose
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
 from symgen.scene.units import Dimension
 
 if TYPE_CHECKING:
     from symgen.elements.element import Element
 
+#: Polynomials along a link by their names.
+Geometry = dict[str, Polynomial]
 _ZERO = sp.Integer(0)
 _MOST_ELEMENTS = 1000
 #: By how much the outer fibre may be exceeded where both are computed.
@@ -68,9 +72,14 @@ def _elastic_link(read: Reader, rigid: RigidLink, elastic: ElasticTable, place: 
         raise SceneError("the length of an elastic link does not depend on the time", where=f"{place}.length")
     if elastic.elements is not None:
         check_count(elastic.elements, 1, _MOST_ELEMENTS, f"{where}.elements")
-    along = sections.line(read, read.scene.links[rigid.name], rigid.length, place)
-    shape = along.shape
-    modulus = read.positive(elastic.E, units.PRESSURE, f"{where}.E")
+    modulus, section, geometry = _section(read, rigid, elastic, place, rigid.length)
+    compose(
+        read,
+        rigid.length,
+        f"{place}.section",
+        _by_place(section, geometry),
+        lambda mirror: _by_place(*_section(mirror, rigid, elastic, place, LENGTH)[1:]),
+    )
     reduction, modes = _reduction(elastic, f"{where}.reduction")
     damping = elastic.damping
 
@@ -81,14 +90,7 @@ def _elastic_link(read: Reader, rigid: RigidLink, elastic: ElasticTable, place: 
         link=rigid.name,
         element=elastic.element,
         elements=elastic.elements or 0,
-        section=Section(
-            mass=along.mass,
-            rotary=along.rotary,
-            axial=tuple(modulus * c for c in shape.area),
-            bending=tuple(modulus * c for c in shape.second_moment),
-            shear=_shear(read, elastic, modulus, shape, where),
-            fibre=shape.fibre,
-        ),
+        section=section,
         modulus=modulus,
         axial=elastic.axial,
         geometric_stiffness=elastic.geometric_stiffness,
@@ -102,6 +104,34 @@ def _elastic_link(read: Reader, rigid: RigidLink, elastic: ElasticTable, place: 
         else read.positive(elastic.yield_stress, units.PRESSURE, f"{where}.yield_stress"),
         welds=tuple(weld.point for weld in read.scene.welds if rigid.name in weld.links),
     )
+
+
+def _section(
+    read: Reader, rigid: RigidLink, elastic: ElasticTable, place: str, length: sp.Expr
+) -> tuple[sp.Expr, Section, Geometry]:
+    """Return modulus, section and its geometry; with the length LENGTH a number as modulus is MODULUS."""
+    link, where = read.scene.links[rigid.name], f"{place}.elastic"
+    along = sections.line(read, link, length, place)
+    shape = along.shape
+    modulus = read.positive(elastic.E, units.PRESSURE, f"{where}.E")
+    if length is LENGTH and modulus.is_number:
+        modulus = MODULUS
+    section = Section(
+        mass=along.mass,
+        rotary=along.rotary,
+        axial=tuple(modulus * c for c in shape.area),
+        bending=tuple(modulus * c for c in shape.second_moment),
+        shear=_shear(read, elastic, modulus, shape, where),
+        fibre=shape.fibre,
+    )
+    density = () if link.density is None else (read.value(link.density, units.DENSITY, f"{place}.density"),)
+    return modulus, section, {"area": shape.area, "second_moment": shape.second_moment, "density": density}
+
+
+def _by_place(section: Section, geometry: Geometry) -> dict[str, sp.Expr]:
+    """Return the coefficients of a section and of its geometry by the ends of their places."""
+    every = {**{f.name: getattr(section, f.name) for f in fields(section)}, **geometry}
+    return {f"{of}.{k}": c for of, polynomial in every.items() for k, c in enumerate(polynomial)}
 
 
 def modal_damping(read: Reader) -> ModalDamping | None:

@@ -48,6 +48,10 @@ def _row(letters: Letters, number: int, row: Row, loop: Loop) -> Row:
         value = getattr(row, entry)
         moving = sp.Add(*(term for term in sp.Add.make_args(value) if term.free_symbols & variables))
         fixed, angle = value - moving, entry not in ("S", "a")
+        if entry == "S":
+            where = f"loop.rows.{number - 1}.pitch"
+            for v in moving.free_symbols & variables:
+                moving += (letters.form(where, pitch := moving.coeff(v)) - pitch) * v
         if angle and fixed.is_number and vanishes(sp.sin(2 * fixed)) and not vanishes(fixed):
             continue  # a right angle: its sine and cosine are zero and one
         unit = "rad" if angle else "m"

@@ -11,6 +11,7 @@ from symgen.scene import units
 from symgen.scene.elastic import sections
 from symgen.scene.elastic.reading import has_rotary_inertia
 from symgen.scene.reading import Reader
+from symgen.scene.rods.held import LENGTH, compose
 from symgen.scene.rods.linkage import TIME, CarriedPoint, PlacedPoint, RigidLink, Vector
 from symgen.scene.schema import Link, PointTable
 
@@ -124,6 +125,9 @@ def points_of_body(read: Reader, link: Link, where: str) -> list[PlacedPoint]:
     return named
 
 
+_OF_MASS = ("mass", "centre", "offset", "inertia")
+
+
 def link(read: Reader, name: str, link: Link) -> RigidLink:
     """Return a link with its length, mass and inertia, and the further points that it carries."""
     where = f"links.{name}"
@@ -161,7 +165,16 @@ def link(read: Reader, name: str, link: Link) -> RigidLink:
         )
     carried = [CarriedPoint(p.name, *in_frame(drawn, squared, start.at, p.at)) for p in others]
     carried += [CarriedPoint(p, *_on_line(read, p, length)) for p in on_link(read, name)]
-    mass, centre, offset, inertia = body(read, link, length, drawn, start.at, bool(others), where)
+    mass, centre, offset, inertia = of_mass = body(read, link, length, drawn, start.at, bool(others), where)
+    if TIME.symbol not in length.free_symbols:
+
+        def mirrored(read: Reader) -> dict[str, sp.Expr]:
+            again = body(read, link, LENGTH, drawn, start.at, bool(others), where)
+            return dict(zip(_OF_MASS, again, strict=True))
+
+        compose(read, length, where, dict(zip(_OF_MASS, of_mass, strict=True)), mirrored)
+        for point in carried[len(others) :]:
+            _keep_place(read, point, length)
     moving = start.ground and end.ground and (start.motion, end.motion) != (start.at, end.at)
     # Elements of an elastic link have its inertia.
     if moving and mass != 0 and link.elastic is None:
@@ -181,6 +194,14 @@ def link(read: Reader, name: str, link: Link) -> RigidLink:
     return RigidLink(
         name, start.name, end.name, length, mass, centre, offset, inertia, link.length is None, tuple(carried)
     )
+
+
+def _keep_place(read: Reader, point: CarriedPoint, length: sp.Expr) -> None:
+    def mirrored(read: Reader) -> dict[str, sp.Expr]:
+        return dict(zip(("along", "across"), _on_line(read, point.name, LENGTH), strict=True))
+
+    values = {"along": point.along, "across": point.across}
+    compose(read, length, f"points.{point.name}", values, mirrored)
 
 
 def in_frame(drawn: Vector, squared: sp.Expr, start: Vector, place: Vector) -> Vector:

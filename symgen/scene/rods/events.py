@@ -8,7 +8,7 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene.expressions import Names, parse_any
-from symgen.scene.reading import Reader, at
+from symgen.scene.reading import NAME, Reader, at
 from symgen.scene.rods.linkage import TIME, Event, state_of
 from symgen.symbolic.quantity import AXES
 
@@ -20,18 +20,20 @@ def events(read: Reader) -> Iterator[Event]:
     names: set[str] = set()
     if read.scene.events and read.dimension == 2 and any(link.elastic for link in read.scene.links.values()):
         raise SceneError("a scene in the plane with elastic links has no events", where="events")
+    of_state = _names(read) if read.scene.events else {}
     for i, event in enumerate(read.scene.events):
         where = f"events.{i}"
         if event.name in names:
             raise SceneError(f"two events are called {event.name!r}", where=f"{where}.name")
         names.add(event.name)
         with at(f"{where}.of"):
-            gap, dimension = parse_any(event.of, _names(read))
+            gap, dimension = parse_any(event.of, of_state)
             if TIME.symbol not in gap.free_symbols and not state_of(gap):
                 raise SceneError(
                     f"{event.of!r} is the same at all times",
                     hint="Write a quantity of the state, such as POINT.position.y or LINK.angle.",
                 )
+        read.keep(gap, event.of, f"{where}.of", of_state, NAME.findall(event.of))
         value = read.value(event.value, dimension, f"{where}.value")
         yield Event(
             event.name,

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeVar
 
 import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene.expressions import Names, parse_any
+from symgen.scene.units import Dimension
 from symgen.symbolic.constants import with_pi
 from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import Definition
+
+#: In composed values: the length of their link, and its modulus where no constant of the scene is in it.
+LENGTH, MODULUS = (sp.Symbol(f"{word} of the link", real=True) for word in ("length", "modulus"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +51,20 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """The parameters of a scene that are constants, and the values that are written with them, by place."""
+    """The parameters of a scene that are constants, and the values that are written with them, by place.
+
+    ``composed`` are values of several places, such as the mass of a section, next to their forms.
+    """
 
     constants: dict[str, Definition] = field(default_factory=dict)
     texts: dict[str, Text] = field(default_factory=dict)
+    composed: dict[str, tuple[sp.Expr, sp.Expr]] = field(default_factory=dict)
 
     def form(self, where: str, value: sp.Expr) -> sp.Expr | None:
         """Return a value as it is written at a place; None where it holds no constant, or is another."""
+        known, form = self.composed.get(where, (None, None))
+        if known is not None and value in (known, with_pi(known)):
+            return form
         text = self.texts.get(where)
         if text is None or value not in (text.value, with_pi(text.value)):
             return None
@@ -68,6 +81,45 @@ class Written:
     def symbols(self) -> Mapping[sp.Symbol, Definition]:
         """The constants by symbol."""
         return {c.quantity.symbol: c for c in self.constants.values()}
+
+
+class Reads(Protocol):
+    """What reads the values of a scene."""
+
+    names: dict[str, tuple[sp.Expr, Dimension]]
+    defaults: dict[sp.Symbol, sp.Expr]
+    written: Written
+    limits: list[Any]
+
+
+Reading = TypeVar("Reading", bound=Reads)
+
+
+def compose(
+    read: Reading,
+    length: sp.Expr,
+    where: str,
+    values: Mapping[str, sp.Expr],
+    forms: Callable[[Reading], Mapping[str, sp.Expr]],
+) -> None:
+    """Keep values below a place as ``forms`` reads them where the constants of the scene are symbols."""
+    written = read.written
+    if not written.constants:
+        return
+    mirror = copy(read)
+    symbols = {c.quantity.symbol: c.expression.xreplace(read.defaults) for c in written.constants.values()}
+    mirror.names = dict(read.names)
+    for name, constant in written.constants.items():
+        mirror.names[name] = constant.quantity.symbol, read.names[name][1]
+    mirror.defaults = {**read.defaults, **symbols, LENGTH: length.xreplace(read.defaults), MODULUS: sp.S.One}
+    mirror.written, mirror.limits = Written(), []
+    try:
+        found = forms(mirror)
+    except SceneError:  # such as the exponent of a power, which is a number
+        return
+    for key, form in found.items():
+        if form.free_symbols & symbols.keys():
+            written.composed[f"{where}.{key}"] = values[key], form
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import sympy as sp
 from symgen.loads.load import Load
 from symgen.loads.of_links import Angle
 from symgen.methods import method_of
-from symgen.scene.rods.held import Parameter, Written
+from symgen.scene.rods.held import LENGTH, Parameter, Written
 from symgen.scene.rods.linkage import (
     TIME,
     Driver,
@@ -72,7 +72,9 @@ def derived_in_letters(resolved: Any, derive: Callable[[Any], Any]) -> Any:
 
 def added(letters: Letters) -> tuple[Parameter, ...]:
     """Return letters as parameters of the scene."""
-    return tuple(Parameter(c.quantity, c.expression, fixed=True) for c in letters.constants)
+    values = {c.quantity.symbol: c.expression for c in letters.constants}
+    every = (*letters.constants, *letters.definitions)
+    return tuple(Parameter(c.quantity, c.expression.xreplace(values), fixed=True) for c in every)
 
 
 def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
@@ -87,8 +89,7 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
     points = tuple(_ground(letters, p, linkage.axes) if p.ground else p for p in linkage.points)
     angles: dict[tuple[str, str, sp.Expr], sp.Expr] = {}
     loads = tuple(
-        _load(letters, load, f"{table}.{i}", len(linkage.axes), angles)
-        for table, i, load in linkage.placed_loads
+        _load(letters, load, f"{table}.{i}", linkage.axes, angles) for table, i, load in linkage.placed_loads
     )
     masses = tuple(
         replace(m, **letters.record(m, _OF_MASS, f"at_{m.point}", f"masses.{i}", point=m.point))
@@ -102,7 +103,7 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
         gravity=gravity_of(letters, linkage.gravity, linkage.axes),
         masses=masses,
         loads=loads,
-        drivers=tuple(_driver(letters, d, f"drivers.{i}") for i, d in enumerate(linkage.drivers)),
+        drivers=tuple(_driver(letters, linkage, i) for i in range(len(linkage.drivers))),
         events=tuple(_event(letters, linkage, i) for i in range(len(linkage.events))),
     )
     windings = tuple(
@@ -112,13 +113,17 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
 
 
 def _load(
-    letters: Letters, load: Load, where: str, axes: int, angles: dict[tuple[str, str, sp.Expr], sp.Expr]
+    letters: Letters,
+    load: Load,
+    where: str,
+    axes: tuple[str, ...],
+    angles: dict[tuple[str, str, sp.Expr], sp.Expr],
 ) -> Load:
     """Return a load with letters; loads of one angle share its letter, as they share its revolutions."""
-    load = load.with_written(lambda key, e: letters.form(f"{where}.{key}", e))
+    load = load.with_written(lambda key, e: letters.form(f"{where}.{key}", e), axes)
     constants = letters.record(load, load.letters, load.name, where, load=load.name.replace("_", " "))
     written = replace(load, **constants)
-    for number, letter in zip(load.measures(axes), written.measures(axes), strict=True):
+    for number, letter in zip(load.measures(len(axes)), written.measures(len(axes)), strict=True):
         if isinstance(number, Angle) and isinstance(letter, Angle):
             shared = angles.setdefault((number.link, number.against, number.free), letter.free)
             if shared != letter.free:
@@ -129,8 +134,17 @@ def _load(
 
 def _link(letters: Letters, link: RigidLink) -> RigidLink:
     words = {"link": link.name, "start": link.start}
-    constants = letters.record(link, _OF_LINK, link.name, f"links.{link.name}", **words)
-    length, mass = constants["length"], constants["mass"]
+    place = f"links.{link.name}"
+    forms = {name: letters.form(f"{place}.{name}", getattr(link, name)) for name in _OF_LINK}
+    composed = [x for x in forms if f"{place}.{x}" in letters.composed and forms[x] != getattr(link, x)]
+    plain = {name: letter for name, letter in _OF_LINK.items() if name not in composed}
+    constants = letters.record(link, plain, link.name, place, **words)
+    length = constants["length"]
+    for name in composed:
+        letter, unit, meaning, _ = _OF_LINK[name]
+        form = forms[name].xreplace({LENGTH: length})
+        constants[name] = letters.defined(f"{letter}_{link.name}", form, unit, meaning.format(**words))
+    mass = constants["mass"]
     uniform = {
         "centre": (link.length / 2, length / 2),
         "inertia": (link.mass * link.length**2 / 12, mass * length**2 / 12),
@@ -139,16 +153,15 @@ def _link(letters: Letters, link: RigidLink) -> RigidLink:
         if mass != 0 and _equal(getattr(link, name), value):
             letters.forget(constants[name])
             constants[name] = form
-    carried = tuple(
-        replace(
-            p,
-            **letters.record(
-                p, _OF_POINT, f"{link.name}_{p.name}", f"points.{p.name}", point=p.name, **words
-            ),
+    carried = []
+    for p in link.carried:
+        on_line = letters.record(
+            p, _OF_POINT, f"{link.name}_{p.name}", f"points.{p.name}", point=p.name, **words
         )
-        for p in link.carried
-    )
-    return replace(link, **constants, carried=carried)
+        carried.append(
+            replace(p, **{name: value.xreplace({LENGTH: length}) for name, value in on_line.items()})
+        )
+    return replace(link, **constants, carried=tuple(carried))
 
 
 def _equal(first: sp.Expr, second: sp.Expr) -> bool:
@@ -238,25 +251,39 @@ def gravity_of(letters: Letters, gravity: Vector, axes: tuple[str, ...]) -> Vect
     return letters.vector("g", gravity, "m/s^2", "gravity", axes)
 
 
-def _driver(letters: Letters, driver: Driver, where: str) -> Driver:
+def _driver(letters: Letters, linkage: Linkage, number: int) -> Driver:
+    driver, crank = linkage.drivers[number], linkage.crank
+    of_crank = crank is not None and driver.link == crank.link
     units, name = ("rad", "rad/s"), driver.link
-    angle = motion_of(letters, driver.angle, name, units, f"angle of link {name}", f"{where}.angle")
+    places = ("crank.angle", "crank.speed") if of_crank else (f"drivers.{number}.angle", "")
+    angle = motion_of(letters, driver.angle, name, units, f"angle of link {name}", *places)
     return replace(driver, angle=angle)
 
 
 def _event(letters: Letters, linkage: Linkage, number: int) -> Event:
-    """Return an event whose threshold is as the scene writes it."""
-    event, where = linkage.events[number], f"events.{number}.value"
-    written = linkage.written.texts.get(where)
-    if written is None:
-        return event
-    return replace(event, gap=event.gap + written.value - letters.form(where, written.value))
+    """Return an event whose quantity and threshold are as the scene writes them."""
+    event, texts = linkage.events[number], linkage.written.texts
+    quantity, threshold = f"events.{number}.of", f"events.{number}.value"
+    known = texts[threshold].value if threshold in texts else sp.S.Zero
+    gap = event.gap
+    if quantity in texts:
+        gap += letters.form(quantity, texts[quantity].value) - texts[quantity].value
+    return replace(event, gap=gap + known - letters.form(threshold, known))
 
 
 def motion_of(
-    letters: Letters, motion: sp.Expr, owner: str, units: tuple[str, str], named: str, where: str
+    letters: Letters,
+    motion: sp.Expr,
+    owner: str,
+    units: tuple[str, str],
+    named: str,
+    where: str,
+    rate_where: str = "",
 ) -> sp.Expr:
-    """Return a motion as the scene writes it, or a uniform one by its value at the start and its rate."""
+    """Return a motion as the scene writes it, or a uniform one by its value at the start and its rate.
+
+    ``rate_where`` is the place of the rate, where the scene states it apart.
+    """
     form = letters.form(where, motion)
     if form != motion:
         return form
@@ -265,6 +292,8 @@ def motion_of(
         return motion
     start = motion.xreplace({TIME.symbol: sp.S.Zero})
     first, second = ("phi", "omega") if units[0] == "rad" else ("x", "v")
-    return letters.scalar(f"{first}0_{owner}", start, units[0], f"{named} at t = 0, prescribed") + (
-        letters.scalar(f"{second}_{owner}", rate, units[1], f"rate of {named}, prescribed") * TIME.symbol
+    at_start = f"{named} at t = 0, prescribed"
+    return letters.scalar(f"{first}0_{owner}", start, units[0], at_start, where) + (
+        letters.scalar(f"{second}_{owner}", rate, units[1], f"rate of {named}, prescribed", rate_where)
+        * TIME.symbol
     )
