@@ -250,6 +250,7 @@ PRINTED = {
     "0 -I2_yy*n3*cos(theta3) m2*g2_x*S4_rate*cos(theta3)-I2_zz*w3",
     "53a": "0 0 -m3*S4_rate 0 0 0",
     "54": "0 m1*b1*(a1+g1_x) m1*s1_acceleration 0 -m1*g1_x*s1_acceleration b1*(I1_zz+m1*g1_x*a1)",
+    "66": "F2_i F2_j F2_k T2_i T2_j T2_k",
     "57": "m2*(-S4_acceleration*sin(theta3)-S4_rate*cos(theta3)*w3) "
     "m2*(S4_acceleration*cos(theta3)-S4_rate*sin(theta3)*w3-g2_x*b3) "
     "m2*g2_x*(c3*cos(theta3)-n3*sin(theta3)*w3) 0 -I2_yy*(c3*cos(theta3)-n3*sin(theta3)*w3) "

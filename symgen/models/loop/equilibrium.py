@@ -66,6 +66,16 @@ def equilibrium_system(loop: Loop) -> System:
         )
         for link, (velocity, momentum, rate) in zip(model.links, motions, strict=True)
     ]
+    wrenches = [
+        named(
+            f"joint_{k}_letters",
+            [x.symbol for x in joint],
+            "N, N*m",
+            f"force and moment at joint {k} on the link behind it, in frame {{{k}}}",
+            _ROWS,
+        )
+        for k, joint in enumerate(joints, 1)
+    ]
     equilibrium = [
         named(
             f"{link}_equilibrium",
@@ -85,7 +95,7 @@ def equilibrium_system(loop: Loop) -> System:
             Group("momenta", "velocities and momenta of the links", tuple(chain(*chain(*motions)))),
             Group("wrenches", "wrenches of joints and inertia", tuple(chain(*joints, *inertia))),
         ),
-        (*euler, *equilibrium),
+        (*euler, *wrenches, *equilibrium),
         (),
         references=(REFERENCE,),
         sources=EQUILIBRIUM,
