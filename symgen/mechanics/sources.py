@@ -212,6 +212,7 @@ PRINTED_ELEMENT: Sources = (
     *ELEMENT,
     ("thesis_local_stiffness", "thesis (7.26), (F.5), corrected"),
     ("KD", "thesis (7.26), (F.5), corrected"),
+    ("Q", "thesis (F.7), corrected"),
     ("KT", "thesis (E.13)-(E.17), (F.6), corrected"),
     ("thesis_mass", "thesis (E.8)-(E.12), (F.2)"),
     ("thesis_damping", "thesis (F.4), times -2 omega"),
@@ -228,7 +229,7 @@ ASSEMBLY: Sources = (
     ("elastic_load", "thesis (F.8), (8.1)"),
     ("assembly", "thesis (8.1)"),
     ("boundary", "thesis Fig. 22, (8.2)"),
-    ("condensation", "thesis (E.21)-(E.29), (E.43)-(E.47)"),
+    ("condensation", "thesis (E.21)-(E.25), (E.43)-(E.47); (E.26)-(E.29) are numbers: condensed_mass, ..."),
     ("strain_recovery", "thesis (8.3)-(8.7)"),
     ("stress_recovery", "thesis (8.3)-(8.8)"),
     ("*.mass", "thesis (7.24), (F.1)"),
@@ -238,12 +239,18 @@ ASSEMBLY: Sources = (
 )
 #: Of all but the elastic links: rows of inextensible links, whose entries are cosines and sines.
 JOINTS: Sources = (("jacobian", "thesis (E.30)-(E.42)"),)
-#: The same where the links have the names of the thesis.
+#: Links of a four-bar as the thesis calls them, for which rows of the jacobian are equations of their own,
+#: and rows of the condensing matrix, by the independent unknown B.x.
+THESIS_LINKS = ("crank", "coupler", "output")
 NAMED_JOINTS: Sources = (
     (
         "jacobian",
         "thesis (E.30)-(E.42); crank (E.30), (E.34), (E.40); coupler (E.31), (E.41); output (E.32), (E.42)",
     ),
+)
+NAMED_CONDENSATION = (
+    f"{dict(ASSEMBLY)['condensation']}; A.x (E.43), (E.46); A.y (E.43)-(E.46); B.x (E.44), (E.46); "
+    "B.y (E.45), (E.46)"
 )
 RIGID_ELEMENT: Sources = (
     ("nodal_matrix", "thesis (4.1)-(4.6), (4.10); x (4.7); y (4.8); moment (4.9)"),

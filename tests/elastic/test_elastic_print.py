@@ -45,7 +45,7 @@ def shapes():
 
 
 def shown_in_thesis_form() -> dict[str, sp.Matrix]:
-    """Return what ``symgen show element_beam8 thesis_...``, ``KD`` and ``KT`` print, in the thesis' letters."""
+    """Return what ``symgen show element_beam8 thesis_...``, ``KD``, ``KT`` and ``Q`` print, in the thesis' letters."""
     system = element("beam8")
     uniform = {"m0": m, "a0": EA, "b0": EI, "L": L, "omega": w, "omega_rate": a, "c": C, "s": S}
     uniform |= {"ax": p - w * Y, "ay": r + w * X}
@@ -57,7 +57,7 @@ def shown_in_thesis_form() -> dict[str, sp.Matrix]:
     return {
         of.name.removeprefix("thesis_"): sp.Matrix(of.matrix.xreplace(known))
         for of in system.matrices
-        if of.name.startswith("thesis_") or of.name in ("KD", "KT")
+        if of.name.startswith("thesis_") or of.name in ("KD", "KT", "Q")
     }
 
 
@@ -187,6 +187,9 @@ def test_the_form_of_the_thesis_with_a_constant_section_has_the_printed_matrices
     shown = shown_in_thesis_form()
     for tapered, printed in (("local_stiffness", "KD"), ("stiffness", "KT")):
         assert all(same(one, two) for one, two in zip(shown[tapered], shown[printed], strict=True))
+    T = elastic_derivation_system(ELEMENTS["beam8"])["transformation"].matrix
+    T = T.xreplace({sp.Symbol(name, real=True): known for name, known in (("c", C), ("s", S))})
+    assert all(same(one, two) for one, two in zip(T * shown["Q"], shown["load"], strict=True))
 
 
 @pytest.mark.parametrize(

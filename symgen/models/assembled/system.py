@@ -17,7 +17,7 @@ from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE, Pairs, parts_of_equation, turn
 from symgen.mechanics.elastic.weights import Weight
 from symgen.mechanics.rods.condensation import BASIS, allowed_motions
-from symgen.mechanics.sources import ASSEMBLY
+from symgen.mechanics.sources import ASSEMBLY, NAMED_CONDENSATION, THESIS_LINKS
 from symgen.models.assembled.mesh import Constants, ElasticStructure, Mesh, of_elements, strains
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.names import Names
@@ -351,10 +351,13 @@ def _condensation(
         rates.append(sp.ImmutableMatrix(whole))
     pivots = [(rows.index(row), sums.place[unknown]) for row, unknown in structure.pivots]
     kept = tuple(name for k, name in enumerate(sums.names) if k not in {j for _, j in pivots})
-    return [
+    matrices = [
         NamedMatrix(name, matrix, *ASSEMBLED[name], sums.names, kept)
         for (name, _), matrix in zip(BASIS, allowed_motions(rates, pivots, names), strict=True)
     ]
+    if rows == THESIS_LINKS:
+        matrices[0] = replace(matrices[0], source=NAMED_CONDENSATION)
+    return matrices
 
 
 def _apart(known: Sequence[Definition], system: System) -> tuple[list[Definition], dict[str, NamedMatrix]]:

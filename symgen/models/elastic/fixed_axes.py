@@ -44,7 +44,7 @@ def fixed_axes(
     """Yield the matrices of the exact equation and of the constant-transformation form, over ``MOVING``.
 
     Entries in link axes are named and shared. The latter form has its dynamic stiffness in link axes too, and
-    both for a constant section, where the terms of ``uniform`` vanish: [KD] and [KT] of the thesis.
+    both for a constant section, where the terms of ``uniform`` vanish: [KD], [KT] and {Q} of the thesis.
     """
     local, printed = (
         _named(form, local_equation(matrices, geometric), names)
@@ -64,6 +64,10 @@ def fixed_axes(
     kd = sp.ImmutableMatrix(whole.stiffness.xreplace(dict(uniform)))
     about = "of a constant section"
     yield stiffness("KD", kd, f"[KD] {_FORMS['thesis_local']}, {about}")
+    load = sp.ImmutableMatrix(whole.load.xreplace(dict(uniform)))
+    yield NamedMatrix(
+        "Q", load, entry_unit("N"), f"{{Q}} load of the rigid motion {_FORMS['local']}, {about}", element.dofs
+    )
     in_letters = _entries("KD", kd, "N/m", f"[KD] {about}", names)
     kt = thesis_equation(element, replace(whole, stiffness=in_letters)).stiffness
     yield stiffness("KT", kt, f"[KT] {_FORMS['thesis']}, {about}")

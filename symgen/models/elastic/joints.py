@@ -9,7 +9,7 @@ import sympy as sp
 
 from symgen.loads.torque import AppliedTorque
 from symgen.mechanics.directors.beam import FIBRES, SECTION
-from symgen.mechanics.sources import JOINTS, NAMED_JOINTS
+from symgen.mechanics.sources import JOINTS, NAMED_JOINTS, THESIS_LINKS
 from symgen.models.elastic.couples import entries, welded_to_bodies, with_bodies
 from symgen.models.elastic.links import profiles_of
 from symgen.models.rods.constraints import Constraint
@@ -88,10 +88,8 @@ def joints_system(linkage: Linkage) -> System:
         exports.append(Export("constants", about, tuple(constants)))
         of_drives, more_exports = _drives(model, linkage)
         matrices, exports = [*matrices, *of_drives], [*exports, *more_exports]
-    printed = [*rows] == ["crank", "coupler", "output"]
-    return analysis_of(
-        model, "elastic_joints", matrices, exports, sources=NAMED_JOINTS if printed else JOINTS
-    )
+    sources = NAMED_JOINTS if tuple(rows) == THESIS_LINKS else JOINTS
+    return analysis_of(model, "elastic_joints", matrices, exports, sources=sources)
 
 
 def shaking_system(linkage: Linkage) -> System:
