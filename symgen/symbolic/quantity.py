@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -70,3 +71,57 @@ def resolved(name: str, axes: Sequence[str], entries: Callable[[str], Entries]) 
     if part not in components:
         raise SceneError(no_component(whole, part, components))
     return [scalars[components.index(part)]], unit, f"{about}: component {part}"
+
+
+#: Powers of the unit of length that an unknown of elastic links lacks, by its word.
+_PER_LENGTH = {"u": 0, "w": 0, "mid": 0, "x": 0, "y": 0, "theta": 1, "gamma": 1, "kappa": 2}
+Names = tuple[Sequence[str], Sequence[str]]
+
+
+def own_unit(unit: str, names: Names, shape: tuple[int, int], at: Sequence[tuple[int, int]]) -> str:
+    """Return the units of some entries of a matrix, where names of rows and columns, or number, tell them."""
+    base, _, factors = unit.partition("; ")
+    if factors:
+        powers = {_power(names[0], i) + _power(names[1], j) for i, j in at}
+        power = powers.pop() if len(powers) == 1 else math.nan
+        unknown = math.isnan(power) or (base[0] == "1" and "/m" not in base)
+        return unit if unknown else _lengths(base, int(power))
+    units = unit.split(", ")
+    places = _places(len(units), names, shape)
+    return unit if places is None else ", ".join(dict.fromkeys(units[places(i, j)] for i, j in at))
+
+
+def _places(count: int, names: Names, shape: tuple[int, int]) -> Callable[[int, int], int] | None:
+    """Return which of the units an entry has; None where this does not follow."""
+    (rows, columns), width = names, shape[1]
+    kinds, across = ("".join(name[:1] for name in of) for of in names)
+    if count == 1 or count == shape[0] * width:
+        return lambda i, j: (i * width + j) * (count > 1)
+    if count == 2 and tuple(columns) == ("theta", "S", "eta", "alpha", "a"):
+        return lambda _, j: int(columns[j] in ("S", "a"))
+    if count == 2 and across in ("ijkp", "xyzddd"):
+        return lambda _, j: j // 3
+    halves = len(rows) == 6 and len(set(kinds[:3])) == len(set(kinds[3:])) == 1
+    if count == 2 and halves and width == 1:
+        return lambda i, _: i // 3
+    if count == 3 and halves and across == "wwwvvv":
+        return lambda i, j: i // 3 + 1 - j // 3
+    return None
+
+
+def _power(names: Sequence[str], number: int) -> float:
+    if not names:
+        return 0
+    _, dot, word = names[number].rpartition(".")
+    known = _PER_LENGTH.get(word.partition("@")[0].rstrip("0123456789"), math.nan)
+    return known if dot or "@" in word or not math.isnan(known) else 0  # the name of a station
+
+
+def _lengths(base: str, power: int) -> str:
+    """Return a unit times a power of metres."""
+    power += base.endswith("*m") - base.endswith("/m")
+    base = base.removesuffix("*m").removesuffix("/m")
+    if power <= 0:
+        return base + ("/m" if power else "")
+    metres = "m" if power == 1 else f"m^{power}"
+    return metres if base == "1" else f"{base}*{metres}"

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from html import escape
+from itertools import product
 
 import sympy as sp
 
 from symgen.errors import DerivationError, ModelError, check_known, nearest
 from symgen.symbolic.constants import Substitution
-from symgen.symbolic.quantity import Quantity
+from symgen.symbolic.quantity import Quantity, own_unit
 
 #: Name of the kernel of values with a limit, which checks parameters before a run is set up.
 LIMITS = "limits"
@@ -57,7 +58,11 @@ class NamedMatrix:
         row_names = tuple(self.rows[k] for k in i) if self.rows else tuple(map(str, i))
         column_names = tuple(self.columns[k] for k in j) if self.columns else tuple(map(str, j))
         whole = i == j and self.symmetric
-        return replace(self, matrix=m.extract(i, j), rows=row_names, columns=column_names, symmetric=whole)
+        chosen = list(product(i, j)) if rows or columns else []
+        unit = own_unit(self.unit, (self.rows, self.columns), m.shape, chosen) if chosen else self.unit
+        return replace(
+            self, matrix=m.extract(i, j), unit=unit, rows=row_names, columns=column_names, symmetric=whole
+        )
 
     def _numbers(self, kind: str, selected: Sequence[str], names: Sequence[str], count: int) -> list[int]:
         numbers = []

@@ -145,3 +145,34 @@ def test_the_motion_of_a_variable_says_its_equation(scene, output, equation):
     assert equation in head
     names = {m.name for m in symgen.derive(scene).matrices}
     assert not set(re.findall(r"\w*(?:closure|screw|efforts|inputs)\w*", equation)) - names
+
+
+@pytest.mark.parametrize(
+    ("scene", "matrix", "rows", "columns", "unit"),
+    [
+        ("slider_crank", "inputs", "s1", "rate", "m/s"),
+        ("slider_crank", "inputs", "theta1", "", "rad, rad/s, rad/s^2"),
+        ("slider_crank", "rows", "", "alpha", "rad"),
+        ("slider_crank", "rows", "row1", "S", "m"),
+        ("slider_crank", "crank_frame", "", "p", "m"),
+        ("slider_crank", "row_1_transform", "x", "x", "1"),
+        ("slider_crank", "rod_motion", "wx", "", "rad/s"),
+        ("slider_crank", "closure_step_rhs", "d12", "", "m"),
+        ("slider_crank", "rod_binor", "px", "vx", "kg"),
+        ("slider_crank", "rod_binor", "hx", "wx", "kg*m^2"),
+        ("slider_crank", "rod_binor", "px", "", "kg*m, kg"),
+        ("slider_crank", "screws", "wx", "S4", "1, m"),
+        ("element_beam8", "stiffness", "w1", "w1", "N/m"),
+        ("element_beam8", "stiffness", "theta1", "kappa2", "N*m^2"),
+        ("element_beam8", "stiffness", "w1", "theta1", "N"),
+        ("element_beam8", "mass", "theta1", "theta2", "kg*m^2"),
+        ("thesis_four_bar", "elastic_load", "coupler.theta@0", "", "N*m"),
+        ("thesis_four_bar", "elastic_damping", "A.x", "A.y", "N*s/m"),
+        ("thesis_four_bar", "stress_recovery", "coupler", "coupler.theta@0", "Pa"),
+        ("thesis_four_bar", "elastic_stiffness", "A.x", "", "N/m; *m per angle, *m^2 per curvature"),
+    ],
+)
+def test_a_row_or_entry_has_units_of_its_own(scene, matrix, rows, columns, unit):
+    asked = [x for option, name in (("--rows", rows), ("--columns", columns)) if name for x in (option, name)]
+    head = " ".join(shown(scene, matrix, *asked).split())
+    assert f"[{unit}];" in head
