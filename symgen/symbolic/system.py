@@ -165,7 +165,7 @@ class System:
 
     def __post_init__(self) -> None:
         if self.sources:
-            sourced = tuple(m if m.source else replace(m, source=self._source(m.name)) for m in self.matrices)
+            sourced = tuple(m if m.source else replace(m, source=self._source(m)) for m in self.matrices)
             object.__setattr__(self, "matrices", sourced)
         object.__setattr__(self, "_index", {m.name: m for m in self.matrices})
         if len(self._index) < len(self.matrices):
@@ -184,8 +184,13 @@ class System:
                     f"{self.name}: matrix {matrix.name} holds undeclared symbols: {', '.join(unknown)}"
                 )
 
-    def _source(self, name: str) -> str:
-        return next((source for pattern, source in self.sources if fnmatchcase(name, pattern)), NO_SOURCE)
+    def _source(self, m: NamedMatrix) -> str:
+        """Return the equations of a matrix, without those of rows such as ``guide_*`` that it lacks."""
+        source = next((s for pattern, s in self.sources if fnmatchcase(m.name, pattern)), NO_SOURCE)
+        parts = source.split("; ")
+        rows = [part.partition(" ")[0] for part in parts]
+        there = ["*" not in row or any(fnmatchcase(name, row) for name in m.rows) for row in rows]
+        return "; ".join(part for part, is_there in zip(parts, there, strict=True) if is_there)
 
     def arguments(self) -> Iterator[Quantity]:
         """Yield the arguments of the kernels."""

@@ -130,7 +130,7 @@ def matrix_from_latex(shown: str, m, system) -> sp.Matrix:
     symbols = {latex_name(x.name): x.symbol for x in system.quantities()}
     found = sp.zeros(*m.matrix.shape)
     body = "\n".join(
-        line for line in shown.split("% with", maxsplit=1)[0].splitlines() if not line.startswith("%")
+        line for line in shown.split("\n% with\n", maxsplit=1)[0].splitlines() if not line.startswith("%")
     )
     if r"\begin{align*}" in body:
         places = {
