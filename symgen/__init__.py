@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from symgen.runtime.model.kinematic import KinematicModel as KinematicModel
     from symgen.runtime.model.model import Model as Model
     from symgen.runtime.model.rods import RodModel as RodModel
+    from symgen.runtime.model.system import GeneralModel as GeneralModel
     from symgen.runtime.model.system import SystemModel as SystemModel
     from symgen.runtime.result.files import load_result as load_result
     from symgen.runtime.result.result import Result as Result
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Chain": "symgen.runtime.chain.chain",
     "ElasticModel": "symgen.runtime.elastic.model",
+    "GeneralModel": "symgen.runtime.model.system",
     "KinematicModel": "symgen.runtime.model.kinematic",
     "LoopModel": "symgen.runtime.loop.model",
     "Model": "symgen.runtime.model.model",

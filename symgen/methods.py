@@ -244,10 +244,24 @@ METHODS = Registry[Method](
                 commands=_OF_RODS,
             ),
             Method(
+                "general",
+                system="symgen.models.general.system:general_system",
+                describe="symgen.pipeline.describe:of_general",
+                description="symgen.runtime.kernels.description:Description",
+                start="symgen.pipeline.describe:with_state",
+                export="symgen.export.rods:rods",
+                view="symgen.inspection.systems:GeneralView",
+                accuracy="symgen.study.accuracy.kernels:of_rods",
+                commands={
+                    name: _OF_RODS[name]
+                    for name in ("simulate", "kinematics", "equilibrium", "modes", "linearise", "sensitivity")
+                },
+            ),
+            Method(
                 "system",
                 export="symgen.export.system:system",
                 view="symgen.inspection.systems:SystemView",
-                description="symgen.runtime.kernels.description:SystemDescription",
+                description="symgen.runtime.kernels.system_description:SystemDescription",
                 accuracy="symgen.study.accuracy.kernels:of_user_system",
             ),
         )

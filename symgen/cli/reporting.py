@@ -88,14 +88,14 @@ def animate(
     from symgen.inspection.values import of_crank
     from symgen.report.page.movie import film_file, save
 
-    text, file = _scene(scene, set_, out, "_moving.html")
+    text, name, file = _scene(scene, set_, out, "_moving.html")
     film_file(file)
     frames = FRAMES if samples is None else samples
     if mode is None and at is not None:
         raise ModelError("--at selects the pose of a mode: give --mode N")
     if mode is not None and t_end is not None:
         raise ModelError("give --mode or --t-end, not both")
-    with _status(f"animation of {text.name}") as status:
+    with _status(f"animation of {name}") as status:
         options = {} if t_end is None else {"t_end": t_end}
         angle = None if at is None else of_crank(None, [at], "--at")[0][0]
         film = film_of(text, frames, **options) if mode is None else film_of_mode(text, mode, angle, frames)
@@ -127,14 +127,17 @@ def live(
     of symgen installs the compiler, Zig.
     """
     from symgen.atomic import writable, write_text
+    from symgen.errors import ModelError
     from symgen.inspection.film import FRAMES
     from symgen.inspection.live import live_of
     from symgen.report.page.live import live as page_of
     from symgen.study.sweeps import of_options
 
-    text, file = _scene(scene, set_, out, "_live.html")
+    text, name, file = _scene(scene, set_, out, "_live.html")
     writable(file, (".html",), "page")
-    with _status(f"live page of {text.name}") as status:
+    if isinstance(text, str):
+        raise ModelError(f"{scene} is a user-defined system: pages that compute are of scenes")
+    with _status(f"live page of {name}") as status:
         page = live_of(text, of_options(vary or ()), FRAMES if samples is None else samples)
         status("writing")
     write_text(file, page_of(page))
@@ -186,9 +189,9 @@ def draw(
 
     if of and no_paths:
         raise ModelError("give --of or --no-paths, not both")
-    text, file = _scene(scene, set_, out, ".svg")
+    text, name, file = _scene(scene, set_, out, ".svg")
     writable(file, DRAWN_AS, "drawing")
-    with _status(f"drawing of {text.name}"):
+    with _status(f"drawing of {name}"):
         options: dict[str, Any] = {} if t_end is None else {"t_end": t_end}
         poses = poses_of(at, "--at") if at else None
         options["samples"] = FRAMES if samples is None else samples
@@ -196,12 +199,21 @@ def draw(
     print(file)
 
 
-def _scene(scene: str, set_: list[str] | None, out: Path | None, ending: str) -> tuple[SceneText, Path]:
-    """Return a scene with its changes, and the file to write, by default one of its name."""
+def _scene(
+    scene: str, set_: list[str] | None, out: Path | None, ending: str
+) -> tuple[SceneText | str, str, Path]:
+    """Return a scene with its changes or a user's file, its name, and the file to write."""
+    from symgen.errors import ModelError
+    from symgen.pipeline.user_system import is_user_file, name_of
     from symgen.scene.loading import override, read_scene
 
+    if is_user_file(scene):
+        if set_:
+            raise ModelError(f"{scene} is no scene: pictures of it have no values to set")
+        name = name_of(Path(scene))
+        return scene, name, out or Path(f"{name}{ending}")
     text = override(read_scene(scene), changes(set_))
-    return text, out or Path(f"{text.name}{ending}")
+    return text, text.name, out or Path(f"{text.name}{ending}")
 
 
 @contextmanager

@@ -129,13 +129,13 @@ def exported(
     """Return the template data of a scene."""
     from symgen.pipeline.build import build, build_scene, text_of
     from symgen.pipeline.systems import derive
-    from symgen.pipeline.user_system import is_user_file, load
+    from symgen.pipeline.user_system import equations_of, is_user_file
     from symgen.scene.loading import check_scene, override
     from symgen.scene.resolve import resolve
 
     if is_user_file(scene):
         built = build(scene, set=set)
-        kernels = _emitted(load(Path(str(scene))).system, built.description.equations)
+        kernels = _emitted(equations_of(Path(str(scene))), built.description.equations)
         return cast("Exported", _export_of(built)(built, *kernels))
     text = override(text_of(scene), set or {})
     model = build_scene(text)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, ResultError, SymgenError, check_known
 from symgen.inspection.values import of_times
-from symgen.inspection.view import Drawn, bare, drawn_scene, stops
+from symgen.inspection.view import Drawn, bare, drawn_scene, drawn_system, stops
 from symgen.methods import load, method_of
 from symgen.pipeline.build import build_selected
 from symgen.report.page.animation import Film, traces_of
@@ -33,13 +33,13 @@ FRAMES = 241
 Poses = Callable[[Any], tuple[Sequence[float], str]]
 
 
-def film_of(text: SceneText, samples: int, **options: Any) -> Film:
+def film_of(text: SceneText | str, samples: int, **options: Any) -> Film:
     """Run a scene and return its animation.
 
     Parameters
     ----------
     text
-        The scene.
+        The scene, or the file of a user-defined system.
     samples
         Number of frames.
     options
@@ -50,7 +50,7 @@ def film_of(text: SceneText, samples: int, **options: Any) -> Film:
     SceneError, BuildError, CacheError, SimulationError
         As for building and running the scene.
     """
-    drawn = drawn_scene(text)
+    drawn = _drawn(text)
     model = _built(drawn)
     result = drawn.view.filmed(model, samples, **options)
     if stops(result):  # there and back
@@ -60,13 +60,13 @@ def film_of(text: SceneText, samples: int, **options: Any) -> Film:
     return Film(_shown(result, drawn.plotted), sketches, words, _shown(result, drawn.arrows).shown)
 
 
-def film_of_mode(text: SceneText, number: int, angle: float | None, samples: int) -> Film:
+def film_of_mode(text: SceneText | str, number: int, angle: float | None, samples: int) -> Film:
     """Return the animation of a mode of vibration over one period.
 
     Parameters
     ----------
     text
-        The scene.
+        The scene, or the file of a user-defined system.
     number
         Number of the mode, from 1.
     angle
@@ -79,7 +79,7 @@ def film_of_mode(text: SceneText, number: int, angle: float | None, samples: int
     SceneError, BuildError, CacheError, ModelError
         As for building the scene and its modes, and for a mode that does not vibrate.
     """
-    of = drawn_scene(text)
+    of = _drawn(text)
     model = _built(of)
     phases = np.linspace(0.0, 2 * np.pi, samples)
     sketches, hertz, words = of.view.vibrating(of.resolved, model, number, angle, phases)
@@ -103,7 +103,7 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
     if count(frames, "frames") < 2:
         raise ModelError(f"expected at least 2 frames, got {frames}")
     model, verb, arguments = result.origin
-    of = drawn_scene(_scene_of(model))
+    of = _drawn(model.source.scene)
     built = _built(of, model.parameters, model.source.options[0])
     rows = np.arange(0, result.count, max(1, math.ceil((result.count - 1) / (frames - 1))))
     poses = _thinned(of.view.repeated(built, verb, arguments, result), rows)
@@ -133,12 +133,9 @@ def _thinned(result: Result, rows: NDArray[np.intp]) -> Result:
     )
 
 
-def _scene_of(model: Any) -> SceneText:
-    """Return the scene of a model; raise ModelError for user-defined systems."""
-    text = model.source.scene
-    if not isinstance(text, SceneText):
-        raise ModelError(f"{model.name} is a user-defined system: it has nothing to draw")
-    return text
+def _drawn(text: SceneText | str) -> Drawn:
+    """Return a scene, or a user-defined system, with the outputs of its pictures."""
+    return drawn_system(build_selected(text)) if isinstance(text, str) else drawn_scene(text)
 
 
 def _built(of: Drawn, parameters: Mapping[str, float] | None = None, backend: str = "auto") -> Any:
@@ -153,7 +150,7 @@ def _shown(result: Result, names: Sequence[str]) -> Result:
 
 
 def sheet_of(
-    text: SceneText,
+    text: SceneText | str,
     poses: Poses | None = None,
     *,
     of: Sequence[str] | None = None,
@@ -167,7 +164,7 @@ def sheet_of(
     Parameters
     ----------
     text
-        The scene.
+        The scene, or the file of a user-defined system.
     poses
         Gives the values of the input, or times [s], for a model; the beginning of the motion when absent.
     of
@@ -189,7 +186,7 @@ def sheet_of(
         As for building and running the scene.
     """
     size = _unit(unit) if unit else None
-    scene = drawn_scene(text)
+    scene = _drawn(text)
     model = _built(scene, parameters)
 
     def sketches(result: Result) -> list[Sketch]:
@@ -201,7 +198,7 @@ def sheet_of(
     drawn = motion[:1] if poses is None else sketches(scene.view.posed(model, *poses(model)))
     traces = traces_of(motion)
     for name in of or ():
-        check_known(name, traces, f"{text.name} has no moving point")
+        check_known(name, traces, f"{model.name} has no moving point")
     paths = traces if of is None else {name: traces[name] for name in of}
     return Sheet(model.description.title, drawn, paths, size or scene.view.unit(scene.resolved))
 
@@ -238,7 +235,7 @@ def draw(
     """Return a drawing of a model and write it to a file, if one is given; see ``Model.draw``."""
     over = over or ("input" if "kinematics" in model.capabilities else "time")
     poses = None if at is None else (lambda _: (reals(at, "at").tolist(), over))
-    sheet = sheet_of(_scene_of(model), poses, of=of, unit=unit, parameters=model.parameters)
+    sheet = sheet_of(model.source.scene, poses, of=of, unit=unit, parameters=model.parameters)
     if file is not None:
         sheet.save(file)
     return sheet

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +63,8 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
             f"expected the range of the slider of {wrong}, got other values\n"
             "  Write --vary KEY=LOW:HIGH, with units."
         )
-    text, resolved, view, places, plotted, arrows = drawn_scene(text)
+    recorded, resolved, view, places, plotted, arrows = drawn_scene(text)
+    text = cast("SceneText", recorded)
     model = build_selected(text, backend="c")
     code = exported(text)
     entries = [slot.name.partition(" ")[0] for slot in code.outputs]

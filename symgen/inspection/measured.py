@@ -23,8 +23,8 @@ _TELLING = ("energy drift", "constraint drift", "closed within", "estimated erro
 _REPEATS, _SAMPLES = 2, 11
 
 
-def measure(model: Any, text: SceneText, *, speed: bool, progress: Callable[[str], None]) -> Measured:
-    """Run a model over the range set in its scene, and measure speed against error."""
+def measure(model: Any, text: SceneText | None, *, progress: Callable[[str], None]) -> Measured:
+    """Run a model over its range, and measure speed against error of the scene ``text``, if given."""
     progress("running")
     view = view_of(model)
     failure: tuple[str, ...] = ()
@@ -42,7 +42,7 @@ def measure(model: Any, text: SceneText, *, speed: bool, progress: Callable[[str
     cost = view.cost(model, result)
     if cost:
         table, caption = cost
-    elif speed:
+    elif text is not None:
         progress("measuring speed against error")
         table, figure, caption = _speed(view, text)
     return Measured(

@@ -18,7 +18,7 @@ from symgen.lowering.program import lower_system
 from symgen.models.record import of_system
 from symgen.pipeline.build import build, build_scene
 from symgen.pipeline.subject import Subject
-from symgen.pipeline.user_system import load
+from symgen.pipeline.user_system import equations_of
 from symgen.report.page.drawing import Drawing, drawing
 from symgen.report.page.page import Fact, KernelRow, Measured, Page, StepView, example_in_c
 from symgen.report.page.views import elimination, matrix_view, shared_terms, symbols
@@ -57,7 +57,7 @@ def scene_page(text: SceneText, *, speed: bool, progress: Status) -> Page:
     subject = Subject.of(text)
     resolved, system = subject.resolved, subject.system
     view = view_of(resolved)
-    measured = measure(model, text, speed=speed, progress=progress)
+    measured = measure(model, text if speed else None, progress=progress)
     progress("drawing")
     drawn = drawing(view.sketch(resolved, model, measured.result))
     shown = (checked.about.strip(), view.facts(resolved, model), measured, drawn)
@@ -76,10 +76,18 @@ def system_page(file: Path, *, progress: Status) -> Page:
     progress("building")
     model = build(file)
     progress("deriving")
-    system, view = load(file).system, view_of(model)
+    system, view = equations_of(file), view_of(model)
     steps = (of_system(system),)
     code = _in_python(f'symgen.build("{file.name}")', view.example(model))
-    return _page(view, code, system, steps, "", view.facts(None, model), Measured(None), None)
+    measured, drawn = Measured(None), None
+    if "simulate" in model.capabilities:
+        measured = measure(model, None, progress=progress)
+        drawn = (
+            drawing(view.sketch(model, model, measured.result))
+            if getattr(model.description, "points", ())
+            else None
+        )
+    return _page(view, code, system, steps, "", view.facts(None, model), measured, drawn)
 
 
 def block_page(name: str, *, progress: Status) -> Page:

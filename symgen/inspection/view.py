@@ -159,10 +159,11 @@ class View:
 class Drawn(NamedTuple):
     """A scene that records what its animation draws and plots, and the names of these outputs.
 
-    ``arrows`` are forces that are drawn and not plotted.
+    ``text`` is the file of a user-defined system, ``resolved`` then its model. ``arrows`` are forces that are
+    drawn and not plotted.
     """
 
-    text: SceneText
+    text: SceneText | str
     resolved: Any
     view: View
     places: Sequence[str]
@@ -190,6 +191,13 @@ def drawn_scene(text: SceneText) -> Drawn:
     analysis = {**text.data.get("analysis", {}), "outputs": recorded}
     text = SceneText(text.name, text.file, {**view.recorded(resolved, text.data), "analysis": analysis})
     return Drawn(text, resolved, view, places, plotted, arrows)
+
+
+def drawn_system(model: Any) -> Drawn:
+    """Return a user-defined system with the outputs of its animation; raise ModelError without points."""
+    view = view_of(model)
+    places = view.drawn_outputs(model)
+    return Drawn(model.source.scene, model, view, places, view.plotted_outputs(model), ())
 
 
 def view_of(subject: Any) -> View:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import ModelError, SceneError
+from symgen.models.general.equations import equations_of
 from symgen.models.rods import outputs
 from symgen.models.rods.linearised import analysis_of, constraint_slopes, linearised, slopes_by
 from symgen.models.rods.linkage import RodsModel
@@ -81,7 +82,7 @@ def variation_system(linkage: Linkage) -> System:
     ModelError
         For an output that the linkage does not have.
     """
-    model = RodsModel(linkage)
+    model = equations_of(linkage)
     entries = _outputs(model)
     equations, work = _equations(model)
     state = [*(x.symbol for x in model.coordinates), *(x.symbol for p in model.free for x in model.u[p])]
@@ -111,7 +112,7 @@ def vibration_system(linkage: Linkage) -> System:
     constraint Jacobian, lists of nonzero entries; ``slopes``, their derivatives by coordinates, multipliers
     and tunable parameters, called by the matrix, the row and column of the entry, and the argument.
     """
-    model = RodsModel(linkage)
+    model = equations_of(linkage)
     bound = [model.multipliers[c.name] for c in model.constraints]
     pencil = [*linearised(model, model.constraints)]
     if model.constraints:
@@ -185,7 +186,7 @@ def _slopes(model: RodsModel, rows: Sequence[Rows], arguments: Sequence[sp.Symbo
 
 
 def _system(linkage: Linkage, kind: str, parameters: Sequence[Quantity]) -> System:
-    model = RodsModel(linkage)
+    model = equations_of(linkage)
     entries = _outputs(model) + (_gaps(model) if kind == "sensitivity" else [])
     equations, work = _equations(model)
     rows = [*equations[: 3 if kind == "sensitivity" else 2], _of_outputs(entries)]

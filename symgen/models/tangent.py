@@ -5,7 +5,7 @@ multipliers that solve the equations of motion change with the state as
 
     [M J^T; J 0] d[a; lambda]/dq = dR/dq   and   [M J^T; J 0] d[a; lambda]/du = dR/du,
 
-with the same matrix on the left that the kernels 'factor' and 'solve' have. M does not depend on q.
+with the same matrix on the left that the kernels 'factor' and 'solve' have.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
+from symgen.models.general.equations import equations_of
 from symgen.models.rods.linearised import analysis_of, slopes_by, stiffness_row
 from symgen.models.rods.linkage import Gradient, RodsModel
 from symgen.models.rods.matrix import named
@@ -32,7 +33,7 @@ def tangent_system(linkage: Linkage) -> System:
     by the unknown of its row and the coordinate or rate of its column, ``A_a_x B_y``; one that is all zero is
     omitted.
     """
-    model = RodsModel(linkage)
+    model = equations_of(linkage)
     positions = [x.symbol for x in model.coordinates]
     rates = [x.symbol for p in model.free for x in model.u[p]]
     matrices = []
@@ -61,7 +62,14 @@ def _unknowns(model: RodsModel) -> list[str]:
 def _by_positions(model: RodsModel) -> list[Gradient]:
     """Return the rows of dR/dq: minus the stiffness, then the slopes of gamma - J a."""
     gradient, acceleration_of = model.calculus.gradient, model.acceleration_of
-    forces = [chained([(-ONE, stiffness_row(model, x.symbol, model.constraints))]) for x in model.coordinates]
+    forces = []
+    for x in model.coordinates:
+        inertia = (
+            (-acceleration_of[y], gradient(m))
+            for y, m in model.mass_rows.get(x.symbol, {}).items()
+            if not m.is_number
+        )
+        forces.append(chained([(-ONE, stiffness_row(model, x.symbol, model.constraints)), *inertia]))
     bound = []
     for gamma, row in zip(model.acceleration_rhs, model.jacobian, strict=True):
         moved = (

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from symgen.calls import checked
-from symgen.errors import ModelError, SlowBackendWarning
+from symgen.errors import ModelError, SceneError, SlowBackendWarning
 from symgen.methods import method_of
 from symgen.pipeline import parameters as tuning
 from symgen.pipeline.analysis import kernels_of_analysis
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from symgen.runtime.model.kinematic import KinematicModel
     from symgen.runtime.model.model import Model
     from symgen.runtime.model.rods import RodModel
-    from symgen.runtime.model.system import SystemModel
+    from symgen.runtime.model.system import GeneralModel, SystemModel
     from symgen.runtime.rotor.model import RotorModel
     from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage
@@ -123,8 +123,21 @@ def is_kinematic(model: Model) -> bool:
 def build_selected(
     scene: Scene | SceneText | str | os.PathLike[str], *, set: Mapping[str, Any] | None = None, **options: Any
 ) -> _Mechanism:
-    """Build a scene, like :func:`build`, with the analysis that the scene selects."""
-    return _of_scene(scene, tuple({**_USUAL, **options}.values()), set)
+    """Build a scene, like :func:`build`, with the analysis that the scene selects.
+
+    Raises
+    ------
+    SceneError
+        For a user-defined system that does not move.
+    """
+    model = _built(scene, tuple({**_USUAL, **options}.values()), set)
+    if model.description.method == "system":
+        raise SceneError(
+            f"expected a scene, got the Python file {str(scene)!r}, which describes no motion",
+            hint="Give its System values of parameters and of the start: values={...}. 'symgen generate', "
+            "'build', 'show', 'accuracy' and 'diff' take it as it is, and symgen.build.",
+        )
+    return cast("_Mechanism", model)
 
 
 def build_kinematics(
@@ -137,9 +150,9 @@ def build_kinematics(
 
     A linkage is derived without forces. The closure of a loop has its forces with it.
     """
-    text = text_of(scene)
-    if "loop" in text.data:
-        return build_selected(text, set=set, backend=backend)
+    text = None if is_user_file(scene) else text_of(scene)
+    if text is None or "loop" in text.data:
+        return build_selected(text or scene, set=set, backend=backend)
     changes, analysis = dict(set or {}), text.data.get("analysis", {})
     if isinstance(analysis, dict) and changes.pop("analysis.kind", analysis.get("kind")) != "kinematics":
         alone = {"kind": "kinematics", "outputs": []}
@@ -175,13 +188,21 @@ def _of_scene(scene: Any, options: _Options, set_: Mapping[str, Any] | None) -> 
     return model.with_parameters(**values)
 
 
-def _user_model(path: str, options: _Options, set_: Mapping[str, Any] | None) -> SystemModel:
+def _user_model(path: str, options: _Options, set_: Mapping[str, Any] | None) -> SystemModel | GeneralModel:
     from symgen.pipeline.user_model import build_user
 
     tools = tools_for(*options)
-    if set_ or tools.digits or tools.precision != FLOAT64:
-        raise ModelError(f"{path} is no scene: it has no values to set, and is computed in {FLOAT64.name}")
-    return build_user(Path(path), tools, Source(str(Path(path).resolve()), options, _equations, _built))
+    if tools.digits or tools.precision != FLOAT64:
+        raise ModelError(f"{path} is no scene: it is computed in {FLOAT64.name}")
+    source = Source(str(Path(path).resolve()), options, _equations, _built)
+    model = build_user(Path(path), tools, source, _of_resolved)
+    if not set_:
+        return model
+    if model.description.method == "system":
+        raise ModelError(f"{path} is no scene: its System has no values to set")
+    texts = {name: value for name, value in set_.items() if isinstance(value, str)}
+    known = tuning.in_si(model, texts, path) if texts else {}
+    return model.with_parameters(**{**set_, **known})
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from symgen.methods import method_of
 
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program
+    from symgen.models.general.equations import GeneralSystem
     from symgen.runtime.kernels.description import Description, LoopDescription
     from symgen.runtime.kernels.elastic_description import ElasticInfo
     from symgen.runtime.kernels.library import Library
@@ -207,6 +208,14 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         },
         drawn=sum(not p.hidden for p in linkage.points),
     )
+
+
+def of_general(system: GeneralSystem, program: Program, equations: str) -> Description:
+    """Return the description of a user-defined system that moves, still without its start."""
+    d = of_linkage(system, program, equations)
+    slots = {name: tuple(s.name for s in slots) for name, _, slots in program.groups}
+    blocks = {b.name: b for k in program.kernels if k.name == "points" for b in k.blocks}
+    return replace(d, free=slots["q"], rates=slots["u"], points=blocks["positions"].rows, drawn=0, size=1.0)
 
 
 def of_rotor(rotor: RotorScene, program: Program, equations: str) -> RotorDescription:

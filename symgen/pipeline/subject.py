@@ -20,7 +20,7 @@ from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
 from symgen.pipeline.citations import PAPERS, as_equation, citation, citing, elsewhere
 from symgen.pipeline.systems import momentum_of, system_of
-from symgen.pipeline.user_system import is_user_file, load
+from symgen.pipeline.user_system import equations_of, is_user_file
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
@@ -129,7 +129,7 @@ class Subject:
         """The system of the model itself."""
         if self.is_block:
             return BLOCKS[self.name]()
-        return system_of(self.resolved) if self.is_scene else load(Path(self.name)).system
+        return system_of(self.resolved) if self.is_scene else equations_of(Path(self.name))
 
     @cached_property
     def further(self) -> dict[str, System]:

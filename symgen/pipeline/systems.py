@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from symgen.calls import checked
 from symgen.errors import DerivationError, ModelError, SceneError
 from symgen.methods import method_of
-from symgen.pipeline.user_system import is_user_file, load
+from symgen.pipeline.user_system import equations_of, is_user_file
 from symgen.scene.loading import SceneText, check_scene, text_of
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def derive(scene: Scene | SceneText | str | os.PathLike[str], *, cut: Sequence[s
             raise ModelError(f"{scene} is not a scene: it has no joints to cut, and no momentum rows")
         return momentum_of(resolve(check_scene(text_of(scene))), cut)
     if is_user_file(scene):
-        return load(Path(str(scene))).system
+        return equations_of(Path(str(scene)))
     if isinstance(scene, str) and scene in BLOCKS:
         return BLOCKS[scene]()
     return system_of(resolve(check_scene(text_of(scene))))

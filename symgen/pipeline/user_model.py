@@ -10,22 +10,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.pipeline.user_system import load, name_of
+from symgen.pipeline.analysis import kernels_of_analysis
+from symgen.pipeline.user_system import general_system_of, load, name_of
 from symgen.scene.loading import SceneText
 from symgen.toolchain.fingerprint import fingerprint
 from symgen.toolchain.kernels import Tools
 
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program, Slot
+    from symgen.models.general.equations import GeneralSystem
+    from symgen.pipeline.source import Source
     from symgen.runtime.beams.data import BeamInfo
-    from symgen.runtime.kernels.description import SystemDescription
-    from symgen.runtime.model.system import SystemModel
-    from symgen.symbolic.system import System
-    from symgen.toolchain.dependencies import Needs
+    from symgen.runtime.kernels.library import Library
+    from symgen.runtime.kernels.system_description import SystemDescription
+    from symgen.runtime.model.system import GeneralModel, SystemModel
 
 
-def build_user(path: Path, tools: Tools, equations: Callable[[], Any]) -> SystemModel:
-    """Return the kernels of the System that a Python file returns; ``equations`` derives its matrices.
+#: Resolved scene, settings and a folder -> description and kernels.
+Compiled = Callable[["GeneralSystem", Tools, Path], "tuple[Any, Library]"]
+
+
+def build_user(path: Path, tools: Tools, equations: Source, compiled: Compiled) -> SystemModel | GeneralModel:
+    """Return the model of the System that a Python file returns; ``equations`` derives its matrices.
+
+    ``compiled`` compiles the kernels of a System that moves.
 
     Raises
     ------
@@ -36,7 +44,27 @@ def build_user(path: Path, tools: Tools, equations: Callable[[], Any]) -> System
     """
     user = cache(lambda: load(path))
     text = SceneText(name_of(path), str(path.resolve()), {})
-    return _built(text, path.name, tools, lambda: user().system, lambda: user().needs, equations)
+
+    def make(folder: Path) -> tuple[Any, Library]:
+        system = user().system
+        if system.values is None:
+            return tools.built(folder, lambda: system, partial(_described, path.name))
+        return compiled(general_system_of(system, path.name), tools, folder)
+
+    description, library = tools.cached(text, "own", make, lambda: user().needs)
+    if description.method != "general":
+        from symgen.runtime.model.system import SystemModel
+
+        return SystemModel(description, library, equations)
+    from symgen.runtime.model.system import GeneralModel
+
+    def analysis(kind: str, _: bool, outputs: tuple[str, ...], lanes: bool = False) -> tuple[Any, Library]:
+        def resolved() -> GeneralSystem:
+            return general_system_of(user().system, path.name)
+
+        return kernels_of_analysis(text, tools, description, kind, outputs, resolved, lanes=lanes)
+
+    return GeneralModel(description, library, equations, analyses=cache(analysis))
 
 
 def definition_of(element: str) -> str:
@@ -79,30 +107,18 @@ class _Module:
 def _element(name: str, tools: Tools) -> SystemModel:
     from symgen.elements import ELEMENTS
     from symgen.models.elastic.element import elastic_element_system
+    from symgen.runtime.model.system import SystemModel
 
     element = ELEMENTS[name]
     derive = partial(elastic_element_system, element)
     text = SceneText(f"element_{name}", "", {})
-    return _built(text, "", tools, derive, dict, lambda: derive().by_name())
-
-
-def _built(
-    text: SceneText,
-    file: str,
-    tools: Tools,
-    derive: Callable[[], System],
-    read: Callable[[], Needs],
-    matrices: Callable[[], Any],
-) -> SystemModel:
-    from symgen.runtime.model.system import SystemModel
-
-    make = partial(tools.built, system=derive, describe=partial(_described, file))
-    description, library = tools.cached(text, "own", make, read)
-    return SystemModel(description, library, matrices)
+    make = partial(tools.built, system=derive, describe=partial(_described, ""))
+    return SystemModel(*tools.cached(text, "own", make), lambda: derive().by_name())
 
 
 def _described(file: str, program: Program, equations: str) -> SystemDescription:
-    from symgen.runtime.kernels.description import ArrayInfo, SystemDescription, kernel_infos
+    from symgen.runtime.kernels.description import kernel_infos
+    from symgen.runtime.kernels.system_description import ArrayInfo, SystemDescription
 
     def info(about: str, slots: tuple[Slot, ...]) -> ArrayInfo:
         return ArrayInfo(about, tuple(s.name for s in slots), tuple(s.unit for s in slots))

@@ -20,6 +20,7 @@ from symgen.errors import CONTROL, DerivationError, shown
 from symgen.toolchain import dependencies as graph
 
 if TYPE_CHECKING:
+    from symgen.models.general.equations import GeneralSystem
     from symgen.symbolic.system import System
 
 _FUNCTION = "system"
@@ -60,6 +61,21 @@ def load(path: Path) -> UserFile:
     for neighbour in imported:
         read = {**read, **graph.of_file(neighbour)}
     return UserFile(system, read)
+
+
+def general_system_of(system: System, file: str) -> GeneralSystem:
+    """Return the mechanism of a System that moves; raise DerivationError where it is not complete."""
+    from symgen.models.general.equations import general_system_of as stated
+
+    return stated(system, file)
+
+
+def equations_of(path: Path) -> System:
+    """Return the System of a user's file; of one that moves, with all that follows from it."""
+    from symgen.models.general.system import general_system
+
+    system = load(path).system
+    return system if system.values is None else general_system(general_system_of(system, path.name))
 
 
 def _run(path: Path) -> Any:
@@ -128,7 +144,8 @@ def _checked(path: Path, system: Any) -> System:
     for text in _texts(system):
         if not isinstance(text, str) or re.search(f"[{CONTROL}]", text):
             raise DerivationError(f"{path}: expected a text without control characters, got {shown(text)}")
-    if not any(e.matrices for e in system.exports) and system.saddle_point is None:
+    moves = system.values is not None
+    if not moves and not any(e.matrices for e in system.exports) and system.saddle_point is None:
         raise DerivationError(f"{path}: the system exports no kernel: name the matrices of one in 'exports'")
     return system
 

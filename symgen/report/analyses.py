@@ -115,13 +115,16 @@ def print_modes(analyses: Sequence[Modes], model: Any, console: Console) -> None
     if len(modes) > MODES:
         console.print(f"and {len(modes) - MODES} more modes: --json lists all")
     moving = [p for p in modes[0].shape if any(np.any(m.shape[p]) for m in modes.modes)]
+    of_points = not model.description.rates
+    axes = [f".{axis}" for axis in "xyz"[: len(model.description.axes)]] if of_points else [""]
     shapes = [
-        (f"{p}.{axis}", *(f"{_rounded(m.shape[p])[i]:.4g}" for m in modes.modes[:MODES]))
+        (f"{p}{axis}", *(f"{_rounded(np.atleast_1d(m.shape[p]))[i]:.4g}" for m in modes.modes[:MODES]))
         for p in moving
-        for i, axis in enumerate("xyz"[: len(model.description.axes)])
+        for i, axis in enumerate(axes)
     ]
     numbers = [str(i + 1) for i in range(min(MODES, len(modes)))]
-    console.print(table("Shapes in m/sqrt(kg), for unit modal mass", ("point", *numbers), shapes))
+    of = ("Shapes in m/sqrt(kg)", "point") if of_points else ("Shapes", "coordinate")
+    console.print(table(f"{of[0]}, for unit modal mass", (of[1], *numbers), shapes))
 
 
 def _rounded(shape: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ cdef extern from "core/start_lanes.h" nogil:
 
     cdef struct start_sizes:
         Py_ssize_t n, m, rows, prescribed, points, axes, work, out
-        double tolerance, share
+        double tolerance, share, size
 
     enum start_status:
         _STARTED "STARTED"

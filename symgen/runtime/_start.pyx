@@ -54,7 +54,7 @@ cdef class Starter:
         self.functions.metric = kernel_of(addresses, "metric")
         self.sizes.n, self.sizes.m = d.coordinates, len(d.constraints)
         at_least("coordinates", q.shape[0], self.sizes.n)
-        self.sizes.tolerance, self.sizes.share = d.assembly_tolerance, share
+        self.sizes.tolerance, self.sizes.share, self.sizes.size = d.assembly_tolerance, share, d.size
         for name in ("assembly", "points", "constraints", "constraint_jacobian", "velocity_constraints",
                      "start_velocity", "mass_matrix", "start_momentum", "metric"):
             info = evaluator.find(name)

@@ -75,8 +75,9 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     text, path = os.fspath(source), scene_path(source)
     if path.suffix == ".py":
         raise SceneError(
-            f"expected a scene, got the Python file {text!r}, which describes no motion",
-            hint="'symgen generate', 'build', 'show', 'accuracy' and 'diff' take it, and symgen.build.",
+            f"expected a scene, got the Python file {text!r}",
+            hint="'symgen generate', 'build', 'show', 'report', 'accuracy' and 'diff' take it, and "
+            "symgen.build; the analyses take it where its System has values.",
         )
     try:
         with path.open("rb") as stream:

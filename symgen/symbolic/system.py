@@ -138,7 +138,9 @@ class SaddlePoint:
 class System:
     """Everything derived for one model.
 
-    ``constants`` are the letters of the scene with their values, ``absent`` those that are zero.
+    ``constants`` are the letters of the scene with their values, ``absent`` those that are zero. A System of
+    a user that moves has ``values``: those of its parameters, and of coordinates and rates at the start, by
+    name; coordinates without a value are zero.
 
     ``sources`` lists patterns of names of matrices with their equations in the source; the first that matches
     becomes the source of a matrix that states none. Where nothing matches, it is not in the source.
@@ -161,6 +163,7 @@ class System:
     sources: tuple[tuple[str, str], ...] = ()
     constants: tuple[Definition, ...] = ()
     absent: tuple[str, ...] = ()
+    values: Mapping[str, float] | None = None
     _index: dict[str, NamedMatrix] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

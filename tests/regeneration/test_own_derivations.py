@@ -193,7 +193,7 @@ def test_commands(model):
 
 def test_the_example_of_the_page(tmp_path):
     page = (Path(__file__).parents[2] / "docs" / "regeneration.md").read_text()
-    (example,) = (text for text in re.findall(r"```python\n(.*?)```", page, re.S) if "def system" in text)
+    example, _ = (text for text in re.findall(r"```python\n(.*?)```", page, re.S) if "def system" in text)
     file = tmp_path / "my_model.py"
     file.write_text(example)
     found = symgen.build(file).evaluate("motion", q=[0.3], p=[1.0, 0.5, 9.81])

@@ -54,7 +54,7 @@ class Constraint:
     @property
     def multiplier_unit(self) -> str:
         """Unit of the Lagrange multiplier: force times length over the constraint's unit."""
-        return {"m^2": "N/m", "m": "N"}[self.unit]
+        return {"m^2": "N/m", "m": "N"}.get(self.unit, "SI")
 
 
 def _lengths(model: Points) -> Iterator[Constraint]:

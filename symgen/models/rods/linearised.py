@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import sympy as sp
 
 from symgen.mechanics.sources import NONE, Sources
+from symgen.models.general.equations import equations_of
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linkage import REFERENCE, Gradient, RodsModel
 from symgen.models.rods.matrix import named
@@ -29,7 +30,7 @@ from symgen.models.rods.system import (
     slope_unit,
     with_ground,
 )
-from symgen.scene.rods.linkage import TIME, Linkage
+from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.calculus import ONE, ZERO, chained, partial
 from symgen.symbolic.names import Names
 from symgen.symbolic.system import Definition, Export, NamedMatrix, System
@@ -41,7 +42,7 @@ def kinematics_system(linkage: Linkage) -> System:
     Each drive is a matrix of one entry: ``LINK.angle`` [rad], ``LINK.length`` [m] or, for moving ground,
     ``POINT.x`` [m], as a function of time.
     """
-    model = RodsModel(linkage)
+    model = equations_of(linkage)
     matrices, exports = driven_motion(model)
     matrices += constraints(model) if model.constraints else ()
     matrices += [m for m in places(model) if m.name in POINTS.matrices]
@@ -102,7 +103,7 @@ def statics_system(linkage: Linkage) -> System:
     column, ``A_x B_y``; a zero matrix is omitted. ``metric`` is the whole metric of small motions, unless it
     is the identity.
     """
-    model = RodsModel(linkage)
+    model = equations_of(linkage)
     names = [x.name for x in model.coordinates]
     matrices = [named(model, "force", model.applied, "N", "applied forces, f", rows=names)]
     matrices += [*linearised(model, model.constraints), *metric_of(model)]
@@ -176,15 +177,8 @@ def analysis_of(
 
 def drives(model: RodsModel) -> Iterator[NamedMatrix]:
     """Yield the prescribed angles, lengths and positions as functions of time."""
-    for driver in model.linkage.drivers:
-        yield named(model, f"{driver.link}.angle", [driver.angle], "rad", f"driven angle of {driver.link}")
-    for rod in model.rods:
-        if TIME.symbol in rod.length.free_symbols:
-            yield named(model, f"{rod.name}.length", [rod.length], "m", f"driven length of {rod.name}")
-    for name in model.ground:
-        for axis, place in zip(model.axes, model.linkage.point(name).motion, strict=True):
-            if TIME.symbol in place.free_symbols:
-                yield named(model, f"{name}.{axis}", [place], "m", f"driven {axis} of {name}")
+    for name, value, unit, about in model.drives():
+        yield named(model, name, [value], unit, about)
 
 
 def stiffness_row(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) -> Gradient:

@@ -6,7 +6,7 @@ form [M J^T; J 0] [a; lambda] = [f; gamma] with the middle particle of each rod 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 
 import sympy as sp
@@ -19,7 +19,7 @@ from symgen.models.rods.joint_forces import JointForces
 from symgen.scene.rods.linkage import TIME, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO, chained
 from symgen.symbolic.constants import vanishes
-from symgen.symbolic.quantity import Quantity
+from symgen.symbolic.quantity import Entries, Quantity
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
@@ -286,6 +286,22 @@ class RodsModel(ConstrainedPoints):
         """
         evened = self.joint_forces.by_ground(point) if self.linkage.bodies else (ZERO,) * len(self.axes)
         return tuple(sp.Add(*c) for c in zip(self.residual(point), evened, strict=True))
+
+    def drives(self) -> Iterator[tuple[str, sp.Expr, str, str]]:
+        """Yield what is prescribed as a function of time: its name, value, unit and description."""
+        for driver in self.linkage.drivers:
+            yield f"{driver.link}.angle", driver.angle, "rad", f"driven angle of {driver.link}"
+        for rod in self.rods:
+            if TIME.symbol in rod.length.free_symbols:
+                yield f"{rod.name}.length", rod.length, "m", f"driven length of {rod.name}"
+        for name in self.ground:
+            for axis, place in zip(self.axes, self.linkage.point(name).motion, strict=True):
+                if TIME.symbol in place.free_symbols:
+                    yield f"{name}.{axis}", place, "m", f"driven {axis} of {name}"
+
+    def own_output(self, name: str) -> Entries | None:
+        """Return scalars, unit and description of an output of no point or link; None for others."""
+        return None
 
     def rod(self, name: str) -> RigidLink | None:
         """Return the moving link of this name, if there is one."""

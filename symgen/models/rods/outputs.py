@@ -302,6 +302,9 @@ def entries(model: RodsModel, name: str) -> Entries:
 
 
 def _entries(model: RodsModel, name: str) -> Entries:
+    own = model.own_output(name)
+    if own is not None:
+        return own
     owner, _, word = name.rpartition(".")
     if word in ELSEWHERE:
         raise SceneError(f"there is no output {name!r}", hint=ELSEWHERE[word])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -16,12 +17,15 @@ if TYPE_CHECKING:
 SPREAD = 1e6
 
 
-def refinement(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
+def refinement(
+    model: RodsModel, masses: Sequence[float] | None = None
+) -> tuple[list[NamedMatrix], list[Export]]:
     """Return matrix and kernel ``residual`` of [M J^T; J 0] [a; lambda] = [f; gamma], if they are needed.
 
-    The masses and lengths are those of the scene: tunable parameters at their defaults.
+    The masses and lengths are those of the scene: tunable parameters at their defaults. ``masses`` are those
+    on the diagonal of a mass matrix that depends on the coordinates, at the start.
     """
-    if not _spread(model):
+    if not _spread(model, masses):
         return [], []
     about = "residual of the equations of motion for the accelerations and multipliers in work"
     rows = [x.name for x in model.coordinates] + [c.name for c in model.constraints]
@@ -40,13 +44,14 @@ def residual(model: RodsModel) -> list[sp.Expr]:
     ]
 
 
-def _spread(model: RodsModel) -> bool:
+def _spread(model: RodsModel, masses: Sequence[float] | None) -> bool:
     number, free = model.linkage.number, {x.symbol for x in model.coordinates}
-    masses = [abs(number(e)) for (i, j), e in model.mass_entries.items() if i == j and i in free]
+    if masses is None:
+        masses = [abs(number(e)) for (i, j), e in model.mass_entries.items() if i == j and i in free]
     lengths = [number(k.length) for k in model.rods]
     return _ratio(masses) > SPREAD or _ratio(lengths) > SPREAD**0.5
 
 
-def _ratio(values: list[float]) -> float:
+def _ratio(values: Sequence[float]) -> float:
     positive = [v for v in values if v > 0]
     return max(positive) / min(positive) if positive else 1.0

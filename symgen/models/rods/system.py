@@ -188,12 +188,12 @@ _OF_CONSTRAINT = {"m^2": ("m^2", "m^2/s", "m^2/s^2", "m"), "m": ("m", "m/s", "m/
 def _unit_of_constraints(model: RodsModel, which: int) -> str:
     units = {c.unit for c in model.constraints}
     both = ["m^2", "m"] if len(units) != 1 else units
-    return ", ".join(_OF_CONSTRAINT[x][which] for x in both)
+    return ", ".join(_OF_CONSTRAINT.get(x, (x, "SI", "SI", "SI"))[which] for x in both)
 
 
 def places(model: RodsModel) -> list[NamedMatrix]:
     """Return positions, velocities and accelerations of all points."""
-    points = [p.name for p in model.linkage.points]
+    points = model.points
     return [
         named(
             model,

@@ -27,6 +27,7 @@ struct start_sizes {
     ptrdiff_t work, out;    /* numbers of work memory and of results of the largest kernel */
     double tolerance;       /* assembly tolerance [m], if it exceeds `share` of the size of the linkage */
     double share;
+    double size;            /* of a linkage without a drawing [m]; 0 otherwise */
 };
 
 /* The largest assembly tolerance over the size of the linkage. */

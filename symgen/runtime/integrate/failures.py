@@ -31,10 +31,11 @@ def problem(
 ) -> str:
     """Return the message for a run that ended with this status: time, cause, remedy and last state."""
     description = evaluator.description
-    free, axes = description.free, description.axes
+    free, width = description.free, 1 if description.rates else len(description.axes)
     at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
+    unit = "" if description.rates else " m"
     points = ", ".join(
-        f"{p} ({', '.join(f'{x:.6g}' for x in stepper.state[i * len(axes) : (i + 1) * len(axes)])}) m"
+        f"{p} ({', '.join(f'{x:.6g}' for x in stepper.state[i * width : (i + 1) * width])}){unit}"
         for i, p in enumerate(free[:8])
     )
     where = f"State: {points}."

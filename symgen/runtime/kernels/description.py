@@ -157,6 +157,8 @@ class Description(Described):
     ``links`` holds the points of each link, ``labels`` the constraints in messages. ``steady`` are ground
     points and drives of constant velocity, ``prescribed`` constraints of drives. ``inputs``, external
     signals, are the last tunable parameters. ``kinematic``: no dynamics; ``selects``: it selects outputs.
+    Of a user-defined system ``free`` names the coordinates, ``rates`` their rates, and ``size`` [m] takes the
+    place of that of a drawing.
     ``lugs`` are rigid joints of points off elastic links, with points on the line ("" if named). ``drawn`` is
     the number of points of the scene, the first. ``first_pivot`` is a place in ``work`` of 'factor'.
     """
@@ -190,12 +192,14 @@ class Description(Described):
     inputs: tuple[str, ...] = ()
     lugs: dict[str, str] = field(default_factory=dict)
     drawn: int = 0
+    rates: tuple[str, ...] = ()
+    size: float = 0.0
 
     @property
     def method(self) -> str:
-        """``elastic`` with elastic links, ``spatial`` with those in space, else ``rods``."""
+        """``elastic`` with elastic links, ``spatial`` in space; ``general`` of a user's; else ``rods``."""
         if not self.elastic:
-            return "rods"
+            return "general" if self.rates else "rods"
         return "elastic" if len(self.axes) == 2 else "spatial"
 
     @property
@@ -211,7 +215,7 @@ class Description(Described):
     @property
     def coordinates(self) -> int:
         """Number of coordinates."""
-        return len(self.free) * len(self.axes)
+        return len(self.free) * (1 if self.rates else len(self.axes))
 
     @property
     def freedom(self) -> int:
@@ -230,11 +234,20 @@ class Description(Described):
 
     def of_coordinates(self, rate: str = "") -> list[str]:
         """Return the names of the coordinates in labels; of their rates with "v", accelerations with "a"."""
+        if self.rates:
+            return list({"": self.free, "v": self.rates}.get(rate, [f"{name}_{rate}" for name in self.free]))
         return [f"{point}_{rate}{axis}" for point in self.free for axis in self.axes]
+
+    @property
+    def coordinate_outputs(self) -> list[str]:
+        """Names of the outputs that are the coordinates."""
+        return list(self.free) if self.rates else [f"{p}.position.{x}" for p in self.free for x in self.axes]
 
     def unknown(self, index: int) -> str:
         """Return the name of an unknown of the equations of motion in messages."""
         axes, n = self.axes, self.coordinates
+        if index < n and self.rates:
+            return f"the coordinate {self.free[index]}"
         if index < n:
             return f"the {axes[index % len(axes)]} motion of point {self.free[index // len(axes)]}"
         return self.labels[index - n]
@@ -344,42 +357,6 @@ class LoopDescription(Described):
         """Return variable, row, joint and link of a variable as messages name them."""
         v = self.variables[index]
         return f"{v.name} of row {v.row + 1} (joint {self.joints[v.row]}, link {self.links[v.row]})"
-
-
-@dataclass(frozen=True, slots=True)
-class ArrayInfo:
-    """An argument array: its purpose, and name and unit of each entry."""
-
-    about: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class SystemDescription(Described):
-    """Runtime data of a user-defined system: its argument arrays by name."""
-
-    method: ClassVar[str] = "system"
-    arrays: dict[str, ArrayInfo]
-
-    def size(self, array: str) -> int:
-        """Return the number of entries of an argument array; 0 if there is no such array."""
-        return len(self.arrays[array].names) if array in self.arrays else 0
-
-    @property
-    def coordinates(self) -> int:
-        """Number of entries of q."""
-        return self.size("q")
-
-    @property
-    def extent(self) -> str:
-        """Sizes of the arrays of arguments, in words."""
-        return ", ".join(f"{name}[{len(array.names)}]" for name, array in self.arrays.items())
-
-    @property
-    def sizes(self) -> tuple[int, int, int, int]:
-        """Number of doubles in the arrays t, q, u and p of every kernel."""
-        return 1, self.size("q"), self.size("u"), self.size("p") + self.derived + 1
 
 
 def kernel_infos(kernels: Iterable[Any]) -> tuple[KernelInfo, ...]:

@@ -291,9 +291,8 @@ def _places(
 ) -> list[NDArray[np.int_]]:
     """Return row, column and place of the slopes of residual, Phi, dPhi/dt and integrands."""
     d, n = kernels.description, start.n
-    points = [f"{p}_{{}}{axis}" for p in d.free for axis in d.axes]
-    state = [x.format(infix) for infix in ("", "v") for x in points]
-    unknowns = [*(x.format("a") for x in points), *(f"{c}_lambda" for c in d.constraints)]
+    state = [*d.of_coordinates(), *d.of_coordinates("v")]
+    unknowns = [*d.of_coordinates("a"), *(f"{c}_lambda" for c in d.constraints)]
     columns = {name: i for i, name in enumerate([*state, *unknowns, *parameters])}
     rows = {"residual": unknowns, "constraints": unknowns[n:], "rates": unknowns[n:], "outputs": integrands}
     entries: dict[str, list[tuple[int, int, int]]] = {name: [] for name in rows}

@@ -106,10 +106,10 @@ def at_equilibrium(
     _, sizes, right = np.linalg.svd(stiffness)
     if len(sizes) and sizes[-1] <= _NEUTRAL * max(sizes[0], float(np.max(np.abs(by_q)))):
         d, motion = tangents.description, tangents.free @ right[-1]
-        point, axis = divmod(int(np.argmax(np.abs(motion) > _MOST * np.max(np.abs(motion)))), len(d.axes))
+        name = d.coordinate_outputs[int(np.argmax(np.abs(motion) > _MOST * np.max(np.abs(motion))))]
         raise ModelError(
-            f"the equilibrium of {d.name} is neutral: no force determines "
-            f"{d.free[point]}.position.{d.axes[axis]}, so parameters do not determine how it moves\n"
+            f"the equilibrium of {d.name} is neutral: no force determines {name}, so parameters do not "
+            "determine how it moves\n"
             "  Add a spring or a drive; or hold independent coordinates: give equilibrium.state for at, with "
             "coordinates."
         )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, check_known
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -296,9 +296,12 @@ def derivatives(d: Description, coordinates: Sequence[str]) -> list[str]:
     Raises
     ------
     ModelError
-        For a name that is not that of a quantity of a point or a link.
+        For a name that is not that of a quantity of a point or a link, or of a user's coordinate.
     """
     for name in coordinates:
+        if d.rates:
+            check_known(name, d.free, f"{d.name} has no coordinate")
+            continue
         owner, dot, rest = name.partition(".")
         if not dot or owner not in (*d.points, *d.links) or rest in d.axes:
             links = f", or the angle of a link: {', '.join(d.links)}" if len(d.axes) == 2 else ""

@@ -230,8 +230,7 @@ class RodModel(LinkageModel):
             check_known(name, d.inputs, f"{self.name} has no input")
         if isinstance(at, float | int):
             at = self.reached(at)
-        positions = [f"{p}.position.{axis}" for p in d.free for axis in d.axes]
-        names = positions if coordinates is None else list(coordinates)
+        names = d.coordinate_outputs if coordinates is None else list(coordinates)
         requested = dict.fromkeys([*derivatives(d, names), *(outputs or ())])
         tangents = self._tangents(at, tuple(requested))
         shown = names if outputs is None else list(outputs)

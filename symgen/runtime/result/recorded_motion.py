@@ -61,8 +61,8 @@ def chosen_names(constraints: Constraints, of: Sequence[str] | None) -> dict[str
     ]
     links = {k: points for k, points in d.links.items() if k not in internal}
     turning = [k for k, points in links.items() if not set(points[:2]) <= set(d.ground)]
-    if of is None and d.kinematic and d.kernel("outputs"):
-        return {}  # the outputs that the scene selects
+    if of is None and (d.rates or (d.kinematic and d.kernel("outputs"))):
+        return {}  # the outputs that the scene, or the user's system, selects
     plane = turning if len(d.axes) == 2 else []
     known = [*d.points, *plane]
 
@@ -114,7 +114,7 @@ def recorded(
         for name, values in constraints.driving(samples.times).items()
     ]
     used_names = {x.name for x in variables}
-    if not chosen and d.kinematic:
+    if not chosen and (d.kinematic or d.rates):
         variables += [x for x in _requested(constraints, samples, along) if x.name not in used_names]
     turning = constraints.turning(samples) if {*chosen} & {*d.links} else {}
     variables += [x for x in of_names(d, chosen, along.counted, turning, r, v, a) if x.name not in used_names]

@@ -248,9 +248,9 @@ def _step(at: Linearised, slope: Array, radius: float, stable: bool) -> Array:
 
 
 def _none(d: Description, best: Linearised, far: bool) -> SimulationError:
-    pushed = np.linalg.norm(best.unbalanced.reshape(-1, len(d.axes)), axis=1)
+    pushed = np.linalg.norm(best.unbalanced.reshape(len(d.free), -1), axis=1)
     order = [int(i) for i in np.argsort(-pushed, kind="stable")[:3] if pushed[i] > 0]
-    points = ", ".join(f"{d.free[i]} by {pushed[i]:.3g} N" for i in order)
+    points = ", ".join(f"{d.free[i]} by {pushed[i]:.3g}{'' if d.rates else ' N'}" for i in order)
     if far:
         return SimulationError(
             "there is no equilibrium within reach: nothing holds the linkage, which is still pushed at "

@@ -176,16 +176,14 @@ def _separated(values: NDArray[Any], shapes: Array) -> Array:
 
 
 def _shape(evaluator: Evaluator, equilibrium: Equilibrium, motion: NDArray[Any]) -> dict[str, Array]:
-    """Return the displacement of every point, its largest component real and positive."""
+    """Return the displacement of every point or user's coordinate, its largest component positive."""
     state, d = equilibrium.state, evaluator.description
-    parts = [np.real(motion), np.imag(motion)]
-    moved = [
-        evaluator.blocks("points", state.t, state.q, np.ascontiguousarray(m))["velocities"] for m in parts
-    ]
+    parts = [np.ascontiguousarray(part) for part in (np.real(motion), np.imag(motion))]
+    moved = [x if d.rates else evaluator.blocks("points", state.t, state.q, x)["velocities"] for x in parts]
     shape = moved[0] + 1j * moved[1] if np.iscomplexobj(motion) else moved[0]
     flat = shape.ravel()
     largest = flat[int(np.argmax(np.abs(flat) > (1 - 1e-6) * np.max(np.abs(flat))))]
     shape = shape * (np.conj(largest) / abs(largest)) if largest else shape
     if np.iscomplexobj(shape) and np.max(np.abs(shape.imag)) <= 1e-9 * np.max(np.abs(shape)):
         shape = shape.real
-    return dict(zip(d.points, shape, strict=True))
+    return dict(zip(d.free if d.rates else d.points, shape, strict=True))

@@ -161,6 +161,8 @@ def _later(evaluator: Evaluator, q: Array, size: float) -> list[tuple[float, Arr
 
 def extent(evaluator: Evaluator, q: Array) -> float:
     """Return the size of the linkage [m]: twice the largest distance of its points from their mean."""
+    if evaluator.description.size:
+        return evaluator.description.size
     positions = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
     return float(size_of_points(positions[: evaluator.description.drawn]))
 

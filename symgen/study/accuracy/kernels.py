@@ -132,7 +132,7 @@ def kernels_of(
         return system.title, [ComparedKernels("", system, call, of_block(system, count, seed))]
     model = build(scene, set=set, precision=precision)
     method = method_of(model)
-    if method.claims:  # a scene, else a user-defined system
+    if method.claims:  # a scene; those of users have no tables
         model, system = with_forces(cast("Any", model)), derive(override(read_scene(scene), set or {}))
     else:
         system = derive(scene)

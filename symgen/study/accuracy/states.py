@@ -144,6 +144,10 @@ def _along(model: RodModel, count: int, notes: list[str]) -> Iterator[tuple[floa
     yield state.t, state.q, state.u
     for t in np.linspace(0.0, model.description.t_end, count)[1:]:
         try:
+            if model.description.rates:
+                state = model.reached(float(t), state)
+                yield state.t, state.q, state.u
+                continue
             final = model.simulate(float(t), samples=2, state=state).final
         except SimulationError as error:
             notes.append(f"the run ends at t = {error.time:.4g} s: {str(error).partition(chr(10))[0]}")
@@ -159,6 +163,8 @@ def _along(model: RodModel, count: int, notes: list[str]) -> Iterator[tuple[floa
 
 def _size(evaluator: Evaluator, q: Array) -> float:
     """Return the extent of the linkage [m], independent of its position."""
+    if evaluator.description.size:
+        return evaluator.description.size
     places = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
     return float(np.max(np.ptp(np.atleast_2d(places), axis=0)))
 

@@ -1,0 +1,1 @@
+"""User-defined systems that move."""

@@ -1,0 +1,303 @@
+"""The motion of a user's System: M a + J^T lambda = f and Phi(q, t) = 0 in coordinates of any kind.
+
+A System with ``values`` states a motion by the matrices ``mass_matrix`` and ``force``, and, if it has any, by
+``constraints``, ``potential_energy``, ``positions`` of points, ``events`` and ``ending_events``. The Jacobian
+and the rates of the constraints, the energies, the power, and the slopes of every analysis follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import sympy as sp
+
+from symgen.errors import DerivationError, SceneError, nearest
+from symgen.models.rods.constraints import Constraint
+from symgen.models.rods.linkage import RodsModel
+from symgen.models.rods.points import Vector
+from symgen.scene.rods.held import Parameter
+from symgen.scene.rods.linkage import TIME, Event, Linkage, StartConditions
+from symgen.symbolic.calculus import ONE, ZERO, Calculus, per_second
+from symgen.symbolic.quantity import AXES, Entries, Quantity, quantity
+from symgen.symbolic.system import Definition, System
+
+#: Matrices by which a System states a motion; outputs have other names.
+_STATED = ("mass_matrix", "force", "constraints", "potential_energy", "positions", "events", "ending_events")
+_REQUIRED = _STATED[:2]
+#: Error of the constraints at the start, in their own units.
+_ASSEMBLED = 1e-8
+#: Operations up to which the power is expanded.
+_EXPANDED = 2000
+#: Digits in which the power is compared with zero.
+_DIGITS = 40
+
+
+@dataclass(frozen=True)
+class GeneralSystem(Linkage):
+    """A user's System as a mechanism without points and links of its own; ``stated`` is that System."""
+
+    stated: System | None = None
+
+    @property
+    def method(self) -> str:
+        """``general``."""
+        return "general"
+
+
+def general_system_of(system: System, file: str) -> GeneralSystem:
+    """Return a System that states a motion as a mechanism.
+
+    Raises
+    ------
+    DerivationError
+        For a missing matrix, one of another shape, a parameter without a value, or a value of nothing.
+    """
+    values = dict(system.values or {})
+    arrays = {g.name: g.quantities for g in system.groups}
+    coordinates, parameters = arrays.get("q", ()), arrays.get("p", ())
+    _check(system, len(coordinates), len(arrays.get("u", coordinates)))
+    known = [q.name for name in ("q", "u", "p") for q in arrays.get(name, ())]
+    unknown = next((name for name in values if name not in known), None)
+    if unknown is not None:
+        raise DerivationError(f"{system.name}: values: there is no {unknown!r}. {nearest(unknown, known)}")
+    missing = next((p.name for p in parameters if p.name not in values), None)
+    if missing is not None:
+        raise DerivationError(
+            f"{system.name}: the parameter {missing} has no value\n  Give one in values, such as "
+            f'values={{"{missing}": 1.0}}.'
+        )
+    kernels = {e.kernel: e.matrices for e in system.exports}
+    return GeneralSystem(
+        name=system.name,
+        file=file,
+        title=system.title,
+        units={},
+        dimension=len(system["positions"].columns) if "positions" in system else 2,
+        parameters=tuple(Parameter(p, sp.Float(float(values[p.name]))) for p in parameters),
+        points=(),
+        links=(),
+        bodies=(),
+        gravity=(),
+        masses=(),
+        loads=(),
+        guides=(),
+        drivers=(),
+        hinges=(),
+        start=StartConditions((), (), ()),
+        t_end=ONE,
+        assembly_tolerance=sp.Float(_ASSEMBLED),
+        outputs=kernels.get("outputs"),
+        events=tuple(
+            Event(row, entry, m.unit, 0, name == "ending_events", m.description)
+            for name in ("events", "ending_events")
+            if name in system
+            for m in (system[name],)
+            for row, entry in zip(m.rows or map(str, range(m.matrix.rows)), m.matrix, strict=True)
+        ),
+        stated=system,
+    )
+
+
+def _check(system: System, n: int, rates: int) -> None:
+    """Raise DerivationError for a matrix that is missing, or has another shape."""
+    lacking = next((name for name in _REQUIRED if name not in system), None)
+    if lacking is not None:
+        raise DerivationError(
+            f"{system.name}: values are those of a motion, which needs a matrix {lacking!r}\n"
+            "  Add it, or leave values out: the kernels can then be called, and nothing is simulated."
+        )
+    if not n or rates != n:
+        raise DerivationError(f"{system.name}: expected groups q and u of equal length, got {n} and {rates}")
+    for name, shape in {"mass_matrix": (n, n), "force": (n, 1), "potential_energy": (1, 1)}.items():
+        if name in system and system[name].matrix.shape != shape:
+            raise DerivationError(
+                f"{system.name}: expected {name} of {shape[0]} x {shape[1]}, got "
+                f"{' x '.join(map(str, system[name].matrix.shape))}"
+            )
+    if "positions" in system:
+        m = system["positions"]
+        if not (m.rows and m.columns and m.columns == tuple(AXES)[: len(m.columns)] and len(m.columns) > 1):
+            raise DerivationError(
+                f"{system.name}: expected positions with names of points as rows, and the columns x and y, "
+                f"or x, y and z; got rows {list(m.rows)} and columns {list(m.columns)}"
+            )
+
+
+class GeneralEquations(RodsModel):
+    """Derivation of the motion of a user's System; its coordinates take the place of those of points."""
+
+    linkage: GeneralSystem
+
+    def __init__(self, of: GeneralSystem) -> None:
+        super().__init__(of)
+        if of.stated is None:
+            raise DerivationError(f"{of.name} states no motion")
+        self.stated = of.stated
+        arrays = {g.name: g.quantities for g in self.stated.groups}
+        q = arrays["q"]
+        u = arrays.get("u") or tuple(
+            quantity(f"{x.name}_rate", per_second(x.unit), f"rate of {x.description}") for x in q
+        )
+        names = self.free = [x.name for x in q]
+        self.q = dict(zip(names, ((x,) for x in q), strict=True))
+        self.u = dict(zip(names, ((x,) for x in u), strict=True))
+        self.a = {
+            x.name: (quantity(f"{x.name}_a", per_second(y.unit), f"second rate of {x.description}"),)
+            for x, y in zip(q, u, strict=True)
+        }
+        self.calculus = Calculus(q, u, TIME.symbol)
+        self._letters: dict[sp.Symbol, sp.Expr] = {t.symbol: TIME.symbol for t in arrays.get("t", ())}
+        for d in self.stated.definitions:
+            self._letters[d.quantity.symbol] = self.calculus.define(
+                d.quantity.name, self._own(d.expression), d.quantity.unit, d.quantity.description
+            )
+
+    def _own(self, expression: sp.Expr) -> sp.Expr:
+        """Return an expression of the System with the names of this derivation."""
+        return expression.xreplace(self._letters)
+
+    def _entries(self, name: str) -> list[sp.Expr]:
+        """Return the entries of a matrix of the System, row by row; none where it has no such matrix."""
+        return [self._own(e) for e in self.stated[name].matrix] if name in self.stated else []
+
+    @cached_property
+    def start(self) -> dict[sp.Symbol, sp.Expr]:
+        """Coordinates as stated for the start, at the time zero, and the named expressions of these."""
+        stated = self.stated.values or {}
+        known: dict[sp.Symbol, sp.Expr] = {TIME.symbol: ZERO}
+        known |= {x.symbol: sp.Float(float(stated.get(x.name, 0.0))) for x in self.coordinates}
+        for d in self.calculus.definitions:
+            known[d.quantity.symbol] = d.expression.xreplace(known)
+        return known
+
+    @property
+    def rates(self) -> list[Quantity]:
+        """Rates of the coordinates."""
+        return [x for name in self.free for x in self.u[name]]
+
+    @cached_property
+    def mass_entries(self) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
+        """Mass matrix by pairs of coordinates, without zeros."""
+        q = [x.symbol for x in self.coordinates]
+        entries, n = self._entries("mass_matrix"), len(q)
+        pairs = {(q[k // n], q[k % n]): entry for k, entry in enumerate(entries)}
+        return {pair: entry for pair, entry in pairs.items() if entry != 0}
+
+    @cached_property
+    def kinetic_energy(self) -> sp.Expr:
+        """Kinetic energy u . M u / 2 [J]."""
+        rate_of = {q.symbol: u.symbol for q, u in zip(self.coordinates, self.rates, strict=True)}
+        return sp.Add(*(m * rate_of[i] * rate_of[j] for (i, j), m in self.mass_entries.items())) / 2
+
+    @property
+    def potential_energy(self) -> sp.Expr:
+        """The potential energy that the System states [J]."""
+        return sp.Add(*self._entries("potential_energy"))
+
+    @cached_property
+    def force(self) -> dict[sp.Symbol, sp.Expr]:
+        """Force on every coordinate."""
+        entries = zip(self.coordinates, self._entries("force"), strict=True)
+        return {x.symbol: force for x, force in entries if force != 0}
+
+    @cached_property
+    def power(self) -> sp.Expr:
+        """Rate of kinetic and potential energy by the equations of motion [W]; zero without other work."""
+        rate_of = {q.symbol: u.symbol for q, u in zip(self.coordinates, self.rates, strict=True)}
+        rate = self.calculus.rate
+        slopes = self.calculus.gradient(self.potential_energy)
+        terms = [(self.force.get(q, ZERO) + slopes.get(q, ZERO)) * u for q, u in rate_of.items()]
+        terms += [rate(m) * rate_of[i] * rate_of[j] / 2 for (i, j), m in self.mass_entries.items()]
+        terms += [sp.diff(self.potential_energy, TIME.symbol)]
+        terms += [
+            self.multipliers[c.name].symbol * sp.diff(c.expression, TIME.symbol)
+            for c in self.constraints
+            if TIME.symbol in c.expression.free_symbols
+        ]
+        total = sp.Add(*terms)
+        if _vanishes(total, self.calculus.definitions):
+            return ZERO
+        # Powers of inertia cancel term by term, to round-off only where they are computed.
+        size = total.count_ops()
+        shorter = sp.expand(total) if size < _EXPANDED else total
+        return shorter if shorter.count_ops() < size else total
+
+    @cached_property
+    def constraints(self) -> list[Constraint]:
+        """The rows of the constraints."""
+        if "constraints" not in self.stated:
+            return []
+        m = self.stated["constraints"]
+        names = m.rows or [f"constraint_{i}" for i in range(m.matrix.rows)]
+        return [
+            Constraint(name, f"the constraint {name}", entry, ONE, m.unit)
+            for name, entry in zip(names, self._entries("constraints"), strict=True)
+        ]
+
+    @property
+    def points(self) -> list[str]:
+        """Names of the points of which the System states positions."""
+        return list(self.stated["positions"].rows) if "positions" in self.stated else []
+
+    def position(self, point: str) -> Vector:
+        """Return the position of a point [m]."""
+        width = len(self.axes)
+        k = self.points.index(point) * width
+        return tuple(self._entries("positions")[k : k + width])
+
+    def acceleration(self, point: str) -> Vector:
+        """Return the acceleration of a point [m/s^2]."""
+        return tuple(self.second_rate(c) for c in self.position(point))
+
+    def drives(self) -> Iterator[tuple[str, sp.Expr, str, str]]:
+        """Yield the time, where a constraint depends on it."""
+        if any(TIME.symbol in c.expression.free_symbols for c in self.constraints):
+            yield TIME.name, TIME.symbol, TIME.unit, TIME.description
+
+    def own_output(self, name: str) -> Entries | None:
+        """Return scalars, unit and description of an output of the System; None for points and energies.
+
+        Raises
+        ------
+        SceneError
+            When there is no such output.
+        """
+        for of, word in ((self.coordinates, "coordinate"), (self.rates, "rate")):
+            for x in of:
+                if x.name == name:
+                    return [x.symbol], x.unit, x.description or word
+        if name in self.stated and name not in _STATED:
+            m = self.stated[name]
+            return self._entries(name), m.unit, m.description
+        owner, _, word = name.rpartition(".")
+        if owner in self.points and word in ("position", "velocity", "acceleration"):
+            return None
+        if owner in self.stated and word in self.stated[owner].rows:
+            m = self.stated[owner]
+            return [self._entries(owner)[m.rows.index(word)]], m.unit, f"{m.description}: {word}"
+        if name in ("energy", "kinetic_energy", "potential_energy"):
+            return None
+        known = [x.name for x in (*self.coordinates, *self.rates)]
+        known += [m.name for m in self.stated.matrices if m.name not in _STATED]
+        known += [f"{p}.{w}" for p in self.points for w in ("position", "velocity", "acceleration")]
+        raise SceneError(f"there is no output {name!r}", hint=nearest(name, [*known, "energy"]))
+
+
+def _vanishes(expression: sp.Expr, definitions: Sequence[Definition]) -> bool:
+    """Return whether an expression is zero at values of its symbols without relation to each other."""
+    names = [d.quantity.symbol for d in definitions]
+    free = set[sp.Symbol]().union(expression.free_symbols, *(d.expression.free_symbols for d in definitions))
+    values: dict[sp.Symbol, sp.Expr] = {}
+    for i, s in enumerate(sorted(free.difference(names), key=str), 2):
+        values[s] = sp.Rational(sp.prime(i), 7 * i + 1)
+    for d in definitions:
+        values[d.quantity.symbol] = sp.N(d.expression.xreplace(values), _DIGITS)
+    terms = [sp.N(term.xreplace(values), _DIGITS) for term in sp.Add.make_args(expression)]
+    return bool(abs(sp.Add(*terms)) <= 10 ** (5 - _DIGITS) * sp.Add(*map(abs, terms)))
+
+
+def equations_of(linkage: Linkage) -> RodsModel:
+    """Return the derivation of a linkage, or of a user's System."""
+    return GeneralEquations(linkage) if isinstance(linkage, GeneralSystem) else RodsModel(linkage)

@@ -1,0 +1,277 @@
+"""User-defined systems that move, against SciPy's integration, closed forms and the same linkage as a scene."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+import symgen
+from symgen.errors import CapabilityError, DerivationError, ModelError
+from symgen.models.general.equations import general_system_of
+from symgen.symbolic.quantity import quantity
+from symgen.symbolic.system import Group, NamedMatrix, System
+
+CASES = Path(__file__).parent.parent / "cases"
+#: Parameters and start of ``double_pendulum.py``.
+LENGTH, GRAVITY, START = 0.5, 9.81, (1.0, 0.0, 0.0, 0.5)
+#: Those of ``crank_in_angles.py``.
+CRANK, ROD, TURNING, MASS, SPEED, PUSH = 0.1, 0.3, 0.002, 2.0, 10.0, 3.0
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """The double pendulum in angles."""
+    return symgen.build(CASES / "double_pendulum.py")
+
+
+@pytest.fixture(scope="module")
+def crank():
+    """The slider-crank in angles, driven."""
+    return symgen.build(CASES / "crank_in_angles.py")
+
+
+def textbook(t, y, damping=0.0, mass=1.5):
+    """Rates of the double pendulum with equal masses and rods, solved for the second rates by hand."""
+    a, b, v, w = y
+    d, of = a - b, 2 - np.cos(a - b) ** 2
+    turning = damping * v / (mass * LENGTH**2)
+    first = -2 * GRAVITY / LENGTH * np.sin(a) - np.sin(d) * w**2 - turning
+    second = -GRAVITY / LENGTH * np.sin(b) + np.sin(d) * v**2
+    return v, w, (first - np.cos(d) * second) / of, (2 * second - np.cos(d) * first) / of
+
+
+def reference(t_end, start=START, **more):
+    """Return the state of the pendulum at a time by SciPy."""
+    run = solve_ivp(textbook, (0, t_end), start, "DOP853", rtol=1e-12, atol=1e-12, args=tuple(more.values()))
+    return run.y[:, -1]
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"rtol": 1e-11, "atol": 1e-12}, 1e-9),
+        ({"rtol": 1e-10, "atol": 1e-11, "method": "radau5"}, 1e-8),
+        ({"step": 2e-4, "method": "rattle"}, 2e-6),
+    ],
+)
+def test_motion_is_that_of_the_textbook(pendulum, options, error):
+    run = pendulum.simulate(2.0, **options)
+    found = [run[name].values[-1] for name in ("theta1", "theta2", "omega1", "omega2")]
+    assert np.max(np.abs(found - reference(2.0))) < error
+    assert run.drift.energy < 10 * error * run.drift.energy_exchanged
+    height = -LENGTH * (np.cos(found[0]) + np.cos(found[1]))
+    assert abs(run["height"].values[-1] - height) < 1e-14
+    assert np.allclose(run.final["B"]["position"], run["B.position"].values[-1], atol=1e-14)
+
+
+def test_motion_is_that_of_the_scene(pendulum):
+    """The same pendulum by points and rods."""
+    across, down = float(LENGTH * np.sin(1.0)), float(LENGTH * np.cos(1.0))
+    scene = {
+        "points": {
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "A": {"at": [f"{across!r} m", f"{-down!r} m"]},
+            "B": {"at": [f"{across!r} m", f"{-down - LENGTH!r} m"]},
+        },
+        "links": {
+            "upper": {"points": ["O", "A"], "mass": "0 kg", "length": f"{LENGTH} m"},
+            "lower": {"points": ["A", "B"], "mass": "0 kg", "length": f"{LENGTH} m"},
+        },
+        "masses": [{"point": point, "mass": "1.5 kg"} for point in "AB"],
+        "gravity": {"acceleration": ["0 m/s^2", f"{-GRAVITY} m/s^2"]},
+        "start": {"rates": {"upper": "0 rad/s", "lower": "0.5 rad/s"}},
+    }
+    rods = symgen.build(symgen.Scene(**scene)).simulate(1.0, rtol=1e-11, atol=1e-12)
+    angles = pendulum.simulate(1.0, rtol=1e-11, atol=1e-12)
+    for point in "AB":
+        for of in ("position", "velocity"):
+            assert np.allclose(rods.final[point][of], angles.final[point][of], atol=2e-9), (point, of)
+
+
+def test_damping_is_power(pendulum):
+    run = pendulum.with_parameters(c=0.4).simulate(2.0, rtol=1e-11, atol=1e-12)
+    found = [run[name].values[-1] for name in ("theta1", "theta2", "omega1", "omega2")]
+    assert np.max(np.abs(found - reference(2.0, damping=0.4))) < 1e-9
+    energies = run["energy"].values
+    dissipated = 0.4 * np.trapezoid(run["omega1"].values ** 2, run.time)
+    assert abs(energies[0] - energies[-1] - dissipated) < 1e-3 * dissipated
+    assert run.drift.energy < 1e-8 * run.drift.energy_exchanged
+
+
+def test_events_are_located(pendulum):
+    passing = pendulum.simulate(2.0, rtol=1e-11, atol=1e-12).events
+    assert [e.name for e in passing] == ["upright"] * len(passing) and len(passing) >= 2
+    for event in passing:
+        assert abs(reference(event.time)[1]) < 1e-8
+
+
+def test_equilibrium_modes_and_linearisation(pendulum):
+    rest = pendulum.equilibrium()
+    assert rest.stability == "stable" and np.allclose(rest.state.q, 0, atol=1e-12)
+    omegas = np.sqrt(GRAVITY / LENGTH * (2 + np.array([-1.0, 1.0]) * np.sqrt(2)))
+    modes = pendulum.modes()
+    assert np.allclose([m.omega for m in modes], omegas, rtol=1e-12)
+    for mode, sign in zip(modes, (1, -1), strict=True):
+        assert abs(mode.shape["theta2"] / mode.shape["theta1"] - sign * np.sqrt(2)) < 1e-12
+    state = pendulum.state({"theta1": 0.3, "theta2": -0.4}, {"theta1": 1.0, "theta2": 2.0})
+    y, h = np.array([0.3, -0.4, 1.0, 2.0]), 1e-6
+    slopes = [
+        (np.array(textbook(0, y + h * e)) - np.array(textbook(0, y - h * e))) / (2 * h) for e in np.eye(4)
+    ]
+    assert np.allclose(pendulum.linearise(at=state).A, np.transpose(slopes), atol=1e-7)
+
+
+def test_derivatives_of_a_run(pendulum):
+    found = pendulum.sensitivity(["height", "omega1"], ["g", "c"], t_end=1.0, rtol=1e-11, atol=1e-12)
+    h, expected = 1e-5, np.zeros((2, 2))
+    for column, name in enumerate(("g", "c")):
+        ends = []
+        for value in (-h, h):
+            changed = pendulum.with_parameters(**{name: {"g": GRAVITY, "c": 0.0}[name] + value})
+            run = changed.simulate(1.0, rtol=1e-12, atol=1e-13)
+            ends.append(np.array([run["height"].values[-1], run["omega1"].values[-1]]))
+        expected[:, column] = (ends[1] - ends[0]) / (2 * h)
+    assert np.allclose(found.derivatives, expected, rtol=1e-6)
+
+
+def closed(angle, rate):
+    """Stroke, speed and acceleration of the slider, rod angle and its rate, at a constant rate of the crank."""
+    phi = -np.arcsin(CRANK / ROD * np.sin(angle))
+    turning = -CRANK * np.cos(angle) * rate / (ROD * np.cos(phi))
+    second = (CRANK * np.sin(angle) * rate**2 + ROD * np.sin(phi) * turning**2) / (ROD * np.cos(phi))
+    stroke = CRANK * np.cos(angle) + ROD * np.cos(phi)
+    speed = -CRANK * np.sin(angle) * rate - ROD * np.sin(phi) * turning
+    along = -CRANK * np.cos(angle) * rate**2 - ROD * np.cos(phi) * turning**2 - ROD * np.sin(phi) * second
+    return stroke, speed, along, phi, turning, second
+
+
+def test_start_meets_the_constraints(crank):
+    state = crank.initial_state()
+    stroke, speed, _, phi, turning, _ = closed(0.5, SPEED)
+    assert np.allclose(state.q, [0.5, phi, stroke], atol=1e-14)
+    assert np.allclose(state.u, [SPEED, turning, speed], atol=1e-13)
+
+
+def test_driven_motion_and_multipliers(crank):
+    motion, run = crank.kinematics(samples=7), crank.simulate(1.0, rtol=1e-11, atol=1e-12)
+    for angle, stroke, speed in zip(
+        0.5 + SPEED * motion.time, motion["s"].values, motion["s_v"].values, strict=True
+    ):
+        assert np.allclose([stroke, speed], closed(angle, SPEED)[:2], atol=1e-13)
+    assert abs(run["s"].values[-1] - closed(10.5, SPEED)[0]) < 1e-13
+    assert run.drift.energy < 1e-8 * run.drift.energy_exchanged
+    # Virtual work of the inertia and of the push: the multiplier of the drive is minus its torque.
+    _, speed, along, _, turning, second = closed(0.5, SPEED)
+    torque = ((MASS * along - PUSH) * speed + TURNING * second * turning) / SPEED
+    assert abs(-crank.accelerations().multipliers["drive"] - torque) < 1e-12 * abs(torque)
+
+
+def test_solutions_are_refined_where_inertias_differ(tmp_path):
+    """With a rod of a millionth of the other inertias, whose pivot is eliminated first."""
+    file = tmp_path / "light_rod.py"
+    file.write_text((CASES / "crank_in_angles.py").read_text().replace('"I": 0.002', '"I": 1e-9'))
+    model = symgen.build(file)
+    assert "residual" in model.operations
+    found, (*_, along, _, _, second) = model.accelerations(), closed(0.5, SPEED)
+    forces = MASS * along - PUSH
+    assert abs(found.multipliers["x"] - forces) < 1e-12 * abs(forces)
+    drive = (forces * closed(0.5, SPEED)[1] + 1e-9 * second * closed(0.5, SPEED)[4]) / SPEED
+    assert abs(-found.multipliers["drive"] - drive) < 1e-12 * abs(drive)
+
+
+def test_lanes_and_sweeps(crank):
+    runs = crank.sweep(
+        {"push": [0.0, 3.0], "l": [0.3, 0.4]}, analysis="simulate", t_end=0.3, reduce=["final"]
+    )
+    for push, length, stroke in zip(
+        runs["push"].values, runs["l"].values, runs["s.final"].values, strict=True
+    ):
+        one = crank.with_parameters(push=push, l=length).simulate(0.3)
+        assert abs(stroke - one["s"].values[-1]) < 1e-10
+
+
+def test_kernels_agree_with_the_matrices_at_40_digits():
+    from symgen.study.accuracy.accuracy import accuracy
+
+    for name in ("double_pendulum", "crank_in_angles"):
+        found = accuracy(CASES / f"{name}.py", states=2)
+        assert {"accelerations", "constraints"} & {o.kernel for o in found.outputs}
+        assert all(o.of_largest < 1e-12 or o.beyond_largest < 4 for o in found.outputs), found.worst
+
+
+def test_pictures(pendulum, tmp_path):
+    pendulum.simulate(1.0).animate(tmp_path / "moving.html")
+    assert "Double pendulum" in (tmp_path / "moving.html").read_text()
+    assert "path" in pendulum.draw(at=[0.0, 0.5], over="time").svg()
+
+
+def test_without_points_there_is_no_picture(crank):
+    with pytest.raises(ModelError, match="Add a matrix 'positions'"):
+        crank.simulate(0.1).animate()
+
+
+X, V = quantity("x", "m", "place"), quantity("v", "m/s", "speed")
+K = quantity("k", "N/m", "stiffness")
+
+
+def oscillator(**changes):
+    """A System with one coordinate."""
+    entries = {"mass_matrix": [[2]], "force": [[-K.symbol * X.symbol]]} | changes.pop("matrices", {})
+    made = System(
+        name="oscillator",
+        title="Oscillator",
+        groups=(Group("q", "place", (X,)), Group("u", "speed", (V,)), Group("p", "parameters", (K,))),
+        matrices=tuple(
+            NamedMatrix(name, sp.ImmutableMatrix(rows), "SI", name) for name, rows in entries.items() if rows
+        ),
+        exports=(),
+        values={"k": 8.0, "x": 0.1},
+    )
+    return replace(made, **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"values": {"x": 1.0}}, "the parameter k has no value"),
+        ({"values": {"k": 1.0, "y": 1.0}}, "there is no 'y'"),
+        ({"matrices": {"force": None}}, "needs a matrix 'force'"),
+        ({"matrices": {"mass_matrix": [[1, 0], [0, 1]]}}, "mass_matrix of 1 x 1, got 2 x 2"),
+        ({"matrices": {"positions": [[1, 2]]}}, "the columns x and y"),
+    ],
+)
+def test_incomplete_systems_are_refused(changes, problem):
+    with pytest.raises(DerivationError, match=problem):
+        general_system_of(oscillator(**changes), "own.py")
+
+
+def test_a_system_without_values_has_kernels_alone(tmp_path):
+    file = tmp_path / "own.py"
+    text = (CASES / "double_pendulum.py").read_text()
+    file.write_text(text[: text.index("        values=")] + "    )\n")
+    with pytest.raises(CapabilityError, match="without values"):
+        symgen.build(file).simulate(1.0)
+
+
+def test_the_example_of_the_documentation_runs(tmp_path):
+    text = (CASES.parent.parent / "docs" / "regeneration.md").read_text()
+    file = tmp_path / "pendulum.py"
+    file.write_text(text[text.index('"""A pendulum that runs."""') :].partition("```")[0])
+    run = symgen.build(file, set={"l": "0.6 m"}).simulate(2.0, rtol=1e-11, atol=1e-12)
+    exact = solve_ivp(
+        lambda t, y: (y[1], -GRAVITY / 0.6 * np.sin(y[0])), (0, 2), (1, 0), "DOP853", rtol=1e-12, atol=1e-12
+    )
+    assert abs(run["theta"].values[-1] - exact.y[0, -1]) < 1e-9
+    assert run.final["O"]["position"] == [0.0, 0.0]
+
+
+def test_names_of_coordinates_are_checked(pendulum):
+    with pytest.raises(ModelError, match="has no coordinate 'theta'"):
+        pendulum.state({"theta": 1.0})
+    with pytest.raises(ModelError, match="has no coordinate 'height'"):
+        pendulum.linearise(coordinates=["height", "theta1"])
+    with pytest.raises(CapabilityError, match="user-defined system"):
+        pendulum.inverse_dynamics()
