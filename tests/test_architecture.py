@@ -288,3 +288,24 @@ def test_no_two_files_of_tests_have_one_name():
     """Pytest imports them by their name alone."""
     names = sorted(p.name for p in TESTS.rglob("test_*.py"))
     assert sorted(set(names)) == names
+
+
+#: A file or folder in backquotes on the page of the architecture.
+NAMED = re.compile(r"`([\w./-]+(?:\.(?:py|pyx|c|h|toml|json|txt|j2|md)|/))`")
+
+
+def test_the_page_of_the_architecture_names_files_that_exist():
+    """Names without a folder are in that of the path before, or below the folders of their row."""
+    page, missing, count = (ROOT.parent / "docs" / "architecture.md").read_text(), [], 0
+    for line in page.splitlines():
+        folders: list[Path] = []
+        for name in NAMED.findall(line):
+            count += 1
+            path = ROOT.parent / name
+            if not path.exists():
+                inside = [f for folder in reversed(folders) for f in sorted(folder.rglob(name.rstrip("/")))]
+                path = inside[0] if inside else path
+            if not path.exists():
+                missing.append(f"{name} in: {line[:80]}")
+            folders.append(path if path.is_dir() else path.parent)
+    assert count > 100 and not missing, "\n".join(missing)
