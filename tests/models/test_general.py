@@ -14,7 +14,7 @@ from symgen.models.general.equations import general_system_of
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import Group, NamedMatrix, System
 
-CASES = Path(__file__).parent.parent / "cases"
+SHARED = Path(__file__).parent.parent / "shared"
 #: Parameters and start of ``double_pendulum.py``.
 LENGTH, GRAVITY, START = 0.5, 9.81, (1.0, 0.0, 0.0, 0.5)
 #: Those of ``crank_in_angles.py``.
@@ -24,13 +24,13 @@ CRANK, ROD, TURNING, MASS, SPEED, PUSH = 0.1, 0.3, 0.002, 2.0, 10.0, 3.0
 @pytest.fixture(scope="module")
 def pendulum():
     """The double pendulum in angles."""
-    return symgen.build(CASES / "double_pendulum.py")
+    return symgen.build(SHARED / "double_pendulum.py")
 
 
 @pytest.fixture(scope="module")
 def crank():
     """The slider-crank in angles, driven."""
-    return symgen.build(CASES / "crank_in_angles.py")
+    return symgen.build(SHARED / "crank_in_angles.py")
 
 
 def textbook(t, y, damping=0.0, mass=1.5):
@@ -172,7 +172,7 @@ def test_driven_motion_and_multipliers(crank):
 def test_solutions_are_refined_where_inertias_differ(tmp_path):
     """With a rod of a millionth of the other inertias, whose pivot is eliminated first."""
     file = tmp_path / "light_rod.py"
-    file.write_text((CASES / "crank_in_angles.py").read_text().replace('"I": 0.002', '"I": 1e-9'))
+    file.write_text((SHARED / "crank_in_angles.py").read_text().replace('"I": 0.002', '"I": 1e-9'))
     model = symgen.build(file)
     assert "residual" in model.operations
     found, (*_, along, _, _, second) = model.accelerations(), closed(0.5, SPEED)
@@ -197,7 +197,7 @@ def test_kernels_agree_with_the_matrices_at_40_digits():
     from symgen.study.accuracy.accuracy import accuracy
 
     for name in ("double_pendulum", "crank_in_angles"):
-        found = accuracy(CASES / f"{name}.py", states=2)
+        found = accuracy(SHARED / f"{name}.py", states=2)
         assert {"accelerations", "constraints"} & {o.kernel for o in found.outputs}
         assert all(o.of_largest < 1e-12 or o.beyond_largest < 4 for o in found.outputs), found.worst
 
@@ -250,14 +250,14 @@ def test_incomplete_systems_are_refused(changes, problem):
 
 def test_a_system_without_values_has_kernels_alone(tmp_path):
     file = tmp_path / "own.py"
-    text = (CASES / "double_pendulum.py").read_text()
+    text = (SHARED / "double_pendulum.py").read_text()
     file.write_text(text[: text.index("        values=")] + "    )\n")
     with pytest.raises(CapabilityError, match="without values"):
         symgen.build(file).simulate(1.0)
 
 
 def test_the_example_of_the_documentation_runs(tmp_path):
-    text = (CASES.parent.parent / "docs" / "regeneration.md").read_text()
+    text = (SHARED.parent.parent / "docs" / "regeneration.md").read_text()
     file = tmp_path / "pendulum.py"
     file.write_text(text[text.index('"""A pendulum that runs."""') :].partition("```")[0])
     run = symgen.build(file, set={"l": "0.6 m"}).simulate(2.0, rtol=1e-11, atol=1e-12)
