@@ -41,7 +41,10 @@ def test_rows_of_inextensible_links():
     """(E.40)-(E.42): the displacements of both ends of a link along it are equal."""
     links = {f"links.{link}.elastic.axial": False for link in ("crank", "coupler", "output")}
     system = Subject("thesis_four_bar", links).further["elastic_joints"]
-    assert system["jacobian"].source == "thesis (E.30)-(E.42)"
+    source = (
+        "thesis (E.30)-(E.42); crank (E.30), (E.34), (E.40); coupler (E.31), (E.41); output (E.32), (E.42)"
+    )
+    assert system["jacobian"].source == source
     a, b, q = sp.symbols("A_x A_y"), sp.symbols("B_x B_y"), (sp.Symbol("frame"), sp.Integer(0))
     zero = (sp.Integer(0),) * 2
     along = [
