@@ -144,24 +144,24 @@ EQUILIBRIUM: Sources = (
     ("slider_dual_euler", "Rahman (61)"),
     ("*_dual_euler", "Rahman (59)-(61)"),
     ("joint_1_letters", "Rahman (65)"),
-    ("joint_2_letters", "Rahman (66)"),
+    ("joint_2_letters", "Rahman (66), which acts on the link before: minus this"),
     ("joint_3_letters", "Rahman (67)"),
-    ("joint_4_letters", "Rahman (68)"),
+    ("joint_4_letters", "Rahman (68), which acts on the link before: minus this"),
     ("joint_*_letters", "Rahman (65)-(68)"),
     (
         "crank_equilibrium",
-        "Rahman (62), signs corrected; fx (62a), (69i)-(69k); mx (62b), (69p), (69q); fy (62c), (69g); "
-        "my (62d), (69p), (69q); fz (62e), (69a); mz (62f), (69g), (69i), (69j)",
+        "Rahman (62), corrected: -f1; its F2 is -F2; fx (62a), (69i)-(69k); mx (62b), (69p), (69q); "
+        "fy (62c), (69g); my (62d), (69p), (69q); fz (62e), (69a); mz (62f), (69g), (69i), (69j)",
     ),
     (
         "rod_equilibrium",
-        "Rahman (63), signs corrected; fx (63a), (69l); mx (63b); fy (63c), (69b); my (63d), (69c); "
-        "fz (63e), (69c); mz (63f), (69b), (69h)",
+        "Rahman (63) times -1; its F2 is -F2; fx (63a), (69l); mx (63b); fy (63c), (69b); "
+        "my (63d), (69c); fz (63e), (69c); mz (63f), (69b), (69h)",
     ),
     (
         "slider_equilibrium",
-        "Rahman (64), signs corrected; fx (64a), (69o); mx (64b), (69d); fy (64c), (69n); my (64d), (69e); "
-        "fz (64e), (69m); mz (64f), (69f)",
+        "Rahman (64), corrected: -f3; its F4 is -F4; fx (64a), (69o); mx (64b), (69d); fy (64c), (69n); "
+        "my (64d), (69e); fz (64e), (69m); mz (64f), (69f)",
     ),
     ("*_equilibrium", "Rahman (62)-(64), signs corrected"),
 )

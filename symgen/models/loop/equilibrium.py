@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from itertools import chain
+from itertools import chain, pairwise
 
 from symgen.mechanics.loop.dual_euler import balance, rate_in_space
 from symgen.mechanics.loop.dual_rows import row_transform
@@ -39,11 +39,13 @@ def equilibrium_system(loop: Loop) -> System:
         ]
         for k, link in enumerate(model.links, 1)
     ]
+    between = [
+        f"of {before} on {behind} at joint {k}"
+        for k, (before, behind) in enumerate(pairwise(("ground", *model.links, "ground")), 1)
+    ]
     joints = [
-        _components(
-            ("F{0}_{1}", "T{0}_{1}"), k, "ijk", f"at joint {k}, on the link behind it", taken, _WRENCH
-        )
-        for k in range(1, len(loop.rows) + 1)
+        _components(("F{0}_{1}", "T{0}_{1}"), k, "ijk", about, taken, _WRENCH)
+        for k, about in enumerate(between, 1)
     ]
     inertia = [
         _components(
@@ -71,10 +73,10 @@ def equilibrium_system(loop: Loop) -> System:
             f"joint_{k}_letters",
             [x.symbol for x in joint],
             "N, N*m",
-            f"force and moment at joint {k} on the link behind it, in frame {{{k}}}",
+            f"force and moment {about}, in frame {{{k}}}",
             _ROWS,
         )
-        for k, joint in enumerate(joints, 1)
+        for k, (joint, about) in enumerate(zip(joints, between, strict=True), 1)
     ]
     equilibrium = [
         named(
