@@ -51,7 +51,7 @@ cdef double *_write(str name, double[::1] array, Py_ssize_t size) except NULL:
 
 
 def nodal_matrix(t=None, q=None, u=None, p=None, work=None, out=None):
-    """[d]: forces and moments at both nodes, as they act at the centre of mass.
+    """[d] of the forces and moments (F) at both nodes, as they act at the centre of mass.
 
     19 operations (11 add, 8 mul, 5 neg).
 
@@ -63,7 +63,7 @@ def nodal_matrix(t=None, q=None, u=None, p=None, work=None, out=None):
         4 entries.
     out
         18 entries, made when absent.
-        0 to 17: nodal_matrix (3 x 6) [1, 1, m], [d]: forces and moments at both nodes, as they act at the centre of mass.
+        0 to 17: nodal_matrix (3 x 6) [1, 1, m], [d] of the forces and moments (F) at both nodes, as they act at the centre of mass.
 
     Returns
     -------

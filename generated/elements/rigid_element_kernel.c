@@ -9,9 +9,9 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char rigid_element_equations[65] = "c05fc783df69626cdff19b62ed43867cbd5e46385aaf47ebd0f7899f703286f0";
+const char rigid_element_equations[65] = "a009ae37d5b57536052e4df8c30eaa46f189e8f4d59335a9371a16b25c57a56c";
 
-/* [d]: forces and moments at both nodes, as they act at the centre of mass: 19 operations (11 add, 8 mul, 5 neg) */
+/* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass: 19 operations (11 add, 8 mul, 5 neg) */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
 {
     (void)t;

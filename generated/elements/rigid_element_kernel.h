@@ -41,9 +41,9 @@ extern "C" {
 /* Hash of the equations that this code computes. */
 extern const char rigid_element_equations[65];
 
-/* [d]: forces and moments at both nodes, as they act at the centre of mass
+/* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass
  *   19 operations (11 add, 8 mul, 5 neg)
- *   out[0..17]  nodal_matrix (3 x 6), row by row  [1, 1, m]  [d]: forces and moments at both nodes, as they act at the centre of mass
+ *   out[0..17]  nodal_matrix (3 x 6), row by row  [1, 1, m]  [d] of the forces and moments (F) at both nodes, as they act at the centre of mass
  */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 

@@ -253,8 +253,13 @@ NAMED_CONDENSATION = (
     "B.y (E.45), (E.46)"
 )
 RIGID_ELEMENT: Sources = (
-    ("nodal_matrix", "thesis (4.1)-(4.6), (4.10); x (4.7); y (4.8); moment (4.9)"),
-    ("inertia", "thesis (4.10), right side"),
+    (
+        "nodal_matrix",
+        "thesis (4.1), (4.10), left side; x (4.7); y (4.8); moment (4.9); "
+        "moment:Fx at i (4.3); moment:Fy at i (4.3); moment:Fx at k (4.4); moment:Fy at k (4.4)",
+    ),
+    ("motion", "thesis (4.2); weight: its MG; its E_T is zero here"),
+    ("inertia", "thesis (4.10), right side; x (4.5), (4.7); y (4.5), (4.8); moment (4.6), (4.9)"),
 )
 #: Of four-bars in closed form; the numbers (4.17) to (4.27) stand apart in the copy, by order.
 FOUR_BAR: Sources = (

@@ -138,7 +138,7 @@ def _part(m: NamedMatrix, cited: _Cited) -> NamedMatrix:
     rows = sorted({*cited.rows}, key=m.rows.index)
     place = f"row{'s' * (len(rows) > 1)} {', '.join(rows)}"
     if cited.columns:
-        place += f", column {', '.join(cited.columns)}"
+        place += f", column{'s' * (len(cited.columns) > 1)} {', '.join(cited.columns)}"
     part = m.part(rows, cited.columns)
     return replace(part, description=f"{place}: {m.description}", source=cited.source)
 

@@ -82,7 +82,11 @@ def test_every_matrix_states_its_source(name):
             "extended_across (3.6), (3.15); extended_angles (3.5), (3.12); folded_along (3.7); "
             "folded_across (3.14), (3.15), (3.17); folded_angles (3.13); swing (3.4), (3.11); least (3.8)",
         ),
-        ("rigid_element", "nodal_matrix", "thesis (4.1)-(4.6), (4.10); x (4.7); y (4.8); moment (4.9)"),
+        (
+            "rigid_element",
+            "inertia",
+            "thesis (4.10), right side; x (4.5), (4.7); y (4.5), (4.8); moment (4.6), (4.9)",
+        ),
     ],
 )
 def test_sources_are_shown(name, matrix, source):

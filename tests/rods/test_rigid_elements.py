@@ -10,6 +10,7 @@ import pytest
 import shared.elastic_golden as golden
 import sympy as sp
 from shared.elastic_reference import RIG
+from shared.equations import found as numbered
 from shared.in_numpy import build
 from shared.linkages import GRAVITY, at, circles, ground, rod
 from shared.shipped import derived
@@ -19,6 +20,7 @@ import symgen
 from symgen.cli import app
 from symgen.errors import CapabilityError, ModelError, SimulationError
 from symgen.mechanics.elastic.rigid_elements import angular_acceleration, inertia, nodal_matrix
+from symgen.pipeline.subject import Subject
 from symgen.runtime.result.forces import Forces
 
 LBF, FT = 4.4482216152605, 0.3048
@@ -316,7 +318,19 @@ def test_the_element_in_symbols():
     m, moment, ax, ay, gx, gy = sp.symbols("m I ax ay gx gy", real=True)
     assert inertia(m, moment, (ax, ay), alpha, (gx, gy)) == (m * (ax - gx), m * (ay - gy), moment * alpha)
     system = derived("rigid_element")
-    assert {m.name for m in system.matrices} == {"nodal_matrix", "point_matrix", "inertia"}
+    assert {m.name for m in system.matrices} == {"nodal_matrix", "point_matrix", "motion", "inertia"}
+    (levers,) = numbered(Subject("rigid_element", {}), "4.4")
+    middle = {"c_along": sp.Rational(1, 2), "c_across": 0}
+    names = {str(s): s for s in levers.matrix.free_symbols}
+    half = levers.matrix.subs({names[c]: value for c, value in middle.items()})
+    printed = sp.sympify("[-(k_y - i_y)/2, (k_x - i_x)/2]", locals=names)  # Eq. (4.4): -S_y, S_x
+    assert [sp.expand(e) for e in half] == [sp.expand(e) for e in printed]
+    (p,) = numbered(Subject("rigid_element", {}), "4.2")
+    m, moment, g = (sp.Symbol(x, real=True) for x in ("m", "I_c", "g_y"))
+    balance = sp.Matrix([m * p.matrix[0], m * p.matrix[1] + p.matrix[3], moment * p.matrix[2]])  # (4.7)-(4.9)
+    inertial = system["inertia"].matrix.subs(sp.Symbol("g_x", real=True), 0)
+    assert g in p.matrix.free_symbols
+    assert (balance - inertial).expand() == sp.zeros(3, 1)
 
 
 def test_assembled_at_once(four_bar):

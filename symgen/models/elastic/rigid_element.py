@@ -12,6 +12,7 @@ from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 REFERENCE = "The thesis on kineto-elastodynamics, Chapter IV, Eqs. (4.1)-(4.10)"
 _ROWS, _UNITS = ("x", "y", "moment"), "1, 1, m"
+_MOTION = "x", "y", "turning", "weight"
 
 
 def rigid_element_system() -> System:
@@ -52,16 +53,23 @@ def rigid_element_system() -> System:
         tuple(y - x for x, y in zip(*pair, strict=True)) for pair in ((start, end), (first, second))
     )
     turning = rigid_elements.angular_acceleration(d, relative)
-    right = rigid_elements.inertia(mass.symbol, moment.symbol, between(first, second), turning, gravity)
+    acceleration = between(first, second)
+    right = rigid_elements.inertia(mass.symbol, moment.symbol, acceleration, turning, gravity)
     at_nodes = tuple(f"{name} at {node}" for node in "ik" for name in NODAL)
     matrices = (
         NamedMatrix(
             "nodal_matrix", rigid_elements.nodal_matrix(start, end, centre), _UNITS,
-            "[d]: forces and moments at both nodes, as they act at the centre of mass", _ROWS, at_nodes,
+            "[d] of the forces and moments (F) at both nodes, as they act at the centre of mass", _ROWS,
+            at_nodes,
         ),
         NamedMatrix(
             "point_matrix", rigid_elements.point_matrix(point, centre), _UNITS,
             "a force at the point p, as it acts at the centre of mass", _ROWS, plane,
+        ),
+        NamedMatrix(
+            "motion", sp.ImmutableMatrix([*acceleration, turning, -mass.symbol * gravity[1]]),
+            "m/s^2, m/s^2, rad/s^2, N",
+            "(P): acceleration of the centre of mass, angular acceleration and weight", _MOTION,
         ),
         NamedMatrix(
             "inertia", sp.ImmutableMatrix(3, 1, right), "N, N, N*m",
@@ -79,7 +87,7 @@ def rigid_element_system() -> System:
             Group("p", "mass properties", (mass, along, across, moment)),
         ),
         matrices=matrices,
-        exports=tuple(Export(m.name, m.description, (m.name,)) for m in matrices),
+        exports=tuple(Export(m.name, m.description, (m.name,)) for m in matrices if m.name != "motion"),
         references=(REFERENCE,),
         sources=RIGID_ELEMENT,
     )
