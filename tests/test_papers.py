@@ -162,6 +162,11 @@ SHOWN = sorted({(c, row) for row in rows() for c in row.commands if c.startswith
 RUN = sorted({c for row in rows() for c in row.commands})
 
 
+def options_of(command: str) -> tuple[str, ...]:
+    words = shlex.split(command)
+    return tuple(words[i + 1] for i, x in enumerate(words) if x == "--set")
+
+
 @cache
 def subject(name: str, options: tuple[str, ...]) -> Subject:
     return Subject(name, changes([*options]))
@@ -173,8 +178,7 @@ def test_shown_matrices_state_an_equation_of_their_row(name):
         _, _, scene, *rest = shlex.split(command)
         if scene != name or not rest or rest[0] == "derivation":
             continue
-        options = tuple(rest[i + 1] for i, x in enumerate(rest) if x == "--set")
-        matrices = found(subject(name, options), rest[0])
+        matrices = found(subject(name, options_of(command)), rest[0])
         ranges = [x for m in matrices for x in equations(m.source) if row.paper in m.source]
         here = [*equations(row.place)]
         common = any(covered(a, here) or covered(b, here) for a, b in ranges)
@@ -187,10 +191,10 @@ def test_every_equation_of_the_thesis_is_found_by_its_number(name):
     """In the model whose matrix its row names; rows without a command say that they are not derived."""
     lost = []
     for command, row in SHOWN:
-        _, _, scene, matrix, *rest = (*shlex.split(command), "")
+        _, _, scene, matrix, *_ = (*shlex.split(command), "")
         if row.paper != "thesis" or scene != name or not matrix or matrix == "derivation":
             continue
-        options = tuple(rest[i + 1] for i, x in enumerate(rest) if x == "--set")
+        options = options_of(command)
         for (chapter, first, letter), (_, last, _) in equations(row.place):
             for n in range(first, last + 1):
                 number = f"({chapter}{'.' * bool(chapter)}{n}{letter})"
@@ -211,7 +215,7 @@ def spelled(first: Equation, last: Equation) -> list[str]:
 
 PRINTED = sorted(
     {
-        (shlex.split(command)[2], number, row)
+        (shlex.split(command)[2], options_of(command), number, row)
         for command, row in SHOWN
         for ends in equations(row.place)
         for number in spelled(*ends)
@@ -220,18 +224,19 @@ PRINTED = sorted(
 )
 
 
-@pytest.mark.parametrize("name", sorted({name for name, _, _ in PRINTED}))
+@pytest.mark.parametrize("name", sorted({name for name, *_ in PRINTED}))
 def test_numbers_of_a_row_are_found_with_its_model(name):
     """What `symgen show MODEL "(N)"` finds cites the number itself, and is what the row shows."""
     wrong = []
-    for _, number, row in (x for x in PRINTED if x[0] == name):
+    for _, options, number, row in (x for x in PRINTED if x[0] == name):
+        model = subject(name, options)
         try:
-            shown = found(subject(name, ()), number)
+            shown = found(model, number)
         except ModelError:
             wrong.append((number, row.place, "not found"))
             continue
         names = {shlex.split(c)[3] for c in row.commands if c.startswith(f"symgen show {name} ")}
-        if not {m.name for m in shown} & {m.name for x in names for m in found(subject(name, ()), x)}:
+        if not {m.name for m in shown} & {m.name for x in names for m in found(model, x)}:
             wrong.append((number, row.place, [m.name for m in shown]))
     assert not wrong
 

@@ -45,11 +45,19 @@ LINKAGE: Sources = (
     ("velocities", "Attia, section 2.1"),
     *ROD[:2],
     ("mass_matrix", "not in the source; equivalent with J to Attia (12)-(15)"),
-    ("constraints", "Attia (3a) halved; guide_* (16a), (16b)"),
+    ("constraints", "Attia (3a) halved; guide_* (16b)"),
     ("constraint_jacobian", "Attia (5a), left side"),
     ("velocity_constraints", "Attia (4a)"),
     ("acceleration_rhs", "Attia (5a), right side"),
 )
+
+
+def linkage_sources(bodies: Iterable[str]) -> Sources:
+    """Return the sources of a linkage, with the guides by name that hold two points or more of one body."""
+    parallel = "".join(f"; {guide}_* (16a), the difference of rows" for guide in bodies)
+    return tuple((name, text + parallel * (name == "constraints")) for name, text in LINKAGE)
+
+
 #: Each of (38a)-(42a), (39)-(43) follows from the rows that cite it, and from those that it contains.
 _ACCELERATIONS = "wx-wy (41a); wz (39a); vx (42a); vy (38a); vz (40a)"
 _CLOSURE_ROWS = (

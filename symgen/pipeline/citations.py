@@ -9,19 +9,28 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 from symgen.symbolic.system import NamedMatrix
 
-#: Models that between them print the equations of each paper, with settings that are false.
+#: Models that between them print the equations of each paper, with their settings as --set takes them.
 _ATTIA = "rod", "rod_spatial", "triple_pendulum", "vertical_rods", "elastic_slider_crank"
 _THESIS = "element_beam8", "rigid_element", "four_bar_motion", "synthesis_limits", "thesis_four_bar"
-_INEXTENSIBLE = tuple(f"links.{link}.elastic.axial" for link in ("crank", "coupler", "output"))
+_INEXTENSIBLE = tuple(f"links.{link}.elastic.axial=false" for link in ("crank", "coupler", "output"))
+#: A piston with two guided points.
+_PISTON = (
+    'points.S={at=["2*r+l","0 mm"]}',
+    'links.piston={points=["P","S"],mass="0.3 kg"}',
+    'guides=[{points=["P","S"],along="rail"}]',
+)
 PAPERS: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
-    "Attia": tuple((name, ()) for name in _ATTIA),
+    "Attia": (*((name, ()) for name in _ATTIA), ("elastic_slider_crank", _PISTON)),
     "Rahman": (("slider_crank", ()),),
     "thesis": (*((name, ()) for name in _THESIS), ("thesis_four_bar", _INEXTENSIBLE)),
 }
@@ -35,6 +44,17 @@ _CITED = re.compile(rf"{_NUMBER}(?:-{_NUMBER})?")
 #: How precisely an equation is cited: by a range of lettered ones, of groups, by one of its letters, by a
 #: range of letters, by its own number. One with a letter is cited by its letter alone.
 _NEAR, _RANGE, _GROUP, _LETTERS, _ITSELF = range(1, 6)
+
+
+def settings(options: Iterable[str]) -> dict[str, Any]:
+    """Return settings by key."""
+    pairs = (option.split("=", 1) for option in options)
+    return {key: tomllib.loads(f"value = {value}")["value"] for key, value in pairs}
+
+
+def command_of(model: str, options: Iterable[str]) -> str:
+    """Return the command that shows an equation, with {} in the place of its number."""
+    return f'symgen show {model} "{{}}"' + "".join(f" --set {shlex.quote(x)}" for x in options)
 
 
 def as_equation(name: str) -> str:
@@ -111,7 +131,7 @@ def elsewhere(equation: str) -> str:
             ]
             best, command = max(ranked, key=lambda of: of[0])
             shown = equation.removeprefix(author).strip()
-            found.append((best, f"{paper}: {command.format(shown)}"))
+            found.append((best, f"{paper}: " + command.replace("{}", shown)))
     best = max((rank for rank, _ in found), default=0)
     commands = "\n  ".join(command for rank, command in found if rank == best > 0)
     return commands or "docs/papers.md lists all equations of the papers, also those not derived."

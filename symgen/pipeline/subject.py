@@ -18,7 +18,7 @@ from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
-from symgen.pipeline.citations import PAPERS, as_equation, citation, citing, elsewhere
+from symgen.pipeline.citations import PAPERS, as_equation, citation, citing, command_of, elsewhere, settings
 from symgen.pipeline.systems import momentum_of, system_of
 from symgen.pipeline.user_system import equations_of, is_user_file
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
@@ -309,11 +309,10 @@ def citations_of_papers() -> str:
         known: set[tuple[str, ...]] = set()
         papers[paper] = {}
         for name, options in models:
-            every = dict.fromkeys(_citations(Subject(name, dict.fromkeys(options, False))))
+            every = dict.fromkeys(_citations(Subject(name, settings(options))))
             cited = [c for c in every if c and paper in c[0] and c not in known]
             known.update(cited)
-            settings = "".join(f" --set {x}=false" for x in options)
-            papers[paper][f'symgen show {name} "{{}}"{settings}'] = [*map(list, cited)]
+            papers[paper][command_of(name, options)] = [*map(list, cited)]
     return json.dumps(papers, indent=1) + "\n"
 
 

@@ -12,7 +12,7 @@ from shared.equations import found
 
 import symgen
 from symgen.errors import ModelError, StaleBinaryError
-from symgen.pipeline.citations import PAPERS, STORED, as_equation, citing
+from symgen.pipeline.citations import PAPERS, STORED, as_equation, citing, command_of, settings
 from symgen.pipeline.subject import Subject
 from symgen.runtime.beams import elements
 
@@ -128,7 +128,6 @@ ROWS = [
     ("slider_crank", "(22)", {"closure_step_matrix": "p12, p13, p23", "closure_step_rhs": "p12, p13, p23"}),
     ("slider_crank", "28a", {"inputs": "s1"}),
     ("rod_spatial", "(8b)", {"projected_momentum": "u_hat"}),
-    ("elastic_slider_crank", "(16a)", {"constraints": "guide_0_P"}),
     ("rigid_element", "(4.3)", {"nodal_matrix": "moment"}),
     ("rigid_element", "(4.6)", {"inertia": "moment"}),
     ("rigid_element", "(4.9)", {"nodal_matrix": "moment", "inertia": "moment"}),
@@ -252,6 +251,22 @@ def test_a_group_of_equations_is_the_matrix_of_their_rows(crank):
     assert "slider_equilibrium" in [m.name for m in found(crank, "69")]
 
 
+def test_parallel_axes_of_a_prismatic_joint_are_two_guided_points_of_one_body():
+    """(16a) is the difference of the rows (16b) of both; a single point has no such row."""
+    (*_, (_, piston)) = [of for of in PAPERS["Attia"] if of[0] == "elastic_slider_crank"]
+    (m,) = found(Subject("elastic_slider_crank", settings(piston)), "Attia 16a")
+    assert (m.name, m.rows) == ("constraints", ("guide_0_P", "guide_0_S"))
+    px, py, sx, sy, dx, dy = sp.symbols("P_x P_y S_x S_y rail_dx rail_dy", real=True)
+    axis, other = sp.Matrix([dx, dy]), sp.Matrix([sx - px, sy - py])
+    rows = m.matrix.subs({s: sp.Symbol(s.name, real=True) for s in m.matrix.free_symbols})
+    assert sp.expand(rows[1] - rows[0] - sp.Matrix.hstack(axis, other).det()) == 0
+    rows = found(Subject("elastic_slider_crank", {}), "Attia (16b)")
+    assert [m.rows for m in rows] == [("guide_0_P",), ("guide_0_P",)]
+    assert rows[1].source == "second rate of Attia (16b)"
+    with pytest.raises(ModelError, match=re.escape("--set 'links.piston=")):
+        found(Subject("elastic_slider_crank", {}), "16a")
+
+
 def test_all_systems_and_other_models():
     beam = Subject("element_beam8", {})
     assert [m.name for m in found(beam, "(6.14)")] == ["strain_energy", "stiffness"]
@@ -281,19 +296,17 @@ def test_other_models_are_found_where_kernels_are_of_older_equations(monkeypatch
         Subject("rod", {}).found("E.26")
 
 
-@pytest.mark.parametrize(("model", "false"), [of for of in PAPERS["thesis"] if of[0] == "thesis_four_bar"])
-def test_stored_citations_are_those_of_the_matrices(model, false):
+@pytest.mark.parametrize(("model", "options"), [of for of in PAPERS["thesis"] if of[0] == "thesis_four_bar"])
+def test_stored_citations_are_those_of_the_matrices(model, options):
     """Those of assembled equations are stored without deriving these."""
-    options = dict.fromkeys(false, False)
-    systems = [system for _, system in Subject(model, options)._searched()]
+    systems = [system for _, system in Subject(model, settings(options))._searched()]
     cited = {
         m.source for system in systems for m in system.matrices if re.search(r"thesis.*\(.*\d\)", m.source)
     }
     stored = json.loads(STORED.read_text())["thesis"]
-    settings = "".join(f" --set {name}=false" for name in false)
-    own = {source for source, *_ in stored[f'symgen show {model} "{{}}"{settings}']}
+    own = {source for source, *_ in stored[command_of(model, options)]}
     every = {source for commands in stored.values() for source, *_ in commands}
     # Rows of the condensing matrix follow in its source, and are not stored.
     assert all(any(source.startswith(x) for source in cited) for x in own)
     assert all(source.startswith(tuple(every)) for source in cited)
-    assert any("(E.43)-(E.47)" in source for source in own) == bool(false)
+    assert any("(E.43)-(E.47)" in source for source in own) == bool(options)

@@ -219,14 +219,14 @@ class MomentumForm(Outboard):
         }
 
     def constraints(self) -> Iterator[MomentumRows]:
-        """Eqs. (11), (14) for lengths, (16b) for guides, and the other constraints, twice differentiated."""
+        """Eqs. (11), (14) for lengths, second rates of (16b) for guides and of the other constraints."""
         model = self.model
         guides = {row.constraint.name for row in model.guides}
         free = [(q.symbol, a.symbol) for p in model.free for q, a in zip(model.q[p], model.a[p], strict=True)]
         for c, row, rhs in zip(model.constraints, model.jacobian, model.acceleration_rhs, strict=True):
             last = c.name in self.tree.inner and len(self.tree.outboard(c.name)[0]) == 1
             length = "Attia (11), (14)" if last else "Attia (14)"
-            source = length if c.link else "Attia (16b)" if c.name in guides else NO_SOURCE
+            source = length if c.link else "second rate of Attia (16b)" if c.name in guides else NO_SOURCE
             unit = {"m^2": "m^2/s^2", "m": "m/s^2"}[c.unit]
             coefficients = {a: row[q] for q, a in free if q in row}
             name = f"{c.name}_length" if c.link else c.name

@@ -353,6 +353,16 @@ class ConstrainedPoints(Points):
         return tuple(guide_rows(self))
 
     @cached_property
+    def sliding(self) -> list[str]:
+        """The guides of two points or more of one body, whose line is then parallel to that of the guide."""
+        bodies = [{k.start, k.end, *(c.name for c in k.carried)} for k in self.rods]
+        return [
+            guide.name
+            for guide in self.linkage.guides
+            if len(guide.points) > 1 and any(points.issuperset(guide.points) for points in bodies)
+        ]
+
+    @cached_property
     def turned(self) -> tuple[AngleRow, ...]:
         """The rows of revolute joints in space, and of drives."""
         return tuple(turning_rows(self))

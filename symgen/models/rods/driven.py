@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from symgen.mechanics.sources import LINKAGE
+from symgen.mechanics.sources import linkage_sources
 from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.linearised import driven_motion
@@ -56,6 +56,6 @@ def driven_system(linkage: Linkage) -> System:
         exports=tuple(exports),
         definitions=definitions(model),
         references=(REFERENCE,),
-        sources=LINKAGE,
+        sources=linkage_sources(model.sliding),
         left_out=(LEFT_OUT,),
     )

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from symgen.mechanics.sources import LINKAGE
+from symgen.mechanics.sources import linkage_sources
 from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.elimination import is_open, order_of
@@ -79,7 +79,7 @@ def linkage_system(linkage: Linkage) -> System:
             costs,
         ),
         references=(REFERENCE,),
-        sources=LINKAGE,
+        sources=linkage_sources(model.sliding),
         left_out=(
             *(
                 f"link {name}: both ends are ground, so it does not move; its weight goes into the reactions"
