@@ -31,6 +31,9 @@ def generate(
         typer.Option("--check", help="Derive all of generated/ without writing; fail if it differs."),
     ] = False,
     every: Annotated[bool, typer.Option("--all", help="Print every changed entry.")] = False,
+    build: Annotated[
+        bool, typer.Option("--build", help="Compile the kernels of generated/ that have changed, too.")
+    ] = False,
 ) -> None:
     """Regenerate outdated kernels and report the changes.
 
@@ -40,6 +43,8 @@ def generate(
     from symgen.report.mathematics.regeneration import generated_lines, regenerated_lines
 
     shown = None if every else _SHOWN
+    if build and (check or source is not None):
+        raise ModelError("--build applies to changes of generated/: leave --check and the source out")
     if source is not None:
         if check:
             raise ModelError("--check applies to generated/ and cannot be combined with a scene or a file")
@@ -47,12 +52,17 @@ def generate(
 
         print(*generated_lines(generate_source(source), shown), sep="\n")
         return
-    from symgen.regeneration.generate import not_current, regenerate
+    from symgen.regeneration.generate import compile_again, not_current, regenerate
 
     if not check:
         with progress_bar("generated/", as_json=False) as progress:
             regenerated = regenerate(progress)
         print(*regenerated_lines(regenerated, shown), sep="\n")
+        if build:
+            with progress_bar("compiling", as_json=False):
+                compile_again()
+        elif any(name.endswith((".c", ".h", ".pyx")) for name in regenerated.written):
+            print("to compile what has changed: symgen generate --build, or pip install -e .")
         return
     with progress_bar("generated/", as_json=False) as progress:
         differing = not_current(progress)

@@ -88,6 +88,21 @@ def regenerate(progress: Progress | None = None) -> Regenerated:
     return _written(folder, {name: model.shipped for name, model in models.items()}, derived)
 
 
+def compile_again() -> None:
+    """Compile the modules of a checkout whose sources have changed, as its installation does.
+
+    Raises
+    ------
+    GenerationError
+        When the compilation fails.
+    """
+    command = [sys.executable, "setup.py", "-q", "build_ext", "--inplace"]
+    done = subprocess.run(command, cwd=generated_folder().parent, capture_output=True, text=True, check=False)
+    if done.returncode:
+        last = (done.stderr or done.stdout).strip().splitlines()[-3:]
+        raise GenerationError("the generated kernels cannot be compiled:\n  " + "\n  ".join(last))
+
+
 def up_to_date(
     store: Cache, progress: Progress | None = None
 ) -> tuple[dict[str, Derived], dict[str, tuple[str, ...]]]:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shared.full import full
 from shared.timing import holds
@@ -249,6 +250,62 @@ def test_what_changed_is_derived_anew_and_said(checkout):
     assert error.startswith("symgen: rigid_element cannot be derived, and nothing was written:")
     assert "ValueError: out of reach" in error
     assert content(checkout) == before
+
+
+def test_a_new_term_of_the_energy_is_one_line(checkout):
+    """An elastic foundation adds k L/420 times the consistent matrix of the cubic beam to its stiffness."""
+    file = checkout / "symgen" / "mechanics" / "elastic" / "hamilton.py"
+    original, of = file.read_text(), "        strain=sp.Add(*("
+    program = (
+        "import symgen; from symgen.symbolic.exact import Exact; system = symgen.derive('element_cubic');"
+        "given = {'L': 1.5, 'a0': 2.0, 'b0': 3.0};"
+        "values = {g.name: [given.get(x.name, 0.0) for x in g.quantities] for g in system.groups};"
+        "print([float(x) for x in Exact(system).matrix('stiffness', values)])"
+    )
+
+    def stiffness():
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", program],
+            env={**os.environ, "PYTHONPATH": str(checkout)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return np.array(json.loads(done.stdout)).reshape(6, 6)
+
+    before = stiffness()
+    assert original.count(of) == 1
+    try:
+        file.write_text(original.replace(of, "        strain=sp.Add(500 * AXIAL.symbol * _F['w'] ** 2, *("))
+        added = stiffness() - before
+    finally:
+        file.write_text(original)
+    length, foundation = 1.5, 500 * 2.0
+    consistent = [
+        [156, 22 * length, 54, -13 * length],
+        [22 * length, 4 * length**2, 13 * length, -3 * length**2],
+        [54, 13 * length, 156, -22 * length],
+        [-13 * length, -3 * length**2, -22 * length, 4 * length**2],
+    ]
+    across = np.ix_([1, 2, 4, 5], [1, 2, 4, 5])
+    assert np.allclose(added[across], foundation * length / 420 * np.array(consistent), rtol=1e-12)
+    assert not np.any(added[[0, 3]]) and before[0, 0] > 0
+
+
+def test_changed_kernels_can_be_compiled_with_their_generation(monkeypatch):
+    commands = []
+    monkeypatch.setattr(
+        regeneration.subprocess,
+        "run",
+        lambda command, **options: (
+            commands.append((command[1:], options["cwd"]))
+            or subprocess.CompletedProcess(command, len(commands) - 1, "", "one\ntwo\nno compiler\n")
+        ),
+    )
+    regeneration.compile_again()
+    assert commands == [(["setup.py", "-q", "build_ext", "--inplace"], PACKAGE.parent)]
+    with pytest.raises(GenerationError, match="no compiler"):
+        regeneration.compile_again()
 
 
 def test_a_new_element_is_a_file_and_a_name(checkout):

@@ -164,8 +164,8 @@ def derive() -> Derivation:
     link = _link()
     parts = {
         "inertia": _inertia(link),
-        "elastic": {k: sp.diff(link.strain, _F[k]) for k in ("u_x", "phi_x", "gamma")},
-        "geometric": {"w_x": sp.diff(link.stretching, _F["w_x"])},
+        "elastic": _slopes(link.strain),
+        "geometric": _slopes(link.stretching),
         "follower": dict(zip("uw", (-e for e in link.follower), strict=True)),
     }
     terms = tuple(
@@ -175,6 +175,11 @@ def derive() -> Derivation:
     for k, e in (row for part in parts.values() for row in part.items()):
         weak_form[k] = weak_form.get(k, sp.Integer(0)) + e
     return Derivation((*_energies(link), *_variation(link, weak_form), *_collected(terms)), terms)
+
+
+def _slopes(energy: sp.Expr) -> dict[str, sp.Expr]:
+    """Return the derivatives of an energy by the fields that it has."""
+    return {name: sp.diff(energy, field) for name, field in _F.items() if energy.has(field)}
 
 
 def _link() -> _Link:
