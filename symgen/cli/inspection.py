@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -107,7 +106,11 @@ def show(
     ] = None,
     with_: Annotated[
         list[str] | None,
-        typer.Option("--with", metavar="NAME=NUMBER", help="Numeric value of a symbol, in SI units."),
+        typer.Option(
+            "--with",
+            metavar="NAME=VALUE",
+            help='Value of a symbol: a number in SI units, "90 deg" or "pi/2", which is exact.',
+        ),
     ] = None,
     cut: Annotated[
         str | None,
@@ -151,19 +154,20 @@ def show(
     if matrix is None:
         _list(subject)
     elif matrix == RECORD:
-        _show_record(subject, form, _numbers(with_), numeric)
+        _show_record(subject, form, with_ or (), numeric)
     else:
         cuts = [x.strip() for x in cut.split(",")] if cut else []
-        values = _numbers(with_)
         for i, found in enumerate(subject.found(matrix, numbers=form == "numeric", cuts=cuts)):
             chosen = (found.by(by) if by else found).part(rows, columns)
             print("\n" * bool(i), end="")
             if form == "numeric":
-                _show_numbers(subject, chosen, at, values)
+                _show_numbers(subject, chosen, at, with_ or ())
             else:
+                from symgen.inspection.values import of_symbols
                 from symgen.report.mathematics.equations import show as print_matrices
 
-                if values or numeric:
+                if with_ or numeric:
+                    values = of_symbols(with_ or (), chosen.system.symbols())
                     chosen = chosen.valued(values, constants=numeric)
                 print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
 
@@ -226,15 +230,19 @@ def _print_names(title: str, listed: Sequence[Sequence[str]]) -> None:
         print("\n".join(wrapped(note, _width(), "  ")))
 
 
-def _show_record(subject: Subject, form: str, values: Mapping[str, float], numeric: bool) -> None:
+def _show_record(subject: Subject, form: str, given: Sequence[str], numeric: bool) -> None:
     """Print the derivation step by step."""
+    from symgen.inspection.values import of_symbols
     from symgen.report.mathematics.record import record_in_latex, record_in_text
 
     if form not in ("unicode", "latex"):
         raise ModelError(
             f"the derivation is shown as unicode or latex, not as {form}: name a matrix for this format"
         )
-    steps = subject.record_with(values, constants=numeric) if values or numeric else subject.record
+    steps = subject.record
+    if given or numeric:
+        values = of_symbols(given, (x for step in steps for x in step.system.symbols()))
+        steps = subject.record_with(values, constants=numeric)
     print(
         record_in_latex(subject.system.title, steps, _width())
         if form == "latex"
@@ -242,25 +250,27 @@ def _show_record(subject: Subject, form: str, values: Mapping[str, float], numer
     )
 
 
-def _show_numbers(subject: Subject, chosen: Chosen, at: str | None, numbers: Mapping[str, float]) -> None:
-    """Print matrices as numbers, at a state of a scene."""
+def _show_numbers(subject: Subject, chosen: Chosen, at: str | None, given: Sequence[str]) -> None:
+    """Print matrices as numbers, at a state of a scene, with the ``given`` values of some symbols."""
     from symgen.inspection.state import NOWHERE, state_of
+    from symgen.inspection.values import of_symbols
     from symgen.pipeline.build import build_scene as build_model
     from symgen.report.mathematics.equations import show as print_matrices
 
-    if not subject.is_scene and (at or not numbers):
+    if not subject.is_scene and (at or not given):
         kind = "a building block" if subject.is_block else "not a scene"
         raise ModelError(
             f"{subject.name} is {kind}: it has no state for numeric values\n"
-            f"  Give a value for each symbol with --with NAME=NUMBER, in SI units."
+            f"  Give a value for each symbol with --with NAME=VALUE, in SI units."
         )
     state = state_of(build_model(subject.text), at) if subject.is_scene else NOWHERE
-    values = state.of(chosen.system, numbers)
-    print(print_matrices(chosen.system, chosen.matrices, "numeric", values, state.label, _width()))
+    values = state.of(chosen.system, of_symbols(given, chosen.system.symbols()))
+    label = ", otherwise ".join(filter(None, (f"with {', '.join(given)}" if given else "", state.label)))
+    print(print_matrices(chosen.system, chosen.matrices, "numeric", values, label, _width()))
     if chosen.is_square:
         from symgen.report.mathematics.numbers import solution
 
-        print(f"\n{solution(chosen.system, values, state.label)}")
+        print(f"\n{solution(chosen.system, values, label)}")
 
 
 def _width() -> int:
@@ -270,20 +280,6 @@ def _width() -> int:
     from symgen.report.mathematics.layout import WIDTH
 
     return console().width if sys.stdout.isatty() else WIDTH
-
-
-def _numbers(options: list[str] | None) -> dict[str, float]:
-    """Return the values given with --with, by name."""
-    values = {}
-    for option in options or []:
-        name, _, value = option.partition("=")
-        try:
-            values[name.strip()] = number = float(value)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            raise ModelError(f"expected --with NAME=NUMBER, in SI units, got {option!r}")
-    return values
 
 
 @command("symgen explain peaucellier")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SceneError, check_known
@@ -31,7 +32,7 @@ class ArgumentValues:
     label: str
     arrays: Mapping[str, Sequence[float]]
 
-    def of(self, system: System, inputs: Mapping[str, float]) -> dict[str, float]:
+    def of(self, system: System, inputs: Mapping[str, sp.Expr]) -> dict[str, float | sp.Expr]:
         """Return the value of each argument of a system by name; ``inputs`` values take precedence.
 
         Raises
@@ -42,7 +43,7 @@ class ArgumentValues:
         known = {x.name for x in system.symbols()}
         for name in inputs:
             check_known(name, known, f"{system.name} has no argument")
-        values = {
+        values: dict[str, float | sp.Expr] = {
             x.name: float(value)
             for group in system.groups
             for x, value in zip(group.quantities, self.arrays.get(group.name, ()), strict=False)

@@ -1,15 +1,19 @@
-"""Values in command-line text: of the input of a driven mechanism, of time, of crank angle and speed."""
+"""Values in command-line text: of a driven mechanism's input, time, crank angle and speed, and of symbols."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import sympy as sp
 
 from symgen.errors import ModelError, SceneError
+from symgen.scene.expressions import parse_any
 from symgen.scene.units import ANGULAR_RATE, LENGTH, NUMBER, TIME, parse_quantity
+from symgen.symbolic.constants import with_pi
+from symgen.symbolic.quantity import Quantity
 
 #: Numbers in SI units [s, rad, m], and their variable: ``time`` or ``input``.
 Values = tuple[list[float], str]
@@ -67,6 +71,32 @@ def of_crank(_: Any, texts: Sequence[str], option: str) -> Values:
     """
     expected = f'angles after {option}, such as "45" (degrees) or "0.5 rad"{_ranges(option)}'
     return _read(texts, _DEGREES, {NUMBER: "input"}, expected)
+
+
+def of_symbols(options: Sequence[str], symbols: Iterable[Quantity]) -> dict[str, sp.Expr]:
+    """Return exact values of symbols [SI] given as ``NAME=VALUE``: ``0.7``, ``2 cm``, ``90 deg`` or ``pi/2``.
+
+    Raises
+    ------
+    ModelError
+        For other text, and for a unit that is not one of the symbol.
+    """
+    known = {x.name: x.unit for x in symbols}
+    values = {}
+    for option in options:
+        name, _, text = (part.strip() for part in option.partition("="))
+        try:
+            value, dimension = parse_any(text, {})
+        except SceneError:
+            raise ModelError(
+                'expected --with NAME=VALUE, a finite number in SI units, or such as "90 deg" or "pi/2", '
+                f"got {option!r}"
+            ) from None
+        unit = known.get(name, "1")
+        if dimension not in (NUMBER, parse_quantity("1" if unit == "1" else f"1 {unit}")[1]):
+            raise ModelError(f"expected a value of {name} [{unit}] after --with, got {option!r}")
+        values[name] = with_pi(value)
+    return values
 
 
 def crank_or_time(text: str) -> tuple[float, str, str]:

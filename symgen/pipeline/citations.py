@@ -156,11 +156,23 @@ def _part(m: NamedMatrix, cited: _Cited) -> NamedMatrix:
     if not cited.rows:
         return m
     rows = sorted({*cited.rows}, key=m.rows.index)
-    place = f"row{'s' * (len(rows) > 1)} {', '.join(rows)}"
+    place = _rows(rows)
     if cited.columns:
         place += f", column{'s' * (len(cited.columns) > 1)} {', '.join(cited.columns)}"
     part = m.part(rows, cited.columns)
     return replace(part, description=f"{place}: {m.description}", source=cited.source)
+
+
+def narrowed(m: NamedMatrix, rows: Sequence[str], columns: Sequence[str]) -> NamedMatrix:
+    """Return some rows and columns; a description that begins with the rows names those that remain."""
+    part = m.part(rows, columns)
+    if m.rows and (before := _rows(m.rows)) and m.description.startswith(before):
+        return replace(part, description=_rows(part.rows) + m.description.removeprefix(before))
+    return part
+
+
+def _rows(names: Sequence[str]) -> str:
+    return f"row{'s' * (len(names) > 1)} {', '.join(names)}"
 
 
 def _precision(number: Sequence[str], source: str) -> int:

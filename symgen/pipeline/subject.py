@@ -18,7 +18,16 @@ from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
-from symgen.pipeline.citations import PAPERS, as_equation, citation, citing, command_of, elsewhere, settings
+from symgen.pipeline.citations import (
+    PAPERS,
+    as_equation,
+    citation,
+    citing,
+    command_of,
+    elsewhere,
+    narrowed,
+    settings,
+)
 from symgen.pipeline.systems import momentum_of, system_of
 from symgen.pipeline.user_system import equations_of, is_user_file
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
@@ -52,9 +61,9 @@ class Chosen:
     def part(self, rows: str | None, columns: str | None) -> Chosen:
         """Return selected rows and columns, given as comma-separated names or numbers."""
         labels = [[x.strip() for x in text.split(",")] if text else [] for text in (rows, columns)]
-        return replace(self, matrices=tuple(m.part(*labels) for m in self.matrices))
+        return replace(self, matrices=tuple(narrowed(m, *labels) for m in self.matrices))
 
-    def valued(self, values: Mapping[str, float], *, constants: bool) -> Chosen:
+    def valued(self, values: Mapping[str, sp.Expr], *, constants: bool) -> Chosen:
         """Return the matrices with values [SI] of some symbols, and of all ``constants`` of the scene.
 
         Raises
@@ -75,10 +84,10 @@ class Chosen:
         return Chosen(derived, derived.matrices)
 
 
-def _valued(system: System, values: Mapping[str, float], constants: bool) -> System:
+def _valued(system: System, values: Mapping[str, sp.Expr], constants: bool) -> System:
     """Return a system with values of those of the symbols that it has, and of all constants of the scene."""
     known = {x.name: x.symbol for x in system.symbols()}
-    there = {known[name]: sp.Rational(str(x)) for name, x in values.items() if name in known}
+    there = {known[name]: x for name, x in values.items() if name in known}
     system = system.substituted(there)
     system = system.in_numbers() if constants else system
     for m in system.matrices:
@@ -155,7 +164,7 @@ class Subject:
         steps = assembled_record(cast("Linkage", self.resolved), self.assembled)
         return (*self._before_assembly, *steps)
 
-    def record_with(self, values: Mapping[str, float], *, constants: bool) -> tuple[Step, ...]:
+    def record_with(self, values: Mapping[str, sp.Expr], *, constants: bool) -> tuple[Step, ...]:
         """Return the record with values [SI] of some symbols, and of all ``constants`` of the scene.
 
         Raises

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from fractions import Fraction
+from unicodedata import normalize
 
 import mpmath
 import numpy as np
@@ -188,11 +189,62 @@ def test_numbers_of_given_symbols():
     assert moved["A"][0] == 7.0
     with pytest.raises(SymgenError, match="no argument 'A_z'. Did you mean"):
         shown("four_bar", "positions", "--format", "numeric", "--with", "A_z=7")
-    with pytest.raises(SymgenError, match="NAME=NUMBER"):
+    with pytest.raises(SymgenError, match="NAME=VALUE"):
         shown("four_bar", "positions", "--format", "numeric", "--with", "A_x")
     assert "7" in shown("four_bar", "positions", "--with", "A_x=7")
     with pytest.raises(SymgenError, match="no symbol 'A_z'. Did you mean"):
         shown("four_bar", "positions", "--with", "A_z=7")
+
+
+@pytest.mark.parametrize("right", ["pi/2", "90 deg"])
+def test_given_values_are_exact(right):
+    """(36), (52) and (57) as printed, with alpha3 = 90 deg at rest and the axes of eta corrected."""
+    given = [
+        "--with",
+        f"alpha3={right}",
+        *(x for r in ("rate", "acceleration") for x in ("--with", f"alpha3_{r}=0")),
+    ]
+    lines = normalize("NFD", shown("slider_crank", "36", *given[:4])).splitlines()
+    motion = [x for line in lines if line[:1] in "⎡⎢⎣" and (x := line.strip("⎡⎢⎣⎤⎥⎦ "))]
+    rows = "η̇₃⋅sin(θ₃) -η̇₃⋅cos(θ₃) -θ̇₃ -Ṡ₄⋅sin(θ₃) Ṡ₄⋅cos(θ₃) 0"
+    assert motion == normalize("NFD", rows).split()
+    for number, form in (("52", "unicode"), ("57", "c"), ("57", "latex")):
+        text = shown("slider_crank", number, *given, "--format", form)
+        assert not re.search(r"alpha_?[{]?3|α₃|\be-1\d", text)
+    text = shown("slider_crank", "rod_motion_backward", "--format", "numeric", *given)
+    assert "vz   0.0000000000e+00" in text
+
+
+def test_given_values_have_the_unit_of_their_symbol():
+    assert "127⋅sin(θ₁)" in shown("slider_crank", "row_1_transform", "--with", "a1=2 in", "--with", "s1=0")
+    for wrong, message in {
+        "a1=2 kg": r"expected a value of a1 \[m\] after --with, got 'a1=2 kg'",
+        "a1=b": "expected --with NAME=VALUE, a finite number in SI units, or such as",
+        "a1=nan": "expected --with NAME=VALUE",
+        "a1=1/0": "expected --with NAME=VALUE",
+    }.items():
+        for more in ((), ("--format", "numeric")):
+            with pytest.raises(SymgenError, match=message):
+                shown("slider_crank", "row_1_transform", "--with", wrong, *more)
+
+
+def test_the_heading_of_numbers_states_given_values():
+    text = shown("slider_crank", "row_2_transform", "--format", "numeric", "--with", "theta2=.7")
+    assert text.startswith("row_2_transform with theta2=.7, otherwise at theta1 = 0 deg [1, m]")
+    assert numbers(text)["x"][0] == pytest.approx(np.cos(0.7), abs=0.3)
+    block = shown(
+        "rod",
+        "mass_matrix",
+        "--format",
+        "numeric",
+        *["--with", "m=1", "--with", "l=1", "--with", "l_c=0.5", "--with", "I_c=1"],
+    )
+    assert block.startswith("mass_matrix with m=1, l=1, ")
+
+
+def test_the_heading_of_rows_names_those_that_are_shown():
+    assert shown("slider_crank", "69c").startswith("rod_equilibrium: rows fz, my: wrenches")
+    assert shown("slider_crank", "69c", "--rows", "my").startswith("rod_equilibrium: row my: wrenches")
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def show(
     system: System,
     matrices: Sequence[NamedMatrix],
     form: str,
-    values: Mapping[str, float] | None = None,
+    values: Mapping[str, float | sp.Expr] | None = None,
     label: str = "",
     width: int = WIDTH,
 ) -> str:

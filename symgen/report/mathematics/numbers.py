@@ -52,7 +52,7 @@ def alike_in_one(constants: Sequence[Definition]) -> list[tuple[str, str, str, s
 
 
 def in_numbers(
-    system: System, matrix: NamedMatrix, values: Mapping[str, float], label: str, width: int = WIDTH
+    system: System, matrix: NamedMatrix, values: Mapping[str, float | sp.Expr], label: str, width: int = WIDTH
 ) -> str:
     """Return a matrix as numbers, one row per line, in blocks of columns; ``label`` names the state.
 
@@ -76,7 +76,7 @@ def in_numbers(
     return "\n".join(lines)
 
 
-def solution(system: System, values: Mapping[str, float], label: str) -> str:
+def solution(system: System, values: Mapping[str, float | sp.Expr], label: str) -> str:
     """Return the solution of the square system A x = b of momentum rows, one unknown per line with its unit.
 
     With redundant constraints it is the one with the least sum of squares.
@@ -111,7 +111,9 @@ def table_of_numbers(
     return "\n".join(lines)
 
 
-def evaluated(system: System, matrix: NamedMatrix, values: Mapping[str, float]) -> sp.ImmutableMatrix:
+def evaluated(
+    system: System, matrix: NamedMatrix, values: Mapping[str, float | sp.Expr]
+) -> sp.ImmutableMatrix:
     """Return a matrix evaluated at the given argument values [SI], through the shared terms.
 
     Raises
@@ -119,7 +121,8 @@ def evaluated(system: System, matrix: NamedMatrix, values: Mapping[str, float]) 
     ModelError
         If the matrix contains an argument without a value in ``values``, or is not finite and real.
     """
-    known = {x.symbol: sp.Rational(values[x.name]) for x in system.symbols() if x.name in values}
+    exact = {name: x if isinstance(x, sp.Expr) else sp.Rational(x) for name, x in values.items()}
+    known = {x.symbol: exact[x.name] for x in system.symbols() if x.name in exact}
     for definition in (*system.constants, *system.definitions):
         if definition.quantity.symbol not in known:
             known[definition.quantity.symbol] = _number(definition.expression.xreplace(known), _WORKING)
@@ -129,7 +132,7 @@ def evaluated(system: System, matrix: NamedMatrix, values: Mapping[str, float]) 
         more = ", ..." if len(missing) > _NAMED else ""
         raise ModelError(
             f"{matrix.name} contains symbols without values: {', '.join(missing[:_NAMED])}{more}\n"
-            "  Give each with --with NAME=NUMBER, in SI units."
+            "  Give each with --with NAME=VALUE, in SI units."
         )
     for (i, j), x in numbers.todok().items():
         if not (isinstance(x, sp.Number) and x.is_finite):
@@ -137,7 +140,7 @@ def evaluated(system: System, matrix: NamedMatrix, values: Mapping[str, float]) 
             place += f", column {matrix.columns[j] if matrix.columns else j}" if numbers.cols > 1 else ""
             raise ModelError(
                 f"{matrix.name} has no finite real value in {place}: a denominator is zero, or a root is that"
-                " of a negative number.\n  Give symbols other values with --with NAME=NUMBER, in SI units."
+                " of a negative number.\n  Give symbols other values with --with NAME=VALUE, in SI units."
             )
     return numbers
 
