@@ -242,6 +242,14 @@ def test_the_heading_of_numbers_states_given_values():
     assert block.startswith("mass_matrix with m=1, l=1, ")
 
 
+def test_letters_of_shared_vectors_are_explained_once():
+    text = " ".join(shown("slider_crank", "19a").partition("where")[2].split())
+    for letter, meaning, unit in (("i", "axis i", "1"), ("k", "axis k", "1"), ("p", "origin", "m")):
+        line = f"{letter}_* {meaning} of the frame after motion *, in the first frame [{unit}]"
+        assert text.count(line) == text.count(f" {letter}_*") == 1
+    assert "_*" not in shown("four_bar", "mass_matrix")
+
+
 def test_the_heading_of_rows_names_those_that_are_shown():
     assert shown("slider_crank", "69c").startswith("rod_equilibrium: rows fz, my: wrenches")
     assert shown("slider_crank", "69c", "--rows", "my").startswith("rod_equilibrium: row my: wrenches")

@@ -164,15 +164,15 @@ GROUND = Frame(sp.ImmutableMatrix(sp.eye(3)), axis(-1))
 def onward(frame: Frame, motion: JointMotion, names: Names, label: str, back: bool = False) -> Frame:
     """Return the frame after a motion, or the one before it if ``back``."""
     number, turns = _KINDS[motion.entry]
+    of = f"of the frame {'before' if back else 'after'} motion {motion.name}, in the first frame"
     if turns:
         angle = motion.matrix.T if back else motion.matrix
         axes = frame.turn * angle.real
-        unit, of = "1", f"axes of the frame, {label}"
         columns = [
-            names.vector(f"{letter}_{label}", axes[:, i], unit, f"{letter} of the {of}")
+            names.vector(f"{letter}_{label}", axes[:, i], "1", f"axis {letter} {of}")
             for i, letter in enumerate("ijk")
         ]
         return Frame(sp.ImmutableMatrix(3, 3, lambda i, j: columns[j][i]), frame.origin)
     shift = -motion.value if back else motion.value
     origin = [p + shift * x for p, x in zip(frame.origin, frame.turn[:, number], strict=True)]
-    return Frame(frame.turn, names.vector(f"p_{label}", origin, "m", f"origin of the frame, {label}"))
+    return Frame(frame.turn, names.vector(f"p_{label}", origin, "m", f"origin {of}"))

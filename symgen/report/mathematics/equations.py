@@ -12,12 +12,15 @@ from symgen.report.mathematics.layout import WIDTH, columns, defined, heading, i
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
 from symgen.report.mathematics.numbers import in_numbers, value_of
 from symgen.symbolic.notation import latex, latex_name, text_name
+from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import Definition, NamedMatrix, System
 
 FORMATS = ("unicode", "latex", "shared", "c", "numeric")
 #: The beginning of a matrix, and the end of a row, in LaTeX.
 _BEGIN = r"\begin{matrix}"
 _ROW_END = re.compile(r"\\\\(?!\n)")
+#: Name and meaning of a component of a vector, both with the name of what the vector belongs to.
+_COMPONENT = re.compile(r"([a-z]+_)(\w+?)((?:_[a-z]+)?)_([xyz]): \4 component of (.*\b)\2(\b.*)")
 #: Maximum number of rows and columns, and of characters, of a matrix that LaTeX shows as a whole.
 _WHOLE, _LETTERS = 12, 4000
 
@@ -163,7 +166,18 @@ def _legend(
         if len(indent) > width // 2:
             indent = "      "
         lines += wrapped(f"{name}  {x.description} [{x.unit}]{value}", width, indent)
+    terms = (d.quantity for d in system.definitions if d.quantity.symbol in used)
+    for pattern, about in dict.fromkeys(_families(terms)):
+        lines += wrapped(f"  {pattern}  {about}", width, " " * (len(pattern) + 4))
     return lines
+
+
+def _families(terms: Iterable[Quantity]) -> Iterator[tuple[str, str]]:
+    """Yield names and meanings of components of vectors that are called by what they belong to, as ``*``."""
+    for x in terms:
+        if found := _COMPONENT.fullmatch(f"{x.name}: {x.description}"):
+            letter, _, more, _, before, behind = found.groups()
+            yield f"{letter}*{more}", f"{before}*{behind} [{x.unit}]"
 
 
 def _there(matrices: Iterable[NamedMatrix], used: Mapping[sp.Symbol, sp.Expr]) -> set[sp.Basic]:
