@@ -28,7 +28,10 @@ ROD: Sources = (
     ("middle_acceleration", "Attia (5b)"),
     ("linear_momentum", "Attia (6)"),
     ("angular_momentum", "Attia (7)"),
-    ("projected_momentum", "Attia, section 2.1; u_bar (8a), printed as (1); u_hat (8b), printed as (2)"),
+    (
+        "projected_momentum",
+        "Attia, section 2.2, corrected; u_bar (8a), printed as (1); u_hat (8b), printed as (2)",
+    ),
     ("constraint", "Attia (3a), halved"),
     ("constraint_jacobian", "Attia (5a), left side"),
     ("velocity_constraint", "Attia (4a)"),

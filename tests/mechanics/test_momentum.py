@@ -22,6 +22,7 @@ from symgen.mechanics.rods.momentum import open_tree, particles
 from symgen.mechanics.rods.particles import end_mass, particle_masses
 from symgen.models.momentum import outboard
 from symgen.models.momentum.rows import momentum_system
+from symgen.pipeline.subject import Subject
 from symgen.scene.resolve import resolve
 
 DIGITS = 30
@@ -419,6 +420,36 @@ def test_particles_of_a_body_off_the_line():
     assert [p.mass for p in particles(m, l, c, i)] == list(particle_masses(m, l, c, i))
 
 
+def test_rows_of_a_chain_are_printed_by_the_masses_of_its_particles():
+    """Coefficients of Eqs. (9), (12), (15) by m1, m2, m3 of each rod; their values are those of section 2.1."""
+    system = Subject("triple_pendulum", {}).choose("momentum_rows").system
+    known = {d.quantity.symbol: d.expression for d in system.definitions}
+    s = {x.name: x for m in system.matrices for x in m.matrix.free_symbols} | {x.name: x for x in known}
+    half, quarter = sp.Rational(1, 2), sp.Rational(1, 4)
+    (row,) = [m for m in system.matrices if m.name == "O_momentum"]
+    joint = s["m3_AB"] + s["m2_AB"] * half + s["m2_BC"] * half + s["m1_BC"]
+    assert row.matrix[0].coeff(s["B_ax"]) == joint
+    assert row.matrix[0].coeff(s["C_ax"]) == s["m3_BC"] + s["m2_BC"] * half
+    d = s["BC_dx"]
+    assert known[s["BC_B_lever_x"]] == s["m2_BC"] * d * quarter
+    assert sp.expand(known[s["BC_C_lever_x"]] - (s["m3_BC"] + s["m2_BC"] * quarter) * d) == 0
+    values = {str(x): x for e in known.values() for x in e.free_symbols}
+    of_rod = (values[f"{x}_BC"] for x in ("m", "l", "s", "I"))
+    masses = particle_masses(*of_rod)
+    assert [sp.simplify(known[s[f"m{i}_BC"]] - m) for i, m in enumerate(masses, 1)] == [0, 0, 0]
+
+
+def test_a_name_of_the_scene_is_not_that_of_a_particle():
+    points = {"O": {"at": [0, 0], "ground": True}, "A": {"at": ["2 m", 0]}}
+    links = {"crank": {"points": ["O", "A"], "mass": "m3_crank"}}
+    scene = symgen.Scene(
+        parameters={"m3_crank": {"value": "3 kg", "tunable": True}}, points=points, links=links
+    )
+    system = momentum_rows(scene)
+    assert not any(d.quantity.name == "m3_crank" for d in system.definitions)
+    assert any(d.quantity.name == "m2_crank" for d in system.definitions)
+
+
 def test_a_loop_is_cut_where_it_is_reached_twice():
     tree = open_tree("OE", "ABCD", {k: list(k) for k in ("OA", "AB", "BC", "CD", "DE", "BE", "AD")})
     assert tree.inner["OA"] == "O" and tree.inner["DE"] == tree.inner["BE"] == "E"
@@ -493,7 +524,10 @@ def test_show(tmp_path):
 
 def test_every_symbol_and_row_has_a_unit_and_a_source():
     rows = momentum_rows(random_scene((3, "tree", 5, False))[1])
-    assert rows["L0_moment"].source == "Attia (13a), (13b)" and rows["L0_moment"].unit == "N*m"
+    assert (
+        rows["L0_moment"].source.startswith("Attia (13), corrected; L0_t1 (13a)")
+        and rows["L0_moment"].unit == "N*m"
+    )
     assert all(x.unit and x.description for x in rows.quantities())
 
 

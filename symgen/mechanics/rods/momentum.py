@@ -27,6 +27,11 @@ class Particle(NamedTuple):
     along: sp.Expr
     across: sp.Expr
 
+    @property
+    def number(self) -> int:
+        """The number as in the source: 1 at the start, 2 in the middle, 3 at the end; 4 beside the end."""
+        return 1 + int(2 * self.along + 3 * self.across)
+
 
 def particles(
     mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr, offset: sp.Expr = ZERO

@@ -24,6 +24,7 @@ from symgen.symbolic.vectors import cross
 
 #: How a place of a body moves with a point: so much with it, and so much with it turned left.
 Shares = dict[str, tuple[sp.Expr, sp.Expr]]
+_PLACES = {1: "at its start", 2: "at its middle", 3: "at its end", 4: "to the left of its end"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,16 +68,18 @@ class Outboard:
         return tuple(quantity(f"{name}_{a}", "N", f"{a} component of the {description}") for a in axes)
 
     def define(self, name: str, expression: sp.Expr, unit: str, description: str) -> sp.Expr:
-        """Name a subexpression; numbers and bare symbols are handed back as they are."""
-        if expression.is_Atom:
-            return expression
+        """Name a subexpression; numbers, bare symbols and those whose name the scene has are as they are."""
         new = quantity(name, unit, description)
+        if expression.is_Atom or new.symbol in self.linkage.defaults:
+            return expression
         self.definitions[new.symbol] = Definition(new, expression)
         return new.symbol
 
-    def particles(self, link: RigidLink) -> tuple[Particle, ...]:
-        """Return the particles of a link."""
-        return particles(link.mass, link.length, link.centre, link.inertia, link.offset)
+    def particles(self, link: RigidLink) -> Iterator[Particle]:
+        """Yield the particles of a link, with named masses."""
+        for p in particles(link.mass, link.length, link.centre, link.inertia, link.offset):
+            about = f"mass of the particle {p.number} of {link.name}, {_PLACES[p.number]}"
+            yield p._replace(mass=self.define(f"m{p.number}_{link.name}", p.mass, "kg", about))
 
     def weights(self, point: str) -> Shares:
         """Return how a point moves with points that have coordinates: parts along, and turned left."""

@@ -101,10 +101,10 @@ class MomentumForm(Outboard):
         bodies, points = self.tree.outboard(body)
         joint = self.tree.inner[body]
         pivot = self.model.position(joint)
-        numbers = ["(9)", "(12)"] if len(pivot) == 2 else ["(10a), (10b)", "(13a), (13b)"]
-        cited = ", ".join(numbers[len(bodies) > 1 :])
         about = f"rate of the moment of momentum of {', '.join(bodies)} about {joint}, less that of the loads"
-        rows = MomentumRows(f"{body}_moment", "N*m", about, f"Attia {cited}")
+        rows = MomentumRows(
+            f"{body}_moment", "N*m", about, _moment_source(body, len(bodies) > 1, len(pivot) == 3)
+        )
         levers: dict[str, list[Vector]] = {}
         for mass, shares, place in self.masses(bodies, points):
             lever = _difference(place, pivot)
@@ -178,7 +178,7 @@ class MomentumForm(Outboard):
         noun = f"{', '.join(bodies)} beyond {point}" if bodies else point
         about = f"rate of the linear momentum of {noun}, less the loads"
         rows = MomentumRows(
-            f"{point}_momentum", "N", about + (" and the reaction" if ground else ""), "Attia (15)"
+            f"{point}_momentum", "N", about + (" and the reaction" if ground else ""), "Attia (15), corrected"
         )
         pushes = list(self.pushes(bodies, points))
         masses = list(self.masses(bodies, points))
@@ -331,6 +331,16 @@ class MomentumForm(Outboard):
             row.rhs - sp.Add(*(row.coefficients[a] * a for a in ground if a in row.coefficients))
             for row in rows
         ]
+
+
+def _moment_source(body: str, carries: bool, in_space: bool) -> str:
+    """Return the equations of the moments of a body; those of a last one are (9), (10) and (12), (13)."""
+    if not in_space:
+        return "Attia (12), corrected" if carries else "Attia (9), (12), corrected"
+    numbers = ("13",) if carries else ("10", "13")
+    whole, first, second = (", ".join(f"({n}{letter})" for n in numbers) for letter in ("", "a", "b"))
+    directions = f"{body}_t1 {first}, t1 for u_bar; {body}_t2 {second}, t2 for u_hat"
+    return f"Attia {whole}, corrected; {directions}"
 
 
 def motion_groups(model: RodsModel) -> tuple[Group, ...]:
