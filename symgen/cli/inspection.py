@@ -289,9 +289,11 @@ def explain(scene: o.Scene, set_: o.Set = None) -> None:
     The report lists retained and omitted parts, saved operations, and the elimination order.
     """
     from symgen.inspection.explanation import explanation
+    from symgen.report.mathematics.layout import wrapped
 
     for line in explanation(scene, changes(set_)):
-        console().print(line)
+        for part in wrapped(line, _width()):
+            console().print(part)
 
 
 @command("symgen schema > scene.schema.json")

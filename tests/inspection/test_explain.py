@@ -27,9 +27,11 @@ from symgen.scene.resolve import resolve
 
 
 def said(*arguments):
+    """The lines of an explanation, each whole; printed they are as wide as files."""
     done = CliRunner().invoke(app, ["explain", *arguments])
     assert done.exit_code == 0, done
-    return done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= 100
+    return re.sub(r"\n {4,}", " ", done.stdout)
 
 
 def test_peaucellier_has_three_loops_and_one_degree_of_freedom():
