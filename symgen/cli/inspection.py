@@ -135,7 +135,7 @@ def show(
 
     check_form(form)
     from symgen.inspection.assembled import is_assembled, numbers
-    from symgen.pipeline.subject import RECORD, Subject
+    from symgen.pipeline.subject import RECORD, Subject, parts
 
     subject = Subject(model, changes(set_))
     given = {"--by": by, "--with": with_, f"--format {form}": form not in ("unicode", "numeric")}
@@ -157,18 +157,19 @@ def show(
         _show_record(subject, form, with_ or (), numeric)
     else:
         cuts = [x.strip() for x in cut.split(",")] if cut else []
-        for i, found in enumerate(subject.found(matrix, numbers=form == "numeric", cuts=cuts)):
-            chosen = (found.by(by) if by else found).part(rows, columns)
+        found = subject.found(matrix, numbers=form == "numeric", cuts=cuts)
+        for i, part in enumerate(parts([x.by(by) for x in found] if by else found, rows, columns)):
             print("\n" * bool(i), end="")
             if form == "numeric":
-                _show_numbers(subject, chosen, at, with_ or ())
+                _show_numbers(subject, part, at, with_ or ())
             else:
                 from symgen.inspection.values import of_symbols
                 from symgen.report.mathematics.equations import show as print_matrices
 
+                chosen = part
                 if with_ or numeric:
-                    values = of_symbols(with_ or (), chosen.system.symbols())
-                    chosen = chosen.valued(values, constants=numeric)
+                    values = of_symbols(with_ or (), part.system.symbols())
+                    chosen = part.valued(values, constants=numeric)
                 print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
 
 

@@ -119,7 +119,7 @@ def _cited(number: Sequence[str], source: str, rows: Sequence[str]) -> _Cited:
 
 
 def elsewhere(equation: str) -> str:
-    """Return the command that prints the equation of this number, of each paper that has it, as stored."""
+    """Return the command that prints the equation, or those of its letters, of each paper, as stored."""
     asked = _ASKED.fullmatch(equation)
     author, *number = asked.groups(default="") if asked else ("",)
     found = []
@@ -133,7 +133,7 @@ def elsewhere(equation: str) -> str:
             shown = equation.removeprefix(author).strip()
             found.append((best, f"{paper}: " + command.replace("{}", shown)))
     best = max((rank for rank, _ in found), default=0)
-    commands = "\n  ".join(command for rank, command in found if rank == best > 0)
+    commands = "\n  ".join(command for rank, command in found if rank == best > 0 or rank >= _GROUP)
     return commands or "docs/papers.md lists all equations of the papers, also those not derived."
 
 

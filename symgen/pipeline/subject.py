@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -57,11 +57,6 @@ class Chosen:
     def is_square(self) -> bool:
         """Whether these are the square system of momentum rows."""
         return tuple(m.name for m in self.matrices) == _SQUARE
-
-    def part(self, rows: str | None, columns: str | None) -> Chosen:
-        """Return selected rows and columns, given as comma-separated names or numbers."""
-        labels = [[x.strip() for x in text.split(",")] if text else [] for text in (rows, columns)]
-        return replace(self, matrices=tuple(narrowed(m, *labels) for m in self.matrices))
 
     def valued(self, values: Mapping[str, sp.Expr], *, constants: bool) -> Chosen:
         """Return the matrices with values [SI] of some symbols, and of all ``constants`` of the scene.
@@ -309,6 +304,30 @@ class Subject:
             check_known(row, {*system.names()}, f"{self.name} has no momentum row")
             return Chosen(system, system.named(row))
         return Chosen(system, tuple(m for m in system.matrices if (m.name in _SQUARE) == numbers))
+
+
+def parts(found: Iterable[Chosen], rows: str | None, columns: str | None) -> list[Chosen]:
+    """Return rows and columns, as comma-separated names or numbers, of the matrices that have all of them.
+
+    Raises
+    ------
+    ModelError
+        When no matrix has them.
+    """
+    labels = [[x.strip() for x in text.split(",")] if text else [] for text in (rows, columns)]
+    selected, errors = [], []
+    for chosen in found:
+        matrices = []
+        for m in chosen.matrices:
+            try:
+                matrices.append(narrowed(m, *labels))
+            except ModelError as error:
+                errors.append(error)
+        if matrices:
+            selected.append(replace(chosen, matrices=tuple(matrices)))
+    if not selected:
+        raise errors[0]
+    return selected
 
 
 def citations_of_papers() -> str:

@@ -283,6 +283,7 @@ def test_all_systems_and_other_models():
             "(E.40)",
             'thesis: symgen show thesis_four_bar "(E.40)" --set links.crank.elastic.axial=false',
         ),
+        ("rod", "8", 'Attia: symgen show rod_spatial "(8)"\n  Rahman: symgen show slider_crank "(8)"'),
         ("rod", "(2.1)", "docs/papers.md"),
     ]:
         with pytest.raises(ModelError, match=re.escape(command)):

@@ -65,6 +65,15 @@ def test_one_entry_and_a_submatrix():
         shown("four_bar", "--rows", "A_x")
 
 
+def test_rows_of_several_matrices_are_those_of_the_matrices_that_have_them():
+    text = shown("triple_pendulum", "momentum_rows", "--rows", "AB")
+    assert "\nAB_moment: " in f"\n{text}" and "OA_moment" not in text and "O_momentum" not in text
+    text = shown("triple_pendulum", "12", "--rows", "BC")
+    assert text.startswith("BC_moment: ")
+    with pytest.raises(SymgenError, match="matrix OA_moment has no row 'CD'"):
+        shown("triple_pendulum", "12", "--rows", "CD")
+
+
 # --- after the lowering ---------------------------------------------------------------------------------------
 
 
