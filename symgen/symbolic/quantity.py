@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -75,12 +76,19 @@ def resolved(name: str, axes: Sequence[str], entries: Callable[[str], Entries]) 
 
 #: Powers of the unit of length that an unknown of elastic links lacks, by its word.
 _PER_LENGTH = {"u": 0, "w": 0, "mid": 0, "x": 0, "y": 0, "theta": 1, "gamma": 1, "kappa": 2}
+#: A unit and the power of metres at its end.
+_METRES = re.compile(r"(.+)([*/])m(?:\^(\d))?")
 Names = tuple[Sequence[str], Sequence[str]]
 
 
 def own_unit(unit: str, names: Names, shape: tuple[int, int], at: Sequence[tuple[int, int]]) -> str:
     """Return the units of some entries of a matrix, where names of rows and columns, or number, tell them."""
     base, _, factors = unit.partition("; ")
+    if factors and ", " in base:  # units of rows
+        of_rows = base.split(", ")
+        each = {_lengths(of_rows[i], int(_power(names[1], j))) for i, j in at}
+        bases = {of_rows[i] for i, _ in at}
+        return each.pop() if len(each) == 1 else f"{bases.pop()}; {factors}" if len(bases) == 1 else unit
     if factors:
         powers = {_power(names[0], i) + _power(names[1], j) for i, j in at}
         power = powers.pop() if len(powers) == 1 else math.nan
@@ -119,9 +127,10 @@ def _power(names: Sequence[str], number: int) -> float:
 
 def _lengths(base: str, power: int) -> str:
     """Return a unit times a power of metres."""
-    power += base.endswith("*m") - base.endswith("/m")
-    base = base.removesuffix("*m").removesuffix("/m")
+    if ends := _METRES.fullmatch(base):
+        base, sign, exponent = ends.groups(default="1")
+        power += int(exponent) * (1 if sign == "*" else -1)
     if power <= 0:
-        return base + ("/m" if power else "")
+        return base + (f"/m^{-power}" if power < -1 else "/m" if power else "")
     metres = "m" if power == 1 else f"m^{power}"
     return metres if base == "1" else f"{base}*{metres}"

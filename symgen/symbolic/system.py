@@ -59,6 +59,8 @@ class NamedMatrix:
         column_names = tuple(self.columns[k] for k in j) if self.columns else tuple(map(str, j))
         whole = i == j and self.symmetric
         chosen = list(product(i, j)) if rows or columns else []
+        if "; " in self.unit:  # zeros have any unit
+            chosen = [at for at in chosen if m[at] != 0] or chosen
         unit = own_unit(self.unit, (self.rows, self.columns), m.shape, chosen) if chosen else self.unit
         return replace(
             self, matrix=m.extract(i, j), unit=unit, rows=row_names, columns=column_names, symmetric=whole

@@ -150,6 +150,10 @@ def test_the_motion_of_a_variable_says_its_equation(scene, output, equation):
 @pytest.mark.parametrize(
     ("scene", "matrix", "rows", "columns", "unit"),
     [
+        ("element_beam8", "shape", "u", None, "1"),
+        ("element_beam8", "shape", "slope", "theta1", "1"),
+        ("element_beam8", "shape", "curvature", "w1", "1/m^2"),
+        ("element_beam8", "shape", "curvature", "kappa2", "1"),
         ("slider_crank", "inputs", "s1", "rate", "m/s"),
         ("slider_crank", "inputs", "theta1", "", "rad, rad/s, rad/s^2"),
         ("slider_crank", "rows", "", "alpha", "rad"),
