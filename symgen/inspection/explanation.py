@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from symgen.errors import SceneError
 from symgen.inspection.view import view_of
+from symgen.models import BLOCKS
 from symgen.pipeline.build import build_selected
 from symgen.pipeline.systems import system_of
 from symgen.report.page.structure import matrix_lines, memory_lines, solver_lines
@@ -21,6 +23,11 @@ def explanation(scene: str, changes: Mapping[str, Any]) -> Iterator[str]:
     SceneError
         If the scene is invalid.
     """
+    if scene in BLOCKS:
+        raise SceneError(
+            f"{scene} is a building block, which has no solution to explain",
+            hint=f"symgen show {scene} prints its equations, symgen report {scene} a page of them.",
+        )
     resolved = resolve(load_scene(scene, set=changes))
     system = system_of(resolved)
     view = view_of(resolved)

@@ -208,3 +208,9 @@ def test_each_kernel_has_a_time():
     assert "once per run" in said("four_bar")  # of the general model
     total = sum(map(int, re.findall(r"^  \w+ +(\d+); +\d+  (?!once per run)", text, re.M)))
     assert f"peaucellier: {total} operations" in text
+
+
+def test_building_blocks_have_other_commands():
+    done = CliRunner().invoke(app, ["explain", "element_beam8"])
+    assert "building block" in str(done.exception)
+    assert "symgen show element_beam8" in done.exception.hint and "symgen report" in done.exception.hint
