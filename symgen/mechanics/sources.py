@@ -203,8 +203,8 @@ ELEMENT: Sources = (
 )
 #: Of the element of the thesis: its printed matrices.
 PRINTED_ELEMENT: Sources = (
-    ("constant_mass", "thesis (F.1)"),
-    ("constant_gyroscopic", "thesis (F.3)"),
+    ("constant_mass", "thesis (F.1); [MD] of (7.28)"),
+    ("constant_gyroscopic", "thesis (F.3); [AD] of (7.28)"),
     ("constant_stiffness", "thesis (6.31)-(6.33), (D.28), corrected"),
     ("constant_load_x", "thesis (B.1), times m: integral of [D]^T (x)"),
     ("constant_load_y", "thesis (B.4), (B.16), times m: integral of [D]^T (X)"),
@@ -213,23 +213,25 @@ PRINTED_ELEMENT: Sources = (
     (
         "shape",
         "thesis (5.3), (5.7), (5.16)-(5.18), (5.23), (B.8), corrected; "
-        "u (5.2), (5.5), (5.6), (5.8), (5.12), (5.20), (5.22), (6.16), (6.19), (C.1)-(C.13); "
-        "u:u1 (6.17); u:u2 (6.18); "
-        "w (5.1), (5.4), (5.9), (5.13), (5.19), (5.21), (6.22), (C.14), (C.15), (D.1); "
+        "u (5.20), (5.22), (6.16), (6.19); "
+        "u (5.2), (5.5), (5.6), (5.8), (5.12), (C.1)-(C.12): steps to row u; "
+        "u:u1 (6.17); u:u2 (6.18), (C.13); "
+        "w (5.19), (5.21), (6.22), (D.1); w (5.1), (5.4), (5.9), (5.13), (C.14), (C.15): steps to row w; "
         "w:w1 (6.23), (C.16); w:theta1 (6.24), (C.17); w:kappa1 (6.25), (C.18); w:w2 (6.26), (C.19); "
-        "w:theta2 (6.27), (C.20); w:kappa2 (6.28), (C.21); slope (5.10), (5.14), (D.2); "
-        "curvature (5.11), (5.15), (D.3), (D.4)",
+        "w:theta2 (6.27), (C.20); w:kappa2 (6.28), (C.21); slope (D.2); "
+        "slope (5.10), (5.14): steps to row w; curvature (D.3), (D.4); "
+        "curvature (5.11), (5.15): steps to row w",
     ),
     *ELEMENT,
     ("thesis_local_stiffness", "thesis (7.26), (F.5), corrected"),
-    ("KD", "thesis (7.26), (F.5), corrected"),
-    ("Q", "thesis (F.7), corrected"),
+    ("KD", "thesis (7.26), (F.5), corrected; [KD] of (7.28)"),
+    ("Q", "thesis (F.7), corrected; (Q) of (7.28)"),
     ("KT", "thesis (E.13)-(E.17), (F.6), corrected"),
     ("thesis_mass", "thesis (E.8)-(E.12), (F.2)"),
     ("thesis_damping", "thesis (F.4), times -2 omega"),
     ("thesis_stiffness", "thesis (E.13)-(E.17), (F.6), corrected"),
     ("thesis_load", "thesis (E.18)-(E.20), (F.8)"),
-    ("global_*", "not in the source: exact form of thesis (7.28) in fixed axes"),
+    ("global_*", "not in the source: the exact equation in fixed axes, where T turns"),
 )
 #: Of the assembled equations of elastic links.
 ASSEMBLY: Sources = (
@@ -253,12 +255,19 @@ JOINTS: Sources = (("jacobian", "thesis (E.30)-(E.42)"),)
 #: Links of a four-bar as the thesis calls them, for which rows of the jacobian are equations of their own,
 #: and rows of the condensing matrix, by the independent unknown B.x.
 THESIS_LINKS = ("crank", "coupler", "output")
-NAMED_JOINTS: Sources = (
-    (
-        "jacobian",
-        "thesis (E.30)-(E.42); crank (E.30), (E.34), (E.40); coupler (E.31), (E.41); output (E.32), (E.42)",
-    ),
-)
+_INEXTENSIBLE = {
+    "crank": "(E.30), (E.34), (E.40)",
+    "coupler": "(E.31), (E.41)",
+    "output": "(E.32), (E.42)",
+}
+
+
+def named_joints(rows: Iterable[str]) -> Sources:
+    """Return the equations of the rows of a four-bar whose links are ``THESIS_LINKS``."""
+    numbers = (f"{row} {_INEXTENSIBLE[row]}" for row in rows if row in _INEXTENSIBLE)
+    return (("jacobian", "; ".join(["thesis (E.30)-(E.42)", *numbers])),)
+
+
 NAMED_CONDENSATION = (
     f"{dict(ASSEMBLY)['condensation']}; A.x (E.43), (E.46); A.y (E.43)-(E.46); B.x (E.44), (E.46); "
     "B.y (E.45), (E.46)"

@@ -131,7 +131,8 @@ def elsewhere(equation: str) -> str:
             ]
             best, command = max(ranked, key=lambda of: of[0])
             shown = equation.removeprefix(author).strip()
-            found.append((best, f"{paper}: " + command.replace("{}", shown)))
+            continued = command.replace("{}", shown).replace(" --set ", " \\\n      --set ")
+            found.append((best, f"{paper}: {continued}"))
     best = max((rank for rank, _ in found), default=0)
     commands = "\n  ".join(command for rank, command in found if rank == best > 0 or rank >= _GROUP)
     return commands or "docs/papers.md lists all equations of the papers, also those not derived."

@@ -136,6 +136,12 @@ ROWS = [
     ("rigid_element", "(4.9)", {"nodal_matrix": "moment", "inertia": "moment"}),
     ("synthesis_limits", "3.5", {"residual": "extended_angles F2 G2"}),
     ("element_beam8", "(5.8)", {"shape": "u"}),
+    ("element_beam8", "(A.1)", {"kinetic_terms": "A.4, A.8 E, A.9 B, A.10 A, A.11 G, A.12 M"}),
+    (
+        "element_beam8",
+        "(A.2)",
+        {"kinetic_terms": "A.5, A.6, A.7, A.13 E, A.14 G, A.15 N, A.16 L, A.17 B, A.18 A, A.19 M"},
+    ),
     ("element_beam8", "(A.8)", {"kinetic_terms": "A.8 E"}),
     ("element_beam8", "(D.4)", {"shape": "curvature"}),
     ("element_beam8", "(D.7)", {"curvature_coefficients": "a2"}),
@@ -237,6 +243,8 @@ def test_rows_of_inextensible_links_are_the_printed_equations():
         assert (m.name, m.rows, m.columns) == ("jacobian", (link,), ("A_x", "A_y", "B_x", "B_y"))
         names = {str(s): s for s in m.matrix.free_symbols}
         assert [*m.matrix] == [*sp.sympify(text, locals=names)]
+    (m,) = found(Subject("thesis_four_bar", {"links.coupler.elastic.axial": False}), "E.41")
+    assert (m.rows, m.source) == (("coupler",), "thesis (E.30)-(E.42); coupler (E.31), (E.41)")
     for number, rows in {"E.43": "A.x A.y", "E.45": "A.y B.y", "E.46": "A.x A.y B.x B.y"}.items():
         (m,) = found(four_bar, number)
         assert (m.name, *m.rows) == ("condensation", *rows.split())
@@ -244,6 +252,20 @@ def test_rows_of_inextensible_links_are_the_printed_equations():
     assert "condensed_mass" in m.source
     (m,) = found(Subject("elastic_slider_crank", {"links.rod.elastic.axial": False}), "E.40")
     assert m.source == "thesis (E.30)-(E.42)"
+
+
+def test_the_equation_of_a_link_is_that_of_its_axes():
+    """(7.28): its matrices and load; the squares of Appendix A are the terms that cite them."""
+    beam = Subject("element_beam8", {})
+    matrices = found(beam, "7.28")
+    assert [m.name for m in matrices] == ["constant_mass", "constant_gyroscopic", "KD", "Q"]
+    assert [m.name for m in found(beam, "F.5")] == ["KD", "thesis_local_stiffness"]
+    assert found(beam, "C.8")[0].source.endswith("(C.1)-(C.12): steps to row u")
+    names = {str(s): s for m in found(beam, "A.3") for s in m.matrix.free_symbols}
+    squares = {"A.1": "mu*(v_x + u_t - omega*w)**2/2", "A.2": "mu*(v_y + omega*x + omega*u + w_t)**2/2"}
+    for number, printed in squares.items():
+        (terms,) = found(beam, number)
+        assert sp.expand(sp.Add(*terms.matrix) - sp.sympify(printed, locals=names)) == 0
 
 
 def test_a_group_of_equations_is_the_matrix_of_their_rows(crank):
@@ -281,7 +303,7 @@ def test_all_systems_and_other_models():
         (
             "rod",
             "(E.40)",
-            'thesis: symgen show thesis_four_bar "(E.40)" --set links.crank.elastic.axial=false',
+            'thesis: symgen show thesis_four_bar "(E.40)" \\\n      --set links.crank.elastic.axial=false \\\n',
         ),
         ("rod", "8", 'Attia: symgen show rod_spatial "(8)"\n  Rahman: symgen show slider_crank "(8)"'),
         ("rod", "(2.1)", "docs/papers.md"),
@@ -296,7 +318,9 @@ def test_other_models_are_found_where_kernels_are_of_older_equations(monkeypatch
         raise StaleBinaryError(block)
 
     monkeypatch.setattr(elements, "_shipped", stale)
-    with pytest.raises(ModelError, match=re.escape('thesis: symgen show thesis_four_bar "(E.26)" --set')):
+    with pytest.raises(
+        ModelError, match=re.escape('thesis: symgen show thesis_four_bar "(E.26)" \\\n      --set')
+    ):
         Subject("rod", {}).found("E.26")
 
 

@@ -83,7 +83,7 @@ def test_every_matrix_states_its_source(name):
         ("slider_crank", "row_4_transform", "Rahman (4)"),
         ("slider_crank", "rod_binor", "Rahman (47), corrected"),
         ("rssr", "theta1_operator", "Rahman (17)"),
-        ("element_beam8", "constant_mass", "thesis (F.1)"),
+        ("element_beam8", "constant_mass", "thesis (F.1); [MD] of (7.28)"),
         ("element_beam8", "thesis_stiffness", "thesis (E.13)-(E.17), (F.6), corrected"),
         ("element_beam8", "weak_form", "thesis (7.10)-(7.23)"),
         ("element_cubic", "geometric0", NO_SOURCE),

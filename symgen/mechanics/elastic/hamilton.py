@@ -267,8 +267,9 @@ def _energies(link: _Link) -> tuple[HamiltonStep, ...]:
             "work of the axial force on the shortening w'^2/2", "not in the thesis",
         ),
         HamiltonStep(
-            "gravity_work", ("W",), (link.gravity,), "J/m", "work of gravity per length",
-            "(6.15), with the displacements, which the thesis leaves out",
+            "gravity_work", ("W",), (link.gravity,), "J/m",
+            "work of gravity per length: minus its energy, without a constant",
+            "(6.15), with the displacements, which the thesis leaves out; g_x is its -g sin(theta)",
         ),
         HamiltonStep(
             "applied_work", ("W_p",), (link.applied,), "J/m", "work per length of a force along the link",
@@ -300,7 +301,8 @@ def _kinetic_terms(link: _Link) -> HamiltonStep:
         (*printed.values(), *terms.values()),
         "J/m",
         "terms of the kinetic energy per length, with the letter of their integral over the link",
-        "(6.13), (7.7), (A.1)-(A.19); rotary inertia added",
+        "(6.13), (7.7), (A.1)-(A.19); A.4 (A.1); A.8-A.12 (A.1); A.5-A.7 (A.2); A.13-A.19 (A.2); "
+        "rotary inertia added",
     )
 
 

@@ -73,6 +73,7 @@ def _energy(element: Element, unknowns: Sequence[Quantity]) -> tuple[list[NamedM
     steps = strain_energy(element, [q.symbol for q in unknowns])
     units = ["1/m", *(f"1/m^{k}" for k in range(2, len(steps.products) + 2))]
     about = "by powers of x"
+    square = f"coefficients of the squared curvature {about}"
     curvature = [
         Definition(quantity(f"a{k}", unit, f"coefficient of the curvature {about}"), e)
         for k, (e, unit) in enumerate(zip(steps.coefficients, units, strict=False))
@@ -102,9 +103,9 @@ def _energy(element: Element, unknowns: Sequence[Quantity]) -> tuple[list[NamedM
     matrices = [
         coefficients("curvature_coefficients", f"coefficients of the curvature {about}", "(D.5)-(D.8)", 5,
                      curvature, steps.coefficients),
-        coefficients("squared_curvature_coefficients", f"coefficients of its square {about}", "(D.9)-(D.15)",
+        coefficients("squared_curvature_coefficients", square, "(D.9)-(D.15)",
                      9, squared, steps.products),
-        coefficients("squared_curvature_of_unknowns", "the same over the unknowns",
+        coefficients("squared_curvature_of_unknowns", f"{square}, in the unknowns",
                      "(D.16)-(D.22), corrected", 16, squared, in_unknowns),
         column("squared_curvature", "square of the curvature at x", "(D.23), (D.24)", (), [steps.polynomial],
                "1/m^2"),

@@ -67,7 +67,7 @@ def elastic_element_system(element: Element) -> System:
         from symgen.models.elastic.fixed_axes import MOVING, fixed_axes  # no other element depends on it
 
         groups.append(MOVING)
-        shown = [*fixed_axes(element, beam, uniform, names), *shown]
+        shown += fixed_axes(element, beam, uniform, names)
     return System(
         f"element_{element.name}",
         f"Element of an elastic link: {element.about}",

@@ -44,25 +44,21 @@ def fixed_axes(
     """Yield the matrices of the exact equation and of the constant-transformation form, over ``MOVING``.
 
     Entries in link axes are named and shared. The latter form has its dynamic stiffness in link axes too, and
-    both for a constant section, where the terms of ``uniform`` vanish: [KD], [KT] and {Q} of the thesis.
+    both for a constant section, where the terms of ``uniform`` vanish: first, [KD], {Q} and [KT].
     """
     local, printed = (
         _named(form, local_equation(matrices, geometric), names)
         for form, geometric in (("local", True), ("thesis_local", False))
     )
-    exact, thesis = global_equation(element, local), thesis_equation(element, printed)
-    yield from _turned("global", element, exact)
+    about = "of a constant section"
 
     def stiffness(name: str, matrix: sp.ImmutableMatrix, about: str) -> NamedMatrix:
         return NamedMatrix(
             name, matrix, entry_unit("N/m"), f"dynamic stiffness {about}", element.dofs, element.dofs
         )
 
-    yield stiffness("thesis_local_stiffness", printed.stiffness, _FORMS["thesis_local"])
-    yield from _turned("thesis", element, thesis)
     whole = local_equation(matrices, geometric=False)
     kd = sp.ImmutableMatrix(whole.stiffness.xreplace(dict(uniform)))
-    about = "of a constant section"
     yield stiffness("KD", kd, f"[KD] {_FORMS['thesis_local']}, {about}")
     load = sp.ImmutableMatrix(whole.load.xreplace(dict(uniform)))
     yield NamedMatrix(
@@ -71,6 +67,10 @@ def fixed_axes(
     in_letters = _entries("KD", kd, "N/m", f"[KD] {about}", names)
     kt = thesis_equation(element, replace(whole, stiffness=in_letters)).stiffness
     yield stiffness("KT", kt, f"[KT] {_FORMS['thesis']}, {about}")
+    exact, thesis = global_equation(element, local), thesis_equation(element, printed)
+    yield from _turned("global", element, exact)
+    yield stiffness("thesis_local_stiffness", printed.stiffness, _FORMS["thesis_local"])
+    yield from _turned("thesis", element, thesis)
 
 
 def _named(form: str, equation: Equation, names: Names) -> Equation:

@@ -9,7 +9,7 @@ import sympy as sp
 
 from symgen.loads.torque import AppliedTorque
 from symgen.mechanics.directors.beam import FIBRES, SECTION
-from symgen.mechanics.sources import JOINTS, NAMED_JOINTS, THESIS_LINKS
+from symgen.mechanics.sources import JOINTS, THESIS_LINKS, named_joints
 from symgen.models.elastic.couples import entries, welded_to_bodies, with_bodies
 from symgen.models.elastic.links import profiles_of
 from symgen.models.rods.constraints import Constraint
@@ -88,7 +88,8 @@ def joints_system(linkage: Linkage) -> System:
         exports.append(Export("constants", about, tuple(constants)))
         of_drives, more_exports = _drives(model, linkage)
         matrices, exports = [*matrices, *of_drives], [*exports, *more_exports]
-    sources = NAMED_JOINTS if tuple(rows) == THESIS_LINKS else JOINTS
+    of_thesis = tuple(link.name for link in linkage.links) == THESIS_LINKS
+    sources = named_joints(rows) if of_thesis else JOINTS
     return analysis_of(model, "elastic_joints", matrices, exports, sources=sources)
 
 
@@ -213,7 +214,7 @@ def _jacobians(
 ) -> Iterator[NamedMatrix]:
     """Yield the Jacobian of the rows, by coordinates and rotations, with first and second rate."""
     rates: tuple[tuple[str, str, Callable[[sp.Expr], sp.Expr]], ...] = (
-        ("jacobian", "1, m", lambda e: e),
+        ("jacobian", "1, m" if len(columns) > len(model.coordinates) else "1", lambda e: e),
         ("jacobian_rate", "1/s", model.calculus.rate),
         ("jacobian_second_rate", "1/s^2", model.second_rate),
     )
