@@ -111,6 +111,14 @@ def test_it_is_shown_with_its_number_and_in_the_record():
         Subject("bennett", {}).choose("ground_equilibrium")
 
 
+def test_moments_that_vanish_at_a_ball_are_said_to():
+    """Those of joints 2 and 3, which the thesis leaves out of (62d), (63d), (64b)."""
+    for link, joints in (("crank", "2"), ("rod", "23"), ("slider", "3")):
+        system = Subject("slider_crank", {}).choose(f"{link}_equilibrium").system
+        noted = {x.name for x in system.symbols() if "zero at a ball joint" in x.description}
+        assert noted == {f"T{k}_{a}" for k in "23" for a in "ijk"} >= {f"T{k}_i" for k in joints}
+
+
 def test_letters_of_tunable_parameters_stay_theirs(tmp_path):
     """A parameter with the name of a force at a joint keeps it; the force gets another."""
     text = (files("symgen") / "scenes" / "rssr.toml").read_text("utf-8")

@@ -20,6 +20,7 @@ _VELOCITY: Kinds = (("rad/s", "angular velocity"), ("m/s", "velocity of the orig
 _MOMENTUM: Kinds = (("kg*m/s", "momentum"), ("kg*m^2/s", "moment of momentum"))
 _RATE: Kinds = (("N", "momentum, its rate,"), ("N*m", "moment of momentum, its rate,"))
 _WRENCH: Kinds = (("N", "force"), ("N*m", "moment"))
+_BALL: Kinds = (("N", "force"), ("N*m", "moment, zero at a ball joint,"))
 _ROWS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -44,8 +45,8 @@ def equilibrium_system(loop: Loop) -> System:
         for k, (before, behind) in enumerate(pairwise(("ground", *model.links, "ground")), 1)
     ]
     joints = [
-        _components(("F{0}_{1}", "T{0}_{1}"), k, "ijk", about, taken, _WRENCH)
-        for k, about in enumerate(between, 1)
+        _components(("F{0}_{1}", "T{0}_{1}"), k, "ijk", about, taken, _BALL if turns else _WRENCH)
+        for k, (about, turns) in enumerate(zip(between, _turning(loop), strict=True), 1)
     ]
     inertia = [
         _components(
@@ -102,6 +103,12 @@ def equilibrium_system(loop: Loop) -> System:
         references=(REFERENCE,),
         sources=EQUILIBRIUM,
     )
+
+
+def _turning(loop: Loop) -> list[bool]:
+    """Return which joints turn freely about two axes or three, as a ball does where an idle spin is held."""
+    free = {v.quantity.symbol for v in loop.variables if v.role == "dependent"}
+    return [sum(bool(e.free_symbols & free) for e in (r.theta, r.eta, r.alpha)) > 1 for r in loop.rows]
 
 
 def _components(
