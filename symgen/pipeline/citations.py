@@ -1,6 +1,6 @@
 """Equations of the sources by number: the matrices, or their rows, that state that they correspond to one.
 
-A source such as ``Rahman (62), signs corrected; fx (62a), (69i)-(69k); fy (62c)`` cites equations of the
+A source such as ``Rahman (62), corrected: -f1; fx (62a), (69i)-(69k); fy (62c)`` cites equations of the
 whole matrix, and behind semicolons those of rows: a name, a range ``p12-p23`` or a pattern ``guide_*``; or of
 an entry ``w:theta1``. A row called by a number, as ``A.8 E``, is that of this equation.
 """

@@ -81,7 +81,7 @@ def test_every_matrix_states_its_source(name):
         ("slider_crank", "row_2_transform", "Rahman (2)"),
         ("slider_crank", "row_3_transform", "Rahman (3)"),
         ("slider_crank", "row_4_transform", "Rahman (4)"),
-        ("slider_crank", "rod_binor", "Rahman (47), corrected"),
+        ("slider_crank", "rod_binor", "Rahman (47), corrected: g2 = -a2/2"),
         ("rssr", "theta1_operator", "Rahman (17)"),
         ("element_beam8", "constant_mass", "thesis (F.1); [MD] of (7.28)"),
         ("element_beam8", "thesis_stiffness", "thesis (E.13)-(E.17), (F.6), corrected"),
