@@ -200,9 +200,7 @@ def _user_model(path: str, options: _Options, set_: Mapping[str, Any] | None) ->
         return model
     if model.description.method == "system":
         raise ModelError(f"{path} is no scene: its System has no values to set")
-    texts = {name: value for name, value in set_.items() if isinstance(value, str)}
-    known = tuning.in_si(model, texts, path) if texts else {}
-    return model.with_parameters(**{**set_, **known})
+    return model.with_parameters(**tuning.of_user(model, set_, path))
 
 
 @dataclass(frozen=True, slots=True)

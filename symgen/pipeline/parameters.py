@@ -53,3 +53,33 @@ def in_si(model: Compiled | ElasticModel, values: Mapping[str, str], file: str) 
                 raise error.located(where=f"{table}.{info.name}", file=file) from None
             result[info.name] = float(number)
     return result
+
+
+def of_user(model: Compiled, values: Mapping[str, Any], file: str) -> dict[str, Any]:
+    """Return values of parameters of a user's System in SI units: numbers are in those already.
+
+    Raises
+    ------
+    SceneError
+        For a quantity of another unit than the parameter has.
+    """
+    from symgen.scene.units import parse_quantity
+
+    units = {info.name: info.unit for info in model.description.tunable}
+    result: dict[str, Any] = {}
+    for name, value in values.items():
+        try:
+            result[name] = float(value)
+        except (TypeError, ValueError):
+            result[name] = value
+        if not isinstance(result[name], str) or name not in units:
+            continue
+        try:
+            number, dimension = parse_quantity(value)
+            size, expected = parse_quantity(f"1 {units[name]}")
+        except SceneError as error:
+            raise error.located(where=name, file=file) from None
+        if dimension != expected:
+            raise SceneError(f"expected {units[name]}, got {value!r}", where=name, file=file)
+        result[name] = float(number / size)
+    return result

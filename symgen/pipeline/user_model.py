@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.errors import ModelError
 from symgen.pipeline.analysis import kernels_of_analysis
 from symgen.pipeline.user_system import general_system_of, load, name_of
 from symgen.scene.loading import SceneText
@@ -60,6 +61,9 @@ def build_user(path: Path, tools: Tools, equations: Source, compiled: Compiled) 
 
     def analysis(kind: str, _: bool, outputs: tuple[str, ...], lanes: bool = False) -> tuple[Any, Library]:
         def resolved() -> GeneralSystem:
+            # A file that was run for this model is not read again.
+            if not user.cache_info().currsize and not tools.is_current(text, "own", description):
+                raise ModelError(f"{path} has changed since the model was built\n  Build it again.")
             return general_system_of(user().system, path.name)
 
         return kernels_of_analysis(text, tools, description, kind, outputs, resolved, lanes=lanes)

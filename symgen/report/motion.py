@@ -26,12 +26,16 @@ def print_result(result: Result, model: Any, console: Console) -> None:
         or any(end["velocity"])
         or list(end["position"]) != list(start[p])
     ]
-    where = np.array([result.final[p]["position"] for p in points]).reshape(len(points), -1)
-    rates = np.array([result.final[p]["velocity"] for p in points]).reshape(len(points), -1)
-    (length, per_length), (speed, per_speed) = (result.units.get(u, (u, 1.0)) for u in ("m", "m/s"))
-    head = ("point", *(f"{a} [{length}]" for a in result.axes), *(f"v{a} [{speed}]" for a in result.axes))
-    cells = zip(points, texts(length, where / per_length), texts(speed, rates / per_speed), strict=True)
-    console.print(table(f"{result.title}: at t = {t:g} s", head, [(p, *x, *v) for p, x, v in cells]))
+    title = f"{result.title}: at t = {t:g} s"
+    if points:
+        where = np.array([result.final[p]["position"] for p in points]).reshape(len(points), -1)
+        rates = np.array([result.final[p]["velocity"] for p in points]).reshape(len(points), -1)
+        (length, per_length), (speed, per_speed) = (result.units.get(u, (u, 1.0)) for u in ("m", "m/s"))
+        head = ("point", *(f"{a} [{length}]" for a in result.axes), *(f"v{a} [{speed}]" for a in result.axes))
+        cells = zip(points, texts(length, where / per_length), texts(speed, rates / per_speed), strict=True)
+        console.print(table(title, head, [(p, *x, *v) for p, x, v in cells]))
+    else:
+        console.print(title)
     if result.variables:
         recorded = Components(result.shown, result.count)
         console.print(recorded.extremes("Recorded outputs", result.time, "s", end=True))

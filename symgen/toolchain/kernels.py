@@ -222,9 +222,7 @@ class Tools:
         After a build, ``read`` returns the dependencies other than the scene, symgen and the description
         ``base``.
         """
-        store = Cache()
-        parts = (text.file, text.canonical, self.identity, repr(base) if base else "")
-        name = "-".join(part for part in (text.name, kind, key(*parts)) if part)
+        store, name = Cache(), self._entry(text, kind, base)
         entry = self._from_cache(store, name)
         if entry:
             return entry
@@ -242,6 +240,16 @@ class Tools:
                 except OSError as error:
                     raise store.error(error) from None
             return description, library
+
+    def _entry(self, text: SceneText, kind: str, base: Described | None = None) -> str:
+        """Return the name of an entry of the cache, without its dependencies."""
+        parts = (text.file, text.canonical, self.identity, repr(base) if base else "")
+        return "-".join(part for part in (text.name, kind, key(*parts)) if part)
+
+    def is_current(self, text: SceneText, kind: str, description: Described) -> bool:
+        """Return whether a description from the cache is that of the sources as they are now."""
+        entry = graph.current(Cache(), self._entry(text, kind))
+        return entry is not None and _description(entry.read_text(_DESCRIPTION)) == description
 
     def _from_cache(self, store: Cache, name: str) -> tuple[Described, Library] | None:
         entry = graph.current(store, name)

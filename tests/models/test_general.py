@@ -6,13 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from rich.console import Console
 from scipy.integrate import solve_ivp
 
 import symgen
-from symgen.errors import CapabilityError, DerivationError, ModelError
-from symgen.models.general.equations import general_system_of
+from symgen.errors import CapabilityError, DerivationError, ModelError, SceneError, SymgenError
+from symgen.models.general.equations import GeneralEquations, general_system_of
+from symgen.models.general.system import general_system
+from symgen.report.motion import print_result
+from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.quantity import quantity
-from symgen.symbolic.system import Group, NamedMatrix, System
+from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
 
 SHARED = Path(__file__).parent.parent / "shared"
 #: Parameters and start of ``double_pendulum.py``.
@@ -220,6 +224,7 @@ K = quantity("k", "N/m", "stiffness")
 def oscillator(**changes):
     """A System with one coordinate."""
     entries = {"mass_matrix": [[2]], "force": [[-K.symbol * X.symbol]]} | changes.pop("matrices", {})
+    exports = changes.pop("exports", ())
     made = System(
         name="oscillator",
         title="Oscillator",
@@ -227,7 +232,7 @@ def oscillator(**changes):
         matrices=tuple(
             NamedMatrix(name, sp.ImmutableMatrix(rows), "SI", name) for name, rows in entries.items() if rows
         ),
-        exports=(),
+        exports=exports,
         values={"k": 8.0, "x": 0.1},
     )
     return replace(made, **changes)
@@ -238,14 +243,133 @@ def oscillator(**changes):
     [
         ({"values": {"x": 1.0}}, "the parameter k has no value"),
         ({"values": {"k": 1.0, "y": 1.0}}, "there is no 'y'"),
+        ({"values": {"k": "8 N/m"}}, "expected a finite number in SI units for k, got '8 N/m'"),
+        ({"values": {"k": float("nan")}}, "expected a finite number in SI units for k"),
+        ({"values": [8.0]}, "expected values as a mapping"),
         ({"matrices": {"force": None}}, "needs a matrix 'force'"),
         ({"matrices": {"mass_matrix": [[1, 0], [0, 1]]}}, "mass_matrix of 1 x 1, got 2 x 2"),
+        ({"matrices": {"mass_matrix": [[2 + V.symbol]]}}, "mass_matrix depends on a rate, v"),
+        ({"matrices": {"events": [[1, 2]]}}, "events of 1 x 1, got 1 x 2"),
         ({"matrices": {"positions": [[1, 2]]}}, "the columns x and y"),
+        ({"matrices": {"x": [[1]]}}, "'x' is a coordinate or rate and a matrix"),
+        ({"matrices": {"power": [[1]]}}, "'power' is the name of what follows"),
+        (
+            {"matrices": {"own": [[1]]}, "exports": (Export("residual", "own", ("own",)),)},
+            "a kernel is called 'residual'",
+        ),
     ],
 )
 def test_incomplete_systems_are_refused(changes, problem):
     with pytest.raises(DerivationError, match=problem):
         general_system_of(oscillator(**changes), "own.py")
+
+
+def pair(entries, force, **more):
+    """A System with two coordinates, y0 and y1, their rates and the time."""
+    y, v = ([quantity(f"{name}{i}", "m", f"{name} {i}") for i in range(2)] for name in "yv")
+    symbols = {x.name: x.symbol for x in (*y, *v, TIME)}
+    matrices = {"mass_matrix": entries, "force": force} | more.pop("matrices", {})
+    return System(
+        name="pair",
+        title="Pair",
+        groups=(Group("t", "time", (TIME,)), Group("q", "places", tuple(y)), Group("u", "rates", tuple(v))),
+        matrices=tuple(
+            NamedMatrix(name, sp.ImmutableMatrix(sp.sympify(rows, symbols)), "SI", name)
+            for name, rows in matrices.items()
+        ),
+        exports=(),
+        values={"y0": 0.1},
+        **more,
+    )
+
+
+@pytest.mark.parametrize(
+    ("mass", "problem"),
+    [
+        ("[[2, 1], [0, 2]]", r"symmetric mass_matrix, got different entries \(0, 1\) and \(1, 0\)"),
+        ("[[1, 1], [1, 1]]", "positive definite mass_matrix"),
+        ("[[1, 0], [0, 0]]", "y1 has the mass 0"),
+    ],
+)
+def test_mass_matrices_are_symmetric_and_positive(mass, problem):
+    with pytest.raises(DerivationError, match=problem):
+        general_system(general_system_of(pair(mass, "[0, 0]"), "own.py"))
+
+
+def test_time_counts_through_names():
+    """A moving constraint and a potential in time, each by a named expression: power and drive."""
+    turn = quantity("turn", "m", "moved place")
+    named = (Definition(turn, sp.sin(3 * TIME.symbol)),)
+    system = pair(
+        "[[1, 0], [0, 1]]",
+        "[0, 0]",
+        definitions=named,
+        matrices={"constraints": sp.Matrix([sp.Symbol("y0", real=True) - turn.symbol])},
+    )
+    model = GeneralEquations(general_system_of(system, "own.py"))
+    (drive,) = model.drives()
+    assert drive[0] == "t"
+    rate = model.by_time(model.constraints[0].expression)
+    known = {d.quantity.symbol: d.expression for d in model.calculus.definitions}
+    assert sp.simplify(rate.subs(known).subs(known) + 3 * sp.cos(3 * TIME.symbol)) == 0
+    assert model.power.has(model.multipliers["constraint_0"].symbol)
+
+
+def test_one_sided_damping_has_power():
+    """A power that vanishes for rates of one sign is none that vanishes."""
+    system = pair("[[1, 0], [0, 1]]", "[-(v0 - Abs(v0)), 0]")
+    assert GeneralEquations(general_system_of(system, "own.py")).power != 0
+
+
+def test_rows_of_vectors_are_outputs(tmp_path):
+    file = tmp_path / "vectors.py"
+    text = (SHARED / "double_pendulum.py").read_text()
+    file.write_text(
+        text.replace('("height",)', '("height", "turns")').replace(
+            'NamedMatrix("events"',
+            'NamedMatrix("turns", sp.ImmutableMatrix([2 * a, b]), "rad", "angles", ("double", "b")),\n'
+            '            NamedMatrix("events"',
+        )
+    )
+    run = symgen.build(file).simulate(0.2)
+    assert np.allclose(run["turns.double"].values, 2 * run["theta1"].values, atol=1e-14)
+    assert np.allclose(run["turns.b"].values, run["theta2"].values, atol=1e-14)
+
+
+def test_a_changed_file_is_not_taken_for_that_of_a_model(tmp_path):
+    """Neither for analyses that are derived later, nor under the name of the equations before."""
+    file = tmp_path / "changing.py"
+    text = (SHARED / "double_pendulum.py").read_text().replace('"double_pendulum"', '"changing"')
+    file.write_text(text)
+    omega = symgen.build(file).modes()[0].omega
+    file.write_text(text.replace("turning = m", "turning = 2 * m").replace("2 * m * l**2", "3 * m * l**2"))
+    symgen.build(file).simulate(0.1)
+    file.write_text(text)
+    model = symgen.build(file)  # from the cache: the file is not run
+    file.write_text(text + "# another\n")
+    with pytest.raises(ModelError, match="has changed since the model was built"):
+        model.linearise()
+    file.write_text(text)
+    assert np.min(np.abs(symgen.build(file).linearise(at=symgen.build(file).equilibrium()).poles.imag)) == (
+        pytest.approx(omega, rel=1e-12)
+    )
+
+
+def test_parameters_have_units(pendulum):
+    file = SHARED / "double_pendulum.py"
+    model = symgen.build(file, set={"c": "0.4", "l": "60 cm", "g": 1.6})
+    assert (model.parameters["c"], model.parameters["l"], model.parameters["g"]) == (0.4, 0.6, 1.6)
+    with pytest.raises(SceneError, match="expected m, got '2 kg'"):
+        symgen.build(file, set={"l": "2 kg"})
+
+
+def test_many_driven_runs_and_starts_that_cannot_be_met(crank, capsys):
+    runs = crank.sweep({"l": [0.3, 0.4]}, analysis="kinematics", samples=3, outputs=["s"], reduce=["final"])
+    assert np.allclose(runs["s.final"].values[0], closed(10.5, SPEED)[0], atol=1e-12)
+    with pytest.raises(SymgenError, match="cannot be assembled"):
+        crank.with_parameters(l=0.05, r=0.4).initial_state()
+    print_result(crank.simulate(0.1), crank, Console(width=100))
+    assert "crank rate" not in capsys.readouterr().err
 
 
 def test_a_system_without_values_has_kernels_alone(tmp_path):

@@ -7,31 +7,27 @@ and the rates of the constraints, the energies, the power, and the slopes of eve
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import sympy as sp
 
 from symgen.errors import DerivationError, SceneError, nearest
+from symgen.models.general.checks import STATED, check, vanishes
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.points import Vector
 from symgen.scene.rods.held import Parameter
 from symgen.scene.rods.linkage import TIME, Event, Linkage, StartConditions
 from symgen.symbolic.calculus import ONE, ZERO, Calculus, per_second
-from symgen.symbolic.quantity import AXES, Entries, Quantity, quantity
-from symgen.symbolic.system import Definition, System
+from symgen.symbolic.quantity import Entries, Quantity, quantity
+from symgen.symbolic.system import System
 
-#: Matrices by which a System states a motion; outputs have other names.
-_STATED = ("mass_matrix", "force", "constraints", "potential_energy", "positions", "events", "ending_events")
-_REQUIRED = _STATED[:2]
 #: Error of the constraints at the start, in their own units.
 _ASSEMBLED = 1e-8
 #: Operations up to which the power is expanded.
 _EXPANDED = 2000
-#: Digits in which the power is compared with zero.
-_DIGITS = 40
 
 
 @dataclass(frozen=True)
@@ -54,20 +50,9 @@ def general_system_of(system: System, file: str) -> GeneralSystem:
     DerivationError
         For a missing matrix, one of another shape, a parameter without a value, or a value of nothing.
     """
-    values = dict(system.values or {})
-    arrays = {g.name: g.quantities for g in system.groups}
-    coordinates, parameters = arrays.get("q", ()), arrays.get("p", ())
-    _check(system, len(coordinates), len(arrays.get("u", coordinates)))
-    known = [q.name for name in ("q", "u", "p") for q in arrays.get(name, ())]
-    unknown = next((name for name in values if name not in known), None)
-    if unknown is not None:
-        raise DerivationError(f"{system.name}: values: there is no {unknown!r}. {nearest(unknown, known)}")
-    missing = next((p.name for p in parameters if p.name not in values), None)
-    if missing is not None:
-        raise DerivationError(
-            f"{system.name}: the parameter {missing} has no value\n  Give one in values, such as "
-            f'values={{"{missing}": 1.0}}.'
-        )
+    check(system)
+    values = system.values or {}
+    parameters = next((g.quantities for g in system.groups if g.name == "p"), ())
     kernels = {e.kernel: e.matrices for e in system.exports}
     return GeneralSystem(
         name=system.name,
@@ -100,31 +85,6 @@ def general_system_of(system: System, file: str) -> GeneralSystem:
     )
 
 
-def _check(system: System, n: int, rates: int) -> None:
-    """Raise DerivationError for a matrix that is missing, or has another shape."""
-    lacking = next((name for name in _REQUIRED if name not in system), None)
-    if lacking is not None:
-        raise DerivationError(
-            f"{system.name}: values are those of a motion, which needs a matrix {lacking!r}\n"
-            "  Add it, or leave values out: the kernels can then be called, and nothing is simulated."
-        )
-    if not n or rates != n:
-        raise DerivationError(f"{system.name}: expected groups q and u of equal length, got {n} and {rates}")
-    for name, shape in {"mass_matrix": (n, n), "force": (n, 1), "potential_energy": (1, 1)}.items():
-        if name in system and system[name].matrix.shape != shape:
-            raise DerivationError(
-                f"{system.name}: expected {name} of {shape[0]} x {shape[1]}, got "
-                f"{' x '.join(map(str, system[name].matrix.shape))}"
-            )
-    if "positions" in system:
-        m = system["positions"]
-        if not (m.rows and m.columns and m.columns == tuple(AXES)[: len(m.columns)] and len(m.columns) > 1):
-            raise DerivationError(
-                f"{system.name}: expected positions with names of points as rows, and the columns x and y, "
-                f"or x, y and z; got rows {list(m.rows)} and columns {list(m.columns)}"
-            )
-
-
 class GeneralEquations(RodsModel):
     """Derivation of the motion of a user's System; its coordinates take the place of those of points."""
 
@@ -151,16 +111,16 @@ class GeneralEquations(RodsModel):
         self._letters: dict[sp.Symbol, sp.Expr] = {t.symbol: TIME.symbol for t in arrays.get("t", ())}
         for d in self.stated.definitions:
             self._letters[d.quantity.symbol] = self.calculus.define(
-                d.quantity.name, self._own(d.expression), d.quantity.unit, d.quantity.description
+                d.quantity.name, self.own(d.expression), d.quantity.unit, d.quantity.description
             )
 
-    def _own(self, expression: sp.Expr) -> sp.Expr:
+    def own(self, expression: sp.Expr) -> sp.Expr:
         """Return an expression of the System with the names of this derivation."""
         return expression.xreplace(self._letters)
 
     def _entries(self, name: str) -> list[sp.Expr]:
         """Return the entries of a matrix of the System, row by row; none where it has no such matrix."""
-        return [self._own(e) for e in self.stated[name].matrix] if name in self.stated else []
+        return [self.own(e) for e in self.stated[name].matrix] if name in self.stated else []
 
     @cached_property
     def start(self) -> dict[sp.Symbol, sp.Expr]:
@@ -188,7 +148,7 @@ class GeneralEquations(RodsModel):
     @cached_property
     def kinetic_energy(self) -> sp.Expr:
         """Kinetic energy u . M u / 2 [J]."""
-        rate_of = {q.symbol: u.symbol for q, u in zip(self.coordinates, self.rates, strict=True)}
+        rate_of = self._rate_of
         return sp.Add(*(m * rate_of[i] * rate_of[j] for (i, j), m in self.mass_entries.items())) / 2
 
     @property
@@ -202,22 +162,33 @@ class GeneralEquations(RodsModel):
         entries = zip(self.coordinates, self._entries("force"), strict=True)
         return {x.symbol: force for x, force in entries if force != 0}
 
+    def by_time(self, expression: sp.Expr) -> sp.Expr:
+        """Return the partial derivative by the time, through the named expressions."""
+        slopes = self.calculus.gradient(expression)
+        moved = [slopes[q] * u for q, u in self._rate_of.items() if q in slopes]
+        found = self.calculus.rate(expression) - sp.Add(*moved)
+        return ZERO if vanishes(found, self.calculus.definitions) else found
+
+    @cached_property
+    def _rate_of(self) -> dict[sp.Symbol, sp.Symbol]:
+        """Rate of every coordinate."""
+        return {q.symbol: u.symbol for q, u in zip(self.coordinates, self.rates, strict=True)}
+
     @cached_property
     def power(self) -> sp.Expr:
         """Rate of kinetic and potential energy by the equations of motion [W]; zero without other work."""
-        rate_of = {q.symbol: u.symbol for q, u in zip(self.coordinates, self.rates, strict=True)}
-        rate = self.calculus.rate
+        rate, rate_of = self.calculus.rate, self._rate_of
         slopes = self.calculus.gradient(self.potential_energy)
         terms = [(self.force.get(q, ZERO) + slopes.get(q, ZERO)) * u for q, u in rate_of.items()]
         terms += [rate(m) * rate_of[i] * rate_of[j] / 2 for (i, j), m in self.mass_entries.items()]
-        terms += [sp.diff(self.potential_energy, TIME.symbol)]
+        terms.append(self.by_time(self.potential_energy))
         terms += [
-            self.multipliers[c.name].symbol * sp.diff(c.expression, TIME.symbol)
+            self.multipliers[c.name].symbol * by_time
             for c in self.constraints
-            if TIME.symbol in c.expression.free_symbols
+            if (by_time := self.by_time(c.expression)) != 0
         ]
         total = sp.Add(*terms)
-        if _vanishes(total, self.calculus.definitions):
+        if vanishes(total, self.calculus.definitions):
             return ZERO
         # Powers of inertia cancel term by term, to round-off only where they are computed.
         size = total.count_ops()
@@ -253,7 +224,7 @@ class GeneralEquations(RodsModel):
 
     def drives(self) -> Iterator[tuple[str, sp.Expr, str, str]]:
         """Yield the time, where a constraint depends on it."""
-        if any(TIME.symbol in c.expression.free_symbols for c in self.constraints):
+        if any(self.by_time(c.expression) != 0 for c in self.constraints):
             yield TIME.name, TIME.symbol, TIME.unit, TIME.description
 
     def own_output(self, name: str) -> Entries | None:
@@ -268,34 +239,30 @@ class GeneralEquations(RodsModel):
             for x in of:
                 if x.name == name:
                     return [x.symbol], x.unit, x.description or word
-        if name in self.stated and name not in _STATED:
+        if name in self.stated and name not in STATED:
             m = self.stated[name]
-            return self._entries(name), m.unit, m.description
+            if len(m.matrix) == 1 or (m.matrix.cols == 1 and m.rows == tuple(self.axes)):
+                return self._entries(name), m.unit, m.description
+            rows = (
+                f"its rows: {', '.join(f'{name}.{row}' for row in m.rows)}"
+                if m.rows
+                else "matrices of one entry"
+            )
+            raise SceneError(
+                f"{name} is no output, since it has {len(m.matrix)} entries", hint=f"Record {rows}."
+            )
         owner, _, word = name.rpartition(".")
         if owner in self.points and word in ("position", "velocity", "acceleration"):
             return None
-        if owner in self.stated and word in self.stated[owner].rows:
+        if owner in self.stated and word in self.stated[owner].rows and self.stated[owner].matrix.cols == 1:
             m = self.stated[owner]
             return [self._entries(owner)[m.rows.index(word)]], m.unit, f"{m.description}: {word}"
         if name in ("energy", "kinetic_energy", "potential_energy"):
             return None
         known = [x.name for x in (*self.coordinates, *self.rates)]
-        known += [m.name for m in self.stated.matrices if m.name not in _STATED]
+        known += [m.name for m in self.stated.matrices if m.name not in STATED]
         known += [f"{p}.{w}" for p in self.points for w in ("position", "velocity", "acceleration")]
         raise SceneError(f"there is no output {name!r}", hint=nearest(name, [*known, "energy"]))
-
-
-def _vanishes(expression: sp.Expr, definitions: Sequence[Definition]) -> bool:
-    """Return whether an expression is zero at values of its symbols without relation to each other."""
-    names = [d.quantity.symbol for d in definitions]
-    free = set[sp.Symbol]().union(expression.free_symbols, *(d.expression.free_symbols for d in definitions))
-    values: dict[sp.Symbol, sp.Expr] = {}
-    for i, s in enumerate(sorted(free.difference(names), key=str), 2):
-        values[s] = sp.Rational(sp.prime(i), 7 * i + 1)
-    for d in definitions:
-        values[d.quantity.symbol] = sp.N(d.expression.xreplace(values), _DIGITS)
-    terms = [sp.N(term.xreplace(values), _DIGITS) for term in sp.Add.make_args(expression)]
-    return bool(abs(sp.Add(*terms)) <= 10 ** (5 - _DIGITS) * sp.Add(*map(abs, terms)))
 
 
 def equations_of(linkage: Linkage) -> RodsModel:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import sympy as sp
 
 from symgen.errors import DerivationError
@@ -17,6 +17,8 @@ from symgen.models.rods.refinement import refinement
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
 
+#: Least eigenvalue of a mass matrix with ones on its diagonal that counts as positive.
+_LEAST_MASS = 1e-12
 #: Part of the pivot of a multiplier that rounding may leave.
 _RANK_TOLERANCE = "1e-13"
 
@@ -27,7 +29,7 @@ def general_system(of: GeneralSystem) -> System:
     Raises
     ------
     DerivationError
-        When a kernel of the user has the name of one that follows.
+        When the mass matrix is not positive definite at the start, or there is no such output.
     """
     model = GeneralEquations(of)
     stated, q = model.stated, [x.symbol for x in model.coordinates]
@@ -43,8 +45,7 @@ def general_system(of: GeneralSystem) -> System:
         about = "rate of the energies by the equations of motion"
         follow.append(named(model, "power", [model.power], "W", about))
         energies += ("power",)
-    masses = [model.mass_entries.get((x, x), ZERO).xreplace(model.start) for x in q]
-    residual, refining = refinement(model, [abs(of.number(m)) for m in masses])
+    residual, refining = refinement(model, _masses(model))
     follow += residual
     outputs = _outputs(model)
     exports = [
@@ -65,12 +66,6 @@ def general_system(of: GeneralSystem) -> System:
     if events:
         exports.append(Export("events", "what passes zero at each event", events))
     own = tuple(e for e in stated.exports if e.kernel != "outputs" and e.matrices)
-    taken = {e.kernel for e in exports}
-    twice = next((e.kernel for e in own if e.kernel in taken), None)
-    if twice is not None:
-        raise DerivationError(
-            f"{stated.name}: a kernel is called {twice!r}, as one that follows from the motion; rename it"
-        )
     known = {m.name for m in stated.matrices}
     kept = [_with_names(model, m) for m in stated.matrices]
     varies = {(i, j): True for i, a in enumerate(q) for j, b in enumerate(q) if (a, b) in model.mass_entries}
@@ -94,10 +89,32 @@ def general_system(of: GeneralSystem) -> System:
     )
 
 
+def _masses(model: GeneralEquations) -> list[float]:
+    """Return the diagonal of the mass matrix at the start, where it must be positive definite."""
+    q, number = [x.symbol for x in model.coordinates], model.linkage.number
+    mass = np.array(
+        [[number(model.mass_entries.get((a, b), ZERO).xreplace(model.start)) for b in q] for a in q]
+    )
+    diagonal = np.diag(mass)
+    massless = next((x.name for x, m in zip(q, diagonal, strict=True) if not m > 0.0), None)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    least = float(np.linalg.eigvalsh(mass / np.outer(scale, scale))[0])
+    if massless is not None or least < _LEAST_MASS:
+        raise DerivationError(
+            f"{model.stated.name}: expected a positive definite mass_matrix, got one that is not at the start"
+            + (
+                f": {massless} has the mass {diagonal[[x.name for x in q].index(massless)]:g}"
+                if massless
+                else ""
+            )
+        )
+    return [float(m) for m in diagonal]
+
+
 def _with_names(model: GeneralEquations, m: NamedMatrix) -> NamedMatrix:
     """Return a matrix of the System with the names of the derivation, and of coordinates along its sides."""
     names = tuple(x.name for x in model.coordinates)
-    matrix = sp.ImmutableMatrix(*m.matrix.shape, [model._own(e) for e in m.matrix])
+    matrix = sp.ImmutableMatrix(*m.matrix.shape, [model.own(e) for e in m.matrix])
     if m.name == "mass_matrix":
         return replace(m, matrix=matrix, rows=names, columns=names, symmetric=True)
     return replace(m, matrix=matrix, rows=names if m.name == "force" else m.rows)
@@ -110,13 +127,14 @@ def _zero_potential(model: GeneralEquations) -> NamedMatrix:
 def _outputs(model: GeneralEquations) -> list[NamedMatrix]:
     """Return coordinates, rates, the outputs that the System selects, and its energy."""
     names = [x.name for x in (*model.coordinates, *model.rates)]
-    names += model.linkage.outputs or ()
+    for name in model.linkage.outputs or ():
+        rows = model.stated[name].rows if name in model.stated else ()
+        names += [name] if len(rows) < 2 or rows == tuple(model.axes) else [f"{name}.{row}" for row in rows]
     names += [f"{p}.position" for p in model.points]
     found = []
-    for name in [*names, "energy"]:
+    for name in dict.fromkeys([*names, "energy"]):
         scalars, unit, about = of_outputs.entries(model, name)
-        rows: Sequence[str] = model.stated[name].rows if name in model.stated else model.axes
-        found.append(named(model, name, scalars, unit, about, rows=rows if len(scalars) > 1 else ()))
+        found.append(named(model, name, scalars, unit, about, rows=model.axes if len(scalars) > 1 else ()))
     return found
 
 

@@ -294,6 +294,8 @@ def driven_runs(
     d = model.description
     if not hasattr(model, "in_lanes") or d.kinematic or d.plane or d.events or d.held or d.redundant:
         return None
+    if d.rates:  # a user's outputs are not recorded in lanes
+        return None
     if d.coordinates > LARGE or not fits_lanes(d):
         return None
     starts = {s.t for s in states} if states is not None else {0.0}

@@ -241,7 +241,7 @@ def _closed(evaluator: Evaluator, drawn: Array, searched: bool) -> Starter | Non
             if not conditions.turned_over(q) and closing.close() == _start.STARTED:
                 return closing
     except NotInGroups:
-        return _closed_by_search(evaluator, drawn) if searched else None
+        return _closed_by_search(evaluator, drawn) if searched and evaluator.description.drawn else None
     return None
 
 
