@@ -112,7 +112,9 @@ def _shown(
     slider: Slider, keys: Mapping[str, str], units: Mapping[str, tuple[str, float]], text: SceneText
 ) -> Slider:
     """Return a slider with the key of the scene, in the unit of ``[units]`` or that in the scene's value."""
-    unit, size = units.get(slider.unit) or _written(text, slider.name) or (slider.unit, 1.0)
+    in_si = slider.unit, 1.0
+    chosen = units.get(slider.unit, in_si)
+    unit, size = chosen if chosen != in_si else _written(text, slider.name) or in_si
     return replace(slider, name=keys.get(slider.name, slider.name), unit=unit, size=size)
 
 
