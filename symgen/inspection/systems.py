@@ -68,9 +68,7 @@ class GeneralView(View):
         """Return the points and the lines between them."""
         places = {name.removesuffix(_POSITION): np.asarray(x) for name, x in drawn.items()}
         nodes = tuple(Node(name, x, "joint") for name, x in places.items())
-        lines = tuple(
-            DrawnLine("rod", "", np.array(pair)) for pair in pairwise(places.values()) if len(places) > 1
-        )
+        lines = tuple(DrawnLine("rod", "", np.array(pair)) for pair in pairwise(places.values()))
         return Sketch(nodes, lines, np.zeros(len(resolved.description.axes)), "m")
 
     def unit(self, resolved: Any) -> tuple[str, float]:

@@ -100,7 +100,7 @@ class GeneralModel(RodModel):
 
     def _refused(self, name: str) -> str | None:
         if name in ("inverse_dynamics", "assemblies"):
-            return "it is a user-defined system, not one of points and links"
+            return self.MISSING[""]
         return super()._refused(name)
 
     def state(
