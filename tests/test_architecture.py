@@ -181,6 +181,32 @@ def test_methods_are_told_apart_in_their_registry_only():
     assert found == TESTED_FOR
 
 
+#: Rooms of the runtime that belong to one method. All others are shared, and import none of these.
+ROOMS_OF_METHODS = {"rods", "loop", "closure", "beams", "elastic", "chain", "rotor"}
+#: Shared files that import the room of a method; the number may only fall.
+MOST_SHARED_FILES = 22
+
+
+def rooms_of_methods(path: Path) -> set[str]:
+    """Return the rooms of methods that a file imports, inside functions and for type checking too."""
+    names = set()
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.Import):
+            names |= {a.name for a in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {f"{node.module}.{a.name}" for a in node.names}
+    words = [name.split(".") for name in names if name.startswith("symgen.runtime.")]
+    return {w[2] for w in words} & ROOMS_OF_METHODS
+
+
+def test_shared_rooms_of_the_runtime_import_no_room_of_a_method():
+    runtime = ROOT / "runtime"
+    assert all((runtime / room).is_dir() for room in ROOMS_OF_METHODS)
+    files = [p for p in runtime.rglob("*.py") if p.relative_to(runtime).parts[0] not in ROOMS_OF_METHODS]
+    found = [f"{p.relative_to(ROOT)}: {', '.join(sorted(r))}" for p in files if (r := rooms_of_methods(p))]
+    assert len(found) == MOST_SHARED_FILES, "\n".join(sorted(found))
+
+
 def test_every_entry_of_the_registry_exists():
     from symgen.methods import METHODS, claiming, load
 

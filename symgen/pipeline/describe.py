@@ -284,8 +284,7 @@ def elastic_info(linkage: Linkage) -> ElasticInfo:
     from symgen.models.elastic.couples import couples, rotations, welded_to_bodies
     from symgen.models.elastic.links import loads_along, lumps
     from symgen.pipeline.user_model import definition_of
-    from symgen.runtime.beams.data import BeamInfo
-    from symgen.runtime.kernels.elastic_description import ElasticInfo, JointInfo
+    from symgen.runtime.kernels.elastic_description import BeamInfo, ElasticInfo, JointInfo
     from symgen.scene.rods.linkage import CarriedPoint
 
     crank, along = linkage.crank, list(loads_along(linkage))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from symgen.lowering.kernel import Program, Slot
     from symgen.models.general.equations import GeneralSystem
     from symgen.pipeline.source import Source
-    from symgen.runtime.beams.data import BeamInfo
+    from symgen.runtime.kernels.elastic_description import BeamInfo
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.kernels.system_description import SystemDescription
     from symgen.runtime.model.system import GeneralModel, SystemModel

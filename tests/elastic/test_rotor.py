@@ -18,9 +18,9 @@ import symgen
 from symgen.errors import CapabilityError, ModelError, SceneError
 from symgen.mechanics.elastic import spatial
 from symgen.runtime.beams.elements import kernels
+from symgen.runtime.beams.modal.structure import modes_at_rest
 from symgen.runtime.rotor.model import _modes_of
 from symgen.runtime.rotor.structure import structure
-from symgen.runtime.structure import modes_at_rest
 from symgen.scene.elastic.spatial_section import torsion_constant
 from symgen.scene.loading import read_scene
 from symgen.scene.resolve import resolve

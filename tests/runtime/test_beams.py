@@ -12,9 +12,11 @@ from shared.rigid_motions import rigid_motions
 
 from symgen.elements import ELEMENTS
 from symgen.errors import ModelError, SceneError
+from symgen.runtime.beams.data import Lump, Properties
 from symgen.runtime.beams.elements import kernels
-from symgen.runtime.beams.links import BeamInfo, Lump, Properties, beam
+from symgen.runtime.beams.links import beam
 from symgen.runtime.beams.pieces import whole
+from symgen.runtime.kernels.elastic_description import BeamInfo
 
 NAMES = list(ELEMENTS)
 UNIFORM = Properties(

@@ -17,11 +17,12 @@ import numpy as np
 
 from symgen.runtime._beams import APPLIED, QUASI_STATIC, BeamEquations
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.beams.data import BeamInfo, Properties
+from symgen.runtime.beams.data import Properties
 from symgen.runtime.beams.elements import SHAPES, at, gauss, kernels, meshed, names, segments
 from symgen.runtime.beams.forces import RunMotion, crank_rotation, of_coordinates
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.kernels.elastic_description import BeamInfo
 from symgen.runtime.kernels.evaluate import at_rows
 
 #: Largest angle [rad] that the centre line makes with its rigid direction. Linear theory has sin a = a and

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.data import BeamInfo, Lump, Profile, Properties
+from symgen.runtime.beams.data import Lump, Profile, Properties
+from symgen.runtime.kernels.elastic_description import BeamInfo
 from symgen.runtime.kernels.evaluate import at_rows
 from symgen.runtime.kernels.library import shipped_module
 

@@ -12,9 +12,9 @@ from symgen.runtime._beams import APPLIED, BeamEquations
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.data import STIFFNESS_OF_FORCES, Piece
 from symgen.runtime.beams.frames import STIFFENING, TURNING, Frames, frames
+from symgen.runtime.beams.modal.structure import forces_on_links
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
-from symgen.runtime.structure import forces_on_links
 
 #: Selects the weight of the axial force among those of a load.
 _OF_AXIAL_FORCE = np.array([weight == "stiffness_geometric_force" for weight in APPLIED], dtype=float)

@@ -9,12 +9,13 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.damping import modal, rayleigh
-from symgen.runtime.beams.data import BeamInfo, Lump, Piece, Profile, Properties, StationRows
+from symgen.runtime.beams.data import Lump, Piece, Profile, Properties, StationRows
 from symgen.runtime.beams.elements import SAME, SHAPES, Segment, names, segment_at, segments
 from symgen.runtime.beams.elements import at as value_at
+from symgen.runtime.beams.modal.damping import modal, rayleigh
 from symgen.runtime.beams.pieces import followed, pieces, transformed, whole
 from symgen.runtime.beams.reduction import of_one_length, reduced
+from symgen.runtime.kernels.elastic_description import BeamInfo
 
 __all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Profile", "Properties", "StationRows", "beam"]
 

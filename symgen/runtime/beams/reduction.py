@@ -11,8 +11,9 @@ import numpy as np
 
 from symgen.errors import SceneError
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.data import BeamInfo, Piece
+from symgen.runtime.beams.data import Piece
 from symgen.runtime.beams.elements import Segment
+from symgen.runtime.kernels.elastic_description import BeamInfo
 
 
 def of_one_length(

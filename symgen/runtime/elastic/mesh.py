@@ -17,20 +17,21 @@ from symgen.runtime import _beams, _core
 from symgen.runtime._beams import APPLIED, MOTION
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.checks import held_alone
-from symgen.runtime.beams.damping import stiffened
-from symgen.runtime.beams.data import BeamInfo, Properties
+from symgen.runtime.beams.data import Properties
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.elements import meshed
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import layout
 from symgen.runtime.beams.links import Beam, beam
+from symgen.runtime.beams.modal.damping import stiffened
+from symgen.runtime.beams.modal.structure import UnstableError, forces_of_modes
 from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.modes import elastic_modes, lowest
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.steps import turn
 from symgen.runtime.integrate.pace import OutOfTime
+from symgen.runtime.kernels.elastic_description import BeamInfo
 from symgen.runtime.result.records import Variable
-from symgen.runtime.structure import UnstableError, forces_of_modes
 
 #: Error of the number of elements chosen by default, over the peak stress of a station and over a frequency.
 ENOUGH = 1e-2

@@ -223,7 +223,7 @@ class ElasticModel(ModelOfRigid):
         at: ElasticResult | float | None = None,
         t_eval: ArrayLike | None = None,
     ) -> Sensitivity:
-        from symgen.runtime.linearisation.elastic import sensitivity
+        from symgen.runtime.elastic.derivatives.poses import sensitivity
         from symgen.runtime.linearisation.record import at_times
 
         by = self._differentiated(parameters)
@@ -240,7 +240,7 @@ class ElasticModel(ModelOfRigid):
         self, outputs: Sequence[str], by: Sequence[str], at: ElasticResult, t_eval: ArrayLike | None
     ) -> Sensitivity:
         """Return the derivatives of a steady state at its crank angles, or of a run at its times."""
-        from symgen.runtime.linearisation import elastic_runs, periodic
+        from symgen.runtime.elastic.derivatives import periodic, runs
 
         provenance = at.provenance
         method = provenance.get("method")
@@ -275,7 +275,7 @@ class ElasticModel(ModelOfRigid):
         counts = at.counts
         if counts is None:
             raise ModelError(f"{self.name}: a stored run has no derivatives: simulate it again")
-        return elastic_runs.sensitivity(self._motion(True), outputs, by, method, at.time, counts)
+        return runs.sensitivity(self._motion(True), outputs, by, method, at.time, counts)
 
     @takes(ElasticRun)
     def _simulate(self, request: ElasticRun) -> ElasticResult:

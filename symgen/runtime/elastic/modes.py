@@ -13,9 +13,9 @@ from symgen.runtime import _beams
 from symgen.runtime._beams import MOTION
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.frames import frames
+from symgen.runtime.beams.modal.structure import ROUND_OFF, modes_at_rest, stiffness_sizes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.modes import ElasticModes, relative
-from symgen.runtime.structure import ROUND_OFF, modes_at_rest, stiffness_sizes
 
 #: Unknowns up to which all modes are found at once.
 _DENSE = 60

@@ -25,6 +25,7 @@ from symgen.runtime.beams.checks import (
 from symgen.runtime.beams.energies import Energies, energies, of_angles
 from symgen.runtime.beams.forces import ElasticForces, RunMotion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
+from symgen.runtime.beams.modal.structure import UnstableError
 from symgen.runtime.elastic.jumps import explicit, jump_times, with_error
 from symgen.runtime.elastic.large.shaking import in_linear_theory
 from symgen.runtime.elastic.mesh import mesh_error, unknown
@@ -48,7 +49,6 @@ from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.result.elastic import SELECTED, ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
 from symgen.runtime.result.records import Drift, Later, Variable, of_model
-from symgen.runtime.structure import UnstableError
 
 #: Error over its change by halved elements, where it falls with the square of their length: linear stretch.
 HALVED = 4 / 3

@@ -11,12 +11,12 @@ from symgen.errors import ModelError, SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams
 from symgen.runtime.arrays import Array
+from symgen.runtime.beams.modal.structure import stiffness_sizes
 from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Solution
 from symgen.runtime.elastic.steps import Start, Task, turn
 from symgen.runtime.integrate.pace import OutOfTime, Pace
-from symgen.runtime.structure import stiffness_sizes
 
 #: Places along each link at which the largest displacement of a mode is looked for.
 _PLACES = 65

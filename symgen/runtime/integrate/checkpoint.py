@@ -31,8 +31,7 @@ from symgen.runtime.kernels.arguments import is_real
 from symgen.runtime.kernels.library import Library
 
 if TYPE_CHECKING:
-    from symgen.runtime.kernels.evaluate import Evaluator
-    from symgen.runtime.loop.kernels import LoopKernels
+    from symgen.runtime.kernels.evaluate import Kernels
 
 FORMAT = 2
 #: Default wall time [s] between two checkpoints.
@@ -44,7 +43,7 @@ _OF_NO_RUN = ("method", "max_steps")
 
 
 def mark_of(
-    kernels: Evaluator | LoopKernels,
+    kernels: Kernels,
     library: Library,
     equations: _core.Integrable,
     chosen: Options,
@@ -63,9 +62,7 @@ def mark_of(
     return mark_of_kernels(kernels, library, equations, *content, *more)
 
 
-def mark_of_kernels(
-    kernels: Evaluator | LoopKernels, library: Library, equations: _core.Integrable, *more: object
-) -> str:
+def mark_of_kernels(kernels: Kernels, library: Library, equations: _core.Integrable, *more: object) -> str:
     """Return a hash of all that a run's numbers depend on: symgen, machine, kernels, parameters, and more.
 
     ``library`` are the kernels that it goes through.

@@ -4,7 +4,94 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from symgen.runtime.beams.data import BeamInfo
+
+@dataclass(frozen=True, slots=True)
+class BeamInfo:
+    """Names and choices of an elastic link.
+
+    Attributes
+    ----------
+    link, start, end
+        The link and its first and last point.
+    element, node_dofs, inner_dofs, elements
+        The finite element, the unknowns of its nodes, its inner unknowns, and the number of elements; zero if
+        symgen chooses it: see :mod:`symgen.runtime.elastic.mesh`.
+    axial
+        Whether the link stretches.
+    geometric_stiffness
+        Whether the axial force stiffens or softens it.
+    reduction, modes
+        ``""``, ``"guyan"`` or ``"craig-bampton"``, and for the last the number of modes kept.
+    clamped
+        Whether the rotation of the first node is held, or is the rotation of a shaft.
+    nodes
+        Where the elements meet, as fractions of the length, both ends included; evenly spaced if empty.
+    definition
+        Hash of the definition of an element that a program registers, empty for those of symgen.
+    between
+        Joints between the ends: name of the point, fraction of the length. There is a node at each.
+    welds
+        Joints whose rotation is that of the other links welded there, or zero on the ground.
+    couples
+        Joints at whose sections couples act.
+    jumps
+        Nodes between the ends, as fractions of the length, at which couples act: each side has a curvature.
+    """
+
+    link: str
+    start: str
+    end: str
+    element: str
+    node_dofs: tuple[str, ...]
+    inner_dofs: tuple[str, ...] = ()
+    elements: int = 1
+    axial: bool = True
+    geometric_stiffness: bool = True
+    reduction: str = ""
+    modes: int = 0
+    clamped: bool = False
+    nodes: tuple[float, ...] = ()
+    definition: str = ""
+    between: tuple[tuple[str, float], ...] = ()
+    welds: tuple[str, ...] = ()
+    couples: tuple[str, ...] = ()
+    jumps: tuple[float, ...] = ()
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """The points at which it is joined, from the first to the last."""
+        return self.start, *(name for name, _ in self.between), self.end
+
+    @property
+    def joint_nodes(self) -> tuple[int, ...]:
+        """Numbers of the nodes at these points."""
+        return 0, *(self.nodes.index(fraction) for _, fraction in self.between), self.elements
+
+    @property
+    def welded(self) -> dict[str, str]:
+        """The points with welds by the names of the rotations there."""
+        at = zip(self.points, self.joint_nodes, strict=True)
+        return {f"theta@{node}": point for point, node in at if point in self.welds}
+
+    @property
+    def rotations(self) -> dict[str, str]:
+        """Names of the rotations that other components use, by unknown."""
+        at = zip(self.points, self.joint_nodes, strict=True)
+        acted = {f"theta@{node}": f"{self.link}.{point}" for point, node in at if point in self.couples}
+        return acted | self.welded
+
+    def bent_at(self, point: str) -> bool:
+        """Return whether a weld or a couple bends the link at one of its points."""
+        return point in self.welds or point in self.couples
+
+    @property
+    def block(self) -> str:
+        """The name of the kernels of its elements, which belongs to one definition of the element."""
+        return "_".join(part for part in ("element", self.element, self.definition) if part)
+
+    def node(self, k: int) -> float:
+        """Return the place of a node as a fraction of the length."""
+        return self.nodes[k] if self.nodes else k / self.elements
 
 
 @dataclass(frozen=True, slots=True)

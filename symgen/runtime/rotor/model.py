@@ -13,13 +13,13 @@ from symgen.calls import checked
 from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
+from symgen.runtime.beams.modal.structure import UnstableError, modes_at_rest
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.modes import RotorModes, relative
 from symgen.runtime.rotor.description import RotorDescription
 from symgen.runtime.rotor.structure import RotorStructure, parts, structure
-from symgen.runtime.structure import UnstableError, modes_at_rest
 
 #: Unknowns up to which frequencies are compared with those of halved elements.
 _REFINED = 400

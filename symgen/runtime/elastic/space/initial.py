@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
+from symgen.runtime.beams.modal.structure import modes_at_rest
 from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.modes import linearised, modes_of, moved_by_loads
 from symgen.runtime.elastic.space.statics import at_rest, equilibrium, unbalanced
 from symgen.runtime.elastic.static import check_amplitudes, check_modes
-from symgen.runtime.structure import modes_at_rest
 
 #: Poses from the start on by whose differences equilibria and shapes have rates.
 _POSES = 9

@@ -11,9 +11,9 @@ import numpy as np
 from symgen.errors import check_joints
 from symgen.runtime._constrained import Elements
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.beams.data import BeamInfo
 from symgen.runtime.beams.elements import kernels, rows_at
 from symgen.runtime.kernels.description import Description
+from symgen.runtime.kernels.elastic_description import BeamInfo
 
 BLOCK = "director_beam"
 #: Numbers that each of the kernels writes.

@@ -15,6 +15,7 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
+from symgen.runtime.elastic.derivatives.poses import derived, frequency_slopes, frequency_units
 from symgen.runtime.elastic.large.collocation import MotionState, moved
 from symgen.runtime.elastic.space.linkage import LinkageInSpace, ParameterDirection
 from symgen.runtime.elastic.space.modes import modes_in_space
@@ -23,7 +24,6 @@ from symgen.runtime.elastic.space.statics import equilibrium, held
 from symgen.runtime.elastic.space.tangents import RunTangents, by_parameters, matrices
 from symgen.runtime.integrate.pace import Pace
 from symgen.runtime.kernels.evaluate import UNIT
-from symgen.runtime.linearisation.elastic import derived, frequency_slopes, frequency_units
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.state_space import derivatives

@@ -9,8 +9,9 @@ import numpy as np
 
 from symgen.errors import SceneError
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.data import BeamInfo, Piece, Properties
+from symgen.runtime.beams.data import Piece, Properties
 from symgen.runtime.beams.pieces import whole
+from symgen.runtime.kernels.elastic_description import BeamInfo
 
 #: The most modes of a link or a structure that each have a damping ratio by forces of their own.
 _MODAL = 24

@@ -16,9 +16,9 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime._beams import IN_MOTION, MOTION
 from symgen.runtime.arrays import Array, Dual, Indices
+from symgen.runtime.elastic.derivatives.poses import Pose
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.evaluate import UNIT
-from symgen.runtime.linearisation.elastic import Pose
 
 #: Intervals between Chebyshev points to begin with, and the most.
 _FIRST, _MOST = 16, 4096

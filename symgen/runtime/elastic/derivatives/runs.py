@@ -1,7 +1,7 @@
 """Exact derivatives of runs of elastic links by parameters: the tangents of implicit steps.
 
 The elastic motion obeys linear equations, M S'' + C S' + K S + J^T mu = Q and J S = 0, whose coefficients
-follow from the rigid motion at each time: :mod:`.elastic_course`. A step solves one linear system for the
+follow from the rigid motion at each time: :mod:`.course`. A step solves one linear system for the
 accelerations at its stages. Its differential has the same matrix, and the tangents of the equations at the
 stages on the right. Steps are those of the run, and so are the unknowns that each step takes as independent:
 its error depends on them. Steps with the same unknowns are taken together.
@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from symgen.runtime.arrays import Array, Dual, Indices
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
+from symgen.runtime.elastic.derivatives.course import Course, Reduced, bases, reduced
+from symgen.runtime.elastic.derivatives.poses import check_smooth, derived
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Counts
 from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.kernels.evaluate import UNIT
-from symgen.runtime.linearisation.elastic import check_smooth, derived
-from symgen.runtime.linearisation.elastic_course import Course, Reduced, bases, reduced
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 
 #: Most steps that are taken together.

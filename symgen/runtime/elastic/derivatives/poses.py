@@ -1,9 +1,10 @@
 """Exact derivatives of linkages with elastic links by parameters, in the pose of a time.
 
-Parameters change the rigid motion, whose differentials are those of :mod:`.sensitivity`, and through it and
-the properties of links all matrices. These are assembled once for each parameter with complex numbers, whose
-imaginary parts are tangents: those of kernels are derived, and those of sums and products follow, since the
-tangents are so small that their products vanish.
+Parameters change the rigid motion, whose differentials are those of
+:mod:`symgen.runtime.linearisation.sensitivity`, and through it and the properties of links all matrices.
+These are assembled once for each parameter with complex numbers, whose imaginary parts are tangents: those of
+kernels are derived, and those of sums and products follow, since the tangents are so small that their
+products vanish.
 
 Unknowns S obey constraints J S = 0 with forces J^T mu. A mode (K - w^2 M) phi + J^T mu = 0 of the structure
 at rest has d(w^2) = phi^T (dK - w^2 dM) phi + 2 mu^T dJ phi where phi^T M phi = 1. Quasi-static
@@ -21,13 +22,13 @@ from symgen.errors import ModelError
 from symgen.runtime._beams import APPLIED, AT_REST, MOTION, QUASI_STATIC, BeamEquations
 from symgen.runtime.arrays import Array, Dual
 from symgen.runtime.beams.links import Beam, beam
+from symgen.runtime.elastic.derivatives.matrices import Assembled, assembled, damped
 from symgen.runtime.elastic.mesh import properties_of
 from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.elastic.static import quasi_static
 from symgen.runtime.kernels.evaluate import UNIT
-from symgen.runtime.linearisation.elastic_matrices import Assembled, assembled, damped
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, with_outputs
 from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.state_space import Tangents

@@ -10,10 +10,10 @@ from symgen.errors import ModelError, SceneError
 from symgen.runtime import _beams
 from symgen.runtime._beams import MOTION
 from symgen.runtime.arrays import Array
-from symgen.runtime.beams.damping import modal_forces, shared
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import BeamLayout
 from symgen.runtime.beams.links import Beam
+from symgen.runtime.beams.modal.damping import modal_forces, shared
 
 #: Strain energy of a shape over the sum of its terms' sizes, up to which it is round-off of a rigid motion. A
 #: slender bar of a thousand elements keeps 1e-12.
@@ -109,10 +109,10 @@ def forces_of_modes(
 ) -> tuple[Array, float]:
     """Return forces f of modes of the structure, whose damping is the sum of f f^T; see :class:`BeamLayout`.
 
-    They are those of :func:`symgen.runtime.beams.damping.modal_forces`, and the second result is the factor
-    [s] of the stiffness of links that damps all modes, by :func:`symgen.runtime.beams.damping.shared` where
-    one ratio damps every mode and no joint has a spring. On each superelement, in the axes of its link, they
-    are in balance: the damping opposes rates of strain, and no rigid motion in any pose.
+    They are those of :func:`.modal_forces`, and the second result is the factor [s] of the stiffness of links
+    that damps all modes, by :func:`.shared` where one ratio damps every mode and no joint has a spring. On
+    each superelement, in the axes of its link, they are in balance: the damping opposes rates of strain, and
+    no rigid motion in any pose.
 
     Parameters
     ----------

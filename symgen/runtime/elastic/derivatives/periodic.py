@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime._beams import IN_MOTION
 from symgen.runtime.arrays import Array, Dual
+from symgen.runtime.elastic.derivatives.course import highest
+from symgen.runtime.elastic.derivatives.matrices import Assembled, assembled
+from symgen.runtime.elastic.derivatives.poses import Pose, check_smooth, derived
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.kernels.evaluate import UNIT
-from symgen.runtime.linearisation.elastic import Pose, check_smooth, derived
-from symgen.runtime.linearisation.elastic_course import highest
-from symgen.runtime.linearisation.elastic_matrices import Assembled, assembled
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 
 #: Numbers in long double.

@@ -1,7 +1,7 @@
 """Matrices of all unknowns of an elastic motion in one pose, from numbers that may have tangents.
 
 Links, weights of their constants and forces of joints are complex where they have tangents: see
-:mod:`.elastic`. The sums are those of the compiled assembly, ``runtime/core/beams.c``, in long double: on
+:mod:`.poses`. The sums are those of the compiled assembly, ``runtime/core/beams.c``, in long double: on
 fixed axes round-off of the axial stiffness counts as stiffness in bending, which may be a millionth of it.
 """
 

@@ -1,0 +1,1 @@
+"""Modes of links and of their structure at rest, and damping by their ratios."""

@@ -1,0 +1,1 @@
+"""Derivatives of elastic linkages by parameters: in a pose, along runs, of steady states."""
