@@ -26,11 +26,11 @@ from symgen.export.view import (
 from symgen.lowering.kernel import Program
 from symgen.runtime import _core
 from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.rods import RodModel
-from symgen.runtime.rods.redundancy import slack
 
 #: Core files of a run; the first ones are common to all families.
 CORE = (

@@ -11,12 +11,11 @@ from rich.console import Console
 from symgen.report.extremes import FEW, Components, texts
 from symgen.report.tables import MODES, table
 from symgen.runtime.model.compiled import degrees
+from symgen.runtime.result.equilibrium import Equilibrium, Modes
 from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.records import converted, converters
 from symgen.runtime.result.result import Variable
 from symgen.runtime.result.state import AssemblyModes, State
-from symgen.runtime.rods.equilibrium import Equilibrium
-from symgen.runtime.rods.modes import Modes
 
 
 def print_motion(motion: Motion, _: Any, console: Console) -> None:

@@ -14,8 +14,8 @@ from symgen.lowering import program
 from symgen.lowering.kernel import Assignment, Block, Kernel, Program, Store
 from symgen.lowering.nodes import Constant, Negative, Product, Quotient, Reference, Sum
 from symgen.precision import FLOAT64
+from symgen.runtime.integrate.redundancy import redundant_constraints
 from symgen.runtime.rods import start
-from symgen.runtime.rods.redundancy import redundant_constraints
 from symgen.toolchain.compiler import find_compiler
 
 

@@ -98,7 +98,7 @@ def test_a_change_concerns_only_its_own_kernels(made):
 
 
 @pytest.mark.parametrize(
-    ("scene", "decides"), [("four_bar", "rods/redundancy"), full("rssr", "closure/closed_form")]
+    ("scene", "decides"), [("four_bar", "integrate/redundancy"), full("rssr", "closure/closed_form")]
 )
 def test_what_a_description_is_made_by_counts(scene, decides, tmp_path):
     """Modules that describe a scene count, and no others of the runtime, whatever else is loaded."""

@@ -34,7 +34,7 @@ print(*(part for part in parts if part.endswith(".py")))
 @pytest.mark.parametrize(
     ("scene", "decides"),
     [
-        ("parallelogram", {"rods/redundancy.py", "integrate/causes.py"}),
+        ("parallelogram", {"integrate/redundancy.py", "integrate/causes.py"}),
         ("rssr", {"closure/closed_form.py", "loop/frames.py"}),
     ],
 )

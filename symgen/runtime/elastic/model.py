@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
     from symgen.runtime.model.rods import RodModel
     from symgen.runtime.result.elastic import ElasticResult
+    from symgen.runtime.result.equilibrium import Equilibrium
     from symgen.runtime.result.modes import AssembledMatrices, ElasticModes
     from symgen.runtime.result.records import Variable
     from symgen.runtime.result.speed_response import SpeedResponse
-    from symgen.runtime.rods.equilibrium import Equilibrium
 
 #: Integration methods of elastic motions.
 METHODS = (*BEAM_METHODS, "dop853", "rk4")

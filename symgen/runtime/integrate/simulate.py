@@ -16,13 +16,13 @@ from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace, Progress
+from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.kernels.description import EventInfo
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed, library_of_runs
 from symgen.runtime.result.recording import Recording
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
-from symgen.runtime.rods.redundancy import slack
 
 #: Recorded times up to this number are cached for the next run.
 _STORED = 10_000

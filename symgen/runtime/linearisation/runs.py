@@ -20,13 +20,13 @@ from symgen.runtime._variations import LinkageVariations, Variations
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
+from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 from symgen.runtime.linearisation.sensitivity import Jump, jumps_between, moved_pose, total_slopes
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
 from symgen.runtime.result.state import State
-from symgen.runtime.rods.redundancy import slack
 
 #: Steps at most of a run with derivatives, whose states are all kept.
 MOST_STEPS = 1_000_000

@@ -14,11 +14,11 @@ import numpy as np
 
 from symgen.errors import ModelError, check_known
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.redundancy import CLOSED, extent, not_unique, violation
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Linearisation
 from symgen.runtime.result.state import State
-from symgen.runtime.rods.redundancy import CLOSED, extent, not_unique, violation
 
 #: Coordinates whose directions are closer to dependent than this do not determine the motion.
 _DEPENDENT = 1e-9

@@ -31,8 +31,8 @@ from symgen.runtime.result.turn import Turn
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
     from symgen.runtime.kernels.library import Library
-    from symgen.runtime.linearisation.free_loops import FreePose
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
+    from symgen.runtime.loop.derivatives.free import FreePose
     from symgen.runtime.result.result import Result
 
 #: Samples of a range, with some 0.7 GB of results.
@@ -189,8 +189,8 @@ class LoopModel(Model):
 
     @takes(Derivatives)
     def _sensitivity(self, request: Derivatives) -> Sensitivity:
-        from symgen.runtime.linearisation.loops import sensitivity
         from symgen.runtime.linearisation.record import at_times
+        from symgen.runtime.loop.derivatives.poses import sensitivity
 
         at = request.at
         if not request.outputs:
@@ -214,9 +214,9 @@ class LoopModel(Model):
 
     def _along_run(self, request: Derivatives) -> Sensitivity:
         """Return derivatives along a run under forces; without an end those at the state."""
-        from symgen.runtime.linearisation.free_loops import FreePose
-        from symgen.runtime.linearisation.loop_runs import at_run, follow, steps_of
         from symgen.runtime.linearisation.runs import StoredTrajectory
+        from symgen.runtime.loop.derivatives.free import FreePose
+        from symgen.runtime.loop.derivatives.runs import at_run, follow, steps_of
 
         d, rank = self.description, self.closed_start().rank
         if request.at is not None and not isinstance(request.at, State):
@@ -307,7 +307,7 @@ class LoopModel(Model):
 
     def _free_pose(self, at: State | float | None, outputs: Sequence[str]) -> FreePose:
         """Return the tangents at a state, at a time of the run from the start [s], or at the start."""
-        from symgen.runtime.linearisation.free_loops import FreePose
+        from symgen.runtime.loop.derivatives.free import FreePose
 
         if isinstance(at, State):
             state = at
@@ -335,7 +335,7 @@ class LoopModel(Model):
 
     @takes(RunArguments)
     def _simulate(self, request: RunArguments) -> Result:
-        from symgen.runtime.linearisation.free_loops import check_closed
+        from symgen.runtime.loop.derivatives.free import check_closed
         from symgen.runtime.loop.motion import run
 
         chosen = request.options(self.description.t_end, self._type)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.rods.instants import bisected
+from symgen.runtime.model.instants import bisected
 
 #: Value, rate and acceleration of an input at many times, shape (times, 3).
 Input = Callable[[Array], Array]

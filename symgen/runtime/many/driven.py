@@ -13,6 +13,7 @@ from symgen.runtime._kinematic_lanes import KinematicLanes
 from symgen.runtime._many import Starts, over_variants
 from symgen.runtime._start import StartLanes
 from symgen.runtime.arrays import Array, Indices
+from symgen.runtime.integrate.redundancy import extent
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed
@@ -20,7 +21,6 @@ from symgen.runtime.many.dataset import BLOCK, Keep, KeptSamples
 from symgen.runtime.many.reductions import EXTREMES, of_extremes
 from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
-from symgen.runtime.result.recorded_motion import CurvePositions, chosen_names, coordinate_of, of_names
 from symgen.runtime.result.records import Variable, over_time
 from symgen.runtime.rods.constraints import rotations_of
 from symgen.runtime.rods.following.branch import TURN, nodes_of, turned
@@ -29,7 +29,7 @@ from symgen.runtime.rods.forces.analysis import driving, of_drive, of_unknown
 from symgen.runtime.rods.forces.assembly import Assembly, Unknown
 from symgen.runtime.rods.large_start import LARGE
 from symgen.runtime.rods.poses import Poses
-from symgen.runtime.rods.redundancy import extent
+from symgen.runtime.rods.recorded_motion import CurvePositions, chosen_names, coordinate_of, of_names
 
 if TYPE_CHECKING:
     from symgen.runtime.kernels.description import Description

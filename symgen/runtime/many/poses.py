@@ -13,9 +13,8 @@ from symgen.runtime.result.modes import ElasticModes, RotorModes
 from symgen.runtime.result.records import Variable
 
 if TYPE_CHECKING:
+    from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.result import Result
-    from symgen.runtime.rods.equilibrium import Equilibrium
-    from symgen.runtime.rods.modes import Modes
 
 #: Names of the largest Floquet multiplier of a steady state, and of the notes of a run of elastic links.
 FLOQUET, NOTES = "floquet", "notes"

@@ -12,8 +12,8 @@ from symgen.runtime import _core
 from symgen.runtime._start import Starter
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.integrate.causes import NEAR
+from symgen.runtime.integrate.redundancy import ASSEMBLED
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.rods.redundancy import ASSEMBLED
 from symgen.runtime.rods.start import CONSISTENT, ROUNDING
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from symgen.runtime.integrate.pace import Progress
 from symgen.runtime.kernels.arguments import reals
 
 if TYPE_CHECKING:
+    from symgen.runtime.model.instants import Instants
     from symgen.runtime.result.state import State
-    from symgen.runtime.rods.instants import Instants
 
 F = TypeVar("F", bound=Callable[..., Any])
 Path = str | os.PathLike[str]
@@ -124,7 +124,7 @@ class LinkageRange(Range):
 
     def instants(self, end: float) -> Instants:
         """Return the times or inputs at which a linkage is evaluated; its scene ends at a time [s]."""
-        from symgen.runtime.rods.instants import instants
+        from symgen.runtime.model.instants import instants
 
         found = instants(self.start, self.stop, self.at, self.over, self.samples, end)
         return replace(found, spread=found.at is None and not self.common)

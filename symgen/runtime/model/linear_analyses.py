@@ -13,8 +13,8 @@ from symgen.runtime.model.verbs import verb
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.result.elastic import ElasticResult
+    from symgen.runtime.result.equilibrium import Equilibrium
     from symgen.runtime.result.state import State
-    from symgen.runtime.rods.equilibrium import Equilibrium
 
 
 class LinearAnalyses:

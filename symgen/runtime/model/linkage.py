@@ -177,8 +177,8 @@ class LinkageModel(Model):
         return super()._refused(name)
 
     def _assemblies(self, at: float | None = None, over: str | None = None) -> AssemblyModes[State]:
+        from symgen.runtime.model.instants import instants
         from symgen.runtime.rods.assemblies import assemblies
-        from symgen.runtime.rods.instants import instants
 
         t, q, constraints = 0.0, self.initial_state().q, self._constraints()
         if at is not None:

@@ -21,11 +21,10 @@ from symgen.runtime.sweeps.calls import Sweeps
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
+    from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.modes import ElasticModes
     from symgen.runtime.result.result import Result
     from symgen.runtime.result.state import Accelerations, AssemblyModes, State
-    from symgen.runtime.rods.equilibrium import Equilibrium
-    from symgen.runtime.rods.modes import Modes
 
 #: Reasons why models do not support an analysis of a single method.
 _INSTEAD = {"evaluate": "it calls kernels of user-defined systems; batch calls those of scenes"}

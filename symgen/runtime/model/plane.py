@@ -16,10 +16,9 @@ from symgen.runtime.result.state import Accelerations, AssemblyModes, State
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
+    from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.forces import Forces
     from symgen.runtime.result.motion import Motion
-    from symgen.runtime.rods.equilibrium import Equilibrium
-    from symgen.runtime.rods.modes import Modes
 
 
 @checked

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 from symgen.errors import ModelError
 from symgen.runtime._rhs import Rhs
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.recording import grouped, motion, outputs_by_group
 from symgen.runtime.result.records import Drift, Variable, of_model, over_time
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
-from symgen.runtime.rods.redundancy import slack
 
 _VECTOR = ctypes.POINTER(ctypes.c_double)
 _SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_double, _VECTOR, _VECTOR, ctypes.c_void_p)

@@ -16,6 +16,7 @@ from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import limited
+from symgen.runtime.integrate.redundancy import SelfStress
 from symgen.runtime.integrate.simulate import run
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
@@ -23,16 +24,14 @@ from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State, finite, reactions_at
-from symgen.runtime.rods.redundancy import SelfStress
 from symgen.runtime.rods.start import Start, start
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.linearisation.state_space import Tangents
+    from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.forces import Forces
-    from symgen.runtime.rods.equilibrium import Equilibrium
-    from symgen.runtime.rods.modes import Modes
 
 
 @checked
@@ -243,7 +242,7 @@ class RodModel(LinkageModel):
     def _sensitivity(self, request: LinkageDerivatives) -> Sensitivity:
         from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose
         from symgen.runtime.linearisation.state_space import derivatives
-        from symgen.runtime.rods.equilibrium import Equilibrium
+        from symgen.runtime.result.equilibrium import Equilibrium
 
         at, along, coordinates, d = request.at, request.along, request.coordinates, self.description
         if not (at is None or isinstance(at, State | Equilibrium | float | int)):
@@ -373,7 +372,7 @@ class RodModel(LinkageModel):
         return describe(statics, *find(statics, begin.q, stable))
 
     def _modes(self, at: Equilibrium | float | None = None) -> Modes:
-        from symgen.runtime.rods.equilibrium import Equilibrium
+        from symgen.runtime.result.equilibrium import Equilibrium
         from symgen.runtime.rods.modes import analyse
 
         about = self.equilibrium() if at is None else at

@@ -11,12 +11,12 @@ import numpy as np
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.redundancy import CLOSED, SelfStress, extent, not_unique, slack, violation
 from symgen.runtime.kernels.description import Description, KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.result.records import Coordinate, Drift, LocatedEvent, Variable, converters, over_time
 from symgen.runtime.result.state import State
-from symgen.runtime.rods.redundancy import CLOSED, SelfStress, extent, not_unique, slack, violation
 
 #: Largest number of passages whose times are reported; of more, only the number is.
 _SHOWN = 6

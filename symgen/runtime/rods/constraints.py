@@ -6,9 +6,9 @@ import numpy as np
 
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array, Indices
+from symgen.runtime.integrate.redundancy import extent
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.rods.poses import Poses
-from symgen.runtime.rods.redundancy import extent
 
 
 class Constraints:

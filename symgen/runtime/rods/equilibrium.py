@@ -2,77 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.result.state import State, reactions_at, state_at
+from symgen.runtime.result.equilibrium import Equilibrium, Linearised
+from symgen.runtime.result.state import reactions_at, state_at
 from symgen.runtime.rods.assemblies import polished
 from symgen.runtime.rods.constraints import Constraints
-from symgen.runtime.rods.linear import Linearised, Statics
+from symgen.runtime.rods.linear import Statics
 
 _STEPS, _AWAY = 500, 1e4
-
-
-@checked
-@dataclass(frozen=True, slots=True)
-class Equilibrium:
-    """A pose at rest in which all forces balance.
-
-    Attributes
-    ----------
-    state
-        The pose, with zero velocities.
-    stability
-        ``unstable`` (a small motion grows), ``neutral`` (one meets no stiffness) or ``stable``.
-    freedoms
-        Number of free motions.
-    residual, scale
-        Largest force that is left unbalanced, and the largest of the forces that balance [N].
-    multipliers
-        Lagrange multiplier of every constraint; the minimum-norm ones if constraints are redundant.
-    reactions
-        Force of the ground on the linkage at every ground point [N].
-    outputs
-        The outputs that the scene selects, at this pose.
-    units
-        Units of these outputs.
-    """
-
-    state: State
-    stability: str
-    freedoms: int
-    residual: float
-    scale: float
-    multipliers: dict[str, float]
-    reactions: dict[str, Array]
-    outputs: dict[str, Array]
-    units: dict[str, str]
-    linearised: Linearised
-
-    def __repr__(self) -> str:
-        return f"<Equilibrium, {self.stability}: state, reactions, outputs; unbalanced {self.residual:.1e} N>"
-
-    def summary(self) -> dict[str, Any]:
-        """Return the equilibrium in plain numbers: the output of ``symgen equilibrium --json``."""
-        return {
-            "analysis": "equilibrium",
-            "t": self.state.t,
-            "stability": self.stability,
-            "freedoms": self.freedoms,
-            "residual": self.residual,
-            "largest_force": self.scale,
-            "positions": {k: v.tolist() for k, v in self.state.positions.items()},
-            "multipliers": dict(self.multipliers),
-            "reactions": {k: v.tolist() for k, v in self.reactions.items()},
-            "outputs": {k: {"unit": self.units[k], "value": v.tolist()} for k, v in self.outputs.items()},
-        }
 
 
 def _in_motion(d: Description, name: str, when: str) -> str:

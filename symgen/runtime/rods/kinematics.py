@@ -11,9 +11,9 @@ import numpy as np
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array, Indices
+from symgen.runtime.model.instants import Instants
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
-from symgen.runtime.result.recorded_motion import CurvePositions, chosen_names, recorded
 from symgen.runtime.result.recording import nearest_turn
 from symgen.runtime.result.records import converters
 from symgen.runtime.result.state import State
@@ -22,8 +22,8 @@ from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import along_branch
 from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
-from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.poses import Poses, angles_in_loads, counted, references_of
+from symgen.runtime.rods.recorded_motion import CurvePositions, chosen_names, recorded
 
 _STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
 

@@ -2,121 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.calls import checked
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.rods.equilibrium import Equilibrium
-from symgen.runtime.rods.linear import oscillating
-
-
-@dataclass(frozen=True, slots=True)
-class Mode:
-    """One small motion dq = shape * exp(s t) about an equilibrium.
-
-    Attributes
-    ----------
-    kind
-        ``oscillation``, ``decay`` (overdamped: no oscillation), ``neutral`` (no force drives it back) or
-        ``unstable`` (it grows).
-    s
-        Complex eigenvalue [1/s]; of a conjugate pair that with a positive imaginary part.
-    shape
-        Displacement of every point, for unit modal mass when they are in m/sqrt(kg); real where nothing is
-        damped. The largest component is positive.
-    """
-
-    kind: str
-    s: complex
-    shape: dict[str, Array]
-
-    @property
-    def omega(self) -> float:
-        """Damped angular frequency [rad/s]; zero if the mode does not oscillate."""
-        return abs(self.s.imag)
-
-    @property
-    def frequency(self) -> float:
-        """Frequency of the motion [Hz]."""
-        return self.omega / (2 * np.pi)
-
-    @property
-    def natural(self) -> float:
-        """Undamped angular frequency abs(s) [rad/s]."""
-        return abs(self.s)
-
-    @property
-    def damping_ratio(self) -> float:
-        """Part of the critical damping, -Re(s)/abs(s): 1 for a decay, negative if it grows."""
-        return 0.0 if self.s.real == 0 else -self.s.real / abs(self.s)
-
-
-@checked
-@dataclass(frozen=True, slots=True)
-class Modes:
-    """All small motions about an equilibrium: those that grow, the others by rising undamped frequency."""
-
-    equilibrium: Equilibrium
-    modes: tuple[Mode, ...]
-
-    def __repr__(self) -> str:
-        shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:3])
-        more = ", ..." if len(self) > 3 else ""
-        return f"<Modes, {self.equilibrium.stability} equilibrium: {shown}{more} Hz, {len(self)} modes>"
-
-    def __len__(self) -> int:
-        return len(self.modes)
-
-    def __iter__(self) -> Iterator[Mode]:
-        return iter(self.modes)
-
-    def __getitem__(self, i: int) -> Mode:
-        """Return the mode of this number, from 0; raise ModelError if there is none."""
-        if not -len(self.modes) <= i < len(self.modes):
-            raise ModelError(f"expected the number of one of {len(self.modes)} modes, from 0, got {i}")
-        return self.modes[i]
-
-    @property
-    def frequencies(self) -> Array:
-        """Frequencies [Hz] of all modes that oscillate, damped or growing if they are, by rising abs(s)."""
-        values = np.array([m.s for m in self.modes], dtype=complex)
-        return values[oscillating(values)].imag / (2 * np.pi)
-
-    @property
-    def stable(self) -> bool:
-        """Whether nothing grows."""
-        return all(m.kind != "unstable" for m in self.modes)
-
-    def summary(self) -> dict[str, Any]:
-        """Return the modes in plain numbers: the output of ``symgen modes --json``."""
-        return {
-            "analysis": "modes",
-            "stable": self.stable,
-            "modes": [
-                {
-                    "kind": m.kind,
-                    "frequency_hz": m.frequency,
-                    "omega": m.omega,
-                    "natural_omega": m.natural,
-                    "damping_ratio": m.damping_ratio,
-                    "s": [m.s.real, m.s.imag],
-                    "shape": {p: _plain(x) for p, x in m.shape.items()},
-                }
-                for m in self.modes
-            ],
-            "equilibrium": self.equilibrium.summary(),
-        }
-
-
-def _plain(x: Array) -> list[Any]:
-    return [[v.real, v.imag] for v in x.tolist()] if np.iscomplexobj(x) else list(x.tolist())
+from symgen.runtime.result.equilibrium import Equilibrium, Mode, Modes
 
 
 def analyse(evaluator: Evaluator, equilibrium: Equilibrium) -> Modes:

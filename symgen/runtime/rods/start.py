@@ -14,9 +14,7 @@ from symgen.runtime._start import Starter
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import check_wall
-from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.rods.large_start import LARGE, least_velocities
-from symgen.runtime.rods.redundancy import (
+from symgen.runtime.integrate.redundancy import (
     ASSEMBLED,
     Redundancy,
     assembly_tolerance,
@@ -24,6 +22,8 @@ from symgen.runtime.rods.redundancy import (
     not_positive,
     redundant_constraints,
 )
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.rods.large_start import LARGE, least_velocities
 
 #: Random poses from which a start is searched, and the largest number of coordinates with a search.
 _TRIES, _SEARCHED = 24, 120

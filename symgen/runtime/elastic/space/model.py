@@ -28,7 +28,7 @@ from symgen.runtime.result.state import State, state_at
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
-    from symgen.runtime.rods.equilibrium import Equilibrium
+    from symgen.runtime.result.equilibrium import Equilibrium
 
 #: What runs report as their form.
 _FORM = "elements in space"
@@ -70,8 +70,8 @@ class SpatialModel(ModelOfRigid):
 
     def _equilibrium(self, at: float | None = None, stable: bool = True) -> Equilibrium:
         from symgen.runtime.elastic.space.modes import resting
-        from symgen.runtime.rods.equilibrium import Equilibrium, at_rest
-        from symgen.runtime.rods.linear import Linearised
+        from symgen.runtime.result.equilibrium import Equilibrium, Linearised
+        from symgen.runtime.rods.equilibrium import at_rest
 
         self._refuse_types("equilibria of elastic links in space are")
         t, d = 0.0 if at is None else real(at, "the time"), self.rigid.description

@@ -12,9 +12,9 @@ from symgen.runtime.beams.modal.structure import modes_at_rest
 from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.statics import equilibrium, unbalanced
+from symgen.runtime.linearisation.eigenvalues import eigenvalues
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.modes import ElasticModes, relative
-from symgen.runtime.rods.linear import eigenvalues
 
 #: Force that leads from an unstable shape, over the largest of the loads.
 _PUSH = 1e-2

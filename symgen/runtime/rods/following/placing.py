@@ -9,10 +9,10 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.redundancy import extent
 from symgen.runtime.linearisation.state_space import Tangents
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.poses import Poses, counted, references_of
-from symgen.runtime.rods.redundancy import extent
 
 #: Largest change of a coordinate or drive in a step [rad], of lengths relative to the linkage's size.
 _STEP = 0.2

@@ -9,10 +9,10 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.runs import follow as run
+from symgen.runtime.model.instants import Instants
 from symgen.runtime.result.records import converters
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
-from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.kinematics import driven, follow, order_of, with_references
 
 #: Coordinates, velocities, and references of angles in loads.

@@ -15,18 +15,18 @@ from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageForces
+from symgen.runtime.model.instants import Instants
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.forces import Forces
-from symgen.runtime.result.recorded_motion import CurvePositions, coordinate_of
 from symgen.runtime.result.recording import of_points, outputs_by_group
 from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.assembly import Assembly, ForceSolution, Unknown, solve
 from symgen.runtime.rods.forces.multipliers import by_multipliers
-from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.kinematics import Followed, driven, follow, with_references
 from symgen.runtime.rods.poses import Poses
+from symgen.runtime.rods.recorded_motion import CurvePositions, coordinate_of
 
 _MOST_ELEMENTS, _MOST_SAMPLES = 1000, 100_000
 #: A smaller part of an unknown in the forces that nothing balances is rounding.

@@ -17,7 +17,6 @@ from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.kernels.library import Library
-from symgen.runtime.linearisation.free_loops import FreePose
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 from symgen.runtime.linearisation.runs import (
     StoredTrajectory,
@@ -27,6 +26,7 @@ from symgen.runtime.linearisation.runs import (
     followed,
     state_of,
 )
+from symgen.runtime.loop.derivatives.free import FreePose
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State
 

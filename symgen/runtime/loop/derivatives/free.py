@@ -13,8 +13,8 @@ import numpy as np
 
 from symgen.errors import ModelError, nearest
 from symgen.runtime.arrays import Array
-from symgen.runtime.linearisation.loops import RANK, LoopPose, check_poles, null_space
 from symgen.runtime.linearisation.record import Linearisation
+from symgen.runtime.loop.derivatives.poses import RANK, LoopPose, check_poles, null_space
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State
 
