@@ -32,7 +32,7 @@ from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.loop.driven import PARTS
 from symgen.runtime.loop.model import LoopModel
-from symgen.runtime.model.rods import RodModel
+from symgen.runtime.rods.model.rods import RodModel
 from symgen.toolchain.compiler import find_compiler
 from symgen.toolchain.kernels import Tools
 

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from symgen.runtime.chain.chain import Chain as Chain
     from symgen.runtime.elastic.model import ElasticModel as ElasticModel
     from symgen.runtime.loop.model import LoopModel as LoopModel
-    from symgen.runtime.model.kinematic import KinematicModel as KinematicModel
     from symgen.runtime.model.model import Model as Model
-    from symgen.runtime.model.rods import RodModel as RodModel
-    from symgen.runtime.model.system import GeneralModel as GeneralModel
     from symgen.runtime.model.system import SystemModel as SystemModel
     from symgen.runtime.result.files import load_result as load_result
     from symgen.runtime.result.result import Result as Result
+    from symgen.runtime.rods.model.general import GeneralModel as GeneralModel
+    from symgen.runtime.rods.model.kinematic import KinematicModel as KinematicModel
+    from symgen.runtime.rods.model.rods import RodModel as RodModel
     from symgen.runtime.sweeps.designs import Normal as Normal
     from symgen.runtime.sweeps.designs import Uniform as Uniform
     from symgen.scene.loading import load_scene as load_scene
@@ -39,13 +39,13 @@ if TYPE_CHECKING:
 _HOME = {
     "Chain": "symgen.runtime.chain.chain",
     "ElasticModel": "symgen.runtime.elastic.model",
-    "GeneralModel": "symgen.runtime.model.system",
-    "KinematicModel": "symgen.runtime.model.kinematic",
+    "GeneralModel": "symgen.runtime.rods.model.general",
+    "KinematicModel": "symgen.runtime.rods.model.kinematic",
     "LoopModel": "symgen.runtime.loop.model",
     "Model": "symgen.runtime.model.model",
     "Normal": "symgen.runtime.sweeps.designs",
     "Result": "symgen.runtime.result.result",
-    "RodModel": "symgen.runtime.model.rods",
+    "RodModel": "symgen.runtime.rods.model.rods",
     "Scene": "symgen.scene.schema",
     "SymgenError": "symgen.errors",
     "SystemModel": "symgen.runtime.model.system",

@@ -30,7 +30,7 @@ from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.model.rods import RodModel
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Core files of a run; the first ones are common to all families.
 CORE = (

@@ -18,7 +18,7 @@ from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.elastic.space.model import SpatialModel
 from symgen.runtime.loop.driven import moving
 from symgen.runtime.loop.model import LoopModel
-from symgen.runtime.model.rods import RodModel
+from symgen.runtime.rods.model.rods import RodModel
 from symgen.scene.units import NUMBER, TIME, parse_quantity
 from symgen.symbolic.system import System
 

@@ -30,10 +30,11 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.kernels.typed import Typed
     from symgen.runtime.loop.model import LoopModel
-    from symgen.runtime.model.kinematic import KinematicModel
     from symgen.runtime.model.model import Model
-    from symgen.runtime.model.rods import RodModel
-    from symgen.runtime.model.system import GeneralModel, SystemModel
+    from symgen.runtime.model.system import SystemModel
+    from symgen.runtime.rods.model.general import GeneralModel
+    from symgen.runtime.rods.model.kinematic import KinematicModel
+    from symgen.runtime.rods.model.rods import RodModel
     from symgen.runtime.rotor.model import RotorModel
     from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage
@@ -272,7 +273,7 @@ def linkage_model(parts: ModelParts) -> RodModel | KinematicModel:
     text, tools, description, typed = parts.text, parts.tools, parts.description, parts.typed
     kernels = (description, parts.library, parts.equations)
     if description.kinematic:
-        from symgen.runtime.model.kinematic import KinematicModel
+        from symgen.runtime.rods.model.kinematic import KinematicModel
 
         return KinematicModel(*kernels, typed=typed)
     base = tools.in_float64
@@ -289,10 +290,10 @@ def linkage_model(parts: ModelParts) -> RodModel | KinematicModel:
 
     analyses = cache(analysis)
     if description.plane is None:
-        from symgen.runtime.model.rods import RodModel
+        from symgen.runtime.rods.model.rods import RodModel
 
         return RodModel(*kernels, analyses=analyses, typed=typed)
-    from symgen.runtime.model.plane import PlaneModel
+    from symgen.runtime.rods.model.plane import PlaneModel
 
     in_space = cache(lambda: _derived(text, base, description, "in-space", lambda: _linkage(text).as_written))
     return PlaneModel(*kernels, analyses=analyses, typed=typed, in_space=in_space)
@@ -355,7 +356,7 @@ def _derived(
     text: SceneText, tools: Tools, base: Description, name: str, linkage: Callable[[], Linkage]
 ) -> RodModel:
     """Return the model of a linkage derived from that of a scene; ``name`` states how."""
-    from symgen.runtime.model.rods import RodModel
+    from symgen.runtime.rods.model.rods import RodModel
 
     description, library = tools.cached(text, name, lambda f: _of_resolved(linkage(), tools, f), base=base)
     analyses = cache(

@@ -59,7 +59,7 @@ def with_state(system: System, description: Description, library: Library) -> De
     parameters = np.array([p.default for p in description.parameters])
     evaluator = Evaluator(description, library, parameters)
     if description.kinematic:
-        from symgen.runtime.model.kinematic import posed
+        from symgen.runtime.rods.model.kinematic import posed
 
         begun = posed(evaluator)
     else:

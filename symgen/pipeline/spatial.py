@@ -9,7 +9,7 @@ from symgen.pipeline.build import ModelParts, linkage_model
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic.space.model import SpatialModel
-    from symgen.runtime.model.rods import RodModel
+    from symgen.runtime.rods.model.rods import RodModel
 
 
 def spatial_model(parts: ModelParts) -> SpatialModel:

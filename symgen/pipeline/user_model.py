@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.elastic_description import BeamInfo
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.kernels.system_description import SystemDescription
-    from symgen.runtime.model.system import GeneralModel, SystemModel
+    from symgen.runtime.model.system import SystemModel
+    from symgen.runtime.rods.model.general import GeneralModel
 
 
 #: Resolved scene, settings and a folder -> description and kernels.
@@ -57,7 +58,7 @@ def build_user(path: Path, tools: Tools, equations: Source, compiled: Compiled) 
         from symgen.runtime.model.system import SystemModel
 
         return SystemModel(description, library, equations)
-    from symgen.runtime.model.system import GeneralModel
+    from symgen.runtime.rods.model.general import GeneralModel
 
     def analysis(kind: str, _: bool, outputs: tuple[str, ...], lanes: bool = False) -> tuple[Any, Library]:
         def resolved() -> GeneralSystem:

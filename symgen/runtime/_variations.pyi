@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._core import KernelEquations
-from symgen.runtime._loop import LoopEquations
+from symgen.runtime._core import Integrable, KernelEquations
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.integrators.method import Integrator
 from symgen.runtime.kernels.description import LoopDescription
@@ -36,7 +35,7 @@ class LinkageVariations(Variations):
 class LoopVariations(Variations):
     def __init__(
         self,
-        equations: LoopEquations,
+        equations: Integrable,
         method: Integrator,
         description: LoopDescription,
         library: Library,

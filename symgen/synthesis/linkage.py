@@ -19,8 +19,8 @@ from symgen.mechanics.synthesis.limits import cosine_opposite
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from symgen.runtime.model.kinematic import KinematicModel
     from symgen.runtime.result.result import Result
+    from symgen.runtime.rods.model.kinematic import KinematicModel
     from symgen.scene.schema import Scene
     from symgen.scene.units import Shown
 

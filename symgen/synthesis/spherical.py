@@ -15,8 +15,8 @@ from symgen.synthesis.linkage import DesignedLinkage, angle, longer_than_zero, t
 from symgen.synthesis.search import ONE_LINK
 
 if TYPE_CHECKING:
-    from symgen.runtime.model.kinematic import KinematicModel
     from symgen.runtime.result.result import Result
+    from symgen.runtime.rods.model.kinematic import KinematicModel
 
 Array = NDArray[np.float64]
 

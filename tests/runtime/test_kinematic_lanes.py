@@ -15,12 +15,12 @@ from symgen.runtime._kinematic_lanes import KinematicLanes
 from symgen.runtime._many import Starts
 from symgen.runtime._start import StartLanes
 from symgen.runtime.kernels.batch import lanes_of
-from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep
-from symgen.runtime.many.starts import start_of
 from symgen.runtime.model.verbs import with_common_axis
 from symgen.runtime.rods.following.branch import steps_of
 from symgen.runtime.rods.following.groups import groups_of
+from symgen.runtime.rods.many.compiled import compiled_runs
+from symgen.runtime.rods.many.starts import start_of
 from symgen.toolchain import compiler
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")

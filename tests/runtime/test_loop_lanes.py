@@ -8,7 +8,7 @@ from scipy.integrate import trapezoid
 from shared.full import full
 
 import symgen
-from symgen.runtime.many.compiled import compiled_runs
+from symgen.runtime.loop.many.driven import driven_loops
 from symgen.runtime.many.dataset import Keep
 from symgen.toolchain import compiler
 
@@ -37,7 +37,7 @@ def loops():
 
 def in_lanes(loop, columns, **arguments):
     """Return the coordinate, and samples of all runs by name, none of which is left to a single loop."""
-    compiled = compiled_runs(loop, loop.inverse_dynamics(**arguments), columns, None, arguments)
+    compiled = driven_loops(loop, loop.inverse_dynamics(**arguments), columns)
     runs = compiled(0, len(next(iter(columns.values()))), Keep(None, None))
     assert None not in runs
     return runs[0].along.values, {v.name: v.values for v in runs[0].samples}

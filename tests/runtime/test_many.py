@@ -13,10 +13,11 @@ from shared.variants import BASE, crank_rocker_with_lengths, pins
 import symgen
 from symgen.errors import CapabilityError, InitialStateError, ModelError, RangeError
 from symgen.runtime.kernels import batch
-from symgen.runtime.many import compiled, driven, runs
-from symgen.runtime.many.compiled import compiled_runs
+from symgen.runtime.many import runs
 from symgen.runtime.many.dataset import Keep
 from symgen.runtime.rods import start
+from symgen.runtime.rods.many import compiled, driven
+from symgen.runtime.rods.many.compiled import compiled_runs
 from symgen.scene.loading import SHIPPED, read_scene
 
 LENGTHS = {"a": 0.1, "b": np.linspace(0.33, 0.37, 7), "c": np.linspace(0.31, 0.29, 7)}

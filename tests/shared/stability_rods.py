@@ -16,9 +16,9 @@ from shared.stability_truths import (
     spatial_double_pendulum,
 )
 
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Integrators in the order of bounds of their errors.
 _METHODS = (

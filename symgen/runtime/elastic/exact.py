@@ -22,11 +22,11 @@ from symgen.runtime.elastic.steps import check_revolutions, turn
 from symgen.runtime.integrate.pace import unlimited
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LargeRotation
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.records import Variable, of_model
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Largest axial strain of rods that keep their length: what depends on lengths is off by that part.
 STRETCH = 0.01

@@ -36,12 +36,12 @@ if TYPE_CHECKING:
     from symgen.runtime.beams.links import Beam
     from symgen.runtime.elastic.motion import ElasticMotion
     from symgen.runtime.linearisation.record import Sensitivity
-    from symgen.runtime.model.rods import RodModel
     from symgen.runtime.result.elastic import ElasticResult
     from symgen.runtime.result.equilibrium import Equilibrium
     from symgen.runtime.result.modes import AssembledMatrices, ElasticModes
     from symgen.runtime.result.records import Variable
     from symgen.runtime.result.speed_response import SpeedResponse
+    from symgen.runtime.rods.model.rods import RodModel
 
 #: Integration methods of elastic motions.
 METHODS = (*BEAM_METHODS, "dop853", "rk4")

@@ -20,7 +20,7 @@ from symgen.runtime.beams.layout import BeamLayout, layout
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.path import Machine, RigidMotionTable
 from symgen.runtime.kernels.description import KernelInfo
-from symgen.runtime.model.rods import RodModel
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Angle [rad] of the crank over which a pose is a good guess of the next.
 _STRIDE = 0.02

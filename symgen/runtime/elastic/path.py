@@ -15,8 +15,8 @@ from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import options
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.integrate.simulate import drive
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.recording import wound
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Angle [rad] of the crank between rows of a path, tolerance of the integration.
 _SPACING, _RTOL = 0.01, 1e-11

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.loop.derivatives.free import FreePose
+    from symgen.runtime.loop.many.driven import DrivenLoops
     from symgen.runtime.result.result import Result
 
 #: Samples of a range, with some 0.7 GB of results.
@@ -353,3 +354,14 @@ class LoopModel(Model):
             begin, rates = Closed(state.t, state.q.copy(), begin.rank), state.u
         with limited(request.max_wall):
             return run(self.kernels, begin, rates, chosen, request.progress, keeping, request.t_eval)
+
+    def _compiled_runs(
+        self,
+        first: Any,
+        columns: Mapping[str, Array],
+        states: Sequence[State] | None,
+        arguments: Mapping[str, Any],
+    ) -> DrivenLoops | None:
+        from symgen.runtime.loop.many.driven import driven_loops
+
+        return driven_loops(self, first, columns) if first.KIND == Turn.KIND else None

@@ -14,6 +14,8 @@ from symgen.errors import CapabilityError
 if TYPE_CHECKING:
     import xarray
 
+    from symgen.runtime.arrays import Array
+    from symgen.runtime.many.dataset import CompiledRuns
     from symgen.runtime.result.state import State
 
 
@@ -126,6 +128,26 @@ class ManyRuns:
     modes_many = Many("modes")
     periodic_many = Many("periodic")
     quasi_static_many = Many("quasi_static")
+
+    def _compiled_runs(
+        self,
+        first: Any,
+        columns: Mapping[str, Array],
+        states: Sequence[State] | None,
+        arguments: Mapping[str, Any],
+    ) -> CompiledRuns | None:
+        """Return runs with the options of a first one; None where each is to be carried out singly."""
+        return None
+
+    def _driven_runs(
+        self,
+        with_forces: bool,
+        columns: Mapping[str, Array],
+        states: Sequence[State] | None,
+        arguments: Mapping[str, Any],
+    ) -> CompiledRuns | None:
+        """Return runs of kinematics, or of inverse dynamics; None where each is to be carried out singly."""
+        return None
 
 
 #: The calls of many runs by name, and the analysis of each.

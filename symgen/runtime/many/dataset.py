@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -111,6 +111,20 @@ class Keep:
         if HISTORY in names:
             return KeptSamples(along, times, samples, single, axes, runs=runs)
         return KeptSamples(single=single, axes=axes, runs=runs)
+
+
+class CompiledRuns(Protocol):
+    """Many runs of a model that compiled code carries out, some of them in a call."""
+
+    @property
+    def grain(self) -> int:
+        """Number of runs that fill all lanes."""
+
+    def most(self, keep: Keep) -> int:
+        """Return the number of runs of one call."""
+
+    def __call__(self, first: int, last: int, keep: Keep) -> list[KeptSamples | None]:
+        """Carry out some runs; None stands for those that are to be carried out singly."""
 
 
 def of_one(variables: Iterable[Variable]) -> tuple[Variable, ...]:

@@ -10,14 +10,13 @@ from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, check_known, shown
 from symgen.runtime.arrays import Array
+from symgen.runtime.kernels.evaluate import Kernels
 from symgen.runtime.kernels.limits import refusals
-from symgen.runtime.many.compiled import compiled_runs
-from symgen.runtime.many.dataset import BLOCK, Keep, KeptSamples, of_one
-from symgen.runtime.many.driven import Driven, driven_runs
+from symgen.runtime.many.dataset import BLOCK, CompiledRuns, Keep, KeptSamples, of_one
 from symgen.runtime.many.poses import FLOQUET, at_one_pose, ended_early, of_modes, with_notes, with_stability
 from symgen.runtime.model.verbs import with_common_axis
 
@@ -84,6 +83,24 @@ def _states(model: Any, states: Any) -> Sequence[State]:
     return states
 
 
+def parameters_of_runs(
+    kernels: Kernels, columns: Mapping[str, Array], states: Sequence[State] | None
+) -> Array:
+    """Return the parameters of each run, (runs, parameters)."""
+    count = len(next(iter(columns.values()))) if states is None else len(states)
+    rows = np.tile(kernels.parameter_values, (count, 1))
+    names = [p.name for p in kernels.description.tunable]
+    for name, values in columns.items():
+        rows[:, names.index(name)] = values
+    return rows
+
+
+def is_stored(kernels: Kernels, rows: Array, states: object) -> NDArray[np.bool_]:
+    """Return a flag for each run: true with the parameters of the scene, whose start is stored."""
+    stored: NDArray[np.bool_] = np.all(rows == [p.default for p in kernels.description.tunable], axis=1)
+    return stored & (states is None)
+
+
 @dataclass(frozen=True, slots=True)
 class Runs:
     """An analysis of a model, with the parameters and states of each run and the arguments of all."""
@@ -111,12 +128,12 @@ class Runs:
         rows = [self.columns.get(name, np.full(count, value)) for name, value in model.parameters.items()]
         return refusals(model.description, model._library, np.column_stack(rows))
 
-    def driven(self) -> Driven | None:
+    def driven(self) -> CompiledRuns | None:
         """Return the runs in lanes, if they are of a driven linkage."""
         if self.analysis not in ("kinematics", "inverse_dynamics"):
             return None
         forces = self.analysis == "inverse_dynamics"
-        return driven_runs(self.model, forces, self.columns, self.states, self.arguments)
+        return self.model._driven_runs(forces, self.columns, self.states, self.arguments)
 
     def result(self, i: int) -> Any:
         """Carry out run i by itself; errors are those of the analysis."""
@@ -191,7 +208,7 @@ def carried_out(
         return results
     finished_runs, count, workers = len(results), len(runs), threads or _processors()
     results += [KeptSamples()] * (count - finished_runs)
-    compiled = driven or compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
+    compiled = driven or runs.model._compiled_runs(result, runs.columns, runs.states, runs.arguments)
     ended = Event()
     refused = runs.refused()
 

@@ -34,8 +34,8 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import shipped_module
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.model import LoopModel
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.model.system import SystemModel
+from symgen.runtime.rods.model.rods import RodModel
 from symgen.scene.loading import load_scene, override, read_scene
 from symgen.scene.resolve import resolve_linkage
 from symgen.study.accuracy.loop_states import of_loop

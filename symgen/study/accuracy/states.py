@@ -17,7 +17,7 @@ from symgen.symbolic.exact import Exact
 if TYPE_CHECKING:
     from symgen.runtime.elastic.model import ElasticModel
     from symgen.runtime.kernels.evaluate import Evaluator
-    from symgen.runtime.model.rods import RodModel
+    from symgen.runtime.rods.model.rods import RodModel
     from symgen.symbolic.system import System
 
 Array = NDArray[np.float64]

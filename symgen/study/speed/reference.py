@@ -15,9 +15,9 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError, check_known
 from symgen.runtime.kernels.arguments import count, real
 from symgen.runtime.model.rhs import recorded, right_hand_side
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
+from symgen.runtime.rods.model.rods import RodModel
 
 Array = NDArray[np.float64]
 #: Solver: from dy/dt, times, initial state, rtol and atol to the states at all times, one per row.

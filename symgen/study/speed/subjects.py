@@ -19,8 +19,8 @@ from symgen.precision import FLOAT64, PRECISIONS, precision
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.integrate.options import TIGHTEST
 from symgen.runtime.loop.model import LoopModel
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
+from symgen.runtime.rods.model.rods import RodModel
 from symgen.scene.loading import load_scene
 from symgen.scene.schema import Scene
 from symgen.study.speed.measures import distance, sizes

@@ -9,9 +9,9 @@ import numpy as np
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.elastic.large.collocation import MotionState
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.recording import motion
 from symgen.runtime.result.records import LocatedEvent
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Fractions of a step at which gaps are evaluated.
 _SHARES = np.linspace(0.0, 1.0, 5)

@@ -25,9 +25,9 @@ from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.model.arguments import Refined
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Error by time steps over the peak stress of a station, where ``rtol`` is not given.
 RTOL = 2e-3

@@ -16,7 +16,7 @@ from symgen.runtime.result.records import Variable
 if TYPE_CHECKING:
     from symgen.runtime.elastic.large.linkage import LargeLinkage
     from symgen.runtime.elastic.space.linkage import LinkageInSpace
-    from symgen.runtime.model.rods import RodModel
+    from symgen.runtime.rods.model.rods import RodModel
 
 #: Place of a joint on an elastic link (times, axes), force, and couple (times, components).
 OnLink = tuple[Array, Array, Array]

@@ -26,7 +26,7 @@ from symgen.runtime.elastic.space.joints import FixedVectors, check_independent,
 from symgen.runtime.elastic.space.links import BLOCK, DAMPING, links_in_space
 from symgen.runtime.kernels.elastic_description import JointInfo
 from symgen.runtime.kernels.evaluate import UNIT, Duals
-from symgen.runtime.model.rods import RodModel
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Matrices that the kernel ``joints`` gives: M, C, K.
 _SLOPES = ("mass_matrix", "damping", "stiffness")

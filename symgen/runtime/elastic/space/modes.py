@@ -13,8 +13,8 @@ from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.statics import equilibrium, unbalanced
 from symgen.runtime.linearisation.eigenvalues import eigenvalues
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.modes import ElasticModes, relative
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Force that leads from an unstable shape, over the largest of the loads.
 _PUSH = 1e-2

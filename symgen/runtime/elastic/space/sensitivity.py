@@ -27,8 +27,8 @@ from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.state_space import derivatives
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.records import Variable
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Number of solutions for the change of an equilibrium, each for the residual of the previous one, since the
 #: matrix is shifted.

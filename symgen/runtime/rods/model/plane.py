@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from symgen.calls import checked
 from symgen.runtime.arrays import Array
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageMotion, LinkageRun, takes
-from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, AssemblyModes, State
+from symgen.runtime.rods.model.rods import RodModel
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity

@@ -19,7 +19,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import BLOCK, Keep, KeptSamples
 from symgen.runtime.many.reductions import EXTREMES, of_extremes
-from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
+from symgen.runtime.many.runs import is_stored, parameters_of_runs
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
 from symgen.runtime.result.records import Variable, over_time
 from symgen.runtime.rods.constraints import rotations_of
@@ -28,6 +28,7 @@ from symgen.runtime.rods.following.groups import Groups, groups_of
 from symgen.runtime.rods.forces.analysis import driving, of_drive, of_unknown
 from symgen.runtime.rods.forces.assembly import Assembly, Unknown
 from symgen.runtime.rods.large_start import LARGE
+from symgen.runtime.rods.many.starts import start_of
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.recorded_motion import CurvePositions, chosen_names, coordinate_of, of_names
 
@@ -292,7 +293,7 @@ def driven_runs(
 ) -> Driven | None:
     """Return the runs of kinematics, or of inverse dynamics; None where each is to be carried out singly."""
     d = model.description
-    if not hasattr(model, "in_lanes") or d.kinematic or d.plane or d.events or d.held or d.redundant:
+    if d.kinematic or d.plane or d.events or d.held or d.redundant:
         return None
     if d.rates:  # a user's outputs are not recorded in lanes
         return None

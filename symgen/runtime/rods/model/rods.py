@@ -21,9 +21,9 @@ from symgen.runtime.integrate.simulate import run
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
 from symgen.runtime.model.compiled import degrees
-from symgen.runtime.model.linkage import LinkageModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State, finite, reactions_at
+from symgen.runtime.rods.model.linkage import LinkageModel
 from symgen.runtime.rods.start import Start, start
 
 if TYPE_CHECKING:

@@ -18,13 +18,13 @@ from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
-from symgen.runtime.many.dataset import BLOCK, Keep, KeptSamples
-from symgen.runtime.many.driven import Driven, driven_runs
-from symgen.runtime.many.loops import DrivenLoops, driven_loops
-from symgen.runtime.many.starts import is_stored, parameters_of_runs, start_of
+from symgen.runtime.many.dataset import BLOCK, CompiledRuns, Keep, KeptSamples
+from symgen.runtime.many.runs import is_stored, parameters_of_runs
 from symgen.runtime.result.recording import Recording, continued, shaped
 from symgen.runtime.result.records import over_time
 from symgen.runtime.rods.large_start import LARGE
+from symgen.runtime.rods.many.driven import driven_runs
+from symgen.runtime.rods.many.starts import start_of
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -34,7 +34,7 @@ _MOST_STEPS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class CompiledRuns:
+class SimulatedRuns:
     """Runs with ``parameters`` (runs, parameters) from their starts, or from states (runs, (q, u)).
 
     ``single`` are runs with the parameters of the scene, which start from the stored state; ``batched`` the
@@ -103,13 +103,11 @@ def compiled_runs(
     columns: Mapping[str, Array],
     states: Sequence[State] | None,
     arguments: Mapping[str, Any],
-) -> CompiledRuns | Driven | DrivenLoops | None:
+) -> CompiledRuns | None:
     """Return runs with the options of a first one; None where each is to be carried out singly."""
     kind = getattr(first, "KIND", "")
     if kind in ("kinematics", "forces"):
         return driven_runs(model, kind == "forces", columns, states, arguments)
-    if kind == "loop":
-        return driven_loops(model, first, columns)
     source = getattr(first, "__dict__", {}).get("_source")
     if not isinstance(source, Recording) or arguments.get("max_wall") is not None:
         return None
@@ -133,7 +131,7 @@ def compiled_runs(
     batched = None
     if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model._typed, Typed):
         batched = model._typed.kernels(True)
-    return CompiledRuns(
+    return SimulatedRuns(
         evaluator, chosen, t0, times, parameter_rows, rows, single, batched, source.stepper.steps
     )
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from symgen.calls import checked
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.model.linkage import LinkageModel
 from symgen.runtime.rods.constraints import Constraints
+from symgen.runtime.rods.model.linkage import LinkageModel
 from symgen.runtime.rods.start import Start, pose
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,7 @@ from symgen.runtime.result.state import AssemblyModes, State, coordinates, state
 from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
+    from symgen.runtime.many.dataset import CompiledRuns
     from symgen.runtime.result.motion import Motion
     from symgen.runtime.rods.constraints import Constraints
 
@@ -194,3 +195,25 @@ class LinkageModel(Model):
         begin = self.initial_state() if request.state is None else request.state
         poses = request.instants(self.description.t_end)
         return analyse(self._constraints(), begin.q, begin.t, poses, request.through, request.of)
+
+    def _compiled_runs(
+        self,
+        first: Any,
+        columns: Mapping[str, Array],
+        states: Sequence[State] | None,
+        arguments: Mapping[str, Any],
+    ) -> CompiledRuns | None:
+        from symgen.runtime.rods.many.compiled import compiled_runs
+
+        return compiled_runs(self, first, columns, states, arguments)
+
+    def _driven_runs(
+        self,
+        with_forces: bool,
+        columns: Mapping[str, Array],
+        states: Sequence[State] | None,
+        arguments: Mapping[str, Any],
+    ) -> CompiledRuns | None:
+        from symgen.runtime.rods.many.driven import driven_runs
+
+        return driven_runs(self, with_forces, columns, states, arguments)

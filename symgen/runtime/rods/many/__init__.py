@@ -1,0 +1,1 @@
+"""Many variants of a linkage in compiled code, in SIMD lanes where they fit."""

@@ -1,0 +1,1 @@
+"""Models of linkages of points and links, and of systems in coordinates of their own."""
