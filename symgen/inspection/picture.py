@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.joints import JOINTS
-from symgen.loads.of_points import Length
 from symgen.report.page.drawing import DrawnLine, Node, Sketch
 from symgen.runtime.loop.frames import product
 from symgen.runtime.loop.model import LoopModel
@@ -86,8 +85,8 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[DrawnLine]:
         )
     for load in linkage.loads:
         for measure in load.measures(len(linkage.axes)):
-            if isinstance(measure, Length):
-                yield DrawnLine(load.drawn, "", np.array([places[measure.start], places[measure.end]]))
+            if len(measure.points) == 2:
+                yield DrawnLine(load.drawn, "", np.array([places[name] for _, name in measure.points]))
     for guide in linkage.guides:
         along = linkage.link(guide.along)
         d = places[along.end] - places[along.start]

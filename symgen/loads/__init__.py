@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from symgen.loads.actuator import LineForce
+from symgen.loads.bushing import ElasticBushing
 from symgen.loads.distributed_force import DistributedLoad
 from symgen.loads.force import AppliedForce
 from symgen.loads.load import Load
@@ -20,5 +21,6 @@ LOADS = Registry[type[Load]](
         "distributed_forces": DistributedLoad,
         "torques": AppliedTorque,
         "torsion_springs": AngularSpring,
+        "bushings": ElasticBushing,
     }
 )

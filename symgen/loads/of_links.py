@@ -23,6 +23,9 @@ from symgen.loads.measure import (
 )
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import AXES
+from symgen.symbolic.vectors import cross, dot
+
+_HALF = sp.Rational(1, 2)
 
 
 class _OnLinks(Measure):
@@ -127,6 +130,62 @@ class Bend(_OnLinks):
 
     def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
         return "straightens two rods"
+
+
+class _OfFrames(_OnLinks):
+    """A measure of the axes b of a link on the axes a of another one, or of the ground, in space."""
+
+    __slots__ = ()
+    joins = True
+
+    def pairs(self, i: int) -> tuple[tuple[sp.Expr, int, int], ...]:
+        """Return the factors and numbers j, k of the products a_j . b_k whose sum is its component i."""
+        raise NotImplementedError
+
+    def value(self, geometry: Geometry) -> Vector:
+        a, b = geometry.frame(self.against), geometry.frame(self.link)
+        return tuple(sp.Add(*(f * dot(a[j], b[k]) for f, j, k in self.pairs(i))) for i in range(3))
+
+    def rate(self, geometry: Geometry) -> Vector:
+        return tuple(geometry.calculus.rate(c) for c in self.value(geometry))
+
+    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
+        yield from components(geometry, self.put(geometry, force), self.value(geometry))
+
+    def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
+        a, b = geometry.frame(self.against), geometry.frame(self.link)
+        arms = [
+            tuple(push * f * c for c in cross(b[k], a[j]))
+            for i, push in enumerate(self.put(geometry, term.total))
+            for f, j, k in self.pairs(i)
+        ]
+        yield from _couples(self.link, self.against, tuple(map(sp.Add, *arms)))
+
+    def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
+        return "acts on a rotation in space"
+
+
+@dataclass(frozen=True, slots=True)
+class Alignment(_OfFrames):
+    """The cosines a_i . b_i of the angles between the axes of two links in space as they are drawn."""
+
+    link: str
+    against: str
+
+    def pairs(self, i: int) -> tuple[tuple[sp.Expr, int, int], ...]:
+        return ((ONE, i, i),)
+
+
+@dataclass(frozen=True, slots=True)
+class Twist(_OfFrames):
+    """The vector n sin a of the rotation by a about n from one link to another, on the axes of the first."""
+
+    link: str
+    against: str
+
+    def pairs(self, i: int) -> tuple[tuple[sp.Expr, int, int], ...]:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        return (_HALF, k, j), (-_HALF, j, k)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Measures of points: the position of one, and the distance between two."""
+"""Measures of points: the position of one, the distance and the vector between two."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from symgen.loads.measure import (
     VALUES,
     Action,
     CoordinatePlane,
+    Couple,
     Geometry,
     LoadTerm,
     Measure,
@@ -25,6 +26,7 @@ from symgen.loads.measure import (
 )
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.quantity import AXES
+from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 _SQUARE = sp.Symbol("value^2", real=True)
 
@@ -159,3 +161,51 @@ class Length(Measure):
 
     def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
         return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Offset(Measure):
+    """The vector between two points [m] by its components on the axes of the link ``frame``, or the ground.
+
+    ``name`` is the name of the vector.
+    """
+
+    name: str
+    start: str
+    end: str
+    frame: str = ""
+    joins = True
+
+    @property
+    def points(self) -> tuple[tuple[str, str], ...]:
+        return (("between", self.start), ("between", self.end))
+
+    @property
+    def links(self) -> tuple[tuple[str, str], ...]:
+        return (("against", self.frame),) if self.frame else ()
+
+    def value(self, geometry: Geometry) -> Vector:
+        line = geometry.line(self.name, self.start, self.end)
+        return tuple(dot(axis, line) for axis in geometry.frame(self.frame))
+
+    def rate(self, geometry: Geometry) -> Vector:
+        return tuple(geometry.calculus.rate(c) for c in self.value(geometry))
+
+    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
+        yield from components(geometry, self.put(geometry, force), self.value(geometry))
+
+    def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
+        force, axes = self.put(geometry, term.total), geometry.frame(self.frame)
+        push = tuple(
+            sp.Add(*(f * c for f, c in zip(force, column, strict=False)))
+            for column in zip(*axes, strict=True)
+        )
+        yield PointForce(self.end, push)
+        yield PointForce(self.start, tuple(-c for c in push))
+        if self.frame:
+            line = geometry.line(self.name, self.start, self.end)
+            moment = (cross_in_plane(push, line),) if len(line) == 2 else cross(push, line)
+            yield Couple(self.frame, moment)
+
+    def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
+        return "acts on axes in space"

@@ -1,9 +1,10 @@
-"""From pydantic's report to one sentence that names table and key."""
+"""Faults of a scene: one sentence that names table and key, also from pydantic's report."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
@@ -21,6 +22,15 @@ ONE_LOOP = (
 )
 #: Keys of scenes that were meant to have several loops.
 _LOOPS = re.compile(r"loops|loop_?\d+")
+
+
+@contextmanager
+def at(where: str) -> Iterator[None]:
+    """Add a place in front of that of any fault inside."""
+    try:
+        yield
+    except SceneError as error:
+        raise error.located(where=where) from None
 
 
 def scene_error(scene: type[Table], error: ValidationError) -> SceneError:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping, Sequence
 
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
+from symgen.scene.faults import at
 from symgen.scene.limit import Limit
 from symgen.scene.names import is_reserved
 from symgen.scene.rods.held import Parameter, Text, Written
@@ -37,15 +37,6 @@ _DIMENSIONS = {
     "stress": units.PRESSURE,
 }
 _SUCH_AS = {"length": "mm", "force": "kN", "torque": "N*m", "stress": "MPa"}
-
-
-@contextmanager
-def at(where: str) -> Iterator[None]:
-    """Add a place in front of that of any fault inside."""
-    try:
-        yield
-    except SceneError as error:
-        raise error.located(where=where) from None
 
 
 class Values:
@@ -279,9 +270,8 @@ class Reader(Values):
     @property
     def drawing_is_a_guess(self) -> bool:
         """Whether the mechanism is assembled elsewhere than drawn: by lengths, angles or drives."""
-        scene = self.scene
-        lengths = any(link.length is not None for link in scene.links.values())
-        return bool(scene.start.angles or scene.driven) or lengths
+        scene, links = self.scene, self.scene.links.values()
+        return bool(scene.start.angles or scene.driven) or any(k.length is not None for k in links)
 
     def known_point(self, name: str, where: str) -> PlacedPoint:
         """Return the point of this name."""
@@ -303,14 +293,14 @@ class Reader(Values):
                 hint=f"Name one of these joints, or links that have a joint at {point}.",
             )
 
-    def drawn(self, link: str) -> list[float]:
+    def drawn(self, link: str) -> tuple[sp.Expr, ...]:
         """Return the vector along a link as drawn [m]."""
         first, second = (self.points[p].at for p in self.scene.links[link].points[:2])
-        return [self.number(b - a) for a, b in zip(first, second, strict=True)]
+        return tuple(b - a for a, b in zip(first, second, strict=True))
 
     def is_along(self, link: str, vector: Sequence[sp.Expr]) -> bool:
         """Return whether a vector in space is along a link as drawn, or zero."""
-        d, v = self.drawn(link), [self.number(c) for c in vector]
+        d, v = ([self.number(c) for c in of] for of in (self.drawn(link), vector))
         return math.hypot(*cross(d, v)) <= _ALONG * math.hypot(*d) * math.hypot(*v)
 
     def is_spatial_body(self, link: str) -> bool:
@@ -319,10 +309,18 @@ class Reader(Values):
         written = isinstance(table.centre, list) or isinstance(table.inertia, list)
         return self.dimension == 3 and (len(table.points) > 2 or written)
 
+    def is_elastic(self, link: str) -> bool:
+        """Return whether a link is elastic."""
+        return self.scene.links[link].elastic is not None
+
     @property
     def has_elastic_links(self) -> bool:
         """Whether some link is elastic."""
-        return any(link.elastic is not None for link in self.scene.links.values())
+        return any(map(self.is_elastic, self.scene.links))
+
+    def points_of(self, link: str) -> list[str]:
+        """Return the points of a link."""
+        return [*self.scene.links[link].points, *self.placed_on.get(link, ())]
 
     def ground_points(self, link: str) -> list[PlacedPoint]:
         """Return the ground points that a link names."""

@@ -208,7 +208,9 @@ class Letters:
         axes: Sequence[str] = AXES,
         where: str = "",
     ) -> tuple[sp.Expr, ...]:
-        """Return the letters of components: ``name_x`` and so on."""
+        """Return the letters of components: ``name_x`` and so on; that of one component is ``name``."""
+        if len(values) == 1:
+            return tuple(self.scalar(name, value, unit, meaning, where) for value in values)
         return tuple(
             self.scalar(
                 f"{name}_{axis}",

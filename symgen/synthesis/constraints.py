@@ -12,7 +12,7 @@ import sympy as sp
 
 from symgen.errors import SceneError, nearest
 from symgen.scene.expressions import parse_any, parse_value
-from symgen.scene.reading import at
+from symgen.scene.faults import at
 from symgen.scene.units import LENGTH, NUMBER
 
 #: Quantities of every linkage whose crank turns, besides those of limit positions.

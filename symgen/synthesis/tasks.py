@@ -14,9 +14,9 @@ from pydantic import Field, TypeAdapter, ValidationError
 from symgen.errors import SceneError, nearest
 from symgen.mechanics.synthesis.limits import QUANTITIES, SLIDER_QUANTITIES, SPHERICAL_QUANTITIES
 from symgen.scene.expressions import parse_value
-from symgen.scene.faults import scene_error
+from symgen.scene.faults import at, scene_error
 from symgen.scene.loading import read_scene
-from symgen.scene.reading import at, shown_units
+from symgen.scene.reading import shown_units
 from symgen.scene.schema import Units
 from symgen.scene.table import Table, Text, Value, absent
 from symgen.scene.units import LENGTH, NUMBER, Dimension, Shown

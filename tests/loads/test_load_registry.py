@@ -36,6 +36,8 @@ LOADED = {
     "distributed_forces": 'link = "AB"\nforce = ["3 N/m", "-2 N/m"]\nend = ["1 N/m", "5 N/m"]\naxes = "link"',
     "torques": 'link = "AB"\nagainst = "OA"\ntorque = "m*sin(this.angle)"',
     "torsion_springs": 'link = "AB"\nagainst = "OA"\nstiffness = "6 N*m"\nangle = 0.4\ndamping = "2 N*m*s"',
+    "bushings": 'between = ["A", "X"]\nlink = "AB"\nagainst = "OA"\nstiffness = ["70 N/m", "30 N/m"]\n'
+    'damping = ["4 N*s/m", "1 N*s/m"]\nangular_stiffness = "6 N*m"\nangle = 0.4\nangular_damping = "2 N*m*s"',
 }
 IN_SPACE = {
     "springs": LOADED["springs"],
@@ -43,6 +45,8 @@ IN_SPACE = {
     "forces": 'point = "X"\nforce = ["-c*A.vx", "k*A.y", "2 N"]',
     "torques": 'link = "AB"\nagainst = "OA"\ntorque = ["1 N*m", "-2 N*m", "m*B.z/l"]',
     "torsion_springs": 'link = "AB"\nagainst = "OA"\nstiffness = "6 N*m"',
+    "bushings": 'between = ["S", "X"]\nlink = "AB"\nstiffness = ["70 N/m", "30 N/m", "10 N/m"]\n'
+    'damping = ["4 N*s/m", "1 N*s/m", "2 N*s/m"]',
 }
 CASES = [(2, t) for t in LOADED] + [(3, t) for t in IN_SPACE]
 
@@ -98,6 +102,20 @@ def expected_power(dimension, table, q, u):
         stretching = line @ moving / length
         push = -70 * (length - 0.3) - 4 * stretching if table == "springs" else 9 * length - 2 * stretching
         return push * stretching
+    if table == "bushings":
+        axes, turning = np.eye(dimension), 0.0
+        if dimension == 2:
+            line, moving = x - a, vx - va
+            axes = np.array([a, [-a[1], a[0]]]) / np.linalg.norm(a)
+            turning = (a[0] * va[1] - a[1] * va[0]) / (a @ a)
+            moving = moving - turning * np.array([-line[1], line[0]])
+        else:
+            line, moving = x - s, vx
+        stiffness, damping = np.array([70.0, 30.0, 10.0]), np.array([4.0, 1.0, 2.0])
+        rates = axes @ moving
+        done = -(stiffness[:dimension] * (axes @ line) + damping[:dimension] * rates) @ rates
+        if dimension == 3:
+            return done
     if table == "forces":
         return np.array([-2 * va[0], 9 * a[1], 2.0][:dimension]) @ vx
     if table == "distributed_forces":
@@ -119,7 +137,8 @@ def expected_power(dimension, table, q, u):
     if table == "torques":
         return 3 * np.sin(angle) * turning
     bent = (angle - 0.4 + np.pi) % (2 * np.pi) - np.pi
-    return -(6 * bent + 2 * turning) * turning
+    twisted = -(6 * bent + 2 * turning) * turning
+    return done + twisted if table == "bushings" else twisted
 
 
 #: What puts loads in place of something else: a motor, or an elastic link in segments.

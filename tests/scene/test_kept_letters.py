@@ -67,6 +67,10 @@ LOADED = BARS | {
     "distributed_forces": [{"link": "rod", "force": ["1 N/m", "2 N/m"], "end": ["3 N/m", "4 N/m"]}],
     "torques": [{"link": "rod", "torque": "2 N*m"}],
     "torsion_springs": [{"link": "bar", "stiffness": "2 N*m", "angle": "20 deg", "damping": "0.1 N*m*s"}],
+    "bushings": [
+        {"between": ["O", "S"], "link": "rod", "stiffness": ["3 N/m", "4 N/m"], "damping": ["1 N*s/m", "2 N*s/m"],
+         "angular_stiffness": "2 N*m", "angular_damping": "1 N*m*s", "angle": "20 deg"},
+    ],
     "masses": [{"point": "S", "mass": "1 kg", "inertia": "0.1 kg*m^2"}],
     "drivers": [{"link": "bar", "angle": "30 deg"}],
 }  # fmt: skip
@@ -104,7 +108,15 @@ LOOP = {
         "drives": {"theta1": "?"},
     },
 }  # fmt: skip
-WRITTEN = {"bars": LOADED, "elastic": ELASTIC, "loop": LOOP}
+MOUNTED = {
+    "points": {"G": {"at": [0, 0, 0], "ground": True}, "M": {"at": [0, 0, 0]}, "P": {"at": ["3 cm", 0, "2 cm"]}},
+    "links": {"engine": {"points": ["M", "P"], **_ANY}},
+    "bushings": [
+        {"between": ["G", "M"], "link": "engine", "stiffness": ["1 N/m", "2 N/m", "3 N/m"],
+         "angular_stiffness": ["1 N*m", "2 N*m", "4 N*m"], "angular_damping": ["1 N*m*s", "2 N*m*s", "3 N*m*s"]},
+    ],
+}  # fmt: skip
+WRITTEN = {"bars": LOADED, "elastic": ELASTIC, "loop": LOOP, "mounted": MOUNTED}
 
 
 def leaves(data, path=()):

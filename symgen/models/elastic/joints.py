@@ -162,7 +162,7 @@ def _without_beams(linkage: Linkage) -> Linkage:
     beams = {b.link for b in linkage.elastic}
     carried = {c.name for b in beams for c in linkage.link(b).carried if not c.joined}
     loads = [x for x in linkage.loads if not any(any(profiles_of(linkage, b, x)) for b in beams)]
-    loads = [x for x in loads if not any(m.section for m in x.measures(linkage.dimension))]
+    loads = [x for x in (load.off_sections() for load in loads) if x]
     motor = _motor(linkage)
     loads += [motor] if motor else []
 

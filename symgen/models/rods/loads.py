@@ -26,6 +26,7 @@ class Loads:
         self.position, self.velocity = model.position, model.velocity
         self._lines: dict[str, Vector] = {}
         self._lengths: dict[str, sp.Expr] = {}
+        self._frames: dict[str, tuple[Vector, ...]] = {}
         self._actions: dict[LoadTerm, list[Action]] = {}
         placed = [load for _, _, load in self.linkage.placed_loads]
         #: Every load with its terms by measure.
@@ -56,6 +57,40 @@ class Loads:
         if name not in self._lengths:
             self._lengths[name] = loads.distance(self.calculus, name, self.line(name, start, end))
         return self._lengths[name]
+
+    def frame(self, link: str) -> tuple[Vector, ...]:
+        """Return axes fixed in a link: along it and to its left, in space those of the drawing."""
+        if link not in self._frames:
+            self._frames[link] = tuple(self._axes(link))
+        return self._frames[link]
+
+    def _axes(self, link: str) -> Iterator[Vector]:
+        size = len(self.model.axes)
+        unit = [tuple(ONE if i == k else ZERO for k in range(size)) for i in range(size)]
+        if not link:
+            yield from unit
+            return
+        body = self.linkage.body(link)
+        if body is None:
+            (x, y), length = self.along(link), self.link_length(link)
+            yield x / length, y / length
+            yield -y / length, x / length
+            return
+        first, *others = (self.linkage.point(p).at for p in body.base)
+        drawn = [tuple(b - a for a, b in zip(first, other, strict=True)) for other in others]
+        for axis, letter in zip(unit, self.model.axes, strict=True):
+            parts = [
+                sp.Add(*(w * dot(e, axis) for w, e in zip(row, drawn, strict=True))) for row in body.inverse
+            ]
+            vector = (
+                sp.Add(*(p * e[i] for p, e in zip(parts, self.edges(body), strict=True))) for i in range(size)
+            )
+            yield tuple(
+                self.calculus.define(
+                    f"{link}_{letter}_{c}", v, "1", f"{c} component of the {letter} axis of {link} as drawn"
+                )
+                for c, v in zip(self.model.axes, vector, strict=True)
+            )
 
     @cached_property
     def divided(self) -> list[tuple[str, sp.Expr]]:

@@ -110,8 +110,7 @@ def joints_in_space(read: Reader, links: Sequence[ElasticLink]) -> Iterator[Join
             read.known_point(joint.point, f"{where}.point")
             for name in joint.links:
                 read.known_link(name, f"{where}.links")
-                placed = (p for p, point in scene.points.items() if point.on == name)
-                read.known_joint(joint.point, name, (*scene.links[name].points, *placed), f"{where}.point")
+                read.known_joint(joint.point, name, read.points_of(name), f"{where}.point")
             names = sorted(joint.links, key=lambda name: name not in elastic)
             if names[0] not in elastic or len(set(names)) < len(names):
                 raise SceneError(

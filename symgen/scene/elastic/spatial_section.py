@@ -61,7 +61,8 @@ def section_in_space(
                 where=here,
                 hint="Write { width, thickness, width_along = [0, 1, 0] }, or { diameter }.",
             )
-        about_z, torsion, width = about_y, 2 * about_y, _any_across(read.drawn(name))
+        drawn = [read.number(c) for c in read.drawn(name)]
+        about_z, torsion, width = about_y, 2 * about_y, _any_across(drawn)
     else:
         width = read.vector(section.width_along, units.NUMBER, f"{here}.width_along")
         wide = read.positive(section.width, units.LENGTH, f"{here}.width")  # type: ignore[arg-type]

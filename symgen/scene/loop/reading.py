@@ -11,9 +11,10 @@ import sympy as sp
 from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value, tonne_hint
+from symgen.scene.faults import at
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.names import check_word
-from symgen.scene.reading import NAME, Values, at
+from symgen.scene.reading import NAME, Values
 from symgen.scene.rods.linkage import TIME
 from symgen.scene.schema import Scene
 from symgen.scene.units import Dimension

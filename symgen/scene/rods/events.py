@@ -8,7 +8,8 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene.expressions import Names, parse_any
-from symgen.scene.reading import NAME, Reader, at
+from symgen.scene.faults import at
+from symgen.scene.reading import NAME, Reader
 from symgen.scene.rods.linkage import TIME, Event, state_of
 from symgen.symbolic.quantity import AXES
 
