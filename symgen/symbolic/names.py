@@ -12,7 +12,7 @@ import sympy as sp
 from symgen.errors import DerivationError
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.dual import DualVector
-from symgen.symbolic.quantity import AXES, Quantity, quantity
+from symgen.symbolic.quantity import AXES, Quantity, quantity, symbols_of
 from symgen.symbolic.system import Definition, System
 
 _ONE = sp.Integer(1)
@@ -247,10 +247,8 @@ class Letters:
             replace(g, quantities=tuple(x for x in g.quantities if x.name not in names))
             for g in system.groups
         )
-        needed = set[sp.Basic]().union(
-            *(m.matrix.free_symbols for m in system.matrices),
-            *(d.expression.free_symbols for d in system.definitions),
-        )
+        derived = (*(m.matrix for m in system.matrices), *(d.expression for d in system.definitions))
+        needed = symbols_of(derived) if self.definitions else ()
         own = (d for d in self.definitions if d.quantity.symbol in needed)
         return replace(
             system,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -46,6 +46,23 @@ class Quantity:
 def quantity(name: str, unit: str, description: str) -> Quantity:
     """Return a real scalar :class:`Quantity` named ``name``."""
     return Quantity(sp.Symbol(name, real=True), unit, description)
+
+
+def symbols_of(expressions: Iterable[sp.Basic]) -> set[sp.Basic]:
+    """Return the free symbols of expressions, each shared part of which is entered once."""
+    found, seen, left = set[sp.Basic](), set[sp.Basic](), list(expressions)
+    while left:
+        part = left.pop()
+        if part in seen:
+            continue
+        seen.add(part)
+        if isinstance(part, sp.MatrixBase):
+            left += part.values()
+        elif type(part).free_symbols is sp.Basic.free_symbols:
+            left += part.args
+        else:
+            found |= part.free_symbols
+    return found
 
 
 def parted(name: str) -> tuple[str, str]:

@@ -12,7 +12,7 @@ import sympy as sp
 
 from symgen.errors import DerivationError, ModelError, check_known, nearest
 from symgen.symbolic.constants import Substitution
-from symgen.symbolic.quantity import Quantity, own_unit
+from symgen.symbolic.quantity import Quantity, own_unit, symbols_of
 
 #: Name of the kernel of values with a limit, which checks parameters before a run is set up.
 LIMITS = "limits"
@@ -182,11 +182,12 @@ class System:
                 raise DerivationError(f"{self.name}: two quantities are called {quantity.name!r}")
             names.add(quantity.name)
             known.add(quantity.symbol)
-        for matrix in self.matrices:
-            unknown = sorted(str(s) for s in matrix.matrix.free_symbols - known)
-            if unknown:
+        unknown = symbols_of(m.matrix for m in self.matrices) - known
+        for matrix in self.matrices if unknown else ():
+            there = sorted(str(s) for s in symbols_of([matrix.matrix]) & unknown)
+            if there:
                 raise DerivationError(
-                    f"{self.name}: matrix {matrix.name} holds undeclared symbols: {', '.join(unknown)}"
+                    f"{self.name}: matrix {matrix.name} holds undeclared symbols: {', '.join(there)}"
                 )
 
     def _source(self, m: NamedMatrix) -> str:

@@ -9,7 +9,8 @@ import sympy as sp
 
 def dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
     """Return the scalar product."""
-    return sp.Add(*(x * y for x, y in zip(a, b, strict=True)))
+    zero = sp.S.Zero
+    return sp.Add(*(sp.Mul(x, y) for x, y in zip(a, b, strict=True) if x is not zero and y is not zero))
 
 
 def cross(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> tuple[sp.Expr, sp.Expr, sp.Expr]:

@@ -16,7 +16,7 @@ import sympy as sp
 
 from symgen.mechanics.loop.dual_paths import WRENCH
 from symgen.mechanics.loop.dual_rows import JointMotion
-from symgen.symbolic.dual import DualMatrix, DualVector, Triple, skew
+from symgen.symbolic.dual import DualMatrix, DualVector, Triple, product, skew
 from symgen.symbolic.names import Names
 from symgen.symbolic.vectors import cross, dot
 
@@ -76,8 +76,8 @@ class BodyMotion:
     @property
     def spin(self) -> Triple:
         """Angular momentum about the centre of mass."""
-        h = self.body.matrix * sp.Matrix(self.velocity.real)
-        return self.names.vector(f"hc_{self.link}", list(h), *_SPIN)
+        h = product(self.body.matrix, self.velocity.real)
+        return self.names.vector(f"hc_{self.link}", h, *_SPIN)
 
     @property
     def momentum(self) -> DualVector:
@@ -102,7 +102,7 @@ class BodyMotion:
         force = tuple(self.body.mass * x for x in rate.dual)
         force = self.names.vector(f"fc_{self.link}", force, "N", f"inertia force of {self.link}")
         parts = zip(
-            self.body.matrix * sp.Matrix(rate.real),
+            product(self.body.matrix, rate.real),
             cross(w, self.spin),
             cross(self.body.centre, force),
             strict=True,

@@ -145,10 +145,10 @@ class Paths:
         """
         ahead: list[DualVector] = []
         for m in self.motions[: self.meet]:
-            ahead = [*(_carried(m.matrix.T, screw) for screw in ahead), m.screw if m.slopes else NOTHING]
+            ahead = [*(m.matrix.T.times(screw) for screw in ahead), m.screw if m.slopes else NOTHING]
         behind: list[DualVector] = []
         for m in reversed(self.motions[self.meet :]):
-            behind = [*(_carried(m.matrix, screw) for screw in behind), m.screw if m.slopes else NOTHING]
+            behind = [*(m.matrix.times(screw) for screw in behind), m.screw if m.slopes else NOTHING]
         return [*ahead, *reversed(behind)]
 
     def columns(self, screws: Sequence[DualVector], variables: int) -> sp.ImmutableMatrix:
@@ -260,19 +260,3 @@ def _operator(variable: int, motions: Iterable[tuple[JointMotion, DualMatrix]]) 
 def _above(matrix: DualMatrix) -> sp.Matrix:
     """Return the entries above the diagonal, of the real part and of the dual part."""
     return sp.Matrix([part[i, k] for part in (matrix.real, matrix.dual) for i, k in ((0, 1), (0, 2), (1, 2))])
-
-
-def _carried(matrix: DualMatrix, screw: DualVector) -> DualVector:
-    """Return the product of a matrix of few entries with a screw, without the conversions of matrices."""
-    if screw is NOTHING:
-        return screw
-    real, dual = (
-        [[(k, x) for k in range(3) if (x := part[i, k]) != 0] for i in range(3)]
-        for part in (matrix.real, matrix.dual)
-    )
-    turned = tuple(sp.Add(*(x * screw.real[k] for k, x in row)) for row in real)
-    moved = (
-        sp.Add(*(x * screw.dual[k] for k, x in row), *(x * screw.real[k] for k, x in shift))
-        for row, shift in zip(real, dual, strict=True)
-    )
-    return DualVector(turned, tuple(moved))

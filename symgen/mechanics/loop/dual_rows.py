@@ -11,7 +11,19 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from symgen.symbolic.dual import Dual, DualMatrix, DualVector, Triple, identity, operator, rotation, skew
+from symgen.symbolic.dual import (
+    Dual,
+    DualMatrix,
+    DualVector,
+    Triple,
+    beside,
+    identity,
+    operator,
+    product,
+    rotation,
+    rows_of,
+    skew,
+)
 from symgen.symbolic.names import Names
 from symgen.symbolic.vectors import cross
 
@@ -138,8 +150,7 @@ class Frame:
 
     def vector(self, components: Sequence[sp.Expr]) -> Triple:
         """Return a vector given by its components in the frame."""
-        x, y, z = self.turn * sp.Matrix(components)
-        return x, y, z
+        return product(self.turn, components)
 
     def point(self, components: Sequence[sp.Expr]) -> Triple:
         """Return a point given by its components in the frame."""
@@ -148,8 +159,7 @@ class Frame:
 
     def seen(self, vector: Sequence[sp.Expr]) -> Triple:
         """Return the components of a vector in the frame."""
-        x, y, z = self.turn.T * sp.Matrix(vector)
-        return x, y, z
+        return product(self.turn.T, vector)
 
     def screw(self, screw: DualVector) -> DualVector:
         """Return a screw given by its components in the frame."""
@@ -167,12 +177,11 @@ def onward(frame: Frame, motion: JointMotion, names: Names, label: str, back: bo
     of = f"of the frame {'before' if back else 'after'} motion {motion.name}, in the first frame"
     if turns:
         angle = motion.matrix.T if back else motion.matrix
-        axes = frame.turn * angle.real
         columns = [
-            names.vector(f"{letter}_{label}", axes[:, i], "1", f"axis {letter} {of}")
-            for i, letter in enumerate("ijk")
+            names.vector(f"{letter}_{label}", frame.vector(axis), "1", f"axis {letter} {of}")
+            for letter, axis in zip("ijk", rows_of(angle.T.real), strict=True)
         ]
-        return Frame(sp.ImmutableMatrix(3, 3, lambda i, j: columns[j][i]), frame.origin)
+        return Frame(beside(columns), frame.origin)
     shift = -motion.value if back else motion.value
-    origin = [p + shift * x for p, x in zip(frame.origin, frame.turn[:, number], strict=True)]
+    origin = [p + shift * x for p, x in zip(frame.origin, frame.vector(axis(number)), strict=True)]
     return Frame(frame.turn, names.vector(f"p_{label}", origin, "m", f"origin {of}"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import sympy as sp
 
@@ -40,16 +42,17 @@ def order_of(
     bodies, rods that are not in the tree come last and the factor of their part is full, unless the order is
     of minimum degree.
     """
-    masses, jacobian = (m.xreplace(model.linkage.constants) for m in (masses, jacobian))
     n = masses.rows
+    numbers = {ij: x.xreplace(model.linkage.constants) for ij, x in masses.todok().items()}
+    slopes = {ij: x.xreplace(model.linkage.constants) for ij, x in jacobian.todok().items()}
     at = {p: range(i * len(model.axes), (i + 1) * len(model.axes)) for i, p in enumerate(model.free)}
     lengths = {c.link: n + i for i, c in enumerate(model.constraints) if c.link}
     outward = elimination_order(model.tree, at, lengths, n + jacobian.rows)
-    varies = {ij: not x.is_number for ij, x in masses.todok().items()}
-    varies |= {(n + i, j): not x.is_number for (i, j), x in jacobian.todok().items()}
+    varies = {ij: not x.is_number for ij, x in numbers.items()}
+    varies |= {(n + i, j): not x.is_number for (i, j), x in slopes.items()}
     if not is_open(model):
         name, other, worth = "minimum degree", minimum_degree(varies, n, n + jacobian.rows), _WORTH
-    elif _is_even(masses):
+    elif _is_even(numbers, n):
         name, worth = "all coordinates first", 1.0
         other = (*(k for k in outward if k < n), *(k for k in outward if k >= n))
     else:
@@ -59,8 +62,10 @@ def order_of(
     return (other, (best, tree)) if best[1] / worth < tree[1] else (outward, (tree, best))
 
 
-def _is_even(masses: sp.MatrixBase) -> bool:
-    if not all(x.is_number for x in masses):
+def _is_even(masses: Mapping[tuple[int, int], sp.Expr], size: int) -> bool:
+    if not masses or not all(x.is_number for x in masses.values()):
         return False
-    numbers = np.array(masses.tolist(), dtype=float)
-    return bool(numbers.size and np.linalg.cond(numbers) <= _MOST_CONDITION)
+    numbers = np.zeros((size, size))
+    for ij, x in masses.items():
+        numbers[ij] = x
+    return bool(np.linalg.cond(numbers) <= _MOST_CONDITION)

@@ -61,7 +61,10 @@ def derived_in_letters(resolved: Any, derive: Callable[[Any], Any]) -> Any:
 
     The letters are the constants of these systems, not their arguments.
     """
-    written, letters = in_letters(resolved)
+    known = vars(resolved)  # as of a cached property: further systems are derived of the same scene
+    if "_in_letters" not in known:
+        known["_in_letters"] = in_letters(resolved)
+    written, letters = known["_in_letters"]
     derived = derive(written)
     if isinstance(derived, System):
         return letters.kept(derived)
@@ -136,23 +139,20 @@ def _link(letters: Letters, link: RigidLink) -> RigidLink:
     words = {"link": link.name, "start": link.start}
     place = f"links.{link.name}"
     forms = {name: letters.form(f"{place}.{name}", getattr(link, name)) for name in _OF_LINK}
-    composed = [x for x in forms if f"{place}.{x}" in letters.composed and forms[x] != getattr(link, x)]
-    plain = {name: letter for name, letter in _OF_LINK.items() if name not in composed}
+    uniform = _uniform(link.mass, link.length)
+    implied = [x for x, value in uniform.items() if _equal(getattr(link, x), value) and not _zero(link.mass)]
+    own = [x for x in forms if x not in implied]
+    composed = [x for x in own if f"{place}.{x}" in letters.composed and forms[x] != getattr(link, x)]
+    plain = {name: _OF_LINK[name] for name in own if name not in composed}
     constants = letters.record(link, plain, link.name, place, **words)
     length = constants["length"]
     for name in composed:
         letter, unit, meaning, _ = _OF_LINK[name]
         form = forms[name].xreplace({LENGTH: length})
         constants[name] = letters.defined(f"{letter}_{link.name}", form, unit, meaning.format(**words))
-    mass = constants["mass"]
-    uniform = {
-        "centre": (link.length / 2, length / 2),
-        "inertia": (link.mass * link.length**2 / 12, mass * length**2 / 12),
-    }
-    for name, (value, form) in uniform.items():
-        if mass != 0 and _equal(getattr(link, name), value):
-            letters.forget(constants[name])
-            constants[name] = form
+    if implied:
+        of_letters = _uniform(constants["mass"], length)
+        constants |= {name: of_letters[name] for name in implied}
     carried = []
     for p in link.carried:
         on_line = letters.record(
@@ -164,9 +164,16 @@ def _link(letters: Letters, link: RigidLink) -> RigidLink:
     return replace(link, **constants, carried=tuple(carried))
 
 
+def _uniform(mass: sp.Expr, length: sp.Expr) -> dict[str, sp.Expr]:
+    return {"centre": length / 2, "inertia": mass * length**2 / 12}
+
+
+def _zero(value: sp.Expr) -> bool:
+    return bool(value.is_number and vanishes(value))
+
+
 def _equal(first: sp.Expr, second: sp.Expr) -> bool:
-    difference = first - second
-    return bool(difference == 0 or (difference.is_number and vanishes(difference)))
+    return bool(first == second or _zero(first - second))
 
 
 def _body(letters: Letters, body: SpatialBody) -> SpatialBody:
