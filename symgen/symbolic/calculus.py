@@ -64,8 +64,7 @@ class Calculus:
 
     def rate(self, expression: sp.Expr) -> sp.Expr:
         """Return the time derivative with all rates u held constant."""
-        terms = [slope * self._rate[s] for s, slope in self._partials(expression, self._rate)]
-        return sp.Add(*terms)
+        return sp.Add(*(sp.Mul(slope, self._rate[s]) for s, slope in self._partials(expression, self._rate)))
 
     def gradient(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
         """Return the nonzero partial derivatives with respect to the coordinates."""
@@ -85,11 +84,13 @@ class Calculus:
             factors = sp.Mul.make_args(rest)
             powers = dict(factor.as_base_exp() for factor in factors)
             monomial = all(base.is_Symbol and exponent.is_Integer for base, exponent in powers.items())
-            varying = [s for s in term.free_symbols if known.get(s)]
+            varying = [s for s in (powers if monomial else term.free_symbols) if known.get(s)]
             for s in sorted(varying, key=lambda s: str(s.name)):
                 if monomial:
                     others = (f for f, base in zip(factors, powers, strict=True) if base != s)
-                    yield s, sp.Mul(coefficient * powers[s], *others, s ** (powers[s] - 1))
+                    power = powers[s]
+                    lower = () if power is ONE else (power, s ** (power - 1))
+                    yield s, sp.Mul(coefficient, *lower, *others)
                 else:
                     yield s, partial(term, s)
 
@@ -105,7 +106,7 @@ def chained(parts: Iterable[tuple[sp.Expr, Mapping[sp.Symbol, sp.Expr]]]) -> dic
     terms: dict[sp.Symbol, list[sp.Expr]] = {}
     for slope, gradient in parts:
         for q, inner in gradient.items():
-            terms.setdefault(q, []).append(slope * inner)
+            terms.setdefault(q, []).append(slope if inner is ONE else sp.Mul(slope, inner))
     summed = {q: sp.Add(*each) for q, each in terms.items()}
     return {q: value for q, value in summed.items() if value != 0}
 

@@ -253,18 +253,12 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
 }
 
 
-class Substitution:
-    """Replaces symbols by values; every subexpression is treated once.
+class Replacement:
+    """Replaces symbols by values, as ``xreplace`` does; every subexpression is treated once."""
 
-    A number in a product is multiplied into a sum x + number, as SymPy does where both meet alone. Later
-    products with this sum share what became of it. A sum over ``held`` symbols alone stays as it is.
-    """
-
-    def __init__(self, values: Mapping[sp.Symbol, sp.Expr], held: Iterable[sp.Symbol] = ()) -> None:
-        self._held = frozenset(held)
+    def __init__(self, values: Mapping[sp.Symbol, sp.Expr]) -> None:
         #: Replaced expressions, to which callers may add.
         self.values: dict[sp.Basic, sp.Expr] = dict(values)
-        self._scales: dict[sp.Expr, sp.Expr] = {}
 
     def __call__(self, expression: sp.Expr) -> sp.Expr:
         """Return an expression with the values."""
@@ -282,7 +276,24 @@ class Substitution:
         return made
 
     def _made(self, expression: sp.Expr, parts: Sequence[sp.Expr]) -> sp.Expr:
-        made = expression.func(*parts)
+        made: sp.Expr = expression.func(*parts)
+        return made
+
+
+class Substitution(Replacement):
+    """Replaces symbols by values, and shares what becomes of products.
+
+    A number in a product is multiplied into a sum x + number, as SymPy does where both meet alone. Later
+    products with this sum share what became of it. A sum over ``held`` symbols alone stays as it is.
+    """
+
+    def __init__(self, values: Mapping[sp.Symbol, sp.Expr], held: Iterable[sp.Symbol] = ()) -> None:
+        super().__init__(values)
+        self._held = frozenset(held)
+        self._scales: dict[sp.Expr, sp.Expr] = {}
+
+    def _made(self, expression: sp.Expr, parts: Sequence[sp.Expr]) -> sp.Expr:
+        made = super()._made(expression, parts)
         if not made.is_Mul:
             return made
         number, *others = made.args

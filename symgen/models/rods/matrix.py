@@ -27,8 +27,11 @@ def named(
 ) -> NamedMatrix:
     """Return a NamedMatrix with the motion of the ground substituted; ``entries`` row by row."""
     width = max(1, len(columns))
-    filled = [e if e.is_Number else e.xreplace(model.held) for e in entries]
-    matrix = sp.ImmutableMatrix(len(entries) // width, width, filled)
+    filled: dict[int, dict[int, sp.Expr]] = {}
+    for place, e in enumerate(entries):
+        if (value := model.in_place(e)) != 0:
+            filled.setdefault(place // width, {})[place % width] = value
+    matrix = _filled(filled, len(entries) // width, width)
     return NamedMatrix(name, matrix, unit, description, tuple(rows), tuple(columns), symmetric)
 
 
@@ -47,11 +50,15 @@ def sparse(
     filled: dict[int, dict[int, sp.Expr]] = {}
     for i, row in enumerate(entries):
         within = sorted((columns[q], e) for q, e in row.items() if q in columns)
-        replaced = {j: e if e.is_Number else e.xreplace(model.held) for j, e in within}
+        replaced = {j: model.in_place(e) for j, e in within}
         nonzero = {j: e for j, e in replaced.items() if e != 0}
         if nonzero:
             filled[i] = nonzero
-    shape = len(entries), len(columns)
-    matrix = DomainMatrix(filled, shape, sp.EXRAW).to_Matrix().as_immutable()
+    matrix = _filled(filled, len(entries), len(columns))
     names = tuple(x.name for x in model.coordinates)
     return NamedMatrix(name, matrix, unit, description, tuple(rows), names, symmetric)
+
+
+def _filled(entries: dict[int, dict[int, sp.Expr]], rows: int, columns: int) -> sp.ImmutableMatrix:
+    """Return a matrix of its nonzero entries by row: SymPy's constructor looks for a domain of all."""
+    return DomainMatrix(entries, (rows, columns), sp.EXRAW).to_Matrix().as_immutable()

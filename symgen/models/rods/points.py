@@ -15,6 +15,7 @@ from symgen.mechanics.rods.particles import Vector, end_mass, joint_mass
 from symgen.mechanics.rods.topology import Tree, spanning_tree
 from symgen.scene.rods.linkage import TIME, Bar, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ONE, ZERO, Calculus
+from symgen.symbolic.constants import Replacement
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
@@ -91,6 +92,11 @@ class Points:
                 known.update(zip(self.symbols(group[name]), place, strict=True))
                 place = tuple(sp.diff(c, TIME.symbol) for c in place)
         return known
+
+    @cached_property
+    def in_place(self) -> Replacement:
+        """The prescribed motion of the ground points, substituted."""
+        return Replacement(self.held)
 
     def supports(self, point: str) -> tuple[str, ...]:
         """Return the free and ground points that place a point: itself if it has coordinates."""

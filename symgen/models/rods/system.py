@@ -113,7 +113,7 @@ def definitions(model: RodsModel) -> tuple[Definition, ...]:
 
 def with_ground(model: RodsModel, definitions: Iterable[Definition]) -> tuple[Definition, ...]:
     """Return subexpressions with the motion of the ground substituted."""
-    return tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in definitions)
+    return tuple(replace(d, expression=model.in_place(d.expression)) for d in definitions)
 
 
 #: Exponent of the pivot that rounding may leave.
