@@ -12,10 +12,13 @@ from symgen.runtime import _core
 from symgen.runtime._start import size_of_points
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.newton import corrected
 
 #: The share of the linkage's size that an assembly error may have unstated, and how it may grow on the way.
 ASSEMBLED, _SLACK = 1e-8, 10.0
-_NEIGHBOURS, _AWAY, _NEWTON = 3, 1e-2, 50
+_NEIGHBOURS, _AWAY = 3, 1e-2
+#: Corrections of a pose nearby at most, and the last one over the size.
+_MOST, _CLOSE = 50, 1e-12
 #: Singular values below this part of the largest are lost, without an assembly error; a margin above its own.
 _NEGLIGIBLE, _MARGIN = 3e-7, 10.0
 #: Constraints of larger pivots are independent without a look at singular values.
@@ -193,16 +196,14 @@ def _negligible(evaluator: Evaluator, q: Array) -> float:
 def _onto(evaluator: Evaluator, t: float, q: Array, size: float, but: list[int]) -> Array | None:
     """Bring coordinates onto the constraints but some, as well as these allow if they contradict."""
     least = _negligible(evaluator, q)
-    for _ in range(_NEWTON):
+
+    def change(q: Array, _: Array) -> Array:
         jacobian, scale = _scaled_jacobian(evaluator, t, q)
         error = evaluator.blocks("constraints", t, q, np.zeros_like(q))["constraints"] / scale
-        step = np.linalg.lstsq(np.delete(jacobian, but, axis=0), np.delete(-error, but), rcond=least)[0]
-        q = q + step
-        if not np.max(np.abs(step)) <= size:
-            return None
-        if np.max(np.abs(step)) <= 1e-12 * size:
-            return q
-    return None
+        rows, left = np.delete(jacobian, but, axis=0), np.delete(-error, but)
+        return np.asarray(np.linalg.lstsq(rows, left, rcond=least)[0])
+
+    return corrected(q, change, lambda _: size, _MOST, close=_CLOSE, far=1.0)
 
 
 def _scaled_jacobian(evaluator: Evaluator, t: float, q: Array) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
+from symgen.runtime.newton import corrected
 from symgen.runtime.rods.assembly.assur import modes_of_groups
 from symgen.runtime.rods.assembly.quadratics import NotInGroups
 from symgen.runtime.rods.constraints import Constraints
@@ -68,15 +69,15 @@ def polished(constraints: Constraints, q: Array, t: float, root: Array | None = 
 
     Corrections have the minimum norm, in the metric L L^T with the factor ``root`` L if one is given.
     """
-    for _ in range(8):
-        residual = constraints.residual(q, t)
-        if np.max(np.abs(residual), initial=0.0) <= 4e-16 * max(float(np.max(np.abs(q))), 1e-300):
-            break
+
+    def change(q: Array, left: Array) -> Array:
         slopes = constraints.jacobian(q, t)
         if root is None:
-            q = q - np.linalg.lstsq(slopes, residual, rcond=1e-12)[0]
-        else:
-            weighted = np.linalg.solve(root, slopes.T).T
-            q = q - np.linalg.solve(root.T, np.linalg.lstsq(weighted, residual, rcond=1e-12)[0])
-    size = max(float(np.max(np.abs(q))), 1e-300)
-    return q if np.max(np.abs(constraints.residual(q, t)), initial=0.0) <= _CLOSED * size else None
+            return np.asarray(-np.linalg.lstsq(slopes, left, rcond=1e-12)[0])
+        weighted = np.linalg.solve(root, slopes.T).T
+        return np.asarray(-np.linalg.solve(root.T, np.linalg.lstsq(weighted, left, rcond=1e-12)[0]))
+
+    def size(q: Array) -> float:
+        return max(float(np.max(np.abs(q))), 1e-300)
+
+    return corrected(q, change, size, 8, residual=lambda q: constraints.residual(q, t), tolerated=_CLOSED)

@@ -18,6 +18,7 @@ from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.modes import linearised, modes_of, moved_by_loads
 from symgen.runtime.elastic.space.statics import at_rest, equilibrium, unbalanced
 from symgen.runtime.elastic.static import check_amplitudes, check_modes
+from symgen.runtime.newton import corrected
 
 #: Poses from the start on by whose differences equilibria and shapes have rates.
 _POSES = 9
@@ -139,11 +140,13 @@ def deflected(linkage: LinkageInSpace, amplitudes: Sequence[float]) -> MotionSta
     still = np.zeros(linkage.unknowns)
     slopes = linkage.slopes(moment.t, moment.q, moment.v, moment.a, moment.multipliers)
     solve = linkage.pattern.factorised(slopes.mass + slopes.jacobian)
-    for _ in range(_MOST):
-        change = solve(np.append(still, linkage.errors(moment.t, q)))[: linkage.unknowns]
-        q = q - change
-        if np.max(np.abs(change) / linkage.scale) <= _CLOSE:
-            return linkage.with_rates(replace(moment, q=q))
+
+    def change(q: Array, _: Array) -> Array:
+        return np.asarray(-solve(np.append(still, linkage.errors(moment.t, q)))[: linkage.unknowns])
+
+    found = corrected(q, change, lambda _: linkage.scale, _MOST, close=_CLOSE)
+    if found is not None:
+        return linkage.with_rates(replace(moment, q=found))
     raise ModelError(
         f"{linkage.name}: the constraints do not hold with initial modes of these amplitudes\n"
         "  Give smaller amplitudes."

@@ -14,6 +14,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from symgen.runtime.arrays import Array
+from symgen.runtime.newton import corrected
 
 
 class ImplicitCurve(Protocol):
@@ -32,9 +33,9 @@ class ImplicitCurve(Protocol):
 Held = TypeVar("Held", bound=ImplicitCurve)
 
 _EPS = float(np.finfo(float).eps)
-#: Round-off of a residual against the size of the coordinates, and the rank tolerance of singular values.
-_ACCEPT, _RANK = 256 * _EPS, 1e-7
-_NEWTON, _HALVINGS = 12, 40
+#: Rank tolerance of singular values.
+_RANK = 1e-7
+_NEWTON, _HALVINGS = 11, 40
 #: Largest angle between tangents of one step [rad], and the longest step over the size of the linkage.
 _TURN, LONGEST, _FIRST = 0.15, 0.25, 0.02
 #: Largest factor by which the determinant of the slope changes in a step.
@@ -95,20 +96,13 @@ class Curve(Generic[Held]):
 
     def corrected(self, x: Array, normal: Array) -> Array | None:
         """Return the point of the curve in the plane through x with this normal; None where Newton fails."""
-        start, before = x, np.inf
-        for _ in range(_NEWTON):
-            residual = self.residual(x)
-            worst = float(np.max(np.abs(residual), initial=0.0))
-            size = max(1.0, float(np.max(np.abs(x))))
-            if worst <= _EPS * size or (worst <= _ACCEPT * size and worst > 0.25 * before):
-                return x
-            if not worst < 0.5 * before:
-                return None
-            before = worst
-            matrix = np.vstack([self.slope(x), normal])
-            rhs = np.append(-residual, -normal @ (x - start))
-            x = x + np.linalg.lstsq(matrix, rhs, rcond=1e-13)[0]
-        return None
+        start = x
+
+        def change(x: Array, left: Array) -> Array:
+            matrix, rhs = np.vstack([self.slope(x), normal]), np.append(-left, -normal @ (x - start))
+            return np.asarray(np.linalg.lstsq(matrix, rhs, rcond=1e-13)[0])
+
+        return corrected(x, change, _size, _NEWTON, residual=self.residual, falls=0.5)
 
     def at(self, x: Array) -> Array | None:
         """Return the point of the curve near x at its very time; None where Newton's method fails."""
@@ -251,6 +245,11 @@ class Curve(Generic[Held]):
             else:
                 a, b, c = (new, b, c) if left else (a, b, new)
         return b
+
+
+def _size(x: Array) -> float:
+    """Return the size of coordinates of the curve, at least that of the linkage."""
+    return max(1.0, float(np.max(np.abs(x))))
 
 
 def _cubic(w: float, start: float, end: float, first: float, last: float) -> float:

@@ -11,6 +11,7 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.redundancy import extent
 from symgen.runtime.linearisation.state_space import Tangents
+from symgen.runtime.newton import corrected
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.poses import Poses, counted, references_of
 
@@ -78,7 +79,7 @@ def placed(
             step *= max(0.1, 0.9 * _STEP / driven)
             least = min(least, _LEAST * step)
             continue
-        moved = _moved(at, when, q, names, first + to * way)
+        moved = _moved(at, when, q, names, first + to * way, size)
         if moved is None:
             step /= 4
             if step >= least:
@@ -117,11 +118,17 @@ def _turned(
 
 
 def _moved(
-    at: Callable[[float, Array, Array], Tangents], t: float, q: Array, names: tuple[str, ...], target: Array
+    at: Callable[[float, Array, Array], Tangents],
+    t: float,
+    q: Array,
+    names: tuple[str, ...],
+    target: Array,
+    size: float,
 ) -> Array | None:
     """Return the closed coordinates near q at which the named ones have these values; None without."""
     rest = np.zeros_like(q)
-    for _ in range(_NEWTON):
+
+    def change(q: Array, _: Array) -> Array | None:
         try:
             tangents = at(t, q, rest)
             unit = tangents.free @ np.linalg.inv(tangents.directions(names))
@@ -131,14 +138,9 @@ def _moved(
         missed = model.blocks("constraints", t, q, rest)["constraints"] / tangents.scale
         closing = -tangents.bound @ missed
         left = _difference(names, target, np.array([slopes.values[name] for name in names]))
-        step = closing + unit @ (left - slopes.rows(names)[:, tangents.by_q] @ closing)
-        size = extent(model, q)
-        if not np.max(np.abs(step)) <= size:
-            return None
-        q = q + step
-        if np.max(np.abs(step)) <= _CLOSED * size:
-            return q
-    return None
+        return np.asarray(closing + unit @ (left - slopes.rows(names)[:, tangents.by_q] @ closing))
+
+    return corrected(q, change, lambda _: size, _NEWTON, close=_CLOSED, far=1.0)
 
 
 def _difference(names: tuple[str, ...], target: Array, values: Array) -> Array:
