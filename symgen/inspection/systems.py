@@ -1,4 +1,4 @@
-"""What pages show of user-defined systems, building blocks and rotors."""
+"""What pages show of user-defined systems and building blocks."""
 
 from __future__ import annotations
 
@@ -87,16 +87,3 @@ class BuildingBlockView(View):
         """Return the arguments and the kernels of a System."""
         arguments = ", ".join(f"{len(g.quantities)} {g.name}" for g in model.groups)
         return Fact("arguments", arguments), Fact("kernels", ", ".join(e.kernel for e in model.exports))
-
-
-class RotorView(View):
-    """Elastic links in space that rotate as a whole; there is no motion to run."""
-
-    def facts(self, resolved: Any, model: Any) -> tuple[Fact, ...]:
-        """Return the links and the number of free points."""
-        links = ", ".join(link.link for link in resolved.links)
-        return Fact("elastic links in space", links), Fact("free points", str(len(resolved.free)))
-
-    def drawn_outputs(self, resolved: Any) -> Sequence[str]:
-        """Refuse animations."""
-        raise ModelError(f"{resolved.name} is a rotor, which has modes alone: symgen modes {resolved.name}")

@@ -111,10 +111,6 @@ BLOCKS: dict[str, BuildingBlock] = {
         "bodies, forces and directions at a node in large rotation",
         "models.elastic.corotational:corotational_node_system",
     ),
-    "spatial_beam": _block(
-        "beam element in space, in axes that rotate at a constant rate",
-        "models.elastic.spatial:spatial_beam_system",
-    ),
     "director_beam": _block(
         "beam element in space in large rotation", "models.directors:director_beam_system"
     ),
@@ -132,7 +128,7 @@ BLOCKS: dict[str, BuildingBlock] = {
 _COMMITTED = {
     "elements": (
         *(f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")),
-        *("rigid_element", "elastic_place", "elastic_place_tangents", "spatial_beam"),
+        *("rigid_element", "elastic_place", "elastic_place_tangents"),
     ),
     "large_rotation": (
         *("corotational_beam", "corotational_node", "director_beam", "director_beam_tangents"),

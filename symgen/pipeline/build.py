@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.model.general import GeneralModel
     from symgen.runtime.rods.model.kinematic import KinematicModel
     from symgen.runtime.rods.model.rods import RodModel
-    from symgen.runtime.rotor.model import RotorModel
     from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage
     from symgen.scene.schema import Scene
@@ -247,13 +246,6 @@ def loop_model(parts: ModelParts) -> LoopModel:
         return cast("Loop", resolve(check_scene(text)))
 
     return LoopModel(description, parts.library, parts.equations, typed=parts.typed, analyses=analyses)
-
-
-def rotor_model(parts: ModelParts) -> RotorModel:
-    """Return the model of a rotor."""
-    from symgen.runtime.rotor.model import RotorModel
-
-    return RotorModel(parts.description, parts.library, parts.equations, typed=parts.typed)
 
 
 def elastic_model(parts: ModelParts) -> ElasticModel:

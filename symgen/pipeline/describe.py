@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.description import Description, LoopDescription
     from symgen.runtime.kernels.elastic_description import ElasticInfo
     from symgen.runtime.kernels.library import Library
-    from symgen.runtime.rotor.description import RotorDescription
-    from symgen.scene.elastic.rotor import RotorScene
     from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage
     from symgen.symbolic.system import System
@@ -103,7 +101,7 @@ def with_pose(system: System, description: LoopDescription, library: Library) ->
     return replace(description, start=tuple(pose.q.tolist()), rank=pose.rank, begin=begin)
 
 
-def _common(resolved: Linkage | Loop | RotorScene, program: Program, equations: str) -> dict[str, Any]:
+def _common(resolved: Linkage | Loop, program: Program, equations: str) -> dict[str, Any]:
     """Return the fields common to the descriptions of all methods."""
     from symgen.runtime.kernels.description import ParameterInfo, kernel_infos
     from symgen.scene.rods.linkage import number
@@ -216,23 +214,6 @@ def of_general(system: GeneralSystem, program: Program, equations: str) -> Descr
     slots = {name: tuple(s.name for s in slots) for name, _, slots in program.groups}
     blocks = {b.name: b for k in program.kernels if k.name == "points" for b in k.blocks}
     return replace(d, free=slots["q"], rates=slots["u"], points=blocks["positions"].rows, drawn=0, size=1.0)
-
-
-def of_rotor(rotor: RotorScene, program: Program, equations: str) -> RotorDescription:
-    """Return the description of a rotor."""
-    from symgen.runtime.rotor.description import RotorDescription, RotorLinkInfo
-
-    return RotorDescription(
-        **_common(rotor, program, equations),
-        free=rotor.free,
-        links=tuple(RotorLinkInfo(k.link, k.start, k.end, k.elements, k.welds) for k in rotor.links),
-        masses=tuple(k.point for k in rotor.masses),
-    )
-
-
-def at_rest(system: System, description: RotorDescription, library: Library) -> RotorDescription:
-    """Return the description of a rotor, whose structure starts as drawn."""
-    return description
 
 
 def _steady(linkage: Linkage) -> tuple[str, ...]:

@@ -29,7 +29,6 @@ from symgen.scene.table import (
     Bare,
     Moments,
     Name,
-    SpatialVector,
     Table,
     Text,
     Value,
@@ -136,9 +135,7 @@ class PointMass(Table):
 
     point: Name
     mass: Value
-    inertia: Value | SpatialVector | None = absent(
-        "In the plane the moment of inertia about the point; of a rotor those about the axes of the drawing."
-    )
+    inertia: Value | None = absent("In the plane the moment of inertia about the point.")
     link: Name | None = absent("The link with which the inertia rotates, if several that rotate apart meet.")
 
 

@@ -18,10 +18,9 @@ from symgen.errors import SceneError, SymgenError
 ANALYSES = {
     "in_plane": ("run", "steady", "static", "sweep", "modes", "large", "equilibrium"),
     "in_space": ("in_space", "quasi_static_in_space", "modes", "equilibrium_in_space"),
-    "rotor": ("modes",),
 }
 #: Transformations of each scene in all tests, in turn: builds take most of the time.
-EACH = {"in_plane": 3, "in_space": 2, "rotor": 1}
+EACH = {"in_plane": 3, "in_space": 2}
 #: Round-off of a stiffness, over that of bending: 12 (l/h)^2 is up to 1e5 there, and terms are a hundred.
 ROUNDED = 1e-9
 #: Rounded places of an element and of what holds it, whose forces add.

@@ -159,6 +159,26 @@ def test_bending_in_both_planes_with_twist_has_the_fourth_order(section):
     assert 3.4 < math.log2(errors[0] / errors[1]) < 5.0
 
 
+def test_a_bent_cantilever():
+    """The tip under a force across both legs: bending of both, and torsion of the first by the arm of the second."""
+    round_, force, modulus = {"diameter": "20 mm"}, 1e-3, "200 GPa"
+    legs = {
+        "first": link("O", "A", round_, modulus, 0.3, 1),
+        "second": link("A", "B", round_, modulus, 0.3, 2),
+    }
+    scene = symgen.Scene(
+        points={"O": at(0, 0, 0, ground=True), "A": at(0, 0.8, 0), "B": at(0.3, 0.8, 0.4)},
+        links=legs,
+        welds=[{"point": "O", "links": ["first"]}, {"point": "A", "links": ["first", "second"]}],
+        forces=[{"point": "B", "force": [f"{0.8 * force} N", 0, f"{-0.6 * force} N"]}],
+    )
+    moved = build(scene).equilibrium().state.positions["B"] - [0.3, 0.8, 0.4]
+    bending, first, second = 200e9 * math.pi * 0.02**4 / 64, 0.8, 0.5
+    torsion = bending / 1.3  # G 2 I
+    exact = (first**3 + second**3) / (3 * bending) + second**2 * first / torsion
+    assert moved @ [0.8, 0, -0.6] == pytest.approx(force * exact, rel=1e-7)
+
+
 def test_a_column_below_it_is_straight_and_stable():
     found = build(column(0.99 * math.pi**2 * EI / 4)).equilibrium()
     assert found.stability == "stable" and abs(found.state.positions["P"][1]) < 1e-9

@@ -33,8 +33,6 @@ DIRECTORS = {"director_beam", "director_beam_tangents"}
 #: Elements in large rotation have the masses of the cubic one.
 ROTATING = {"corotational_beam", "corotational_node"} | DIRECTORS
 OF_LINKS = OF_ELEMENTS | OF_PLACES | ROTATING
-#: The element in space has shape functions of two planar ones.
-SPATIAL = {"spatial_beam"}
 #: Files of derivations, and the models that are regenerated when they change: those and no others.
 DEPENDENTS = {
     "models/rod.py": set(),
@@ -46,9 +44,9 @@ DEPENDENTS = {
     },
     "mechanics/rods/topology.py": {"peaucellier"},
     **{f"elements/{name}.py": {f"element_{name}", f"element_{name}_tangents"} for name in ELEMENTS},
-    "elements/cubic.py": {"element_cubic", "element_cubic_tangents"} | ROTATING | SPATIAL,
-    "elements/beam8.py": {"element_beam8", "element_beam8_tangents"} | SPATIAL,
-    "elements/element.py": OF_LINKS | SPATIAL,
+    "elements/cubic.py": {"element_cubic", "element_cubic_tangents"} | ROTATING,
+    "elements/beam8.py": {"element_beam8", "element_beam8_tangents"},
+    "elements/element.py": OF_LINKS,
     "elements/__init__.py": set(),
     "mechanics/elastic/hamilton.py": OF_LINKS,
     "mechanics/elastic/beam_matrices.py": OF_ELEMENTS | ROTATING,
@@ -59,9 +57,6 @@ DEPENDENTS = {
     "models/directors.py": DIRECTORS,
     "mechanics/directors/directions.py": {"direction", "direction_tangents"},
     "models/directions.py": {"direction", "direction_tangents"},
-    "mechanics/elastic/spatial.py": SPATIAL | DIRECTORS,
-    "models/elastic/spatial.py": SPATIAL,
-    "models/elastic/rotor.py": set(),
     "mechanics/elastic/weights.py": OF_LINKS,
     "mechanics/elastic/places.py": OF_LINKS,
     "mechanics/elastic/moving_frame.py": set(),

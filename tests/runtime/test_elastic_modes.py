@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.errors import ModelError
+from symgen.runtime.beams.modal.structure import modes_at_rest
 
 #: sqrt(E I / rho A) / L^2 [rad/s] of the bar of the scenes.
 BENT = float(np.sqrt(bars.E * bars.INERTIA / (bars.RHO * bars.AREA)) / bars.LENGTH**2)
@@ -253,3 +254,9 @@ def test_derivatives_number_frequencies_as_modes_do_behind_rigid_motions():
     assert modes.rigid == 1 and found.outputs[0] == "frequency.2"
     numbers = [int(name.rpartition(".")[2]) for name in found.outputs]
     assert found.values == pytest.approx(modes.frequencies[np.array(numbers) - 1], rel=1e-9)
+
+
+def test_matrices_that_are_not_finite_have_no_modes():
+    for mass, stiffness in ((np.nan, 1.0), (1.0, np.nan)):
+        with pytest.raises(ModelError, match="not finite"):
+            modes_at_rest("frame", np.diag([1.0, mass]), np.diag([1.0, stiffness]), np.ones(2))

@@ -43,7 +43,6 @@ NOT_KEPT = {
     "modal_damping.ratio*": _MODES,
     "links.*.elastic.yield_stress": "only verdicts need it",
     "stations.*.at": "it selects an element",
-    "rotor.*": "rotors are derived in numbers",
     "joints.*": _SPACE,
     "links.*.section.width_along.*": _SPACE,
     "loop.range.*": "runs need it",
@@ -191,8 +190,8 @@ def keys(schema, known, path=(), inside=()):
 def test_every_value_of_the_schema_is_among_them():
     schema = Scene.model_json_schema()
     found = {where for name in (*SCENES, *FURTHER, *WRITTEN) for where in tables(name)[1]}
-    # Read as other entries of rows, of rotors alone, and as forces in space.
-    others = ("loop.rows.*.theta", "masses.*.inertia.*", "torques.*.torque.*", "parameters.*", "inputs.*")
+    # Read as other entries of rows, and as forces in space.
+    others = ("loop.rows.*.theta", "torques.*.torque.*", "parameters.*", "inputs.*")
     missing = {
         key
         for key in keys(schema, schema["$defs"])

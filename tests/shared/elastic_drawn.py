@@ -1,4 +1,4 @@
-"""Random scenes with elastic links as dictionaries: linkages in the plane and in space, and rotors; see ``transformed``."""
+"""Random scenes with elastic links as dictionaries: linkages in the plane and in space; see ``transformed``."""
 
 from __future__ import annotations
 
@@ -330,32 +330,3 @@ def _rod(s: Sketch, points: list[str]) -> Tables:
     if s.chance():
         elastic["damping"] = {"stiffness": in_unit(s.number(1e-6, 1e-5), "s")}
     return {"points": points, "density": "2700.0 kg/m^3", "section": section, "elastic": elastic}
-
-
-def rotor(rng: np.random.Generator) -> Tables:
-    """Return blades on a hub, some with a second blade beyond, or a frame at rest."""
-    s = Sketch(rng, 3)
-    turn, centre = _rotation(rng), s.vector(1)
-    s.point("C", centre, True)
-    count = int(s.rng.integers(1, 4))
-    for k in range(count):
-        angle = 2 * np.pi * k / count
-        out = turn @ [np.cos(angle), np.sin(angle), s.number(-0.2, 0.2)]
-        s.point(f"R{k}", centre + 0.1 * out, True)
-        s.point(f"T{k}", centre + s.number(0.5, 1) * out)
-        s.tables["links"][f"L{k}"] = _rod(s, s.any_of([f"R{k}", f"T{k}"], [f"T{k}", f"R{k}"]))
-        s.add("welds", point=f"R{k}", links=[f"L{k}"])
-        if s.chance(0.4):
-            s.point(f"E{k}", s.at[f"T{k}"] + turn @ s.vector(0.3))
-            s.tables["links"][f"M{k}"] = _rod(s, [f"T{k}", f"E{k}"])
-            s.add("welds", point=f"T{k}", links=[f"L{k}", f"M{k}"])
-        if s.chance():
-            mass: Tables = {"point": f"T{k}", "mass": in_unit(s.number(0.05, 0.5), "kg")}
-            if s.chance():
-                mass["inertia"] = [in_unit(s.number(1e-4, 1e-3), "kg*m^2")] * 3
-            s.add("masses", **mass)
-    for link in s.tables["links"].values():
-        link["elastic"].pop("damping", None)
-    speed = s.parameter("pace", s.any_of(0, 1, 1) * s.number(5, 30), "rad/s", tunable=True)
-    s.tables["rotor"] = {"axis": (turn @ [0, 0, 1]).tolist(), "speed": speed, "through": "C"}
-    return s.tables

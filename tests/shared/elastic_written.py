@@ -67,8 +67,6 @@ def _turn(made: Tables, by: Transformed) -> None:
             station["fibre"] = transformed._affine(station["fibre"], by.sign, 0.0)
     for joint in made.get("joints", ()):
         joint["axis"] = (by.sign * by.turn @ joint["axis"]).tolist()
-    if "rotor" in made:
-        made["rotor"]["axis"] = (by.sign * by.turn @ made["rotor"]["axis"]).tolist()
     crank = made.get("crank", {})
     if "angle" in crank:
         crank["angle"] = transformed._affine(crank["angle"], by.sign, by.rotation)

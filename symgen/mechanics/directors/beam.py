@@ -29,7 +29,6 @@ import sympy as sp
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH
 from symgen.mechanics.elastic.beam_matrices import ElementSection, beam_matrices
-from symgen.mechanics.elastic.spatial import AXIAL, BENDING_Y, BENDING_Z, JY, JZ, MU, TORSION
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import AXES, Quantity, quantity
 from symgen.symbolic.vectors import cross, dot
@@ -50,6 +49,13 @@ def _of_nodes(prefix: str, over: str, about: str) -> tuple[Quantity, ...]:
 PLACES = _of_nodes("", "", "")
 RATES = _of_nodes("v_", "/s", "rate of the ")
 SECOND_RATES = _of_nodes("a_", "/s^2", "second rate of the ")
+MU = quantity("mu", "kg/m", "mass per length")
+JY = quantity("J_y", "kg*m", "rotary inertia per length about y: density times the integral of z^2")
+JZ = quantity("J_z", "kg*m", "rotary inertia per length about z: density times the integral of y^2")
+AXIAL = quantity("EA", "N", "axial stiffness")
+BENDING_Y = quantity("EI_y", "N*m^2", "bending stiffness about y, for displacements w")
+BENDING_Z = quantity("EI_z", "N*m^2", "bending stiffness about z, for displacements v")
+TORSION = quantity("GJ", "N*m^2", "torsional stiffness")
 DAMPING = quantity("tau", "s", "stress by the rate of a strain over that by the strain")
 GRAVITY = tuple(quantity(f"g_{axis}", "m/s^2", f"{axis} component of gravity") for axis in AXES)
 SECTION = (LENGTH, MU, JY, JZ, AXIAL, BENDING_Y, BENDING_Z, TORSION, DAMPING, *GRAVITY)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symgen.runtime.many.dataset import KeptSamples, chosen, of_one
-from symgen.runtime.result.modes import ElasticModes, RotorModes
+from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Variable
 
 if TYPE_CHECKING:
@@ -49,15 +49,13 @@ def at_one_pose(
     return KeptSamples(single=of_one([*chosen(single, outputs), stability]), axes=axes)
 
 
-def of_modes(modes: Modes | ElasticModes | RotorModes, outputs: Sequence[str] | None) -> KeptSamples:
+def of_modes(modes: Modes | ElasticModes, outputs: Sequence[str] | None) -> KeptSamples:
     """Return the lowest natural frequencies [Hz], ``frequency.1`` and so on; nan where nothing oscillates.
 
     Of elastic links in motion there is also ``growth`` [1/s], the fastest growth of a mode.
     """
     if isinstance(modes, ElasticModes):
         frequencies, growth = modes.frequencies, modes.growth
-    elif isinstance(modes, RotorModes):
-        frequencies, growth = modes.frequencies, np.zeros(0)
     else:
         frequencies, growth = np.full(modes.equilibrium.linearised.freedoms, np.nan), np.zeros(0)
         frequencies[: len(modes.frequencies)] = modes.frequencies[: len(frequencies)]

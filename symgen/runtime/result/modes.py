@@ -1,9 +1,9 @@
-"""Frequencies and shapes of elastic links in one pose, and of rotors; assembled matrices."""
+"""Frequencies and shapes of elastic links in one pose; assembled matrices."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from symgen.calls import checked
 from symgen.errors import ModelError, nearest
 from symgen.runtime.arrays import Array
-from symgen.runtime.result.records import plain
 
 
 def relative(values: Array, exact: Array) -> Array:
@@ -115,57 +114,6 @@ class ElasticModes:
             content["unknowns_without_reduction"] = self.without_reduction[1]
             content["errors_of_reduction"] = self.errors.tolist()
         return content
-
-
-@checked
-@dataclass(frozen=True, slots=True, repr=False)
-class RotorModes:
-    """Modes of a rotor about its drawn shape, by rising frequency.
-
-    Attributes
-    ----------
-    speed
-        [rad/s].
-    frequencies
-        [Hz], seen in the rotating axes.
-    shapes
-        (unknowns, modes), complex, in the order of ``names``, with the largest component 1. Shapes of zero
-        frequency are displacements that the stiffness under rotation does not resist.
-    parts
-        Parts of the strain energy by kind, (modes,) each: ``stretch``, ``bending_width`` (displacements along
-        the width of sections), ``bending_thickness`` and ``torsion``. Zero if links are not strained.
-    errors_of_elements
-        Ratio of frequencies to those of halved elements, less one; empty beyond 400 unknowns. Infinite if
-        round-off may change either frequency by more than 0.1 %.
-    notes
-        Limits of the theory, and frequencies lost in round-off.
-    """
-
-    name: str
-    speed: float
-    frequencies: Array
-    shapes: NDArray[Any]
-    names: tuple[str, ...]
-    parts: Mapping[str, Array]
-    errors_of_elements: Array
-    notes: tuple[str, ...]
-
-    def __repr__(self) -> str:
-        frequencies = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
-        return f"<RotorModes {self.name!r}: {frequencies}, ... Hz, {len(self.frequencies)} modes>"
-
-    def summary(self) -> dict[str, Any]:
-        """Return the modes in plain numbers."""
-        return {
-            "scene": self.name,
-            "analysis": "modes",
-            "speed": self.speed,
-            "unknowns": len(self.frequencies),
-            "frequencies_hz": self.frequencies.tolist(),
-            "parts": {k: x.tolist() for k, x in self.parts.items()},
-            "errors_of_elements": plain(self.errors_of_elements.tolist()),
-            "notes": list(self.notes),
-        }
 
 
 #: Units of unknowns by their letter; those of joints are displacements.

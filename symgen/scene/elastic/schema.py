@@ -102,14 +102,6 @@ class JointTable(Table):
     axis: SpatialVector = Field(description="Direction of the axis at the start.")
 
 
-class Rotor(Table):
-    """Elastic links in space that rotate as a whole: ground points rotate too. At no speed it is a frame."""
-
-    axis: SpatialVector = Field(description="Direction of the axis of rotation.")
-    speed: Value = Field(description="Constant angular velocity.")
-    through: Name | None = absent("A point on the axis; the origin if absent.")
-
-
 class ModalDampingTable(Table):
     """Damping of the modes of the assembled structure at rest, in the pose in which the crank starts."""
 

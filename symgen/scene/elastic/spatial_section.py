@@ -27,7 +27,9 @@ def shear_modulus(read: Reader, shear: Shear, modulus: sp.Expr, where: str) -> s
             f"expected a Poisson's ratio above -1 and up to 0.5, got {shear.poisson!r}",
             where=f"{where}.poisson",
         )
-    return modulus / (2 * (1 + ratio))
+    shear_of = modulus / (2 * (1 + ratio))
+    read.limit(shear_of, units.PRESSURE, f"{where}.poisson, modulus", strict=True)
+    return shear_of
 
 
 def section_in_space(

@@ -50,7 +50,7 @@ def in_letters(resolved: Any) -> tuple[Any, Letters]:
 
     What the scene writes with its own parameters has these as letters. Zeros stay, and right angles between
     joint axes. A uniform link has its centre at l/2 and the moment of inertia m l^2/12. What only the start
-    or a run needs stays in numbers, and so do the sections of a rotor.
+    or a run needs stays in numbers.
     """
     method = method_of(resolved)
     return method.load("letters")(resolved) if method.letters else (resolved, Letters((), (), (), Written()))

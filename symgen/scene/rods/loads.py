@@ -29,11 +29,11 @@ def masses(read: Reader, links: Sequence[RigidLink]) -> Iterator[PlacedMass]:
                 )
             yield PlacedMass(point, value)
             continue
-        if read.dimension == 3 or isinstance(mass.inertia, list):
+        if read.dimension == 3:
             raise SceneError(
-                "a mass at a point has one moment of inertia in the plane, three on a rotor, none else",
+                "a mass at a point has a moment of inertia in the plane alone",
                 where=f"{where}.inertia",
-                hint="In the plane write one moment; in space give the inertia to a body.",
+                hint="In space give the inertia to a body.",
             )
         inertia = read.not_negative(mass.inertia, units.INERTIA, f"{where}.inertia")
         yield PlacedMass(point, value, inertia, _turned(read, links, mass, where))
