@@ -29,9 +29,8 @@ from numpy.typing import NDArray
 
 import symgen
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import moved
+from symgen.runtime.elastic.large.collocation import SystemRun
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
-from symgen.runtime.integrate.pace import Pace
 from symgen.scene.loading import read_scene
 
 Array = NDArray[np.float64]
@@ -69,7 +68,7 @@ class Ours:
         """Return the deflection of the middle, (times, 3) [m]."""
         linkage = LinkageInSpace(self.model.rigid, elements=elements)
         times = np.linspace(0.0, END, SAMPLES)
-        found, _ = moved(linkage, GAUSS8, times, steps // (SAMPLES - 1), Pace(0.0, END))
+        found = SystemRun(linkage, GAUSS8, times, steps // (SAMPLES - 1)).run().moments()
         places = linkage.links[0].places
         first, middle, last = (np.array([m.q[places[k, :3]] for m in found]) for k in (0, elements // 2, -1))
         return middle - (first + last) / 2

@@ -24,9 +24,8 @@ from harness import Case, Measurement, Required, arguments, measure, report_repe
 import symgen
 from symgen.runtime._beams import BeamSteps
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS8
-from symgen.runtime.elastic.large.collocation import moved
+from symgen.runtime.elastic.large.collocation import SystemRun
 from symgen.runtime.elastic.large.linkage import LargeLinkage
-from symgen.runtime.integrate.pace import Pace
 from symgen.scene.loading import read_scene
 
 ELEMENTS, STEPS, ROUNDS, EXPONENT = (5, 10, 20, 50, 100, 200), 3, 4, 1.2
@@ -85,7 +84,7 @@ def step(name: str, elements: int) -> Case:
     h = motion.period / 100_000
     if name == "large rotation":
         system, end = LargeLinkage(motion, elements), STEPS * h
-        return Case(lambda: moved(system, GAUSS8, np.array([0.0, end]), STEPS, Pace(0.0, end)), STEPS)
+        return Case(lambda: SystemRun(system, GAUSS8, np.array([0.0, end]), STEPS).run().moments(), STEPS)
     equations = motion.equations(stepping=True)
     stepper = BeamSteps(equations, BEAM_METHODS["gauss"], 1)
     rest = np.zeros((motion.layout.unknowns, 1))

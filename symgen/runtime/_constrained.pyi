@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 from numpy.typing import ArrayLike
 
+from symgen.runtime._core import Integrable
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.elastic.large.collocation import EnvelopePattern
 from symgen.runtime.kernels.evaluate import Evaluator
 
@@ -66,24 +66,17 @@ class Constrained:
     def slopes(self, *state: Array) -> tuple[Array, Array, Array, Array]: ...
     def accelerated(self, right: Array, *state: Array) -> Array: ...
 
-class Steps:
-    @property
-    def steps(self) -> int: ...
-    @property
-    def corrections(self) -> int: ...
-    def __init__(self, of: Constrained, method: BeamMethod, h: float, scale: Array, close: float) -> None: ...
-    def start(
+class SystemMotion(Integrable):
+    def __init__(
         self,
-        t: float,
-        q: Array,
-        v: Array,
+        system: Constrained,
+        scale: Array,
+        stages: int,
+        prescribed: Callable[[int], tuple[int, Array, Array]],
+        follow: Callable[[float, Array, Array], None] | None,
         a: Array,
         multipliers: Array,
-        guess: Sequence[Array],
-        work: float,
+        rigid: Evaluator | None,
     ) -> None: ...
-    def advance(self, known: Array, known_rates: Array) -> int: ...
     @property
-    def motion(self) -> tuple[float, Array, Array, Array, Array, float]: ...
-    @property
-    def guess(self) -> tuple[Array, Array]: ...
+    def of_stages(self) -> tuple[Array, Array]: ...

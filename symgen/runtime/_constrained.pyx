@@ -1,17 +1,17 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of mechanical systems of parts in the core: see ``core/system.h`` and ``core/collocation.h``."""
+"""The binding of mechanical systems of parts in the core: see ``core/system.h``."""
 
 import numpy as np
 
 from libc.math cimport NAN
 from libc.stdint cimport uintptr_t
-from libc.string cimport memcpy
+from libc.string cimport memcpy, memset
 
-from symgen.calls import raise_failure
-from symgen.runtime._core cimport Core, Memory, at_least, kernel_t, memory_of
+from symgen.calls import FAILURES, raise_failure
+from symgen.runtime._core cimport Core, Integrable, at_least, equations, kernel_of, kernel_t, kernels, sizes
 from symgen.runtime._core import DOUBLE
 
-cdef extern from "core/collocation.h" nogil:
+cdef extern from "core/system.h" nogil:
     enum:
         WIDEST_ROW
 
@@ -104,27 +104,18 @@ cdef extern from "core/collocation.h" nogil:
         double *x
         double *y
 
-    cdef struct collocation:
-        const system *of
-        Py_ssize_t stages, pairs
-        double h, close
-        const double *a
-        const double *aa
-        const double *b
-        const double *ba
-        const double *c
-        const double *eigenvalues
-        const double *vectors
-        const double *inverse
+    cdef struct system_motion:
+        system *of
         const double *scale
-        double t, work
-        double *q
-        double *v
-        double *a_of
-        double *lambda_of
-        double *a_now
-        double *lambda_now
-        long steps, corrections
+        const double *a
+        const double *lambda_ "lambda"
+        long first, count, each
+        const double *z
+        const double *z_rates
+        void (*prescribe)(void *, long, double, const double *) noexcept nogil
+        void *owner
+        const double *a_of
+        const double *lambda_of
 
     cdef struct system_table "system_api":
         void (*bind_elements)(elements *, int) noexcept nogil
@@ -135,9 +126,7 @@ cdef extern from "core/collocation.h" nogil:
         void (*evaluate)(const system *, const states *, void *, void *, void *) noexcept nogil
         void (*refresh)(const system *, const states *) noexcept nogil
         int (*accelerate)(const system *, void *, void *) noexcept nogil
-        size_t (*collocation_bytes)(const system *, Py_ssize_t, Py_ssize_t) noexcept nogil
-        void (*collocation_bind)(collocation *, void *) noexcept nogil
-        long (*collocation_advance)(collocation *, long, const void *, const void *) noexcept nogil
+        void (*bind_motion)(equations *, system_motion *) noexcept nogil
 
 cdef const system_table *API = <const system_table *>(<Core>DOUBLE).api.system
 
@@ -175,10 +164,6 @@ cdef class Part:
         self.slots = _places(pattern.slots(*self.pairs))
         self.below, self.right = (_places(np.where(known, -1, of)) for of in (below, right))
         self.of.slots, self.of.below, self.of.right = &self.slots[0], &self.below[0], &self.right[0]
-
-    cdef int check(self) except -1:
-        """Raise the error of a function of the caller."""
-        return 0
 
 
 cdef class Elements(Part):
@@ -361,7 +346,7 @@ cdef class Added(Part):
     """
 
     cdef added own
-    cdef object forces_of, slopes_of, power_of, error
+    cdef object forces_of, slopes_of, power_of
     cdef double[::1] found
 
     def __init__(self, forces, slopes, places, power):
@@ -371,12 +356,6 @@ cdef class Added(Part):
         self.of, self.own.owner, self.own.found = &self.own.part, <void *>self, &self.found[0]
         self.own.forces, self.own.slopes, self.own.power = _forces, _slopes, _power
         API.bind_added(&self.own)
-
-    cdef int check(self) except -1:
-        if self.error is not None:
-            error, self.error = self.error, None
-            raise error
-        return 0
 
 
 cdef void _forces(void *owner, const states *s, double *forces) noexcept with gil:
@@ -389,7 +368,7 @@ cdef void _forces(void *owner, const states *s, double *forces) noexcept with gi
         for k in range(s.count * s.unknowns):
             forces[k] += (&found[0, 0])[k]
     except BaseException as error:
-        of.error = of.error or error
+        FAILURES.errors.append(error)
         forces[0] = NAN
 
 
@@ -402,7 +381,8 @@ cdef void _slopes(void *owner, const states *s, double *into) noexcept with gil:
             found = np.ascontiguousarray(of.slopes_of(t, *(_copied(x, 1, s.unknowns) for x in (<uintptr_t>s.q, <uintptr_t>s.v))))
             memcpy(into, &found[0, 0], 3 * of.own.entries * sizeof(double))
     except BaseException as error:
-        of.error = of.error or error
+        FAILURES.errors.append(error)
+        into[0] = NAN
 
 
 cdef double _power(void *owner, Py_ssize_t row) noexcept with gil:
@@ -410,7 +390,7 @@ cdef double _power(void *owner, Py_ssize_t row) noexcept with gil:
     try:
         return of.power_of()[row]
     except BaseException as error:
-        of.error = of.error or error
+        FAILURES.errors.append(error)
         return NAN
 
 
@@ -480,19 +460,12 @@ cdef class Constrained:
             &m[0, 0], &known[0, 0], &moving[0, 0])
         return 0
 
-    cdef int check(self) except -1:
-        cdef Part each
-        for each in self.parts:
-            each.check()
-        raise_failure()
-        return 0
-
     def forces(self, *state):
         """Return M a + ... + J^T lambda, (times, unknowns), of states: t, q, v, a, multipliers, known, known_rates."""
         kept = self._take(*state)
         cdef double[:, ::1] found = np.zeros((self.at.count, self.own.unknowns))
         API.evaluate(&self.own, &self.at, &found[0, 0], NULL, NULL)
-        self.check()
+        raise_failure()
         return found.base
 
     def rows(self, t, q, v, known, known_rates):
@@ -500,14 +473,14 @@ cdef class Constrained:
         cdef double[:, :, ::1] found = np.zeros((2, len(t), max(self.own.multipliers, 1)))
         kept = self._take(t, q, v, q, np.zeros((len(t), self.own.multipliers)), known, known_rates)
         API.evaluate(&self.own, &self.at, NULL, &found[0, 0, 0], &found[1, 0, 0])
-        self.check()
+        raise_failure()
         return found.base[:, :, :self.own.multipliers]
 
     def slopes(self, *state):
         """Return slopes by second rates, rates and places, and slopes of constraints, (4, slots), at one state."""
         kept = self._take(*state)
         API.refresh(&self.own, &self.at)
-        self.check()
+        raise_failure()
         return self.values.base.copy()
 
     def accelerated(self, right, *state):
@@ -516,109 +489,90 @@ cdef class Constrained:
         kept = self._take(*state)
         at_least("numbers of a right-hand side", len(x), self.own.unknowns + self.own.multipliers)
         API.refresh(&self.own, &self.at)
-        self.check()
+        raise_failure()
         return x.base if API.accelerate(&self.own, &factors[0], &x[0]) else np.full(len(x), np.nan)
 
 
-cdef class Steps:
-    """Steps of a system by collocation: see :mod:`symgen.runtime.elastic.large.collocation`.
+cdef class SystemMotion(Integrable):
+    """A system as equations of a run by collocation: y = (q, v, work); see ``struct system_motion`` in ``core/system.h``.
 
     Parameters
     ----------
-    method
-        A collocation :class:`symgen.runtime.beams.methods.BeamMethod` with an even number of stages.
-    h
-        Length of the steps [s].
     scale
         Sizes of the unknowns, (unknowns,).
-    close
-        Largest last correction of the unknowns over their sizes, and of their rates over the largest in the step.
+    stages
+        Number of stages of the method.
+    prescribed
+        Function of the number of a step that returns the first one of some steps around it, and their prescribed
+        numbers and rates, (steps, 2 + stages, numbers) each: in the middle of a step, at its stages and at its end.
+    follow
+        Function of time, places and rates before each step; None if nothing takes note of them.
+    a, multipliers
+        Second rates and multipliers at the start.
+    rigid
+        The :class:`symgen.runtime.kernels.evaluate.Evaluator` of a linkage whose coordinates are the first unknowns, and
+        whose events are located; None without events.
     """
 
-    cdef Constrained of
-    cdef Memory memory
-    cdef collocation *own
-    cdef double[::1] coefficients, scale
-    cdef double complex[::1] pairs
+    cdef Constrained system
+    cdef system_motion own
+    cdef object prescribed, followed
+    cdef Py_ssize_t stages
+    cdef double[::1] scale, a, multipliers, z, z_rates, gaps
 
-    def __init__(self, Constrained of, method, double h, scale, double close):
-        values, vectors = np.linalg.eig(method.a)
-        # The second factor of each pair is the complex conjugate.
-        pairs = np.flatnonzero(values.imag > 0.0)
-        cdef Py_ssize_t stages = len(method.c), count = len(pairs), square = stages * stages
-        self.of = of
-        self.memory = memory_of(sizeof(collocation), API.collocation_bytes(&of.own, stages, count))
-        cdef collocation *own = <collocation *>self.memory.structure
-        self.own, own.of, own.stages, own.pairs, own.h, own.close = own, &of.own, stages, count, h, close
-        self.scale = _numbers(scale)
-        self.coefficients = np.concatenate([np.ravel(method.arrays[k]) for k in ("a", "aa", "b", "ba", "c")])
-        own.scale, own.a, own.aa = &self.scale[0], &self.coefficients[0], &self.coefficients[square]
-        own.b, own.ba = &self.coefficients[2 * square], &self.coefficients[2 * square + stages]
-        own.c = &self.coefficients[2 * square + 2 * stages]
-        self.pairs = np.concatenate([h * values[pairs], np.ravel(vectors[:, pairs]), np.ravel(np.linalg.inv(vectors)[pairs])])
-        own.eigenvalues, own.vectors = <double *>&self.pairs[0], <double *>&self.pairs[count]
-        own.inverse = <double *>&self.pairs[count + stages * count]
-        API.collocation_bind(own, self.memory.at)
-
-    @property
-    def steps(self):
-        """Number of steps."""
-        return self.own.steps
-
-    @property
-    def corrections(self):
-        """Number of corrections of all steps."""
-        return self.own.corrections
-
-    def start(self, double t, q, v, a, multipliers, guess, double work):
-        """Set the motion at the end of a step, with second rates and multipliers of its stages (stages, numbers)."""
-        cdef Py_ssize_t n = self.of.own.unknowns, m = self.of.own.multipliers, stages = self.own.stages
-        self.own.t, self.own.work = t, work
-        _fill(self.own.q, q, n)
-        _fill(self.own.v, v, n)
-        _fill(self.own.a_now, a, n)
-        _fill(self.own.lambda_now, multipliers, m)
-        _fill(self.own.a_of, guess[0], stages * n)
-        _fill(self.own.lambda_of, guess[1], stages * m)
-
-    def advance(self, known, known_rates):
-        """Take steps by prescribed numbers and their rates, (steps, 2 + stages, numbers) each: in the middle of a
-        step, at its stages and at its end. Return how many succeeded: fewer where Newton's method does not converge."""
-        cdef Py_ssize_t count = len(known), width = self.own.stages + 2
-        cdef double[::1] z = _numbers(known), rates = _numbers(known_rates)
-        cdef long done
-        at_least("prescribed numbers", min(len(z), len(rates)) - 1, count * width * self.of.own.known)
-        with nogil:
-            done = API.collocation_advance(self.own, count, &z[0], &rates[0])
-        self.of.check()
-        return done
+    def __init__(self, Constrained system, scale, Py_ssize_t stages, prescribed, follow, a, multipliers, rigid):
+        cdef kernels functions
+        cdef sizes wanted
+        cdef system_motion *own = &self.own
+        cdef double[::1] parameters = _numbers(())
+        self.of, self.system, self.stages, self.prescribed, self.followed = DOUBLE, system, stages, prescribed, follow
+        memset(&functions, 0, sizeof(kernels))
+        memset(&wanted, 0, sizeof(sizes))
+        wanted.n, wanted.extra = system.own.unknowns, 1
+        if rigid is not None:
+            self.libraries, info, parameters = rigid.library, rigid.info("events"), _numbers(rigid.parameter_values)
+            functions.events = kernel_of(rigid.library.addresses, "events")
+            functions.setup = kernel_of(rigid.library.addresses, "setup")
+            wanted.parameters, wanted.derived, wanted.work = len(parameters) - 1, rigid.library.derived, info.work_size
+            wanted.events = len(rigid.description.events)
+        self.make(&wanted, &functions)
+        self.bound(parameters)
+        API.bind_motion(self.core, own)
+        if rigid is not None:
+            # The kernel writes more than the values of events.
+            self.gaps = np.zeros(info.out_size)
+            self.core.gaps = &self.gaps[0]
+        self.scale, self.a, self.multipliers = _numbers(scale), _numbers(a), _numbers(multipliers)
+        at_least("sizes of unknowns", len(self.scale) - 1, self.n)
+        at_least("second rates", len(self.a) - 1, stages * self.n)
+        at_least("multipliers", len(self.multipliers) - 1, stages * system.own.multipliers)
+        own.of, own.scale, own.a, own.lambda_ = &system.own, &self.scale[0], &self.a[0], &self.multipliers[0]
+        own.prescribe, own.each, own.owner = _prescribe, follow is not None, <void *>self
 
     @property
-    def motion(self):
-        """Time, places, rates, second rates, multipliers and work at the end of the last step."""
-        cdef Py_ssize_t n = self.of.own.unknowns, m = self.of.own.multipliers
-        return (
-            self.own.t, _taken(self.own.q, n), _taken(self.own.v, n), _taken(self.own.a_now, n),
-            _taken(self.own.lambda_now, m), self.own.work)
+    def of_stages(self):
+        """Second rates and multipliers of the stages of the last step of the last run, (stages, numbers) each."""
+        return tuple(
+            _copied(at, self.stages, width)
+            for at, width in (
+                (<uintptr_t>self.own.a_of, self.n), (<uintptr_t>self.own.lambda_of, self.system.own.multipliers)))
 
-    @property
-    def guess(self):
-        """Second rates and multipliers of the stages of the last step, (stages, numbers) each."""
-        cdef Py_ssize_t stages = self.own.stages
-        return (
-            _taken(self.own.a_of, stages * self.of.own.unknowns).reshape(stages, -1),
-            _taken(self.own.lambda_of, stages * self.of.own.multipliers).reshape(stages, self.of.own.multipliers))
-
-
-cdef int _fill(double *to, values, Py_ssize_t count) except -1:
-    cdef double[::1] numbers = _numbers(values)
-    if len(numbers) - 1 != count:
-        raise ValueError(f"expected {count} numbers of a motion, got {len(numbers) - 1}")
-    memcpy(to, &numbers[0], count * sizeof(double))
-    return 0
+    cdef int prescribe(self, long step, double t, const double *y) except -1:
+        cdef Py_ssize_t width = (self.stages + 2) * self.system.own.known
+        if self.followed is not None:
+            self.followed(t, *_copied(<uintptr_t>y, 2, self.n))
+        if not self.own.first <= step < self.own.first + self.own.count:
+            first, z, rates = self.prescribed(step)
+            at_least("prescribed numbers", min(np.size(z), np.size(rates)), len(z) * width)
+            self.z, self.z_rates = _numbers(z), _numbers(rates)
+            self.own.first, self.own.count, self.own.z, self.own.z_rates = first, len(z), &self.z[0], &self.z_rates[0]
+        return 0
 
 
-cdef object _taken(const double *of, Py_ssize_t count):
-    cdef double[::1] made = np.empty(count + 1)
-    memcpy(&made[0], of, count * sizeof(double))
-    return made.base[:count]
+cdef void _prescribe(void *owner, long step, double t, const double *y) noexcept with gil:
+    cdef SystemMotion of = <SystemMotion>owner
+    try:
+        of.prescribe(step, t, y)
+    except BaseException as error:
+        FAILURES.errors.append(error)
+        of.own.count = 0

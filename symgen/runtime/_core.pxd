@@ -68,6 +68,7 @@ cdef extern from "core/core.h" nogil:
         double *p
         double *out
         double *energies
+        double *gaps
 
     cdef struct kind:
         const char *counts

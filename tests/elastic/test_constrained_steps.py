@@ -9,8 +9,7 @@ import symgen
 from symgen.runtime._constrained import Rigid
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, moved
-from symgen.runtime.integrate.pace import Pace
+from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, SystemRun
 
 
 class Rods(ConstrainedSystem):
@@ -43,5 +42,5 @@ def test_more_steps_have_no_larger_errors(scene):
     final = model.simulate(1.0, rtol=1e-13, atol=1e-15, samples=2).final
     places = np.concatenate([final[p]["position"] for p in model.description.free])
     for steps in (64, 128, 256, 512, 1024):
-        found, _ = moved(Rods(model), GAUSS8, np.linspace(0.0, 1.0, 2), steps, Pace(0.0, 1.0))
+        found = SystemRun(Rods(model), GAUSS8, np.linspace(0.0, 1.0, 2), steps).run().moments()
         np.testing.assert_allclose(found[-1].q, places, atol=3e-10)

@@ -14,9 +14,8 @@ import symgen
 from symgen.errors import ModelError
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.methods import _gauss
-from symgen.runtime.elastic.large.collocation import moved, stacked
+from symgen.runtime.elastic.large.collocation import SystemRun, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
-from symgen.runtime.integrate.pace import Pace
 
 RNG = np.random.default_rng(19)
 #: Length, mass and rotary inertia per length, E A, E I, shear, damping, gravity.
@@ -321,8 +320,7 @@ def test_weld_and_clamp_of_a_frame(tmp_path):
 
 
 def ends(linkage, times, stages, steps):
-    found, _ = moved(linkage, _gauss("", stages), times, steps, Pace(0.0, times[-1]))
-    return found
+    return SystemRun(linkage, _gauss("", stages), times, steps).run().moments()
 
 
 @pytest.mark.parametrize(("stages", "counts"), [(2, (10, 20)), (4, (4, 8))])

@@ -101,7 +101,7 @@ def test_notes_on_the_error_by_elements(monkeypatch, tmp_path):
         raise ModelError("the finer elements are refused\n  Remedy.")
 
     unknown = model.large_rotation(elements=1, samples=5, rtol=0.1)
-    monkeypatch.setattr(passes, "moved", refused)
+    monkeypatch.setattr(passes, "SystemRun", refused)
     assert unknown.mesh_error is None
     assert (
         unknown.summary()["notes"][-1] == "the error by elements is not known: the finer elements are refused"

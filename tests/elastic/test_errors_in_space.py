@@ -10,10 +10,9 @@ from shared.full import full
 
 import symgen
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import moved
+from symgen.runtime.elastic.large.collocation import SystemRun
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.model import outputs
-from symgen.runtime.integrate.pace import Pace
 from symgen.scene.loading import read_scene
 
 #: Elements of the reference over those of a setting, and its steps.
@@ -36,7 +35,7 @@ def drawn(seed):
 
 
 def stresses(linkage, times, steps):
-    found, _ = moved(linkage, GAUSS8, times, steps, Pace(0.0, times[-1]))
+    found = SystemRun(linkage, GAUSS8, times, steps).run().moments()
     return np.array([v.values for v in outputs(linkage, found) if v.name.endswith(".stress")])
 
 

@@ -87,7 +87,8 @@ def test_a_run_that_ends_before_its_second_sample_is_refused():
 
 def test_a_run_that_max_wall_ends_has_its_events(monkeypatch):
     """The run is ended within its first pass, after the event."""
-    monkeypatch.setattr(Pace, "spent", lambda self, t: t > 0.08)
+    monkeypatch.setattr(Pace, "chunk", lambda self: 1)
+    monkeypatch.setattr(Pace, "spent", lambda self, t, reason: t > 0.08)
     event = {"name": "top", "of": "A.velocity.z", "direction": "falling"}
     with pytest.raises(SimulationError, match="max_wall") as ended:
         build(falling(event)).simulate(samples=21, max_wall=100.0)

@@ -13,6 +13,7 @@ from symgen.errors import ModelError, ResultError, SimulationError
 from symgen.export import exported
 from symgen.inspection.live import live_of
 from symgen.pipeline.build import text_of
+from symgen.runtime.integrate.pace import Pace
 from symgen.runtime.result.elastic import ElasticResult
 
 E, WIDTH, THICK, DENSITY, GRAVITY = 210e9, 20e-3, 1e-3, 7850.0, 9.81
@@ -149,25 +150,29 @@ class Interrupted(Exception):
     """Raised in the middle of a run."""
 
 
-def test_runs_continue_from_checkpoints(tmp_path):
-    """Interrupted in the last run, with references of angles that have moved, and by wall time: the same bits."""
+def test_runs_continue_from_checkpoints(tmp_path, monkeypatch):
+    """Interrupted before the first sample, in the last run, with references of angles that have moved, and by wall
+    time: the same bits."""
+    monkeypatch.setattr(Pace, "chunk", lambda self: 1)
     rate, _ = rates(False)
     model = symgen.build(winding(False, 2.4 * np.pi * rate, 0.1))
     options, calls = {"elements": 1, "t_end": 0.6 * np.pi / rate, "samples": 9, "rtol": 0.5}, []
     whole = model.large_rotation(**options, progress=calls.append)
-    file, late = tmp_path / "large.npz", tmp_path / "late.npz"
-    left = iter(calls[:-3])
+    early, file, late = (tmp_path / name for name in ("early.npz", "large.npz", "late.npz"))
+    assert sum(part < 1 / 8 for part in calls) > 4
+    for kept, steps in ((early, 4), (file, len(calls) - 200)):
+        left = iter(range(steps))
 
-    def progress(part):
-        if next(left, None) is None:
-            raise Interrupted
+        def progress(part, left=left):
+            if next(left, None) is None:
+                raise Interrupted
 
-    with pytest.raises(Interrupted):
-        model.large_rotation(**options, checkpoint=file, checkpoint_every=0.0, progress=progress)
+        with pytest.raises(Interrupted):
+            model.large_rotation(**options, checkpoint=kept, checkpoint_every=0.0, progress=progress)
     with pytest.raises(SimulationError):
         model.large_rotation(**options, checkpoint=late, checkpoint_every=1e9, max_wall=0.2)
-    # A slow machine may not come to the first sample.
-    for left_off in filter(Path.exists, (file, late)):
+    # A slow machine may not come to the first step.
+    for left_off in (early, file, *filter(Path.exists, [late])):
         run = model.large_rotation(**options, resume=left_off)
         for output in whole.variables:
             assert np.array_equal(run[output.name].values, output.values), output.name

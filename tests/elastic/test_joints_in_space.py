@@ -12,11 +12,10 @@ from shared.in_numpy import build
 import symgen
 from symgen.errors import ModelError, SceneError
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.collocation import moved
+from symgen.runtime.elastic.large.collocation import SystemRun
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.model import outputs
 from symgen.runtime.elastic.space.statics import equilibrium
-from symgen.runtime.integrate.pace import Pace
 
 SECTION = {"width": "8 mm", "thickness": "4 mm", "width_along": [0, 0, 1]}
 WIDTH, THICKNESS, E = 8e-3, 4e-3, 210e9
@@ -187,7 +186,7 @@ def test_axes_of_joints_meet_in_motion():
     """The axis of an inclined revolute joint has the same direction in both links, in all motion."""
     model = build("spatial_four_bar")
     linkage = LinkageInSpace(model.rigid)
-    found, _ = moved(linkage, GAUSS8, np.linspace(0.0, 0.02, 5), 20, Pace(0.0, 0.02))
+    found = SystemRun(linkage, GAUSS8, np.linspace(0.0, 0.02, 5), 20).run().moments()
     axis = np.array([0.0, math.sin(math.radians(5)), math.cos(math.radians(5))])
     ends = [link.places[-1, 3:].reshape(3, 3) for link in linkage.links]
     first, second = (np.array([(found[0].q[end] @ axis) @ moment.q[end] for moment in found]) for end in ends)
@@ -198,7 +197,7 @@ def test_axes_of_joints_meet_in_motion():
 def test_a_universal_joint_prescribes_the_spin():
     """The arm of the cross stays across the fixed axis, and so does the spin at the start."""
     linkage = LinkageInSpace(build("spatial_slider_crank").rigid)
-    found, _ = moved(linkage, GAUSS8, np.linspace(0.0, 0.05, 6), 40, Pace(0.0, 0.05))
+    found = SystemRun(linkage, GAUSS8, np.linspace(0.0, 0.05, 6), 40).run().moments()
     arm = linkage.links[0].places[-1, 9:]
     assert np.max(np.abs([moment.q[arm[2]] for moment in found])) < 1e-9
     assert abs(found[0].v[arm[2]]) < 1e-12

@@ -14,10 +14,9 @@ from shared.shipped import IN_SPACE
 import symgen
 from symgen.errors import SceneError
 from symgen.runtime.beams.methods import _gauss
-from symgen.runtime.elastic.large.collocation import moved
+from symgen.runtime.elastic.large.collocation import SystemRun
 from symgen.runtime.elastic.large.passes import drift_of
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
-from symgen.runtime.integrate.pace import Pace
 from symgen.scene.loading import override, read_scene
 
 #: Mode whose frequency is that of the revolutions, and revolutions; the speed of the scene is far below.
@@ -88,7 +87,7 @@ def test_order_of_steps_in_space_is_twice_the_number_of_stages(scene, stages, co
     times = np.linspace(0.0, end, 6)
 
     def run(stages, steps):
-        found, _ = moved(linkage, _gauss("", stages), times, steps, Pace(0.0, end), close=CLOSE)
+        found = SystemRun(linkage, _gauss("", stages), times, steps, close=CLOSE).run().moments()
         return found[-1].q, found[-1].v, drift_of(linkage, found)[1]
 
     q, v, _ = run(4, 8)

@@ -12,7 +12,7 @@ from symgen.runtime.arrays import Array
 Pair = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class BeamMethod:
     """A fixed-step method for M S'' + C S' + K S = Q.
 

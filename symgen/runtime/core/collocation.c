@@ -1,8 +1,17 @@
-#include "collocation.h"
-
+/* Collocation at Gauss points: the kind of runs of systems of parts.
+ *
+ * The equation of motion and the rates of the constraints hold at every Gauss point. At the end of a step, places and
+ * rates are projected on the constraints along M^-1 J^T there, which keeps the order of both at twice the number of
+ * stages: U. M. Ascher, L. R. Petzold, Projected implicit Runge-Kutta methods for differential-algebraic equations,
+ * SIAM Journal on Numerical Analysis 28 (1991). In the eigenvectors of the matrix of coefficients the stages of
+ * Newton's correction separate: see system_factor. One of each complex pair is solved. The tolerance `rtol` of the run
+ * is the largest last correction of the unknowns over their sizes, and of rates over the largest in the step.
+ */
 #include <string.h>
 
 #include "arena.h"
+#include "run.h"
+#include "system.h"
 
 /* Corrections that do not decrease are rounding below this part of the size of the unknowns. */
 #define ROUNDING R(1e-10)
@@ -13,15 +22,37 @@ enum { MOST_CORRECTIONS = 30 };
 /* Rounding of places over their sizes; rates have as much over a step. */
 #define SPACING (16 * REAL_EPSILON)
 
-static size_t place(struct collocation *c, void *memory) {
-    const ptrdiff_t n = c->of->unknowns, m = c->of->multipliers, stages = c->stages, more = stages + 1;
+/* Part of a step within which times of samples and of ends of steps are the same but for rounding. */
+#define AT_END R(1e-9)
+
+struct collocation {
+    const struct system_motion *motion;
+    const struct system *of;
+    const struct run *run;
+    ptrdiff_t stages, pairs;
+    real t, h, close;
+    /* The method: rates of the stages by `a`, places by `aa`, ends by `b` and `ba`, at `c`. */
+    const real *a, *aa, *b, *ba, *c;
+    /* One of each pair of eigenvalues of `a`; eigenvectors (stages, pairs) and rows of their inverse (pairs, stages);
+       complex, real before imaginary parts. */
+    const real *eigenvalues, *vectors, *inverse;
+    const real *powers; /* coefficients of second rates by powers of the time in a step, by those of the stages */
+    const real *q, *v;  /* at the start of the step */
+    real *a_of, *lambda_of; /* second rates and multipliers of the stages; before a step, those of the last one */
+    real *f, *f_new;
+    /* Scratch: of the stages and, one more row, of the end. */
+    real *places, *rates, *errors, *still, *forces, *changes, *right, *times;
+    real *factors, *metric; /* a real and an imaginary matrix for each pair; a real one */
+};
+
+static size_t place(const struct equations *e, ptrdiff_t stages, void *memory, struct collocation *c) {
+    const struct system *of = ((const struct system_motion *)e->owner)->of;
+    const ptrdiff_t n = of->unknowns, m = of->multipliers, more = stages + 1;
     const struct arena_array arrays[] = {
-        ARENA_ARRAY(c->q, n),
-        ARENA_ARRAY(c->v, n),
         ARENA_ARRAY(c->a_of, stages * n),
         ARENA_ARRAY(c->lambda_of, stages * m),
-        ARENA_ARRAY(c->a_now, n),
-        ARENA_ARRAY(c->lambda_now, m),
+        ARENA_ARRAY(c->f, e->dim),
+        ARENA_ARRAY(c->f_new, e->dim),
         ARENA_ARRAY(c->places, more * n),
         ARENA_ARRAY(c->rates, more * n),
         ARENA_ARRAY(c->errors, more * m),
@@ -30,19 +61,51 @@ static size_t place(struct collocation *c, void *memory) {
         ARENA_ARRAY(c->changes, stages * (n + m)),
         ARENA_ARRAY(c->right, n),
         ARENA_ARRAY(c->times, more),
-        ARENA_ARRAY(c->factors, c->pairs * 2 * c->of->slopes.size),
-        ARENA_ARRAY(c->metric, c->of->slopes.size),
+        ARENA_ARRAY(c->factors, stages * of->slopes.size),
+        ARENA_ARRAY(c->metric, of->slopes.size),
     };
     return ARENA_PLACE(arrays, memory);
 }
 
-size_t collocation_bytes(const struct system *of, ptrdiff_t stages, ptrdiff_t pairs) {
-    struct collocation c = {.of = of, .stages = stages, .pairs = pairs};
-    return place(&c, NULL);
+static size_t bytes(const struct equations *e, const long *counts) {
+    struct collocation c;
+    return place(e, counts[0], NULL, &c);
 }
 
-void collocation_bind(struct collocation *c, void *memory) {
-    place(c, memory);
+/* Counts: stages. Numbers: those of struct collocation, in its order. */
+static ptrdiff_t numbers(const long *counts) {
+    const long stages = counts[0];
+    return stages < 2 || stages > MOST_STAGES || stages % 2 ? -1 : (5 * stages + 4) * stages;
+}
+
+/* The step of length h from the present state. */
+static struct collocation step_of(const struct run *run, real h) {
+    const ptrdiff_t stages = run->scheme.counts[0], square = stages * stages;
+    struct collocation c = {.motion = run->e->owner, .run = run, .stages = stages, .pairs = stages / 2, .h = h};
+    place(run->e, stages, run->own, &c);
+    c.of = c.motion->of, c.t = run->state->t, c.close = R(run->task.rtol);
+    c.q = run->y, c.v = run->y + c.of->unknowns;
+    c.a = run->scheme.numbers, c.aa = c.a + square, c.b = c.aa + square, c.ba = c.b + stages, c.c = c.ba + stages;
+    c.eigenvalues = c.c + stages, c.vectors = c.eigenvalues + stages, c.inverse = c.vectors + square;
+    c.powers = c.inverse + square;
+    return c;
+}
+
+static void bind(struct run *run) {
+    const struct collocation c = step_of(run, 0);
+    struct system_motion *motion = run->e->owner;
+    run->f = c.f, run->f_new = c.f_new;
+    motion->a_of = c.a_of, motion->lambda_of = c.lambda_of;
+}
+
+static int begin(struct run *run) {
+    const struct collocation c = step_of(run, 0);
+    const ptrdiff_t n = c.of->unknowns, stages = c.stages;
+    memcpy(c.a_of, c.motion->a, (size_t)(stages * n) * sizeof(real));
+    memcpy(c.lambda_of, c.motion->lambda, (size_t)(stages * c.of->multipliers) * sizeof(real));
+    memcpy(c.f, c.v, (size_t)n * sizeof(real));
+    memcpy(c.f + n, c.a_of, (size_t)n * sizeof(real));
+    return DONE;
 }
 
 /* Places and rates of the stages, by their second rates. */
@@ -66,7 +129,8 @@ static void solve_stages(struct collocation *c) {
     const ptrdiff_t n = of->unknowns, m = of->multipliers, both = n + m;
     memset(c->changes, 0, (size_t)(c->stages * both) * sizeof(real));
     for (ptrdiff_t pair = 0; pair < c->pairs; pair++) {
-        const real re = c->eigenvalues[2 * pair], im = c->eigenvalues[2 * pair + 1], size = re * re + im * im;
+        const real re = c->h * c->eigenvalues[2 * pair], im = c->h * c->eigenvalues[2 * pair + 1];
+        const real size = re * re + im * im;
         const real *factors = c->factors + 2 * pair * of->slopes.size;
         for (ptrdiff_t k = 0; k < both; k++) {
             real x = 0, y = 0;
@@ -102,7 +166,7 @@ static real size_of_changes(const struct collocation *c, real fastest) {
                 place += c->aa[i * c->stages + j] * c->changes[j * both + k];
                 rate += c->a[i * c->stages + j] * c->changes[j * both + k];
             }
-            place = real_fabs(c->h * c->h * place / c->scale[k]), rate = real_fabs(c->h * rate / c->scale[k]);
+            place = real_fabs(c->h * c->h * place / c->motion->scale[k]), rate = real_fabs(c->h * rate / c->motion->scale[k]);
             if (!real_isfinite(place + rate))
                 return REAL_INFINITY;
             size = real_fmax(size, real_fmax(place, rate / fastest));
@@ -119,7 +183,7 @@ static int correct(struct collocation *c, const struct states *s) {
         move_stages(c);
         for (ptrdiff_t i = 0; i < c->stages; i++)
             for (ptrdiff_t k = 0; k < n; k++)
-                fastest = real_fmax(fastest, real_fabs(c->rates[i * n + k]) / c->scale[k]);
+                fastest = real_fmax(fastest, real_fabs(c->rates[i * n + k]) / c->motion->scale[k]);
         memset(c->forces, 0, (size_t)(c->stages * n) * sizeof(real));
         memset(c->errors, 0, (size_t)(c->stages * m) * sizeof(real));
         system_evaluate(c->of, s, c->forces, NULL, c->errors);
@@ -133,7 +197,7 @@ static int correct(struct collocation *c, const struct states *s) {
             for (ptrdiff_t k = 0; k < m; k++)
                 c->lambda_of[i * m + k] += c->changes[i * both + n + k];
         }
-        c->corrections++;
+        c->run->e->account->evaluations++;
         if (count) {
             rate = before > 0 ? size / before : 0;
             if (before < ROUNDING && rate > R(0.5))
@@ -160,7 +224,7 @@ static real project_on(const struct collocation *c, const real *errors, real *va
     envelope_solve(&of->envelope, c->metric, NULL, of->x, NULL);
     for (ptrdiff_t k = 0; k < n; k++) {
         values[k] -= of->x[of->position[k]];
-        size = real_fmax(size, real_fabs(of->x[of->position[k]]) / c->scale[k]);
+        size = real_fmax(size, real_fabs(of->x[of->position[k]]) / c->motion->scale[k]);
     }
     return size;
 }
@@ -225,27 +289,45 @@ static int project_end(struct collocation *c, const struct states *s, real *work
     return 1;
 }
 
-int collocation_step(struct collocation *c, const real *z, const real *z_rates) {
+/* The prescribed numbers of the step and their rates: false if there are none. */
+static int prescribed(const struct collocation *c, const real **z, const real **z_rates) {
+    struct system_motion *motion = c->run->e->owner;
+    const long step = c->run->state->steps;
+    if (motion->each || step < motion->first || step >= motion->first + motion->count)
+        motion->prescribe(motion->owner, step, c->t, c->run->y);
+    if (step < motion->first || step >= motion->first + motion->count)
+        return 0;
+    const ptrdiff_t at = (step - motion->first) * (c->stages + 2) * c->of->known;
+    *z = motion->z + at, *z_rates = motion->z_rates + at;
+    return 1;
+}
+
+static int step(struct run *run, real t, real h, real t_new) {
+    struct collocation now = step_of(run, h), *c = &now;
     const struct system *of = c->of;
     const ptrdiff_t n = of->unknowns, m = of->multipliers, last = c->stages;
-    const real h = c->h, half = c->t + h * R(0.5);
+    const real half = t + h * R(0.5), *z, *z_rates;
+    if (!prescribed(c, &z, &z_rates))
+        return UNSOLVED;
     for (ptrdiff_t k = 0; k < n; k++)
         c->right[k] = c->q[k] + h / 2 * c->v[k];
-    const struct states middle = {1, n, m, of->known, &half, c->right, c->v, c->a_now, c->lambda_now, z, z_rates};
+    const struct states middle = {1, n, m, of->known, &half, c->right, c->v, c->a_of + (last - 1) * n,
+                                  c->lambda_of + (last - 1) * m, z, z_rates};
     system_refresh(of, &middle);
     for (ptrdiff_t pair = 0; pair < c->pairs; pair++) {
         real *values = c->factors + 2 * pair * of->slopes.size;
-        if (!system_factor(of, c->eigenvalues[2 * pair], c->eigenvalues[2 * pair + 1], values,
+        if (!system_factor(of, h * c->eigenvalues[2 * pair], h * c->eigenvalues[2 * pair + 1], values,
                            values + of->slopes.size))
-            return 0;
+            return UNSOLVED;
     }
+    run->e->account->factorisations++;
     for (ptrdiff_t i = 0; i < last; i++)
-        c->times[i] = c->t + h * c->c[i];
-    c->times[last] = c->t + h;
+        c->times[i] = t + h * c->c[i];
+    c->times[last] = t_new;
     const struct states s = {last, n, m, of->known, c->times, c->places, c->rates, c->a_of, c->lambda_of,
                              z + of->known, z_rates + of->known};
     if (!correct(c, &s))
-        return 0;
+        return UNSOLVED;
     real work = 0, *q = c->places + last * n, *v = c->rates + last * n;
     for (ptrdiff_t i = 0; i < last; i++)
         work += h * c->b[i] * system_power(of, &s, i);
@@ -259,11 +341,67 @@ int collocation_step(struct collocation *c, const real *z, const real *z_rates) 
         v[k] = c->v[k] + h * rate;
     }
     if (m && !project_end(c, &s, &work))
-        return 0;
-    memcpy(c->q, q, (size_t)n * sizeof(real));
-    memcpy(c->v, v, (size_t)n * sizeof(real));
-    memcpy(c->a_now, c->a_of + (last - 1) * n, (size_t)n * sizeof(real));
-    memcpy(c->lambda_now, c->lambda_of + (last - 1) * m, (size_t)m * sizeof(real));
-    c->t += h, c->work += work, c->steps++;
-    return 1;
+        return UNSOLVED;
+    memcpy(run->y_new, q, (size_t)n * sizeof(real));
+    memcpy(run->y_new + n, v, (size_t)n * sizeof(real));
+    run->y_new[2 * n] = run->y[2 * n] + work;
+    return DONE;
 }
+
+/* Rates and second rates near both ends of the step. */
+static int finish(struct run *run, real h, real t_new) {
+    const struct collocation c = step_of(run, h);
+    const size_t row = (size_t)c.of->unknowns * sizeof(real);
+    (void)t_new;
+    memcpy(c.f, c.v, row);
+    memcpy(c.f + c.of->unknowns, c.a_of, row);
+    memcpy(c.f_new, run->y_new + c.of->unknowns, row);
+    memcpy(c.f_new + c.of->unknowns, c.a_of + (c.stages - 1) * c.of->unknowns, row);
+    return DONE;
+}
+
+static void prepare(struct run *run, real h) {
+    (void)run, (void)h;
+}
+
+/* The polynomial with the second rates of the stages, less a linear part: the end is on the constraints. */
+static void interpolate(struct run *run, real h, real theta, real *y) {
+    const struct collocation c = step_of(run, h);
+    const ptrdiff_t n = c.of->unknowns;
+    real of_places[MOST_STAGES], of_rates[MOST_STAGES];
+    if (theta < AT_END || theta > 1 - AT_END) {
+        memcpy(y, theta < AT_END ? run->y : run->y_new, (size_t)run->dim * sizeof(real));
+        return;
+    }
+    for (ptrdiff_t j = 0; j < c.stages; j++) {
+        real power = theta;
+        of_places[j] = of_rates[j] = 0;
+        for (ptrdiff_t k = 0; k < c.stages; k++, power *= theta) {
+            const real part = power * c.powers[k * c.stages + j] / R(k + 1);
+            of_rates[j] += part;
+            of_places[j] += theta * part / R(k + 2);
+        }
+    }
+    for (ptrdiff_t k = 0; k < n; k++) {
+        real place = 0, rate = 0, place_end = 0, rate_end = 0;
+        for (ptrdiff_t j = 0; j < c.stages; j++) {
+            const real second = c.a_of[j * n + k];
+            place += of_places[j] * second, rate += of_rates[j] * second;
+            place_end += c.ba[j] * second, rate_end += c.b[j] * second;
+        }
+        const real off = c.q[k] + h * (c.v[k] + h * place_end) - run->y_new[k];
+        const real off_rate = c.v[k] + h * rate_end - run->y_new[n + k];
+        y[k] = c.q[k] + h * (theta * c.v[k] + h * place) - theta * off;
+        y[n + k] = c.v[k] + h * rate - theta * off_rate;
+    }
+    y[2 * n] = run->y[2 * n] + theta * (run->y_new[2 * n] - run->y[2 * n]);
+}
+
+static void accept(struct run *run) {
+    (void)run;
+}
+
+const struct kind collocation_kind = {
+    "collocation", "stages", "a aa b ba c eigenvalues vectors inverse powers", 1, bytes, numbers, bind, begin, step, finish,
+    prepare, interpolate, accept, NULL,
+};

@@ -27,7 +27,7 @@
 #endif
 
 /* The binding refuses a compiled core with another version. */
-#define CORE_VERSION 19L
+#define CORE_VERSION 20L
 
 /* A run in doubles. */
 struct report {

@@ -3,13 +3,14 @@
 
 #include <string.h>
 
-extern const struct kind explicit_kind, rattle_kind, radau_kind, alpha_kind;
+extern const struct kind explicit_kind, rattle_kind, radau_kind, alpha_kind, collocation_kind;
 
 static const struct kind *const KINDS[] = {
     &explicit_kind,
     &rattle_kind,
     &radau_kind,
     &alpha_kind,
+    &collocation_kind,
 };
 
 const struct kind *find_kind(const char *name) {

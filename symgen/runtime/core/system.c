@@ -2,8 +2,6 @@
 
 #include <string.h>
 
-#include "collocation.h"
-
 void system_evaluate(const struct system *of, const struct states *s, real *forces, real *errors, real *rates) {
     for (ptrdiff_t k = 0; k < of->count; k++)
         of->parts[k]->evaluate(of->parts[k], s, forces, errors, rates);
@@ -60,12 +58,19 @@ static int accelerate_by(const struct system *of, void *factors, void *right) {
     return 1;
 }
 
-static long advance(struct collocation *c, long count, const void *z, const void *z_rates) {
-    const ptrdiff_t step = (c->stages + 2) * c->of->known;
-    long done = 0;
-    while (done < count && collocation_step(c, (const real *)z + done * step, (const real *)z_rates + done * step))
-        done++;
-    return done;
+static int project_nothing(struct equations *e, real t, real *y) {
+    (void)e, (void)t, (void)y;
+    return DONE;
+}
+
+static void measure_nothing(struct equations *e, real t, const real *y) {
+    (void)t, (void)y;
+    memset(e->energies, 0, 3 * sizeof(real));
+}
+
+void bind_motion(struct equations *e, struct system_motion *motion) {
+    static const struct behaviour of = {.project = project_nothing, .measure_energy = measure_nothing};
+    e->of = &of, e->owner = motion;
 }
 
 const struct system_api symgen_system = {
@@ -77,7 +82,5 @@ const struct system_api symgen_system = {
     .evaluate = evaluate,
     .refresh = system_refresh,
     .accelerate = accelerate_by,
-    .collocation_bytes = collocation_bytes,
-    .collocation_bind = collocation_bind,
-    .collocation_advance = advance,
+    .bind_motion = bind_motion,
 };

@@ -128,8 +128,22 @@ int system_factor(const struct system *of, real re, real im, real *values, real 
 /* Power of loads and of moving ground less that of damping, at a state [W]. */
 real system_power(const struct system *of, const struct states *s, ptrdiff_t row);
 
-/* See collocation.h. */
-struct collocation;
+/* A system as equations of a run: y = (q, v, work), the work of moving constraints and of loads without potential less
+   what damping dissipates. Steps by collocation keep the constraints; their errors, and energies, are those of samples. */
+struct system_motion {
+    struct system *of;
+    const real *scale;      /* sizes of the unknowns */
+    const real *a, *lambda; /* second rates and multipliers of the stages with which the first step begins */
+    /* Prescribed numbers and their rates in `count` steps from number `first` on: a row in the middle of each step, at
+       its stages and at its end. `prescribe` sets those around a step; it is called before others, or before `each`. */
+    long first, count, each;
+    const real *z, *z_rates;
+    void (*prescribe)(void *owner, long step, real t, const real *y);
+    void *owner;
+    const real *a_of, *lambda_of; /* second rates and multipliers of the stages of the last step, in memory of the run */
+};
+
+void bind_motion(struct equations *e, struct system_motion *motion);
 
 /* Interface of systems: see core.h. */
 struct system_api {
@@ -143,11 +157,7 @@ struct system_api {
     /* Solve in place by M and the constraints at the last slopes: forces and rows of constraints become second rates
        and multipliers. False without a pivot. */
     int (*accelerate)(const struct system *of, void *factors, void *right);
-    size_t (*collocation_bytes)(const struct system *of, ptrdiff_t stages, ptrdiff_t pairs);
-    void (*collocation_bind)(struct collocation *c, void *memory);
-    /* Take `count` steps with a row of prescribed numbers in the middle, at each stage and at the end of every one;
-       return how many succeeded. */
-    long (*collocation_advance)(struct collocation *c, long count, const void *z, const void *z_rates);
+    void (*bind_motion)(struct equations *e, struct system_motion *motion);
 };
 
 extern const struct system_api symgen_system;

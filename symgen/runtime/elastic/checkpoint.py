@@ -59,7 +59,7 @@ class Stages(Checkpoints):
         self.left = {}
         return reached, taken
 
-    def look(
+    def keep(
         self,
         t: float,
         steps: BeamSteps,

@@ -213,7 +213,7 @@ def stepped(
             at = now + (t - now) * steps_done / count
             over = unseen <= 0 and pace.spent(at, cause)
             if stages:
-                stages.look(at, steps, displacements, rates, (place, steps_done), last=over)
+                stages.keep(at, steps, displacements, rates, (place, steps_done), last=over)
             if progress:
                 progress(at / float(times[order[-1]]))
             if over:

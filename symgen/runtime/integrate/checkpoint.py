@@ -141,6 +141,15 @@ class Checkpoints:
         if self._file is not None:
             store(self._file, self._mark, t, self.spent + time.perf_counter() - self._started, arrays)
 
+    def look(self, run: _core.Run, last: bool = False) -> None:
+        """Write a checkpoint of a run of the step loop if it is time, or the last."""
+        if self.due(last):
+            self.write(run.t, self.content(run))
+
+    def content(self, run: _core.Run) -> dict[str, Any]:
+        """Return the arrays of a checkpoint of such a run."""
+        return memory_of(run)
+
 
 class RunCheckpoints(Checkpoints):
     """Checkpoints of a run of the step loop that has not begun; it is restored if it is to be resumed."""
@@ -150,11 +159,6 @@ class RunCheckpoints(Checkpoints):
         if keeping.resume is not None:
             with self.reading():
                 restore(run, self.left)
-
-    def look(self, run: _core.Run, last: bool = False) -> None:
-        """Write a checkpoint if it is time, or the last."""
-        if self.due(last):
-            self.write(run.t, memory_of(run))
 
 
 def keeping(

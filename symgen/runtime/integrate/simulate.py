@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
+from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace, Progress
@@ -139,7 +139,7 @@ def drive(
     t0: float,
     chosen: Options,
     progress: Progress | None,
-    checkpoints: RunCheckpoints | None = None,
+    checkpoints: Checkpoints | None = None,
 ) -> tuple[int, float]:
     """Step to the end in chunks of time; return the last status and the wall time [s].
 

@@ -119,9 +119,8 @@ class Recording:
             *_of_redundancy(self.evaluator, self.stepper, self.redundant),
             *_of_passages(self.evaluator, self.stepper),
             *_of_stiffness(self.stepper, self.chosen),
-            *_of_the_end(self.evaluator, self.stepper),
             *of_switches(self.evaluator.description.switches, self.stepper.switchings),
-            *_of_blind_events(self.evaluator, self.stepper),
+            *notes_on_events(self.evaluator, self.stepper),
         )
 
     def events(self) -> tuple[LocatedEvent, ...]:
@@ -331,13 +330,6 @@ def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
         )
 
 
-def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
-    """Yield the note that names the event that ended the run."""
-    if stepper.ended_by >= 0:
-        name = evaluator.description.events[stepper.ended_by].name
-        yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
-
-
 def of_switches(switches: tuple[str, ...], passed: int) -> Iterator[str]:
     """Yield the note on the switching points of loads on which steps ended, with their number."""
     if passed:
@@ -347,8 +339,11 @@ def of_switches(switches: tuple[str, ...], passed: int) -> Iterator[str]:
         yield f"steps end on {points} of the loads ({jumps})"
 
 
-def _of_blind_events(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
-    """Yield the note that an event without a value may have been missed."""
+def notes_on_events(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+    """Yield the notes on the event that ended the run, and on one without a value, which may be missed."""
+    if stepper.ended_by >= 0:
+        name = evaluator.description.events[stepper.ended_by].name
+        yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
     if stepper.blind >= 0:
         name = evaluator.description.events[stepper.blind].name
         yield (

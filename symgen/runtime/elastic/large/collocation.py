@@ -1,4 +1,4 @@
-"""Systems with constraints and their motion by collocation at Gauss points: see ``core/collocation.h``.
+"""Systems with constraints and their motion by collocation at Gauss points: see ``core/collocation.c``.
 
 Without constraints the method conserves quadratic invariants, and dissipates nothing.
 """
@@ -6,26 +6,32 @@ Without constraints the method conserves quadratic invariants, and dissipates no
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from symgen.calls import raise_failure
 from symgen.errors import SimulationError
-from symgen.runtime._constrained import Constrained, Part, Steps
+from symgen.runtime import _core
+from symgen.runtime._constrained import Constrained, Part, SystemMotion
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.methods import BeamMethod
-from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress
+from symgen.runtime.integrate.checkpoint import Checkpoints
+from symgen.runtime.integrate.integrators.method import Integrator
+from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, Progress
+from symgen.runtime.integrate.simulate import drive, effects_of, stepper_of
+from symgen.runtime.kernels.evaluate import Evaluator
 
 #: Error that corrections leave in the places over their sizes, and in the rates over the largest of a step.
 CLOSE = 1e-12
 #: Steps whose prescribed numbers are found together.
 _TOGETHER = 1024
-#: Steps between two looks at the wall time and at Ctrl-C.
-_AT_ONCE = 16
 #: Part of a step over which the rates of the constraints are differentiated in time.
 PART = 1e-3
 
@@ -44,19 +50,6 @@ class MotionState:
     a: Array
     multipliers: Array
     work: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class ResumePoint:
-    """A run at a sample: its motion at samples so far, and the end of its last step.
-
-    ``guess`` are second rates and multipliers of the stages of this step, ``corrections`` those of all steps.
-    """
-
-    moments: list[MotionState]
-    now: MotionState
-    guess: tuple[Array, Array]
-    corrections: int = 0
 
 
 def stacked(moments: Sequence[MotionState]) -> tuple[Array, ...]:
@@ -183,18 +176,21 @@ class ConstrainedSystem:
 
     @property
     def follows(self) -> bool:
-        """Whether it takes note of the motion at the end of each step."""
+        """Whether it takes note of the motion before each step."""
         return False
 
-    def follow(self, at: MotionState) -> None:
-        """Take note of the motion at the end of a step, or at the start."""
+    def follow(self, t: float, q: Array, v: Array) -> None:
+        """Take note of the motion before a step."""
+
+    def recall(self, t: float) -> None:
+        """Take what was noted till a time [s] of the run."""
 
     def memory(self) -> dict[str, Array]:
-        """Return the notes of :meth:`follow`."""
+        """Return these notes."""
         return {}
 
     def restore(self, memory: Mapping[str, Array]) -> None:
-        """Restore its memory."""
+        """Restore these notes; without any, forget the motion of other runs."""
 
     def prescribed(self, t: Array) -> tuple[Array, Array]:
         """Return the prescribed numbers and their rates, (times, numbers) each."""
@@ -247,68 +243,133 @@ def settled(system: ConstrainedSystem, at: MotionState, span: float, first: bool
     return MotionState(at.t, q, v, solution[:n], solution[n:], at.work)
 
 
-def moved(
-    system: ConstrainedSystem,
-    method: BeamMethod,
-    times: Array,
-    steps: int,
-    pace: Pace,
-    progress: Progress | None = None,
-    at_step: Callable[[MotionState, Array, Array, MotionState], bool | None] | None = None,
-    at_sample: Callable[[ResumePoint, Steps], None] | None = None,
-    resumed: ResumePoint | None = None,
-    initial: MotionState | None = None,
-    close: float = CLOSE,
-) -> tuple[list[MotionState], Steps]:
-    """Return the motion at times, by so many equal steps between two of them, and what counted them.
+@cache
+def _integrator(method: BeamMethod) -> Integrator:
+    """Return a method with an even number of stages for the step loop."""
+    values, vectors = np.linalg.eig(method.a)
+    # The second factor of each pair is the complex conjugate.
+    pairs, stages = np.flatnonzero(values.imag > 0.0), len(method.c)
+    of_pairs = values[pairs], vectors[:, pairs], np.linalg.inv(vectors)[pairs]
+    coefficients: dict[str, ArrayLike] = {
+        "stages": stages,
+        "powers": np.linalg.inv(np.vander(method.c, increasing=True)),
+        **method.arrays,
+        **{
+            n: np.ravel(x).view(float)
+            for n, x in zip(("eigenvalues", "vectors", "inverse"), of_pairs, strict=True)
+        },
+    }
+    return Integrator(method.name, "collocation", "collocation", method.order, stages, 0, coefficients)
 
-    ``at_step`` receives the motion before each step, second rates and multipliers of its stages, and the end;
-    where it returns True, the run ends, and times after this step have no motion.
-    ``at_sample`` receives the run after each sample; ``resumed`` is one to be continued, by a system with its
-    memory. ``initial`` is the motion at the start, by default that of the system. ``close`` is the error that
-    corrections leave, as :data:`CLOSE`.
 
-    Raises
-    ------
-    SimulationError
-        Where Newton's method does not converge.
-    OutOfTime
-        When the wall time is spent.
+class SystemRun:
+    """A run of a system by collocation, with so many equal steps between two of equally spaced times.
+
+    Parameters
+    ----------
+    times
+        From the start to the end [s].
+    initial
+        Motion at the start, by default that of the system.
+    close
+        Error that corrections leave, as :data:`CLOSE`.
+    rigid
+        The linkage with rigid links, whose coordinates are the first unknowns and whose events are located.
     """
-    h = float(times[-1] - times[0]) / (len(times) - 1) / steps
-    stepper, shape = Steps(system.core, method, h, system.scale, close), len(method.c)
-    if resumed is None:
-        now = initial or system.start()
-        system.follow(now)
-        moments = [settled(system, now, h, first=True)]
-        guess = np.tile(now.a, (shape, 1)), np.tile(now.multipliers, (shape, 1))
-    else:
-        moments, now, guess = resumed.moments, resumed.now, resumed.guess
-    stepper.start(now.t, now.q, now.v, now.a, now.multipliers, guess, now.work)
-    each = 1 if at_step is not None or system.follows else _AT_ONCE
-    within = h * np.concatenate([[0.5], method.c, [1.0]])
-    for start, end in pairwise(times[len(moments) - 1 :].tolist()):
-        for first in range(0, steps, _TOGETHER):
-            begun = start + h * np.arange(first, min(first + _TOGETHER, steps))[:, None]
-            places, rates = (
-                x.reshape(len(begun), len(within), -1) for x in system.prescribed((begun + within).ravel())
+
+    def __init__(
+        self,
+        system: ConstrainedSystem,
+        method: BeamMethod,
+        times: Array,
+        steps: int,
+        initial: MotionState | None = None,
+        close: float = CLOSE,
+        rigid: Evaluator | None = None,
+    ) -> None:
+        t0, end = float(times[0]), float(times[-1])
+        self.system, self.steps, self._start = system, steps, t0
+        self._count, self._h = steps * (len(times) - 1), (end - t0) / (len(times) - 1) / steps
+        self._within = np.concatenate([[0.5], method.c, [1.0]])
+        start = initial or system.start()
+        system.restore({})
+        self._first = settled(system, start, self._h, first=True)
+        events = rigid.description.events if rigid else ()
+        self.equations = SystemMotion(
+            system.core,
+            system.scale,
+            len(method.c),
+            self._prescribed,
+            system.follow if system.follows else None,
+            np.tile(self._first.a, len(method.c)),
+            np.tile(self._first.multipliers, len(method.c)),
+            rigid if events else None,
+        )
+        self._options = Options(
+            _integrator(method), end, close, 0.0, self._h, len(times), sys.maxsize, stabilisation="raw"
+        )
+        self.stepper = stepper_of(
+            self.equations,
+            self._options,
+            t0,
+            np.concatenate([start.q, start.v, [start.work]]),
+            np.ascontiguousarray(times),
+            directions=[e.direction for e in events],
+            terminal=effects_of(events),
+        )
+
+    def _prescribed(self, step: int) -> tuple[int, Array, Array]:
+        """Return the first of some steps and their prescribed numbers, the same after a run was resumed."""
+        first = step - step % _TOGETHER
+        steps = np.arange(first, min(first + _TOGETHER, self._count))[:, None]
+        z, rates = self.system.prescribed((self._start + self._h * (steps + self._within)).ravel())
+        shape = len(steps), len(self._within), z.shape[1]
+        return first, z.reshape(shape), rates.reshape(shape)
+
+    def run(self, progress: Progress | None = None, checkpoints: Checkpoints | None = None) -> SystemRun:
+        """Step to the end, or to an event that ends the run.
+
+        Raises
+        ------
+        SimulationError
+            Where Newton's method does not converge.
+        OutOfTime
+            When the wall time is spent.
+        """
+        self._check(drive(self.stepper, self._start, self._options, progress, checkpoints)[0])
+        return self
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it has come to its end, or to an event that ended it."""
+        return self.stepper.t >= self.stepper.t_end or self.stepper.ended_by >= 0
+
+    def each_step(self) -> Iterator[tuple[MotionState, Array, Array, MotionState]]:
+        """Yield the motion before each step, second rates and multipliers of its stages, and its end."""
+        status, before, n = self.stepper.begin(), self._first, self.system.unknowns
+        while status == _core.MORE and (status := self.stepper.advance(1)) == _core.MORE:
+            (a, multipliers), y = self.equations.of_stages, self.stepper.state
+            after = MotionState(self.stepper.t, y[:n], y[n:-1], a[-1], multipliers[-1], y[-1])
+            yield before, a, multipliers, after
+            before = after
+        self._check(status)
+
+    def _check(self, status: int) -> None:
+        raise_failure()
+        if status == OUT_OF_TIME:
+            raise OutOfTime(self.stepper.t, self.stepper.result, np.arange(self.stepper.recorded))
+        if status not in (_core.DONE, _core.ENDED):
+            raise SimulationError(
+                f"{self.system.name}: Newton's method does not converge in a step of {self._h:.3g} s",
+                time=self.stepper.t,
             )
-            for at in range(0, len(begun), each):
-                if pace.spent(now.t):
-                    raise OutOfTime(now.t, moments, np.arange(len(moments)))
-                some, before = slice(at, at + each), now
-                done = stepper.advance(places[some], rates[some])
-                now = MotionState(*stepper.motion)
-                if done < len(places[some]):
-                    raise SimulationError(
-                        f"{system.name}: Newton's method does not converge in a step of {h:.3g} s", time=now.t
-                    )
-                system.follow(now)
-                if at_step is not None and at_step(before, *stepper.guess, now):
-                    return moments, stepper
-        moments.append(settled(system, now, h))
-        if at_sample is not None:
-            at_sample(ResumePoint(moments, now, stepper.guess), stepper)
-        if progress is not None:
-            progress(end / float(times[-1]))
-    return moments, stepper
+
+    def moments(self) -> list[MotionState]:
+        """Return the motion at the times that the run has come to."""
+        n, found = self.system.unknowns, [self._first]
+        for t, y in zip(self.stepper.sampled[1:].tolist(), self.stepper.result[1:], strict=True):
+            self.system.recall(t)
+            found.append(
+                settled(self.system, replace(self._first, t=t, q=y[:n], v=y[n:-1], work=y[-1]), self._h)
+            )
+        return found

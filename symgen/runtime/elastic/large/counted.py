@@ -55,14 +55,15 @@ class Counted:
 
     @references.setter
     def references(self, rows: Array) -> None:
-        self.restart()
         if rows.ndim != 2 or rows.shape[1] != 1 + self._count or not len(rows):
             raise ValueError(f"expected references of {self._count} angles, got shape {rows.shape}")
         self._since, self._references = rows[:, 0].tolist(), list(rows[:, 1:])
 
-    def now(self, evaluator: Evaluator) -> Evaluator:
-        """Return kernels with the last references."""
-        return self._with(evaluator, len(self._since) - 1) if self._count else evaluator
+    def at(self, t: float, evaluator: Evaluator) -> Evaluator:
+        """Return kernels with the references at a time [s] of the run."""
+        if not self._count:
+            return evaluator
+        return self._with(evaluator, int(np.searchsorted(self._since, t, side="right")) - 1)
 
     def many(
         self, evaluator: Evaluator, kernel: str, t: Array, q: Array, v: Array, work: Array | None = None

@@ -7,6 +7,7 @@ welds and the direction of a held crank are constraints with multipliers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from functools import partial
 from itertools import product
@@ -151,9 +152,6 @@ class LargeLinkage(ConstrainedSystem):
 
     def start(self) -> MotionState:
         """Return positions and rates at t = 0, of straight links with the velocities of rigid links."""
-        for counted, _ in self._counts():
-            counted.restart()
-        self._rigid_parts.take_parameters(self._counted.now(self._joints).parameters)
         q, v = self._start
         return MotionState(0.0, q, v, np.zeros(self.unknowns), np.zeros(self.multipliers))
 
@@ -169,17 +167,21 @@ class LargeLinkage(ConstrainedSystem):
         """Whether loads count angles."""
         return bool(self._rigid.description.windings)
 
-    def follow(self, at: MotionState) -> None:
+    def follow(self, t: float, q: Array, v: Array) -> None:
         """Move the references of angles in loads."""
-        if not self.follows:
-            return
-        t, q, v = np.array([at.t]), at.q[None], at.v[None]
+        times, places, rates = np.array([t]), q[None], v[None]
         for counted, posed in self._counts():
             state = (
-                posed(partial(self._ground, t), q, v)[:2] if posed else (x[:, : self._points] for x in (q, v))
+                posed(partial(self._ground, times), places, rates)[:2]
+                if posed
+                else (x[:, : self._points] for x in (places, rates))
             )
-            if counted.follow(at.t, *state) and counted is self._counted:
-                self._rigid_parts.take_parameters(counted.now(self._joints).parameters)
+            if counted.follow(t, *state) and counted is self._counted:
+                self.recall(t)
+
+    def recall(self, t: float) -> None:
+        """Take the references of angles in loads at a time of the run."""
+        self._rigid_parts.take_parameters(self._counted.at(t, self._joints).parameters)
 
     def memory(self) -> dict[str, Array]:
         """Return the references of angles in loads, with their times."""
@@ -188,10 +190,12 @@ class LargeLinkage(ConstrainedSystem):
         return {str(k): counted.references for k, (counted, _) in enumerate(self._counts())}
 
     def restore(self, memory: Mapping[str, Array]) -> None:
-        """Restore references of angles in loads."""
-        for k, (counted, _) in enumerate(self._counts() if memory else ()):
-            counted.references = memory[str(k)]
-        self._rigid_parts.take_parameters(self._counted.now(self._joints).parameters)
+        """Restore references of angles in loads; without any, count anew from within half a revolution."""
+        for k, (counted, _) in enumerate(self._counts()):
+            counted.restart()
+            if memory:
+                counted.references = memory[str(k)]
+        self.recall(math.inf)
 
     def _straight(self, size: int) -> Array:
         """Return positions and rates of straight links with the velocities of rigid links, (2, unknowns)."""

@@ -72,7 +72,7 @@ def _started(motion: ElasticMotion, elements: int) -> tuple[LargeLinkage, Motion
     """Return the linkage at the start, of straight links."""
     linkage = LargeLinkage(motion, counted(elements))
     start = linkage.start()
-    linkage.follow(start)
+    linkage.restore({})
     span = motion.stride if math.isfinite(motion.stride) else motion.rigid.description.t_end
     return linkage, settled(linkage, start, _SPAN * span, first=True)
 

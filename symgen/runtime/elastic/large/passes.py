@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,19 +15,19 @@ import numpy as np
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
-from symgen.runtime.elastic.large.checkpoint import SampleCheckpoints
-from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, moved, stacked
-from symgen.runtime.elastic.large.events import Events
+from symgen.runtime.elastic.large.checkpoint import RefinementCheckpoints
+from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, SystemRun, stacked
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
-from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, limited, out_of_time, wall_left
+from symgen.runtime.integrate.pace import OutOfTime, Progress, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.model.arguments import Refined
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model
+from symgen.runtime.result.recording import motion, notes_on_events
+from symgen.runtime.result.records import Coordinate, Drift, LocatedEvent, Variable, of_model
 from symgen.runtime.rods.model.rods import RodModel
 
 #: Error by time steps over the peak stress of a station, where ``rtol`` is not given.
@@ -84,20 +85,29 @@ class LargeMotion:
 
 @dataclass(frozen=True, slots=True)
 class Refinement:
-    """Outputs, events and counts of a run with ``steps`` steps between two of its ``count`` samples.
+    """A run, at its end, and its outputs.
 
     ``error`` is the error of stresses by time steps over their peak; infinite as long as it is not known.
     ``balance`` is that of :func:`drift_of`.
     """
 
+    run: SystemRun
     variables: list[Variable]
-    steps: int
-    corrections: int
     error: float
     drift: Drift
     balance: float | None
-    count: int
-    events: Events
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return self.run.stepper.recorded
+
+    def events(self, of: RodModel) -> Iterator[LocatedEvent]:
+        """Yield its events, those of a linkage with rigid links."""
+        points, n = of.description.coordinates, self.run.system.unknowns
+        for t, i, rising, y in self.run.stepper.events:
+            state = np.concatenate([y[:points], y[n : n + points]])
+            yield LocatedEvent(of.description.events[i].name, t, rising, motion(of.evaluator, t, state))
 
 
 def refined_run(
@@ -123,21 +133,19 @@ def refined_run(
         if not real(request.max_step, "max_step") > 0.0:
             raise ModelError(f"expected max_step above zero, got {request.max_step!r}")
         least = max(least, end / request.max_step)
-    times, pace, passes = np.linspace(0.0, end, samples), Pace(0.0, end), list[Refinement]()
-    record: SampleCheckpoints | None = None
+    times, begun, passes = np.linspace(0.0, end, samples), time.perf_counter(), list[Refinement]()
+    record: RefinementCheckpoints | None = None
     if keeping is not None:
         evaluator, identity = of.rigid.evaluator, (of.form, rtol, least, times.tobytes().hex(), *of.identity)
         mark = mark_of_kernels(evaluator, evaluator.library, evaluator.equations(), *identity)
-        record = SampleCheckpoints(of.system, mark, keeping)
-    spent = record.spent if record else 0.0
+        record = RefinementCheckpoints(mark, keeping)
+    begun -= record.spent if record else 0.0
     try:
-        _refine(passes, of, times, least, rtol, pace, request.progress, record)
+        _refine(passes, of, times, least, rtol, request.progress, record)
     except OutOfTime as stop:
-        if record:
-            record.save()
-        problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, pace.wall + spent)
+        problem, result = out_of_time(stop.t, end), _result(of, times, passes[-1], rtol, begun)
         raise SimulationError(f"{of.rigid.name}: {problem}", time=stop.t, partial=result) from None
-    final = _result(of, times, passes[-1], rtol, pace.wall + spent)
+    final = _result(of, times, passes[-1], rtol, begun)
     final._estimate_later(partial(_by_elements, of, times[: passes[-1].count], passes[-1], wall_left()))
     return final
 
@@ -148,9 +156,8 @@ def _refine(
     times: Array,
     least: float,
     rtol: float,
-    pace: Pace,
     progress: Progress | None,
-    record: SampleCheckpoints | None = None,
+    record: RefinementCheckpoints | None = None,
 ) -> None:
     """Append runs with twice the steps each to ``passes``, from ``least`` on, until the error is ``rtol``.
 
@@ -164,50 +171,51 @@ def _refine(
     OutOfTime
         When the wall time is spent; ``passes`` has then a run, if need be the first one so far.
     """
-    steps, initial = math.ceil(least / (len(times) - 1)), of.start(of.system)
-    if record and record.before:
-        moments, before, corrections = record.before
+    initial, steps = of.start(of.system), math.ceil(least / (len(times) - 1))
+
+    def begun(steps: int) -> SystemRun:
+        run = SystemRun(of.system, GAUSS8, times, steps, initial, rigid=of.rigid.evaluator)
+        return record.begin(run) if record else run
+
+    def take(run: SystemRun) -> None:
+        moments = run.moments()
         variables, drift = of.outputs(of.system, moments), drift_of(of.system, moments)
-        none = Events(of.rigid, GAUSS8)
-        passes.append(Refinement(variables, before, corrections, math.inf, *drift, len(moments), none))
-    steps = record.steps or steps if record else steps
+        passes.append(Refinement(run, variables, math.inf, *drift))
+
+    if record and record.steps[1]:
+        before, steps = record.steps
+        if before:
+            take(record.finished(begun(before)))
     while True:
-        events = Events(of.rigid, GAUSS8)
-        at_step = events.step if of.rigid.description.events else None
-        resumed, at_sample = (record.resumed(), partial(record.look, steps)) if record else (None, None)
+        run = begun(steps)
         try:
-            moments, stepper = moved(
-                of.system, GAUSS8, times, steps, pace, progress, at_step, at_sample, resumed, initial
-            )
-        except OutOfTime as stop:
+            run.run(progress, record)
+        except OutOfTime:
             if not passes:
-                variables, drift = of.outputs(of.system, stop.states), drift_of(of.system, stop.states)
-                passes.append(Refinement(variables, 0, 0, math.inf, *drift, len(stop.states), events))
+                take(run)
             raise
         except SimulationError:
             if passes or steps * (len(times) - 1) > _MOST:
                 raise
         else:
-            variables, count = of.outputs(of.system, moments), len(moments)
-            if count < 2:
-                last = events.located[-1]
+            if run.stepper.recorded < 2:
+                name, t = of.rigid.description.events[run.stepper.ended_by].name, run.stepper.t
                 raise ModelError(
-                    f"{of.rigid.name}: the event {last.name!r} ends the run at t = {last.time:.6g} s, before "
-                    "the second sample\n  Give more samples."
+                    f"{of.rigid.name}: the event {name!r} ends the run at t = {t:.6g} s, before the second "
+                    "sample\n  Give more samples."
                 )
-            if passes:
-                both = min(count, passes[-1].count)
-                pair = (_first(of_run, both) for of_run in (passes[-1].variables, variables))
-                passes[-1] = replace(passes[-1], error=of.error(*pair))
-                if passes[-1].error <= rtol or steps * (len(times) - 1) > _MOST:
+            take(run)
+            if len(passes) > 1:
+                coarse, fine = passes[-2:]
+                both = min(coarse.count, fine.count)
+                error = of.error(*(_first(x.variables, both) for x in (coarse, fine)))
+                passes[-2] = replace(coarse, error=error)
+                if error <= rtol or steps * (len(times) - 1) > _MOST:
+                    passes.pop()
                     return
-            drift = drift_of(of.system, moments)
-            corrections = stepper.corrections + (resumed.corrections if resumed else 0)
-            passes.append(Refinement(variables, steps, corrections, math.inf, *drift, count, events))
             if record:
-                record.finished(moments, steps, corrections)
+                record.finished(run)
         steps *= 2
-        pace.restart(0.0)
 
 
 def _first(variables: Sequence[Variable], count: int) -> list[Variable]:
@@ -220,16 +228,20 @@ def _by_elements(of: LargeMotion, times: Array, coarse: Refinement, max_wall: fl
 
     Both runs have the steps of ``coarse``, or as many more as Newton's method needs with the finer elements.
     """
-    end, steps, variables, reason = float(times[-1]), coarse.steps, coarse.variables, ""
+    steps, variables, reason = coarse.run.steps, coarse.variables, ""
+
+    def outputs_of(system: ConstrainedSystem) -> list[Variable]:
+        run = SystemRun(system, GAUSS8, times, steps, of.start(system)).run()
+        return of.outputs(system, run.moments())
+
     with limited(max_wall):
         finer = of.finer()
-        while steps * (len(times) - 1) <= _MOST or steps == coarse.steps:
-            run = partial(moved, method=GAUSS8, times=times, steps=steps, pace=Pace(0.0, end))
+        while steps * (len(times) - 1) <= _MOST or steps == coarse.run.steps:
             try:
-                moments, _ = run(finer, initial=of.start(finer))
-                if steps > coarse.steps:
-                    variables = of.outputs(of.system, run(of.system, initial=of.start(of.system))[0])
-                return of.error(variables, of.outputs(finer, moments))
+                fine = outputs_of(finer)
+                if steps > coarse.run.steps:
+                    variables = outputs_of(of.system)
+                return of.error(variables, fine)
             except (OutOfTime, ModelError) as problem:
                 return unknown(problem)
             except SimulationError as problem:
@@ -260,10 +272,10 @@ def drift_of(system: ConstrainedSystem, moments: Sequence[MotionState]) -> tuple
     return drift, float(np.max(np.abs(imbalance))) / max(change, *powers) if any(powers) else None
 
 
-def _result(of: LargeMotion, times: Array, one: Refinement, rtol: float, wall: float) -> ElasticResult:
+def _result(of: LargeMotion, times: Array, one: Refinement, rtol: float, begun: float) -> ElasticResult:
     times = times[: one.count]
     d, rigid, coordinate = of.rigid.description, of.rigid, of.coordinate(times)
-    notes = [*of.notes, *one.events.notes()]
+    notes = [*of.notes, *notes_on_events(rigid.evaluator, one.run.stepper)]
     if one.error > rtol:
         notes.append(
             f"the error by time steps does not reach rtol = {rtol:g}: links vibrate, as from an abrupt "
@@ -280,15 +292,15 @@ def _result(of: LargeMotion, times: Array, one: Refinement, rtol: float, wall: f
         final={},
         statistics={
             "unknowns": of.system.unknowns - of.system.multipliers,
-            "steps": one.steps * (len(times) - 1),
-            "corrections": one.corrections,
+            "steps": one.run.steps * (len(times) - 1) if one.run.is_whole else 0,
+            "corrections": one.run.equations.evaluations,
             "error": one.error if math.isfinite(one.error) else None,
             "power_balance": one.balance,
-            "wall_s": wall,
+            "wall_s": time.perf_counter() - begun,
             "floquet": [],
             "floquet_error": None,
         },
-        events=tuple(one.events.located),
+        events=tuple(one.events(rigid)),
         notes=(*d.remarks, *notes),
         times=None if coordinate.name == "time" else times,
     )

@@ -16,13 +16,12 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.derivatives.poses import derived, frequency_slopes, frequency_units
-from symgen.runtime.elastic.large.collocation import MotionState, moved
+from symgen.runtime.elastic.large.collocation import MotionState, SystemRun
 from symgen.runtime.elastic.space.linkage import LinkageInSpace, ParameterDirection
 from symgen.runtime.elastic.space.modes import modes_in_space
 from symgen.runtime.elastic.space.outputs import outputs as outputs_of
 from symgen.runtime.elastic.space.statics import equilibrium, held
 from symgen.runtime.elastic.space.tangents import RunTangents, by_parameters, matrices
-from symgen.runtime.integrate.pace import Pace
 from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
 from symgen.runtime.linearisation.sensitivity import moved_pose
@@ -61,8 +60,10 @@ def of_run(
         )
     linkage, directions = LinkageInSpace(rigid), [*_directions(rigid, parameters, coordinates)]
     tangents = RunTangents(linkage, directions, GAUSS8, float(times[1] - times[0]) / steps)
-    pace = Pace(0.0, float(times[-1]))
-    moments, _ = moved(linkage, GAUSS8, times, steps, pace, at_step=tangents.step)
+    run = SystemRun(linkage, GAUSS8, times, steps)
+    for step in run.each_step():
+        tangents.step(*step)
+    moments = run.moments()
     by = [(*x, *tangents.settled(m, *x)) for m, x in zip(moments, tangents.directions[::steps], strict=True)]
 
     def along(j: int) -> list[Variable]:
