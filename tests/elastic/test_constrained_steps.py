@@ -8,7 +8,7 @@ import pytest
 import symgen
 from symgen.runtime._constrained import Rigid
 from symgen.runtime.beams.layout import entries_of
-from symgen.runtime.beams.methods import GAUSS8
+from symgen.runtime.beams.methods import GAUSS8, gauss
 from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, SystemRun
 
 
@@ -43,4 +43,24 @@ def test_more_steps_have_no_larger_errors(scene):
     places = np.concatenate([final[p]["position"] for p in model.description.free])
     for steps in (64, 128, 256, 512, 1024):
         found = SystemRun(Rods(model), GAUSS8, np.linspace(0.0, 1.0, 2), steps).run().moments()
-        np.testing.assert_allclose(found[-1].q, places, atol=3e-10)
+        np.testing.assert_allclose(found[-1].q, places, atol=1e-10)
+
+
+@pytest.mark.parametrize(("stages", "counts"), [(2, (64, 128)), (4, (16, 32))])
+@pytest.mark.parametrize("scene", ["four_bar", "peaucellier"])
+def test_order_of_steps_of_rigid_parts_is_twice_the_number_of_stages(scene, stages, counts):
+    """Of places, rates, and energy less the work of loads and drives."""
+    model, times = symgen.build(scene), np.linspace(0.0, 1.0, 2)
+
+    def end(stages, steps):
+        at = SystemRun(Rods(model), gauss("", stages), times, steps, close=1e-14).run().moments()[-1]
+        energies = model.evaluator.blocks("energy", at.t, at.q, at.v)
+        return at.q, at.v, energies["kinetic_energy"] + energies["potential_energy"] - at.work
+
+    exact = end(4, 128)
+    errors = np.array(
+        [[np.max(np.abs(x - y)) for x, y in zip(end(stages, n), exact, strict=True)] for n in counts]
+    )
+    orders = np.log2(errors[0] / errors[1])
+    assert orders[:2] == pytest.approx(2 * stages, abs=0.8)
+    assert orders[2] > 2 * stages - 0.3

@@ -13,7 +13,7 @@ from shared.full import full
 import symgen
 from symgen.errors import ModelError
 from symgen.runtime.beams.elements import kernels
-from symgen.runtime.beams.methods import _gauss
+from symgen.runtime.beams.methods import gauss
 from symgen.runtime.elastic.large.collocation import SystemRun, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 
@@ -320,7 +320,7 @@ def test_weld_and_clamp_of_a_frame(tmp_path):
 
 
 def ends(linkage, times, stages, steps):
-    return SystemRun(linkage, _gauss("", stages), times, steps).run().moments()
+    return SystemRun(linkage, gauss("", stages), times, steps).run().moments()
 
 
 @pytest.mark.parametrize(("stages", "counts"), [(2, (10, 20)), (4, (4, 8))])

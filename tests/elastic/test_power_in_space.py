@@ -13,7 +13,7 @@ from shared.shipped import IN_SPACE
 
 import symgen
 from symgen.errors import SceneError
-from symgen.runtime.beams.methods import _gauss
+from symgen.runtime.beams.methods import gauss
 from symgen.runtime.elastic.large.collocation import SystemRun
 from symgen.runtime.elastic.large.passes import drift_of
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
@@ -87,7 +87,7 @@ def test_order_of_steps_in_space_is_twice_the_number_of_stages(scene, stages, co
     times = np.linspace(0.0, end, 6)
 
     def run(stages, steps):
-        found = SystemRun(linkage, _gauss("", stages), times, steps, close=CLOSE).run().moments()
+        found = SystemRun(linkage, gauss("", stages), times, steps, close=CLOSE).run().moments()
         return found[-1].q, found[-1].v, drift_of(linkage, found)[1]
 
     q, v, _ = run(4, 8)

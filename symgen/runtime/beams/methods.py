@@ -79,7 +79,7 @@ def _wilson(theta: float) -> BeamMethod:
     )
 
 
-def _gauss(name: str, stages: int) -> BeamMethod:
+def gauss(name: str, stages: int) -> BeamMethod:
     """Return collocation at the nodes of Gauss's quadrature: order twice the stages, stable at any step.
 
     Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7: a and b integrate every
@@ -111,14 +111,14 @@ def _integrals(c: Array) -> Array:
 
 
 #: Of a high order, since a linkage vibrates much faster than its crank revolves.
-GAUSS = _gauss("gauss", 6)
+GAUSS = gauss("gauss", 6)
 #: Of shooting: fast vibrations, which steps do not resolve, have no part in the motion of slow ones.
 RADAU = _radau("radau", 6)
 #: Of elements in large rotation.
-GAUSS8 = _gauss("gauss8", 4)
+GAUSS8 = gauss("gauss8", 4)
 _METHODS = (
     GAUSS,
-    _gauss("gauss4", 2),
+    gauss("gauss4", 2),
     BeamMethod("newmark", 2),
     _generalized_alpha(0.9),
     _wilson(1.4),
