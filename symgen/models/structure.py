@@ -19,6 +19,7 @@ _MASSES = {
 }
 _OTHERS = {
     "guides": "guides",
+    "gears": "gears",
     "drivers": "drives",
     "elastic": "elastic links",
     "events": "events",

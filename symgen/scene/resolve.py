@@ -112,6 +112,7 @@ def _linkage(scene: Scene) -> Linkage:
         loads=tuple(loads.loads(read)),
         guides=tuple(constraints.guides(read)),
         hinges=tuple(constraints.hinges(read)),
+        gears=tuple(constraints.gears(read)),
         drivers=(*constraints.drivers(read), *((driver_of(turned),) if turned else ())),
         start=constraints.start(read),
         t_end=_end(read, turned),

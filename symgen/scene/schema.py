@@ -146,6 +146,15 @@ class GuideTable(Table):
     along: Name = Field(description="The link whose line they stay on.")
 
 
+class GearTable(Table):
+    """Gears fixed to two links in the plane, which mesh as drawn."""
+
+    links: list[Name] = Field(min_length=2, max_length=2)
+    teeth: list[int] = Field(min_length=2, max_length=2, description="Numbers of teeth, in the same order.")
+    internal: bool = Field(False, description="The teeth of the second one are inside: both turn alike.")
+    carrier: Name | None = absent("The link that carries the axes of both; the ground if absent.")
+
+
 class DriverTable(Table):
     """A link whose direction is prescribed, from its first point to its second; in space its rotation."""
 
@@ -221,6 +230,7 @@ class Scene(Table):
     masses: list[PointMass] = Field(default_factory=list)
     guides: list[GuideTable] = Field(default_factory=list)
     drivers: list[DriverTable] = Field(default_factory=list)
+    gears: list[GearTable] = Field(default_factory=list)
     crank: CrankTable | None = None
     modal_damping: ModalDampingTable | None = None
     welds: list[Weld] = Field(default_factory=list)

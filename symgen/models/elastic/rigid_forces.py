@@ -13,9 +13,10 @@ import sympy as sp
 from symgen.elements import ELEMENTS
 from symgen.errors import SceneError
 from symgen.loads.measure import PointForce
+from symgen.mechanics.rods.gear import turns
 from symgen.models.rods.linkage import REFERENCE, RodsModel
 from symgen.models.rods.matrix import named
-from symgen.models.rods.outputs import OF_LINKS
+from symgen.models.rods.outputs import OF_LINKS, mesh_torque
 from symgen.models.rods.system import definitions, groups
 from symgen.scene.elastic.links import AREA_POWER, INERTIA_POWER
 from symgen.scene.rods.linkage import Linkage, RigidLink
@@ -86,6 +87,8 @@ def _by_multipliers(model: RodsModel) -> Iterator[tuple[str, sp.Expr]]:
     for guide in model.guides:
         push = model.multipliers[guide.constraint.name].symbol * model.linkage.link(guide.link).length
         yield f"guide {guide.link} {guide.point} -", -push
+    for i, pair in enumerate(model.linkage.gears):
+        yield f"gear {pair.links[0]} gears.{i} -", mesh_torque(model, pair)
     for driver in model.linkage.drivers:
         where = _where(model, model.linkage.link(driver.link), "")
         yield f"torque {driver.link} {where} -", OF_LINKS["torque"](model, driver.link)[0][0]
@@ -173,6 +176,15 @@ def _constraints(model: RodsModel) -> Iterator[NamedMatrix]:
         model, "guides", [c / model.linkage.link(row.link).length for row in guides for c in row.by_point],
         "1", "normals of the lines of links on which points stay, to their left",
         rows=[f"{row.link} {row.point}" for row in guides], columns=model.axes,
+    )  # fmt: skip
+    pairs = [turns(pair.links, pair.teeth, pair.carrier) for pair in model.linkage.gears]
+    geared = [k for k in model.rods if any(k.name in factors for factors in pairs)]
+    yield named(
+        model, "gears",
+        [sp.Rational(f.get(k.name, 0), next(iter(f.values()))) for k in geared for f in pairs],
+        "1", "torques of gears on links at points, over that on their first link",
+        rows=[f"{k.name} {_where(model, k, '')}" for k in geared],
+        columns=[f"{pair.links[0]} gears.{i}" for i, pair in enumerate(model.linkage.gears)],
     )  # fmt: skip
     drivers = [(model.linkage.link(d.link), d.angle) for d in model.linkage.drivers]
     yield named(

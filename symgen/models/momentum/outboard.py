@@ -20,7 +20,7 @@ from symgen.scene.rods.linkage import CarriedPoint, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Definition
-from symgen.symbolic.vectors import cross
+from symgen.symbolic.vectors import cross, cross_in_plane
 
 #: How a place of a body moves with a point: so much with it, and so much with it turned left.
 Shares = dict[str, tuple[sp.Expr, sp.Expr]]
@@ -175,3 +175,12 @@ class Outboard:
                     yield (-self.link[link].length,), unknown
                 else:
                     yield cross(across, self.model.along[link]), unknown
+        for row in self.model.gears:
+            arms = (
+                cross_in_plane(self.model.along[k], across)
+                for k, across in row.by_along.items()
+                if k in inside
+            )
+            couple = sp.Add(*arms)
+            if couple != 0:
+                yield (-couple,), self.model.multipliers[row.constraint.name].symbol

@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
+from symgen.mechanics.rods.across import named_vector, vectors_across
+from symgen.mechanics.rods.gear import mesh_error, mesh_slopes, turns
 from symgen.mechanics.rods.loads import vector_between
 from symgen.mechanics.rods.particles import Vector, length_constraint
 from symgen.models.rods.loads import Loads
@@ -16,7 +18,6 @@ from symgen.models.rods.points import Points, bar_name
 from symgen.scene.rods.linkage import Linkage, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO, chained
 from symgen.symbolic.quantity import Quantity, quantity
-from symgen.symbolic.switch import Sign
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 
@@ -138,45 +139,19 @@ def _directions(model: Points, number: int) -> Iterator[tuple[str, Vector, sp.Ex
     length = sp.sqrt(sp.Add(*((b - a) ** 2 for a, b in zip(places[0], places[far + 1], strict=True))))
     if rank == 0:
         line = f"the line from {point.name} to {common[far]}"
-        vectors = transverse(model, name, line, arm(far), length**2, length)
+        vectors = vectors_across(model.calculus, name, line, arm(far), length**2, length)
     else:
         other = int(np.argmax(np.linalg.norm(np.cross(arms, arms[far]), axis=1)))
         normal = tuple(c / length for c in cross(arm(far), arm(other)))
-        vectors = [named_vector(model, f"{name}_normal", normal, f"the normal of the joints of {link.name}")]
+        vectors = [
+            named_vector(model.calculus, f"{name}_normal", normal, f"the normal of the joints of {link.name}")
+        ]
     for i, n in enumerate(vectors, 1):
         yield str(i), n, sp.sqrt(dot(n, n)), True
 
 
 #: The part of the distance of joints by which others must be off their line or plane.
 _APART = 1e-6
-
-
-def named_vector(model: Points, name: str, vector: Vector, about: str) -> Vector:
-    """Return a vector [m] by named components."""
-    return tuple(
-        model.calculus.define(f"{name}_{axis}", c, "m", f"{axis} component of {about}")
-        for axis, c in zip(model.axes, vector, strict=True)
-    )
-
-
-def transverse(
-    model: Points, name: str, line: str, d: Vector, squared: sp.Expr, length: sp.Expr
-) -> list[Vector]:
-    """Return two vectors [m] across d, of this length: d x c and (d x c) x d / l.
-
-    c is the axis x or z, whichever is more transverse to d: with a constant c, or one that follows d
-    continuously, both vanish in some direction.
-    """
-    more = (d[0] - d[2]) * (d[0] + d[2]) / squared
-    about = f"1 where {line} is along x more than along z, -1 where less"
-    side = model.calculus.define(f"{name}_side", Sign(more), "1", about)
-    # For a side of zero c is not along d either: its components x and z differ then.
-    first = named_vector(
-        model, f"{name}_across", cross(d, ((1 - side) / 2, ZERO, 1 + side)), f"a vector across {line}"
-    )
-    upright = tuple(x / length for x in cross(first, d))
-    about = f"a vector across {line} and the other one"
-    return [first, named_vector(model, f"{name}_upright", upright, about)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +207,7 @@ def _across_a_turning_rod(
     calculus, d, r = model.calculus, model.along[link.name], there
     name = f"{guide}_{point}"
     squared = dot(d, d) if link.name in model.idle else link.length**2
-    vectors = transverse(model, name, link.name, d, squared, link.length)
+    vectors = vectors_across(model.calculus, name, link.name, d, squared, link.length)
     z = calculus.define(f"{name}_place", dot(d, r) / squared, "1", f"place of {point} along {link.name}")
     rates_of_d, rates_of_r = (tuple(calculus.rate(x) for x in v) for v in (d, r))
     sliding = tuple(a - z * b for a, b in zip(rates_of_r, rates_of_d, strict=True))
@@ -301,6 +276,24 @@ def angle_rows(model: Points) -> Iterator[AngleRow]:
         yield AngleRow(row, slopes)
 
 
+def gear_rows(model: Points) -> Iterator[AngleRow]:
+    """Yield the mesh of gears, times the length of the first link over its teeth: an error at its end."""
+    for pair in model.linkage.gears:
+        factors, first = turns(pair.links, pair.teeth, pair.carrier), pair.links[0]
+        links = {k: model.linkage.link(k) for k in factors}
+        ends = {k: [model.linkage.point(p).at for p in link.base] for k, link in links.items()}
+        drawn = {k: tuple(b - a for a, b in zip(*at, strict=True)) for k, at in ends.items()}
+        size = links[first].length / pair.teeth[0]
+        by_sum = mesh_slopes(factors, model.along, {k: link.length for k, link in links.items()})
+        slopes = {k: tuple(size * c for c in v) for k, v in by_sum.items()}
+        gradient = _chained(model, *((v, model.along[k]) for k, v in slopes.items()))
+        rate = sp.Add(*(slope * model.calculus.rate(q) for q, slope in gradient.items()))
+        motion = RowDerivatives(gradient, rate, model.calculus.rate(rate))
+        label = f"the gears of {' and '.join(pair.links)}"
+        error = size * mesh_error(factors, model.along, drawn)
+        yield AngleRow(Constraint(pair.name, label, error, ONE, "m", motion=motion), slopes)
+
+
 class ConstrainedPoints(Points):
     """Points of a linkage with the loads on them, their constraint rows and the multipliers of these."""
 
@@ -314,7 +307,7 @@ class ConstrainedPoints(Points):
         rows = [*_lengths(self), *_shapes(self)]
         rows += [row.constraint for row in self.joints]
         rows += [row.constraint for row in self.guides]
-        rows += [row.constraint for row in self.turned]
+        rows += [row.constraint for row in (*self.turned, *self.gears)]
         angles = [row.constraint for row in self.welded_angles]
         # At rest hinges determine the pose of a frame as far as they can, and welds the remaining freedoms.
         return [*rows, *(angles if self.linkage.moves else self._holding(rows, angles))]
@@ -366,6 +359,11 @@ class ConstrainedPoints(Points):
     def turned(self) -> tuple[AngleRow, ...]:
         """The rows of revolute joints in space, and of drives."""
         return tuple(turning_rows(self))
+
+    @cached_property
+    def gears(self) -> tuple[AngleRow, ...]:
+        """The rows of gears."""
+        return tuple(gear_rows(self))
 
     @cached_property
     def welded_angles(self) -> tuple[AngleRow, ...]:

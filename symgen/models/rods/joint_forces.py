@@ -306,7 +306,7 @@ def _on_along(model: ConstrainedPoints, link: RigidLink) -> Iterator[Vector]:
         else:
             ((_, force),) = model.loads.couple_in_space(link.name, torque)
             yield _times(-1, force)
-    for row in (*model.turned, *model.welded_angles):
+    for row in (*model.turned, *model.gears, *model.welded_angles):
         multiplier = model.multipliers.get(row.constraint.name)
         if multiplier and link.name in row.by_along:
             yield _times(multiplier.symbol, row.by_along[link.name])

@@ -10,6 +10,7 @@ import sympy as sp
 from symgen.errors import SceneError, nearest
 from symgen.models.rods.matrix import named
 from symgen.scene.rods.linkage import TIME
+from symgen.scene.rods.rotations import GearPair
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.quantity import Entries, parted, resolved
 from symgen.symbolic.system import NamedMatrix
@@ -174,6 +175,20 @@ def _of_loads(model: RodsModel) -> dict[str, Entries]:
     return entries_of
 
 
+def mesh_torque(model: RodsModel, pair: GearPair) -> sp.Expr:
+    """Return the torque of gears on the first link [N m], counter-clockwise."""
+    return -model.multipliers[pair.name].symbol * model.linkage.link(pair.links[0]).length
+
+
+def _of_gears(model: RodsModel) -> dict[str, Entries]:
+    """Return the torques of gears; those of elastic linkages are not among the outputs."""
+    pairs = enumerate(model.linkage.gears if not model.linkage.elastic else ())
+    return {
+        f"gears.{i}.torque": ([mesh_torque(model, pair)], "N*m", f"torque of gears {i} on {pair.links[0]}")
+        for i, pair in pairs
+    }
+
+
 #: Outputs of a point, of a link, of a point of a link, and of the whole linkage, by word.
 OF_POINTS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "position": lambda model, name: (model.shown_position(name), "m", f"position of {name}"),
@@ -321,7 +336,7 @@ def _entries(model: RodsModel, name: str) -> Entries:
         owners += ["A.B.C." + word] if word in OF_CORNERS else []
         acting = [
             f
-            for f, (entry, *_) in _of_loads(model).items()
+            for f, (entry, *_) in (_of_loads(model) | _of_gears(model)).items()
             if any(str(s) == word for e in entry for s in e.free_symbols)
         ]
         words = (
@@ -344,7 +359,7 @@ def _entries(model: RodsModel, name: str) -> Entries:
     link, _, point = owner.partition(".")
     if word in OF_JOINTS and point in links.get(link, ()):
         return OF_JOINTS[word](model, link, point)
-    of_loads = _of_loads(model)
+    of_loads = _of_loads(model) | _of_gears(model)
     if name in of_loads:
         return of_loads[name]
     known = [f"{p}.{w}" for p in model.points for w in OF_POINTS]

@@ -1,15 +1,16 @@
-"""Guides, revolute joints with the ground, drivers and the start of a scene."""
+"""Guides, revolute joints with the ground, gears, drivers and the start of a scene."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import gcd
 
 from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.elastic.schema import JointTable, Weld
 from symgen.scene.reading import Reader
-from symgen.scene.rods.hinges import Hinge
 from symgen.scene.rods.linkage import Driver, Guide, StartConditions, Vector
+from symgen.scene.rods.rotations import GearPair, Hinge
 from symgen.scene.schema import Scene
 
 
@@ -41,6 +42,34 @@ def drivers(read: Reader) -> Iterator[Driver]:
         angle = read.value(driver.angle, units.NUMBER, f"{where}.angle", read.with_time)
         read.moving(angle, f"{where}.angle")
         yield Driver(driver.link, angle)
+
+
+def gears(read: Reader) -> Iterator[GearPair]:
+    """Yield the pairs of gears."""
+    for i, table in enumerate(read.scene.gears):
+        where = f"gears.{i}"
+        if read.dimension != 2:
+            raise SceneError("gears are in the plane", where=where, hint="Give points two coordinates.")
+        carrier = [table.carrier] if table.carrier is not None else []
+        for key, names in (("links", table.links), ("carrier", carrier)):
+            for name in names:
+                read.moving_link(name, f"{where}.{key}")
+                if read.is_elastic(name):
+                    raise SceneError(f"{name} is elastic and has no one angle", where=f"{where}.{key}")
+        if len({*table.links, *carrier}) < 2 + len(carrier):
+            raise SceneError("expected different links", where=f"{where}.{'carrier' if carrier else 'links'}")
+        first, second = table.teeth
+        if min(table.teeth) < 1:
+            raise SceneError(
+                f"expected numbers of teeth of at least 1, got {table.teeth}", where=f"{where}.teeth"
+            )
+        common = gcd(first, second)
+        teeth = first // common, (-second if table.internal else second) // common
+        if sum(teeth) == 0:
+            raise SceneError(
+                "gears of as many teeth, one inside the other, do not mesh", where=f"{where}.teeth"
+            )
+        yield GearPair(f"gears_{i}", (table.links[0], table.links[1]), teeth, table.carrier or "")
 
 
 def is_hinge(scene: Scene, joint: JointTable | Weld) -> bool:

@@ -17,7 +17,7 @@ from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.limit import Limit
 from symgen.scene.rods.held import Parameter, Switch, Winding, Written, defaults
-from symgen.scene.rods.hinges import Hinge
+from symgen.scene.rods.rotations import GearPair, Hinge
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
 from symgen.symbolic.quantity import AXES, quantity
@@ -277,6 +277,7 @@ class Linkage:
     welded_angles: tuple[WeldedAngle, ...] = ()
     joints: tuple[JointInSpace, ...] = ()
     events: tuple[Event, ...] = ()
+    gears: tuple[GearPair, ...] = ()
     windings: tuple[Winding, ...] = ()
     switches: tuple[Switch, ...] = ()
     plane: Plane | None = None

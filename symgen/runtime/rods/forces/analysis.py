@@ -280,6 +280,8 @@ def of_unknown(u: Unknown, axes: tuple[str, ...], values: Array) -> Variable:
     if u.kind == "torque":
         about = f"torque of the drive on {u.link}, counter-clockwise"
         return Variable(f"{u.link}.torque", "N*m", about, (), values[..., 0])
+    if u.kind == "gear":
+        return Variable(f"{u.point}.torque", "N*m", f"torque of {u.point} on {u.link}", (), values[..., 0])
     if u.kind == "force":
         about = f"force on {u.link} at {u.point} from joined components"
         return Variable(f"{u.link}.{u.point}.force", "N", about, axes, values)

@@ -28,7 +28,10 @@ RANK = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """One or two unknown forces: ``kind`` is force, guide or torque, on a link at a point."""
+    """One or two unknown forces: ``kind`` is force, guide, torque or gear, on a link at a point.
+
+    That of a gear is the name of its torque.
+    """
 
     kind: str
     link: str
@@ -52,6 +55,7 @@ class Unknown:
             "force": f"the force on {self.link} at {self.point}",
             "guide": f"the force of the guide along {self.link} on {self.point}",
             "torque": f"the torque of the drive of {self.link}",
+            "gear": f"the torque of {self.point} on {self.link}",
         }
         return of[self.kind]
 
@@ -96,6 +100,8 @@ class Assembly:
         labels = [("force", link, p) for link in self.names for p in self.points_of(link)]
         labels += [("guide", link, p) for link, p in self._labels("guides")]
         labels += [("torque", link, p) for link, p in self._labels("driven_angles")]
+        gears = self._block("gears").columns if self._has("gears") else ()
+        labels += [("gear", link, name) for link, name in (c.split(" ") for c in gears)]
         unknowns: list[Unknown] = []
         for kind, link, point in labels:
             column = unknowns[-1].column + unknowns[-1].width if unknowns else 0
@@ -153,11 +159,16 @@ class Assembly:
         attached = []
         normals = self._values("guides") if self._has("guides") else None
         guides = [u for u in self.unknowns if u.kind == "guide"]
-        for u in (u for u in self.unknowns if u.link == link):
+        for u in (u for u in self.unknowns if u.link == link and u.kind != "gear"):
             at, share = self._at(link, u.point)
             # The guide pushes the point along the normal, and the point pushes the link back.
             along = -normals[:, guides.index(u)] if normals is not None and u.kind == "guide" else None
             attached.append(Attachment(at, share, u.column, None, along, u.kind == "torque"))
+        for i, (name, point) in enumerate(self._labels("gears")):
+            for k, u in enumerate(u for u in self.unknowns if u.kind == "gear"):
+                if name == link:
+                    part = self._values("gears")[:, i, k, None]
+                    attached.append(Attachment(*self._at(link, point), u.column, None, part, True))
         for i, (name, point) in enumerate(self._labels("couples")):
             if name == link:
                 attached.append(
@@ -194,7 +205,8 @@ class Assembly:
     def scales(self) -> Array:
         """Factors that make the unknowns forces [N]: torques are over the length of the link."""
         lengths = {c.name: c.length for c in self.chains}
-        scales = [np.full(u.width, lengths[u.link] if u.kind == "torque" else 1.0) for u in self.unknowns]
+        couples = ("torque", "gear")
+        scales = [np.full(u.width, lengths[u.link] if u.kind in couples else 1.0) for u in self.unknowns]
         return np.concatenate(scales)
 
     @cached_property

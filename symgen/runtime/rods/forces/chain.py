@@ -57,9 +57,9 @@ class Attachment:
     """A force or couple on a link, at places of it.
 
     ``column`` is the number of its first unknown (-1 where it is known), ``values`` (poses, 2) or (poses, 1)
-    the known force or couple; ``direction`` (poses, 2) for a force along a line with one unknown,
-    ``is_couple`` for a couple; ``at`` where it acts [m], ``share`` which part of the length that is, both for
-    each pose.
+    the known force or couple; ``direction`` (poses, 2) for a force along a line with one unknown, or
+    (poses, 1) for a couple that is a part of one; ``is_couple`` for a couple; ``at`` where it acts [m],
+    ``share`` which part of the length that is, both for each pose.
     """
 
     at: Array
