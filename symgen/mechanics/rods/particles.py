@@ -128,4 +128,5 @@ def kinetic_energy(ends: EndMass, start: Vector, end: Vector) -> sp.Expr:
 
 def length_constraint(along: Vector, length: sp.Expr) -> sp.Expr:
     """Return (d.d - l^2)/2, Eq. (3a) halved, of a rod with d from start to end [m] and length l [m]."""
-    return (sp.Add(*(c**2 for c in along)) - length**2) / 2
+    half = sp.S.Half
+    return sp.Add(*(sp.Mul(half, c**2) for c in along), sp.Mul(-half, length**2))

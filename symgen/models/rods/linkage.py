@@ -115,7 +115,7 @@ class RodsModel(ConstrainedPoints):
         terms = []
         for (a, b, kind), mass in self.inertias.items():
             product = (dot if kind == "dot" else cross_in_plane)(self.velocity(a), self.velocity(b))
-            terms.append(mass * product / (2 if a == b else 1))
+            terms.append(sp.Mul(sp.S.Half if a == b else ONE, mass, product))
         return sp.Add(*terms)
 
     @cached_property
@@ -198,9 +198,13 @@ class RodsModel(ConstrainedPoints):
             for q, a in zip(self.q[p], self.a[p], strict=True)
             if self.held[a.symbol] != 0
         ]
+        of_ground = (
+            [sp.Mul(-ONE, row[q.symbol], a.symbol) for q, a in ground if q.symbol in row]
+            for row in self.jacobian
+        )
         return [
-            -acceleration - sp.Add(*(row.get(q.symbol, ZERO) * a.symbol for q, a in ground))
-            for acceleration, row in zip(second, self.jacobian, strict=True)
+            -acceleration if not of else sp.Add(-acceleration, *of)
+            for acceleration, of in zip(second, of_ground, strict=True)
         ]
 
     @cached_property
@@ -243,7 +247,7 @@ class RodsModel(ConstrainedPoints):
         """Return M a + J^T lambda - f at a point's rows [N]: the reaction of its pin."""
         result = []
         for coordinate in self.symbols(self.q[point]):
-            balanced = sp.Add(self._inertia(coordinate), *self.constraint_forces.get(coordinate, ()))
+            balanced = sp.Add(self._inertia(coordinate), *self.constraint_forces(coordinate))
             result.append(balanced - self.force.get(coordinate, ZERO))
         return tuple(result)
 
@@ -270,14 +274,18 @@ class RodsModel(ConstrainedPoints):
         rate, slopes = self.calculus.rate, self.calculus.gradient(expression)
         return sp.Add(rate(rate(expression)), *(v * self.acceleration_of[q] for q, v in slopes.items()))
 
+    def constraint_forces(self, coordinate: sp.Symbol) -> list[sp.Expr]:
+        """Return the terms of J^T lambda on a coordinate [N]."""
+        return [slope * multiplier.symbol for slope, multiplier in self._columns.get(coordinate, ())]
+
     @cached_property
-    def constraint_forces(self) -> dict[sp.Symbol, list[sp.Expr]]:
-        """Terms of J^T lambda by coordinate, ground included [N]."""
-        terms: dict[sp.Symbol, list[sp.Expr]] = {}
+    def _columns(self) -> dict[sp.Symbol, list[tuple[sp.Expr, Quantity]]]:
+        """Columns of the constraint Jacobian, ground included: entries with the multipliers of their rows."""
+        columns: dict[sp.Symbol, list[tuple[sp.Expr, Quantity]]] = {}
         for c, row in zip(self.constraints, self.jacobian, strict=True):
             for q, slope in row.items():
-                terms.setdefault(q, []).append(slope * self.multipliers[c.name].symbol)
-        return terms
+                columns.setdefault(q, []).append((slope, self.multipliers[c.name]))
+        return columns
 
     def reaction(self, point: str) -> Vector:
         """Return the force of the ground at a ground point [N].

@@ -113,7 +113,7 @@ class Loads:
         weights: dict[str, list[sp.Expr]] = {}
         gravity = self.linkage.gravity
         for k in self.model.massive:
-            share = k.mass * k.centre / k.length
+            share = k.mass * (k.centre / k.length)
             weights.setdefault(k.start, []).append(k.mass - share)
             weights.setdefault(k.end, []).append(share)
             if k.offset != 0:

@@ -36,7 +36,7 @@ def refinement(
 def residual(model: RodsModel) -> list[sp.Expr]:
     """Return f - M a - J^T lambda, then gamma - J a, over the accelerations and multipliers in ``work``."""
     q = [x.symbol for x in model.coordinates]
-    above = [f - sp.Add(*model.constraint_forces.get(s, ())) for s, f in zip(q, model.balance, strict=True)]
+    above = [f - sp.Add(*model.constraint_forces(s)) for s, f in zip(q, model.balance, strict=True)]
     rows = zip(model.acceleration_rhs, model.jacobian, strict=True)
     acceleration_of = model.acceleration_of
     return above + [

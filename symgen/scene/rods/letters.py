@@ -165,7 +165,7 @@ def _link(letters: Letters, link: RigidLink) -> RigidLink:
 
 
 def _uniform(mass: sp.Expr, length: sp.Expr) -> dict[str, sp.Expr]:
-    return {"centre": length / 2, "inertia": mass * length**2 / 12}
+    return {"centre": length / 2, "inertia": sp.Mul(sp.Rational(1, 12), mass, length**2)}
 
 
 def _zero(value: sp.Expr) -> bool:
