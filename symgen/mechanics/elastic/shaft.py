@@ -8,6 +8,8 @@ I phi'' - T_rate phi' - T_angle phi = T - I theta''. Not in the thesis, whose sh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sympy as sp
 
 from symgen.mechanics.elastic.hamilton import OMEGA, OMEGA_RATE
@@ -82,16 +84,17 @@ def powers(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol)
     """
     energy = _energy(inertia)
     power = _driving(torque, angle, rate) * (OMEGA.symbol + _PHI_T)
+    parts = ("kinetic", energy, KINETIC), ("rate", _rate(energy), RATE), ("power", power, POWER)
+    return {name: [_coefficient(of, m) for m in monomials] for name, of, monomials in parts}
+
+
+def _coefficient(polynomial: sp.Expr, monomial: Sequence[str]) -> sp.Expr:
+    """Return a coefficient of phi and its rates, with the sums of the torque as they are."""
     by_order = {"": _PHI, "t": _PHI_T, "tt": _PHI_TT}
-    coefficients = {}
-    for name, expression, monomials in (
-        ("kinetic", energy, KINETIC),
-        ("rate", _rate(energy), RATE),
-        ("power", power, POWER),
-    ):
-        terms = sp.Poly(expression, *by_order.values())
-        coefficients[name] = [terms.coeff_monomial(sp.Mul(*(by_order[k] for k in m))) for m in monomials]
-    return coefficients
+    for order in monomial:
+        polynomial = sp.diff(polynomial, by_order[order])
+    repeated = sp.Mul(*(sp.factorial(monomial.count(order)) for order in by_order))
+    return polynomial.xreplace(dict.fromkeys(by_order.values(), sp.S.Zero)) / repeated
 
 
 def _energy(inertia: sp.Expr) -> sp.Expr:
