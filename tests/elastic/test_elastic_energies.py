@@ -152,6 +152,16 @@ def test_energy_and_power_of_a_shaft_with_a_motor():
     assert found == pytest.approx([inertia * turned**2 / 2, inertia * turned * faster, torque_then * turned])
 
 
+def test_power_of_a_motor_keeps_the_sum_of_its_torque():
+    """T omega, T + omega dT/d omega and dT/d omega of a torque that falls with the speed, without a common denominator."""
+    stall, still, angle, speed = sp.symbols("stall still angle speed", real=True)
+    torque, omega = stall * (1 - speed / still), hamilton.OMEGA.symbol
+    power = dict(zip(POWER, powers(sp.S.Zero, torque, angle, speed)["power"], strict=True))
+    assert power[()] == torque * omega
+    assert power["t",] == torque - stall / still * omega
+    assert power["t", "t"] == -stall / still
+
+
 def test_rigid_motion_needs_the_torque_of_the_rigid_linkage():
     """At the start, without deflection: the rates of all kinetic energies, and the energy of the rigid linkage."""
     model = symgen.build("thesis_four_bar")

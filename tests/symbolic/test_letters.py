@@ -11,11 +11,11 @@ import sympy as sp
 
 import symgen
 from symgen.lowering.program import lower_system
-from symgen.methods import method_of
+from symgen.methods import further_of, method_of
 from symgen.pipeline.systems import system_of
 from symgen.scene.loading import check_scene, read_scene
 from symgen.scene.resolve import resolve
-from symgen.scene.rods.letters import in_letters
+from symgen.scene.rods.letters import derived_in_letters, in_letters
 from symgen.symbolic.exact import Exact
 from symgen.symbolic.notation import latex_name
 
@@ -131,6 +131,14 @@ def test_what_only_the_start_needs_stays_in_numbers():
         "x_C",
         "g",
     }
+
+
+def test_all_systems_of_a_scene_are_derived_from_the_same_letters(monkeypatch):
+    scene, calls = resolved("thesis_four_bar"), []
+    monkeypatch.setattr("symgen.scene.rods.letters.in_letters", lambda of: calls.append(of) or in_letters(of))
+    system_of(scene)
+    derived_in_letters(scene, further_of)
+    assert calls == [scene]
 
 
 SWINGING = {

@@ -10,7 +10,8 @@ import symgen
 from symgen.errors import DerivationError, ModelError
 from symgen.models import BLOCKS
 from symgen.symbolic.calculus import Calculus
-from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.constants import Replacement
+from symgen.symbolic.quantity import Quantity, quantity, symbols_of
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
 
 
@@ -129,3 +130,16 @@ def test_definition_is_frozen():
     d = Definition(quantity("x", "m", "position"), sp.Integer(1))
     with pytest.raises(AttributeError):
         d.expression = sp.Integer(2)
+
+
+def test_symbols_and_replacements_of_shared_parts_are_those_of_sympy():
+    x, y, z = sp.symbols("x y z", real=True)
+    shared = sp.sin(x + y) * z
+    expressions = [shared**2 + x, sp.Integral(shared, (x, 0, y)), sp.ImmutableMatrix([[0, shared]]), sp.S.One]
+    assert symbols_of(expressions) == {x, y, z}
+    assert symbols_of([sp.Integral(x * y, (x, 0, 1))]) == {y}
+    values = {x: y - 1, y: sp.Integer(1), z: x}
+    replaced = Replacement(values)
+    assert [replaced(e) for e in (shared, shared**2 + x, z)] == [
+        e.xreplace(values) for e in (shared, shared**2 + x, z)
+    ]
