@@ -276,6 +276,12 @@ class Replacement:
         return made
 
     def _made(self, expression: sp.Expr, parts: Sequence[sp.Expr]) -> sp.Expr:
+        if (
+            expression.is_Mul
+            and sp.S.Zero in parts
+            and not any(p.is_number and not p.is_finite for p in parts)
+        ):
+            return sp.S.Zero  # SymPy asks first whether the other factors are finite
         made: sp.Expr = expression.func(*parts)
         return made
 

@@ -250,13 +250,7 @@ class Letters:
         derived = (*(m.matrix for m in system.matrices), *(d.expression for d in system.definitions))
         needed = symbols_of(derived) if self.definitions else ()
         own = (d for d in self.definitions if d.quantity.symbol in needed)
-        return replace(
-            system,
-            groups=groups,
-            definitions=(*own, *system.definitions),
-            constants=tuple(self.constants),
-            absent=tuple(self.zero),
-        )
+        return system.with_constants(groups, (*own, *system.definitions), self.constants, self.zero)
 
     def forget(self, letter: sp.Expr) -> None:
         """Omit a letter whose value follows from others; the scene's own stay."""

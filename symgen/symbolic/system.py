@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from html import escape
@@ -189,6 +190,20 @@ class System:
                 raise DerivationError(
                     f"{self.name}: matrix {matrix.name} holds undeclared symbols: {', '.join(there)}"
                 )
+
+    def with_constants(
+        self,
+        groups: tuple[Group, ...],
+        definitions: tuple[Definition, ...],
+        constants: Iterable[Definition],
+        absent: Iterable[str],
+    ) -> System:
+        """Return the system with some arguments as constants; nothing new is declared, or to be checked."""
+        system = copy(self)
+        fields = {"constants": tuple(constants), "absent": tuple(absent)}
+        for name, value in ({"groups": groups, "definitions": definitions} | fields).items():
+            object.__setattr__(system, name, value)
+        return system
 
     def _source(self, m: NamedMatrix) -> str:
         """Return the equations of a matrix, without those of rows such as ``guide_*`` that it lacks."""

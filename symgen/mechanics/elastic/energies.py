@@ -35,6 +35,7 @@ from symgen.mechanics.elastic.hamilton import (
     derive,
 )
 from symgen.mechanics.elastic.weights import CONSTANTS, multiple
+from symgen.symbolic.calculus import partial
 from symgen.symbolic.quantity import quantity
 
 LIFT = quantity("g_0", "m^2/s^2", "gravity times the position of the first point")
@@ -82,7 +83,8 @@ class EnergyWeight:
 
 def rate(value: sp.Expr) -> sp.Expr:
     """Return the rate of an expression of the motion of a link."""
-    return sp.Add(*(sp.diff(value, s) * r for s, r in _RATES.items()))
+    slopes = ((partial(value, s), r) for s, r in _RATES.items())
+    return sp.Add(*(slope * r for slope, r in slopes if slope != 0))
 
 
 @lru_cache(maxsize=1)
@@ -119,21 +121,29 @@ def rigid_energies(
     lumps
         Distances from the first point [m], masses [kg] and moments of inertia [kg m^2] along it.
     """
-    x = X.symbol
     energies = {}
-    for energy, terms in _sorted().items():
-        total = sp.Add(*(motion * density for (fields, _, motion), density in terms.items() if not fields))
-        if total == 0:
-            continue
+    for energy, factors in _rigid_factors().items():
         parts = []
-        for k, (of, coefficients) in enumerate(((MU, mass), (ROTARY, rotary))):
-            by_power = sp.Poly(sp.expand(total).coeff(of.symbol), x).all_coeffs()[::-1]
-            for power, factor in enumerate(by_power):
-                whole = [c * length ** (power + j + 1) / (power + j + 1) for j, c in enumerate(coefficients)]
-                whole += [distribution[k] * at**power for at, *distribution in lumps]
-                parts.append(factor * sp.Add(*whole))
+        for k, power, factor in factors:
+            coefficients = (mass, rotary)[k]
+            whole = [c * length ** (power + j + 1) / (power + j + 1) for j, c in enumerate(coefficients)]
+            whole += [distribution[k] * at**power for at, *distribution in lumps]
+            parts.append(factor * sp.Add(*whole))
         energies[f"{energy}_rigid"] = sp.Add(*parts)
     return energies
+
+
+@lru_cache(maxsize=1)
+def _rigid_factors() -> dict[str, list[tuple[int, int, sp.Expr]]]:
+    """Return, by energy, the factors of powers of the distance: of mass (0) and of rotary inertia (1)."""
+    factors = {}
+    for energy, terms in _sorted().items():
+        total = sp.Add(*(motion * density for (fields, _, motion), density in terms.items() if not fields))
+        if total != 0:
+            polynomials = (sp.Poly(sp.expand(total).coeff(of.symbol), X.symbol) for of in (MU, ROTARY))
+            by_power = [(k, p.terms()) for k, p in enumerate(polynomials)]
+            factors[energy] = [(k, n, f) for k, terms in by_power for (n,), f in reversed(terms) if f != 0]
+    return factors
 
 
 @lru_cache(maxsize=1)

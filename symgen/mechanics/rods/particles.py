@@ -95,7 +95,11 @@ def end_mass(
     """
     squared, share = length**2, centre / length
     if isinstance(share, sp.Rational) and offset == 0:
-        inertia, rest = inertia / squared, 1 - share
+        rest = 1 - share
+        if mass != 0 and isinstance(turning := inertia / (mass * squared), sp.Rational):  # of one shape
+            factors = turning + rest**2, share * rest - turning, turning + share**2
+            return EndMass(*(mass * factor for factor in factors))
+        inertia = inertia / squared
         return EndMass(inertia + mass * rest**2, mass * (share * rest) - inertia, inertia + mass * share**2)
     rest, across = length - centre, mass * offset**2
     about_start, about_end = (inertia + mass * part**2 + across for part in (centre, rest))

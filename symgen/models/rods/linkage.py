@@ -221,9 +221,10 @@ class RodsModel(ConstrainedPoints):
     def _of_ground(self, rates: Mapping[str, tuple[Quantity, ...]]) -> list[sp.Expr]:
         """Return the rows of the mass matrix of the free coordinates times ``rates`` of the ground."""
         driven = {
-            q.symbol: self.held[x.symbol]
+            q.symbol: value
             for p in self.ground
             for q, x in zip(self.q[p], rates[p], strict=True)
+            if (value := self.held[x.symbol]) != 0
         }
         return [
             sp.Add(*(m * driven[q] for q, m in self.mass_rows.get(x.symbol, {}).items() if q in driven))

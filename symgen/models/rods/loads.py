@@ -113,8 +113,10 @@ class Loads:
         weights: dict[str, list[sp.Expr]] = {}
         gravity = self.linkage.gravity
         for k in self.model.massive:
-            share = k.mass * (k.centre / k.length)
-            weights.setdefault(k.start, []).append(k.mass - share)
+            ratio = k.centre / k.length
+            share = k.mass * ratio
+            rest = k.mass * (1 - ratio) if ratio.is_Rational else k.mass - share
+            weights.setdefault(k.start, []).append(rest)
             weights.setdefault(k.end, []).append(share)
             if k.offset != 0:
                 d = self.model.along[k.name]

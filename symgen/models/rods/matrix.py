@@ -61,4 +61,4 @@ def sparse(
 
 def _filled(entries: dict[int, dict[int, sp.Expr]], rows: int, columns: int) -> sp.ImmutableMatrix:
     """Return a matrix of its nonzero entries by row: SymPy's constructor looks for a domain of all."""
-    return DomainMatrix(entries, (rows, columns), sp.EXRAW).to_Matrix().as_immutable()
+    return sp.ImmutableMatrix._fromrep(DomainMatrix(entries, (rows, columns), sp.EXRAW))
