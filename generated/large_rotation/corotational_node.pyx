@@ -22,6 +22,7 @@ cdef extern from "corotational_node_kernel.h" nogil:
     void corotational_node_body(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void corotational_node_shares(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void corotational_node_force(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
+    void corotational_node_follower(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void corotational_node_far_end(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void corotational_node_chord(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void corotational_node_weld(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
@@ -34,6 +35,7 @@ ADDRESSES = {
     "body": <uintptr_t>&corotational_node_body,
     "shares": <uintptr_t>&corotational_node_shares,
     "force": <uintptr_t>&corotational_node_force,
+    "follower": <uintptr_t>&corotational_node_follower,
     "far_end": <uintptr_t>&corotational_node_far_end,
     "chord": <uintptr_t>&corotational_node_chord,
     "weld": <uintptr_t>&corotational_node_weld,
@@ -153,6 +155,40 @@ def force(t=None, q=None, u=None, p=None, work=None, out=None):
         _read("p", p, 0),
         _write("work", work, 8),
         _write("out", out, 3),
+    )
+    return out
+
+
+def follower(t=None, q=None, u=None, p=None, work=None, out=None):
+    """forces on two nodes by a force that follows sections.
+
+    183 operations (62 add, 117 mul, 5 neg, 4 call).
+
+    Parameters
+    ----------
+    q
+        6 entries.
+    p
+        6 entries.
+    work
+        8 entries.
+    out
+        6 entries, made when absent.
+        0 to 5: follower (6 x 1) [N, N, N*m], forces on two nodes by a force that follows sections.
+
+    Returns
+    -------
+    out
+    """
+    if out is None:
+        out = numpy.empty(6)
+    corotational_node_follower(
+        _read("t", t, 0),
+        _read("q", q, 6),
+        _read("u", u, 0),
+        _read("p", p, 6),
+        _write("work", work, 8),
+        _write("out", out, 6),
     )
     return out
 

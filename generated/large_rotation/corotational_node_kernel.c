@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_node_equations[65] = "9844667031b0a91b514ec86623a8f16b895f90767d37970dfbbd104639b6d1a8";
+const char corotational_node_equations[65] = "a69bc6ed25fd3644fb2cec0db2e79cb9fc3895eeef9c29a8f0ee8844b595678b";
 
 /* a body at the first node: 20 operations (5 add, 15 mul, 1 neg) */
 void corotational_node_body(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
@@ -57,6 +57,55 @@ void corotational_node_force(const double *SYMGEN_RESTRICT t, const double *SYMG
     out[2] = work[3]*c6*c7 - work[3]*c5*c8;
 }
 
+/* forces on two nodes by a force that follows sections: 183 operations (62 add, 117 mul, 5 neg, 4 call) */
+void corotational_node_follower(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
+{
+    (void)t;
+    (void)u;
+    const double c10 = -0.5*p[4];
+    const double c11 = -0.5*p[5]*p[3];
+    const double c12 = c10 + c11 - 0.18571428571428572*p[0]*p[5];
+    const double c9 = work[6]*q[0] - work[7]*q[1];
+    const double c13 = work[6]*q[3] - work[7]*q[4];
+    const double c14 = 0.5*p[4];
+    const double c15 = 0.5*p[5]*p[3];
+    const double c16 = c14 + c15 + 0.18571428571428572*p[0]*p[5];
+    const double c7 = cos(q[2]);
+    const double c8 = sin(q[2]);
+    const double c17 = c7*work[6] - c8*work[7];
+    const double c18 = 0.1*p[0]*p[4];
+    const double c19 = 0.1*p[0]*p[5]*p[3];
+    const double c2 = p[0]*p[0];
+    const double c20 = c18 + c19 - 0.009523809523809525*c2*p[5];
+    const double c21 = cos(q[5]);
+    const double c22 = sin(q[5]);
+    const double c23 = c21*work[6] - c22*work[7];
+    const double c24 = -0.1*p[0]*p[4];
+    const double c25 = -0.1*p[0]*p[5]*p[3];
+    const double c26 = c24 + c25 - 0.02619047619047619*c2*p[5];
+    out[0] = c12*c9 + c13*c16 + c17*c20 + c23*c26;
+    const double c27 = work[6]*q[1] + work[7]*q[0];
+    const double c28 = work[6]*q[4] + work[7]*q[3];
+    const double c29 = c7*work[7] + c8*work[6];
+    const double c30 = c21*work[7] + c22*work[6];
+    out[1] = c12*c27 + c16*c28 + c20*c29 + c26*c30;
+    const double c31 = c24 + c25 - 0.04285714285714286*c2*p[5];
+    const double c32 = c18 + c19 + 0.04285714285714286*c2*p[5];
+    const double c4 = p[0]*p[0]*p[0];
+    const double c33 = -(0.016666666666666666*c2*p[4] + 0.004761904761904762*c4*p[5] + 0.016666666666666666*c2*p[5]*p[3]);
+    const double c35 = c14 + c15 + 0.3142857142857143*p[0]*p[5];
+    const double c36 = c24 + c25 - 0.07380952380952381*c2*p[5];
+    const double c37 = c18 + c19 + 0.10952380952380952*c2*p[5];
+    const double c34 = c10 + c11 - 0.3142857142857143*p[0]*p[5];
+    out[3] = c13*c35 + c17*c36 + c23*c37 + c34*c9;
+    out[4] = c27*c34 + c28*c35 + c29*c36 + c30*c37;
+    const double c38 = c18 + c19 + 0.05714285714285714*c2*p[5];
+    const double c39 = c24 + c25 - 0.05714285714285714*c2*p[5];
+    const double c40 = 0.016666666666666666*c2*p[4] + 0.011904761904761904*c4*p[5] + 0.016666666666666666*c2*p[5]*p[3];
+    out[2] = c7*(c27*c31 + c28*c32 + c30*c33 - 0.004761904761904762*c29*c4*p[5]) - c8*(c13*c32 + c23*c33 + c31*c9 - 0.004761904761904762*c17*c4*p[5]);
+    out[5] = c21*(c27*c38 + c28*c39 + c29*c40 - 0.004761904761904762*c30*c4*p[5]) - c22*(c13*c39 + c17*c40 + c38*c9 - 0.004761904761904762*c23*c4*p[5]);
+}
+
 /* place of the far end, and its rates: 25 operations (8 add, 15 mul, 2 call) */
 void corotational_node_far_end(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
 {
@@ -79,48 +128,48 @@ void corotational_node_chord(const double *SYMGEN_RESTRICT t, const double *SYMG
     (void)t;
     (void)p;
     (void)work;
-    const double c9 = q[4] - q[1];
-    const double c10 = q[3] - q[0];
-    out[0] = atan2(c9, c10);
-    const double c11 = 1.0/(c10*c10 + c9*c9);
-    const double c12 = q[1] - q[4];
-    out[1] = c10*c11*u[4] + c11*c12*u[3] - c10*c11*u[1] - c11*c12*u[0];
+    const double c41 = q[4] - q[1];
+    const double c42 = q[3] - q[0];
+    out[0] = atan2(c41, c42);
+    const double c43 = 1.0/(c41*c41 + c42*c42);
+    const double c44 = q[1] - q[4];
+    out[1] = c42*c43*u[4] + c43*c44*u[3] - c42*c43*u[1] - c43*c44*u[0];
 }
 
 /* a section that is welded to a rigid link: 47 operations (13 add, 31 mul, 1 div, 1 neg, 2 call) */
 void corotational_node_weld(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
 {
     (void)t;
-    const double c13 = 1.0/p[0];
+    const double c45 = 1.0/p[0];
+    const double c41 = q[4] - q[1];
     const double c7 = cos(q[2]);
     const double c8 = sin(q[2]);
-    const double c14 = work[4]*c7 - c8*work[5];
-    const double c9 = q[4] - q[1];
-    const double c10 = q[3] - q[0];
-    const double c15 = work[4]*c8 + c7*work[5];
-    out[0] = c13*(c14*c9 - c10*c15);
-    const double c16 = -(work[4]*c8 + c7*work[5]);
-    const double c17 = c16*c9 - c10*c14;
-    out[4] = c13*c17;
-    const double c18 = c8*work[5] - work[4]*c7;
-    out[22] = c13*(c18*c9 - c10*c16);
-    const double c19 = c13*c15;
-    out[2] = c19;
-    out[16] = c19;
-    out[21] = c19;
-    const double c20 = c13*c18;
-    out[3] = c20;
-    out[23] = c20;
-    out[28] = c20;
-    const double c21 = c13*c16;
-    out[5] = c21;
-    out[24] = c21;
-    out[34] = c21;
-    const double c22 = c13*c14;
-    out[6] = c22;
-    out[10] = c22;
-    out[20] = c22;
-    out[1] = c13*c14*u[4] + c13*c15*u[0] + c13*c16*u[3] + c13*c17*u[2] + c13*c18*u[1];
+    const double c46 = work[4]*c7 - c8*work[5];
+    const double c42 = q[3] - q[0];
+    const double c47 = work[4]*c8 + c7*work[5];
+    out[0] = c45*(c41*c46 - c42*c47);
+    const double c48 = -(work[4]*c8 + c7*work[5]);
+    const double c49 = c41*c48 - c42*c46;
+    out[4] = c45*c49;
+    const double c50 = c8*work[5] - work[4]*c7;
+    out[22] = c45*(c41*c50 - c42*c48);
+    const double c51 = c45*c47;
+    out[2] = c51;
+    out[16] = c51;
+    out[21] = c51;
+    const double c52 = c45*c50;
+    out[3] = c52;
+    out[23] = c52;
+    out[28] = c52;
+    const double c53 = c45*c48;
+    out[5] = c53;
+    out[24] = c53;
+    out[34] = c53;
+    const double c54 = c45*c46;
+    out[6] = c54;
+    out[10] = c54;
+    out[20] = c54;
+    out[1] = c45*c46*u[4] + c45*c47*u[0] + c45*c48*u[3] + c45*c49*u[2] + c45*c50*u[1];
     out[7] = 0.0;
     out[8] = 0.0;
     out[9] = 0.0;

@@ -79,6 +79,12 @@ void corotational_node_shares(const double *SYMGEN_RESTRICT t, const double *SYM
  */
 void corotational_node_force(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
+/* forces on two nodes by a force that follows sections
+ *   183 operations (62 add, 117 mul, 5 neg, 4 call); work: 8
+ *   out[0..5]  follower (6 x 1), row by row  [N, N, N*m]  forces on two nodes by a force that follows sections
+ */
+void corotational_node_follower(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
+
 /* place of the far end, and its rates
  *   25 operations (8 add, 15 mul, 2 call)
  *   out[0..5]  far_end (6 x 1), row by row  [m, m/s, m/s^2]  place of the far end, and its rates

@@ -86,7 +86,7 @@ def inverse_dynamics(ctx: typer.Context) -> None:
 
 @analysis(
     'symgen equilibrium four_bar --set links.crank.mass="2 kg"',
-    "at stable segments set_ as_json backend",
+    "at stable elements set_ as_json backend",
     at=o.maybe(str, "--at", "TIME", 'Time at which loads and drives are held, "0.3 s"; default: 0.'),
 )
 def equilibrium(ctx: typer.Context) -> None:
@@ -243,9 +243,8 @@ def quasi_static(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen large-rotation elastic_four_bar --segments 8",
-    "segments elements t_end revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
+    "elements segments t_end revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
     f"{_SHOWN} backend",
-    elements=o.maybe(int, "--elements", "N", "Number of elements per elastic link, not rods."),
 )
 def large_rotation(ctx: typer.Context) -> None:
     """Simulate elastic links in large rotation, as chains of rods or as beam elements.

@@ -44,7 +44,7 @@ class Rigid(Part):
         rows: Sequence[int],
         in_jacobian: Sequence[int],
         sizes: ArrayLike,
-        entries: Sequence[Sequence[tuple[int, ...]]],
+        entries: Sequence[Indices | Sequence[tuple[int, ...]]],
     ) -> None: ...
     def take_parameters(self, joints: ArrayLike) -> None: ...
 

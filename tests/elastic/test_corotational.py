@@ -400,7 +400,7 @@ def test_mass_with_inertia_between_the_ends(tmp_path):
 
 
 def test_kernels_at_nodes_by_quadrature_and_differences():
-    """Shares of a force, its power, the motion of the far end, the direction of a line, and a heavy body."""
+    """Shares of a force, its power, also of one that follows, the motion of the far end, the direction of a line, and a heavy body."""
     address, p = kernels("corotational_node"), np.array([0.7, 1.0, -9.0, 0.2, 1.5, -0.4])
     q, v, a = RNG.standard_normal((3, 6))
     work = np.array([2.0, 0.3, 0.6, 0.25, math.cos(0.4), math.sin(0.4), 3.0, -5.0])
@@ -421,6 +421,14 @@ def test_kernels_at_nodes_by_quadrature_and_differences():
     turned = np.exp(0.4j) * (3.0 - 5.0j)
     reached = work[2] * complex(*v[:2]) + work[3] * 1j * v[2] * np.exp(1j * q[2])
     assert at("force") @ v[:3] == pytest.approx((turned.conjugate() * reached).real)
+    ends = [complex(*q[:2]), p[0] * np.exp(1j * q[2]), complex(*q[3:5]), p[0] * np.exp(1j * q[5])]
+    moving = [complex(*v[:2]), 1j * v[2] * ends[1], complex(*v[3:5]), 1j * v[5] * ends[3]]
+    slopes = [6 * s**2 - 6 * s, 3 * s**2 - 4 * s + 1, 6 * s - 6 * s**2, 3 * s**2 - 2 * s]
+    tangent, passed = (
+        sum(z * n for z, n in zip(*of, strict=True)) for of in ((ends, slopes), (moving, shapes))
+    )
+    power = factor @ ((3.0 - 5.0j) * tangent / p[0] * passed.conjugate()).real
+    assert at("follower") @ v == pytest.approx(power)
     assert complex(*at("far_end")[:2]) == pytest.approx(complex(*q[:2]) + p[0] * np.exp(1j * q[2]))
     assert rate("far_end", slice(0, 4)) == pytest.approx(at("far_end")[2:], rel=1e-7)
     assert at("chord")[0] == pytest.approx(math.atan2(q[4] - q[1], q[3] - q[0]))

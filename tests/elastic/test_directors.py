@@ -12,9 +12,9 @@ from shared.in_numpy import build
 import symgen
 from symgen.errors import ModelError, SceneError, SimulationError
 from symgen.runtime.beams.elements import kernels
+from symgen.runtime.elastic.large.statics import equilibrium
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.outputs import outputs
-from symgen.runtime.elastic.space.statics import equilibrium
 
 RNG = np.random.default_rng(19)
 #: Length, mu, J_y, J_z, EA, EI_y, EI_z, GJ, damping, gravity, fibres and place.

@@ -10,9 +10,9 @@ from shared.in_numpy import build
 
 import symgen
 from symgen.errors import SceneError
+from symgen.runtime.elastic.large.statics import equilibrium
 from symgen.runtime.elastic.space.drives import drives
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
-from symgen.runtime.elastic.space.statics import equilibrium
 from symgen.scene.loading import read_scene
 
 SECTION = {"width": "8 mm", "thickness": "4 mm", "width_along": [0, 0, 1]}

@@ -222,9 +222,9 @@ def test_wrong_options(options, said):
 
 
 def test_options_of_elastic_links_of_a_rigid_linkage():
-    done = CliRunner().invoke(app, ["equilibrium", "four_bar", "--segments", "8"])
+    done = CliRunner().invoke(app, ["equilibrium", "four_bar", "--elements", "8"])
     assert isinstance(done.exception, ModelError)
-    assert "--segments does not apply to equilibrium of four_bar" in str(done.exception)
+    assert "--elements does not apply to equilibrium of four_bar" in str(done.exception)
 
 
 def test_number_of_segments_is_a_whole_number():

@@ -8,7 +8,7 @@ from scipy.optimize import brentq, fsolve
 from shared.in_numpy import build
 
 import symgen
-from symgen.errors import ModelError, SceneError, SimulationError
+from symgen.errors import SceneError, SimulationError
 
 #: A cantilever of unit length, bending stiffness and mass per length.
 COLUMN = {
@@ -136,16 +136,25 @@ def test_what_is_refused():
     load = [{"point": "X", "force": ["1 N", "0 N"], "link": "beam"}]
     with pytest.raises(SceneError, match="no point of it"):
         build(symgen.Scene(**BECK | {"points": elsewhere, "forces": load}))
-    model = build(symgen.Scene(**BECK))
-    with pytest.raises(ModelError, match="rods have no sections"):
-        model.large_rotation(segments=4)
-    with pytest.raises(ModelError, match="forces that rotate with sections\n  Run it by linear theory"):
-        model.large_rotation(elements=4)
-    spread = {"link": "beam", "force": ["-0.1 N/m", "0 N/m"], "axes": "section"}
-    model = build(symgen.Scene(**COLUMN | {"parameters": {}, "distributed_forces": [spread]}))
-    with pytest.raises(ModelError, match="forces that rotate with sections\n  Run it in rods"):
-        model.large_rotation(elements=4)
-    assert model.large_rotation(segments=4, samples=2).variables
+
+
+@pytest.mark.parametrize("spread", [False, True], ids=["at the tip", "along the beam"])
+def test_small_motion_in_large_rotation_is_that_of_linear_theory(spread):
+    """A column that a follower load presses and bends a little; energies and powers balance."""
+    if spread:
+        load = {"distributed_forces": [{"link": "beam", "force": ["-P", "1e-3*P"], "axes": "section"}]}
+        unit = "5 N/m"
+    else:
+        load, unit = {"forces": [{"point": "tip", "force": ["-P", "1e-3*P"], "link": "beam"}]}, "5 N"
+    section = {"area": "0.01 m^2", "second_moment": "1e-6 m^4", "fibre": "0.01 m"}
+    beam = COLUMN["links"]["beam"] | {"section": section}
+    beam["elastic"] = {"E": "1e6 Pa", "elements": 4, "axial": False}
+    model = build(symgen.Scene(**COLUMN | load | {"links": {"beam": beam}, "parameters": {"P": unit}}))
+    linear = model.simulate(t_end=0.5, samples=6)["tip.displacement"].values[:, 1]
+    run = model.large_rotation(elements=3, t_end=0.5, samples=6, rtol=0.05)
+    found = run["tip.displacement"].values[:, 1]
+    assert np.max(np.abs(found - linear)) < 0.01 * np.max(np.abs(linear))
+    assert run.drift.energy < 1e-6 * run.drift.energy_exchanged
 
 
 @pytest.mark.parametrize("load", [2.0, 6.0])

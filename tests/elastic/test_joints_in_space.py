@@ -13,9 +13,9 @@ import symgen
 from symgen.errors import ModelError, SceneError
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.large.collocation import SystemRun
+from symgen.runtime.elastic.large.statics import equilibrium
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.model import outputs
-from symgen.runtime.elastic.space.statics import equilibrium
 
 SECTION = {"width": "8 mm", "thickness": "4 mm", "width_along": [0, 0, 1]}
 WIDTH, THICKNESS, E = 8e-3, 4e-3, 210e9

@@ -10,8 +10,8 @@ from shared.in_numpy import build
 
 import symgen
 from symgen.errors import SceneError
+from symgen.runtime.elastic.large.statics import equilibrium
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
-from symgen.runtime.elastic.space.statics import equilibrium
 
 SECTION = {"width": "8 mm", "thickness": "4 mm", "width_along": [0, 0, 1]}
 WIDTH, THICKNESS, E, DENSITY = 8e-3, 4e-3, 210e9, 7850.0

@@ -110,7 +110,7 @@ def large(model, tables, by: Transformed) -> Results:
 
 
 def equilibrium(model, tables, by: Transformed) -> Results:
-    found = model.equilibrium(segments=3)
+    found = model.equilibrium(elements=3)
     return {f"{p}.position": np.asarray(x) for p, x in found.state.positions.items() if p in tables["points"]}
 
 

@@ -30,7 +30,7 @@ ACTING = (MASS, INERTIA, END, ARM, COSINE, SINE, PX, PY)
 
 _STATE = tuple(x.symbol for x in (*PLACES, *RATES))
 _CHANGES = tuple(x.symbol for x in (*RATES, *SECOND_RATES))
-(_X1, _Y1, _T1, _X2, _Y2, _), (_VX, _VY, _VT, *_) = (tuple(x.symbol for x in of) for of in (PLACES, RATES))
+(_X1, _Y1, _T1, _X2, _Y2, _T2), (_VX, _VY, _VT, *_) = (tuple(x.symbol for x in of) for of in (PLACES, RATES))
 
 
 def _rate(expression: sp.Expr) -> sp.Expr:
@@ -84,6 +84,32 @@ def force() -> list[sp.Expr]:
     )
     work = sp.Add(*(f * r for f, r in zip(fixed, reached, strict=True)))
     return [sp.diff(work, x) for x in (_X1, _Y1, _T1)]
+
+
+def follower() -> list[sp.Expr]:
+    """Return the forces on two nodes by a force per length in the axes of each section between them.
+
+    It is (p_0 + p_1 x) times the force along the tangent of the centre line and to its left.
+    """
+    xi, length = PLACE.symbol, LENGTH.symbol
+    profile = EVEN.symbol + SLOPE.symbol * (START.symbol + length * xi)
+    element = ELEMENTS["cubic"]
+    shapes = dict(zip(element.dofs, shape_functions(element).transverse, strict=True))
+    line = [shapes[dof] for dof in ("w1", "theta1", "w2", "theta2")]
+    vectors = (_X1, _Y1), _direction(_T1), (_X2, _Y2), _direction(_T2)
+    turned = [(PX.symbol * x - PY.symbol * y, PX.symbol * y + PY.symbol * x) for x, y in vectors]
+    forces = []
+    for a in line:
+        weights = [sp.integrate(sp.expand(profile * a * sp.diff(b, xi)), (xi, 0, 1)) for b in line]
+        forces.append(
+            [sp.Add(*(w * t[axis] for w, t in zip(weights, turned, strict=True))) for axis in (0, 1)]
+        )
+    on_first, on_tangent, on_second, on_second_tangent = forces
+    couples = [
+        force[1] * sp.cos(angle) - force[0] * sp.sin(angle)
+        for force, angle in ((on_tangent, _T1), (on_second_tangent, _T2))
+    ]
+    return [*on_first, couples[0], *on_second, couples[1]]
 
 
 def far_end() -> list[sp.Expr]:

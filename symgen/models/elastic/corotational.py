@@ -84,6 +84,9 @@ def corotational_node_system() -> System:
         column("energies", energies, "J", "kinetic energy and potential of gravity"),
         column("shares", nodes.shares(), "1, m, 1, m", "shares of a force along the link by node"),
         column("force", nodes.force(), "N, N, N*m", "forces on a node by a force along the link"),
+        column(
+            "follower", nodes.follower(), "N, N, N*m", "forces on two nodes by a force that follows sections"
+        ),
         column("far_end", nodes.far_end(), "m, m/s, m/s^2", "place of the far end, and its rates"),
         column("chord", nodes.chord(), "rad, rad/s", "direction of the line between the nodes, and its rate"),
     )

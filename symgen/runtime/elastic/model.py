@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from symgen.runtime.elastic.motion import ElasticMotion
     from symgen.runtime.linearisation.record import Sensitivity
     from symgen.runtime.result.elastic import ElasticResult
-    from symgen.runtime.result.equilibrium import Equilibrium
+    from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.modes import AssembledMatrices, ElasticModes
     from symgen.runtime.result.records import Variable
     from symgen.runtime.result.speed_response import SpeedResponse
@@ -184,9 +184,15 @@ class ElasticModel(ModelOfRigid):
         info = self.description.elastic
         return never_rests(self.rigid.evaluator, info.crank if info and info.mode != "held" else "")
 
-    def _modes(self, at: Equilibrium | float | None = None, moving: bool = False) -> ElasticModes:
+    def _modes(self, at: Equilibrium | float | None = None, moving: bool = False) -> Modes | ElasticModes:
         from symgen.runtime.elastic.modes import modes_with_errors
+        from symgen.runtime.result.equilibrium import Equilibrium
+        from symgen.runtime.rods.modes import analyse
 
+        if isinstance(at, Equilibrium):
+            if moving:
+                raise ModelError("modes about an equilibrium are at rest: leave moving out")
+            return analyse(self.rigid.evaluator, at)
         motion = self._motion(True)
         angle = motion.angle if at is None else real(at, "the direction of the crank")
         return modes_with_errors(motion, motion.time_at(angle), moving)
@@ -353,19 +359,23 @@ class ElasticModel(ModelOfRigid):
     def _in_segments(self, count: int = 12) -> RodModel:
         return self._of_scene(whole(count, "segments"))
 
-    def _equilibrium(self, segments: int = 12, at: float | None = None, stable: bool = True) -> Equilibrium:
-        from symgen.runtime.rods.equilibrium import at_rest
+    def _equilibrium(
+        self, elements: int | None = None, at: float | None = None, stable: bool = True
+    ) -> Equilibrium:
+        from symgen.runtime.elastic.large.run import equilibrium
 
-        if self.description.elastic and self.description.elastic.prescribed:
-            # Refused here by the names of the scene: segments have others.
-            at_rest(self.rigid._constraints(), self.rigid._stored_start().q, at or 0.0)
-        return self._in_segments(segments)._equilibrium(at=at, stable=stable)
+        self._refuse_types("equilibria of elastic links are")
+        t = 0.0 if at is None else real(at, "the time")
+        held = self.description.elastic and self.description.elastic.mode == "held"
+        rigid = self.rigid if held else self._turned_by_motor()
+        count = self._elements if elements is None else elements
+        return equilibrium(self._motion(True), rigid, count, t, stable)
 
     @property
     def _elements(self) -> int:
-        """Elements of each link in large rotation if none are given: the most of the scene, if any."""
+        """Elements of each link in large rotation if none are given: 4, or the most of the scene."""
         info = self.description.elastic
-        return max((b.elements for b in info.beams), default=0) or _ELEMENTS if info else _ELEMENTS
+        return max(_ELEMENTS, *(b.elements for b in info.beams)) if info else _ELEMENTS
 
     @takes(LargeRotation)
     def _large_rotation(self, request: LargeRotation) -> ElasticResult:

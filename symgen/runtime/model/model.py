@@ -256,7 +256,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         state: State | None = None,
         at: float | None = None,
         stable: bool = True,
-        segments: int | None = None,
+        elements: int | None = None,
     ) -> Equilibrium:
         """Return a static equilibrium: see ``docs/analyses.md``.
 
@@ -270,8 +270,9 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         stable
             Find a stable equilibrium, or, if false, a nearby one of any kind. A start that is already an
             equilibrium is returned in both cases.
-        segments
-            Elastic links: number of rods of each link, which rotate by any angle (12).
+        elements
+            Elastic links in the plane: number of elements of each link, which bend by any angle (4, or those
+            of the scene if these are more).
 
         Raises
         ------

@@ -72,6 +72,8 @@ def _separated(values: NDArray[Any], shapes: Array) -> Array:
 def _shape(evaluator: Evaluator, equilibrium: Equilibrium, motion: NDArray[Any]) -> dict[str, Array]:
     """Return the displacement of every point or user's coordinate, its largest component positive."""
     state, d = equilibrium.state, evaluator.description
+    # Elastic links have unknowns behind the coordinates of points.
+    motion = motion[: len(state.q)]
     parts = [np.ascontiguousarray(part) for part in (np.real(motion), np.imag(motion))]
     moved = [x if d.rates else evaluator.blocks("points", state.t, state.q, x)["velocities"] for x in parts]
     shape = moved[0] + 1j * moved[1] if np.iscomplexobj(motion) else moved[0]

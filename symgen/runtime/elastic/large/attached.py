@@ -23,10 +23,10 @@ from symgen.runtime.kernels.evaluate import at_rows
 
 #: Properties that the kernels ``corotational_node`` read, and the numbers that each writes.
 _PROPERTIES = ("length", "g_x", "g_y", "start", "even", "slope")
-_WRITTEN = {"body": 8, "shares": 4, "force": 3, "far_end": 6, "chord": 2}
+_WRITTEN = {"body": 8, "shares": 4, "force": 3, "follower": 6, "far_end": 6, "chord": 2}
 #: Columns of their states, x, y and theta of two nodes with first and second rates, and of bodies and forces.
 PLACE, ANGLE, OTHER, VELOCITY, SPEED, MOVING, SECOND = 0, 2, 3, 6, 8, 9, 12
-BODY, FORCE, DIRECTION = 0, 2, 4
+BODY, FORCE, DIRECTION, COMPONENTS = 0, 2, 4, 6
 
 
 def at_nodes(
@@ -105,6 +105,37 @@ class ForceAlongLink:
         forces = at_nodes("force", times * nodes, state, acting).reshape(times, nodes, 3)
         for k, unknowns in enumerate(self.places):
             residual[:, unknowns] -= forces[:, k]
+
+
+@dataclass(frozen=True, slots=True)
+class FollowerForce:
+    """One force along a link that rotates with its sections: number of the link, row in the kernel ``loads``.
+
+    It acts at the one node with unknowns ``places`` (1, 3), or on the elements between these nodes, by the
+    properties of the kernel ``follower`` for each, ``spread``.
+    """
+
+    link: int
+    row: int
+    places: Indices
+    spread: tuple[Mapping[str, float], ...] = ()
+
+    def add(self, residual: Array, q: Array, axes: Array, force: Array) -> None:
+        """Subtract a force from residuals (times, unknowns); ``force`` has its components, (times, 2)."""
+        if not self.spread:
+            (node,) = self.places
+            angle = q[:, node[2]]
+            axes = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            acting: dict[int, ArrayLike] = {FORCE: (1.0, 0.0), DIRECTION: axes, COMPONENTS: force}
+            residual[:, node] -= at_nodes("force", len(q), {PLACE: q[:, node]}, acting)
+        for element, profile in zip(self.elements, self.spread, strict=False):
+            state = {PLACE: q[:, element]}
+            residual[:, element] -= at_nodes("follower", len(q), state, {COMPONENTS: force}, **profile)
+
+    @property
+    def elements(self) -> Indices:
+        """Unknowns of the elements, (elements, 6)."""
+        return np.hstack([self.places[:-1], self.places[1:]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +237,9 @@ def lumps_of(motion: ElasticMotion, links: Sequence[LargeLink], gravity: Array) 
     return Lumps(np.array(places), np.array(bodies), gravity)
 
 
-def forces_along(motion: ElasticMotion, links: Sequence[LargeLink]) -> Iterator[ForceAlongLink]:
+def forces_along(
+    motion: ElasticMotion, links: Sequence[LargeLink]
+) -> Iterator[ForceAlongLink | FollowerForce]:
     """Yield the forces along links, but for those of joints, whose displacements the links share."""
     for number, link in enumerate(links):
         name = link.beam.info.link
@@ -214,16 +247,25 @@ def forces_along(motion: ElasticMotion, links: Sequence[LargeLink]) -> Iterator[
         for row, profile in zip(rows, motion.profiles(name), strict=True):
             if motion.info.joints[row]:
                 continue
-            shares = np.zeros((len(link.nodes), 2))
+            nodes = np.array(link.nodes) * link.beam.properties.length
+            spread = tuple(
+                {"length": length, "start": start, "even": profile.even, "slope": profile.slope}
+                for start, length in zip(nodes[:-1], np.diff(nodes), strict=True)
+            )
             if profile.is_point:
                 unknowns = _node(motion, link, profile.at)
+                spread = ()
+            if profile.follows:
+                places = unknowns[None] if profile.is_point else link.places
+                yield FollowerForce(number, row, places, spread)
+                continue
+            shares = np.zeros((len(link.nodes), 2))
+            if profile.is_point:
                 shares[link.places[:, 2] == unknowns[2], 0] = 1.0
-            else:
-                nodes = np.array(link.nodes) * link.beam.properties.length
-                for k, (start, length) in enumerate(zip(nodes[:-1], np.diff(nodes), strict=True)):
-                    spread = {"start": start, "even": profile.even, "slope": profile.slope}
-                    shares[k : k + 2] += at_nodes("shares", 1, length=length, **spread).reshape(2, 2)
-            yield ForceAlongLink(number, row, link.places, shares)
+            for k, of_element in enumerate(spread):
+                shares[k : k + 2] += at_nodes("shares", 1, **of_element).reshape(2, 2)
+            acted = np.any(shares, axis=1)
+            yield ForceAlongLink(number, row, link.places[acted], shares[acted])
 
 
 def _node(motion: ElasticMotion, link: LargeLink, at: float) -> Indices:

@@ -11,19 +11,20 @@ import math
 from collections.abc import Iterator, Mapping
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from symgen.errors import ModelError
 from symgen.runtime._beams import APPLIED, MOTION
 from symgen.runtime._constrained import Added, Elements, Part, Rigid, Ties
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
 from symgen.runtime.elastic.large.attached import LinkSection, Posed, direction_of, forces_along, lumps_of
-from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState
+from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.elastic.large.counted import Counted
 from symgen.runtime.elastic.large.links import BLOCK
+from symgen.runtime.elastic.large.statics import RestingSystem
 from symgen.runtime.elastic.large.supports import (
     Supports,
     divided,
@@ -36,9 +37,15 @@ from symgen.runtime.elastic.motion import ElasticMotion
 
 #: Matrices that the kernel ``joints`` gives: M, C, K.
 _SLOPES = ("mass_matrix", "damping", "stiffness")
+#: Difference of revolutions that is round-off.
+_HALF = 1e-6
+#: Change of unknowns, over their sizes, for slopes of forces on links.
+_CHANGE = 1e-3
+#: Unknowns by which slopes are found together.
+_TOGETHER = 64
 
 
-class LargeLinkage(ConstrainedSystem):
+class LargeLinkage(RestingSystem):
     """The equations of a linkage with elastic links in large rotation: M a + ... + J^T lambda = f, Phi = 0.
 
     Parameters
@@ -49,10 +56,11 @@ class LargeLinkage(ConstrainedSystem):
         Number of elements of each elastic link, between its ends.
     """
 
+    shift = 1e-12
+
     def __init__(self, motion: ElasticMotion, count: int) -> None:
-        _check(motion)
         d = motion.rigid.description
-        self.motion, self._points = motion, d.coordinates
+        self.motion, self.rigid, self._points = motion, motion.rigid, d.coordinates
         self._rigid, self._joints = motion.rigid.evaluator, motion._joints
         # Elements stretch, and welds hold their nodes: these constraints of the rigid motion are not theirs.
         elastic = {beam.info.link for beam in motion.beams} | set(motion.info.welds)
@@ -78,13 +86,15 @@ class LargeLinkage(ConstrainedSystem):
         of_joints = {b.name: b for b in self._joints.info("joints").blocks}
         place = {f"{p}_{axis}": 2 * k + i for k, p in enumerate(d.free) for i, axis in enumerate(d.axes)}
         place |= {f"{name}_theta": section.place for name, section in self._sections.items()}
-        entries = [entries_of(of_joints, name, place) for name in _SLOPES]
-        y, rows = motion._start[: self._points], [d.constraints.index(name) for name in self._names]
-        blocks = self._rigid.blocks("constraints", 0.0, y, np.zeros_like(y)) if rows else {}
-        sizes = blocks["constraint_scale"][rows] if rows else np.zeros(0)
+        self._entries = [
+            np.reshape(entries_of(of_joints, name, place), (-1, 2)).astype(np.intp) for name in _SLOPES
+        ]
+        (q, u), rows = np.split(motion._start, 2), [d.constraints.index(name) for name in self._names]
+        blocks = self._rigid.blocks("constraints", 0.0, q, np.zeros_like(q)) if rows else {}
+        self.rows, self.sizes = rows, blocks["constraint_scale"][rows] if rows else np.zeros(0)
         crank_is_held = crank and motion.info.mode == "held"
         self._shaft = int(crank.places[0, 2]) if crank and crank_is_held else None
-        self._start = self._straight(size)
+        self._start = self._straight(size, q, u)
         self._supports = Supports(motion, self.links, pins, self._shaft, self._start[0])
         numbers = [motion.constraints.index(name) for name in self._names]
         properties = np.concatenate([link.properties for link in self.links])
@@ -94,7 +104,7 @@ class LargeLinkage(ConstrainedSystem):
             properties,
             any(link.beam.properties.stiffness_damping for link in self.links),
         )
-        self._rigid_parts = Rigid(self._rigid, self._joints, rows, numbers, sizes, entries)
+        self._rigid_parts = Rigid(self._rigid, self._joints, rows, numbers, self.sizes, self._entries)
         parts: list[Part] = [self._elements, self._rigid_parts]
         supported, (row, column) = len(self._supports.rows), np.nonzero(self._supports.rows)
         # Values of supports, then places of points that welds to rigid links need, are known numbers behind
@@ -114,8 +124,9 @@ class LargeLinkage(ConstrainedSystem):
         if self._lumps or self._along or self._couples or self._motor:
             parts.append(Added(self._added, self._diagonal, self._diagonal_places(), lambda: self._power))
         scale = np.full(size, max(link.beam.properties.length for link in self.links))
-        for link in self.links:
-            scale[link.places[:, 2]] = 1.0
+        rotations = np.concatenate([link.places[:, 2] for link in self.links])
+        scale[rotations] = 1.0
+        self.translations = np.delete(np.arange(size), rotations)
         multipliers, known = len(rows) + welded + supported, supported + 2 * self._known
         super().__init__(motion.rigid.name, parts, scale, multipliers, known)
 
@@ -197,22 +208,31 @@ class LargeLinkage(ConstrainedSystem):
                 counted.references = memory[str(k)]
         self.recall(math.inf)
 
-    def _straight(self, size: int) -> Array:
-        """Return positions and rates of straight links with the velocities of rigid links, (2, unknowns)."""
-        y = np.asarray(self.motion._start)
-        n = self._points
-        q, u = y[:n], y[n:]
-        places = np.zeros((2, size))
+    def posed(self, t: float, q: Array) -> MotionState:
+        """Return straight links at rest in a pose of the rigid links, by its coordinates, at a time [s]."""
+        places = self._straight(self.unknowns, q, np.zeros_like(q), t)[0]
+        rotations, none = np.delete(np.arange(self.unknowns), self.translations), np.zeros(self.unknowns)
+        # Welded links turn alike from the start on, also by half a revolution.
+        turned = (places[rotations] - self._start[0, rotations]) / math.tau
+        places[rotations] -= math.tau * np.ceil(turned - 0.5 - _HALF)
+        if self._shaft is not None:
+            turned = (self.motion.angle_at(np.array(t)) - places[self._shaft]) / math.tau
+            places[rotations] += math.tau * np.round(turned)
+        return MotionState(t, places, none, none, np.zeros(self.multipliers))
+
+    def _straight(self, size: int, q: Array, u: Array, t: float = 0.0) -> Array:
+        """Return positions and rates of straight links that are as rigid links at a time, (2, unknowns)."""
+        n, places = self._points, np.zeros((2, size))
         places[0, :n], places[1, :n] = q, u
         d = self.motion.rigid.description
-        points = self._rigid.blocks("points", 0.0, q, u)
+        points = self._rigid.blocks("points", t, q, u)
         moved = np.array([points["positions"], points["velocities"]])
         for link in self.links:
             info = link.beam.info
             first, last = (moved[:, list(d.points).index(p)] for p in (info.start, info.end))
             angle, rate = (float(x[0, 0]) for x in direction_of(*first[:, None], *last[:, None]))
             if self._shaft in link.places[:, 2]:
-                angle = float(self.motion.angle_at(np.array(0.0)))
+                angle = float(self.motion.angle_at(np.array(t)))
             for node, share in zip(link.places, link.nodes, strict=True):
                 places[:, node[:2]] = (1 - share) * first + share * last
                 places[:, node[2]] = angle, rate
@@ -293,6 +313,50 @@ class LargeLinkage(ConstrainedSystem):
             diagonals[:, -1] = self._shaft_terms(self._motor, t, q, v)[0, :3]
         return diagonals
 
+    def matrices(self, at: MotionState, rates: bool = True) -> tuple[Any, Any, Any]:
+        """Return M, C and K with the Jacobian around each, with all slopes of forces on links.
+
+        Slopes by places and rates are differences of the fourth order.
+        """
+        mass, damping, stiffness = super().matrices(at)
+        if not self.loaded:
+            return mass, damping, stiffness
+        if rates:
+            damping = damping + self._differences(at, 1)
+        return mass, damping, stiffness + self._differences(at, 0)
+
+    def _differences(self, at: MotionState, by: int) -> Any:
+        """Return slopes of forces on links by places (0) or rates (1) that are not among those of steps."""
+        from scipy.sparse import csc_array
+
+        n, size, places = self.unknowns, self.unknowns + self.multipliers, self._diagonal_places()
+        t, q, v = np.array([at.t]), at.q[None], at.v[None]
+        known, name = self._entries[2 - by], _SLOPES[2 - by]
+        sections = np.array([section.place for section in self._sections.values()], dtype=np.intp)
+        # Steps have those of masses and motors, and of couples by the rotations of sections.
+        joints = self._counted.blocks(self._joints, "joints", t, q[:, : self._points], v[:, : self._points])
+        of_couples = np.isin(known[:, 0], sections)
+        row, column = known[of_couples].T
+        of_steps = joints[name].ravel()[of_couples] if len(known) else np.zeros(0)
+        rows, columns = [places, row], [places, column]
+        slopes = [-self._diagonal(t, q, v)[2 - by], -of_steps]
+        acting = [np.arange(self._points), sections, places, *(x.places.ravel() for x, _, _ in self._along)]
+        by_unknowns = np.unique(np.concatenate(acting)).astype(np.intp)
+        for some in np.array_split(by_unknowns, 1 + len(by_unknowns) // _TOGETHER):
+            count, change = len(some), _CHANGE * self.scale[some]
+            changes = np.zeros((4, count, n))
+            changes[:, np.arange(count), some] = np.outer([-2.0, -1.0, 1.0, 2.0], change)
+            state = [np.broadcast_to(x, (4 * count, n)) for x in (at.q, at.v, at.a)]
+            state[by] = state[by] + changes.reshape(-1, n)
+            forces = self._added(np.full(4 * count, at.t), *state).reshape(changes.shape)
+            by_some = (8 * (forces[2] - forces[1]) - (forces[3] - forces[0])).T / (12 * change)
+            row, column = np.nonzero(by_some)
+            rows.append(row)
+            columns.append(some[column])
+            slopes.append(by_some[row, column])
+        entries = np.concatenate(slopes), (np.concatenate(rows), np.concatenate(columns))
+        return csc_array(entries, shape=(size, size))
+
     def _diagonal_places(self) -> Indices:
         """Return unknowns of masses on links and of the shaft of a motor, with entries on the diagonal."""
         places = [self._lumps.places.ravel()] if self._lumps else []
@@ -330,19 +394,3 @@ class LargeLinkage(ConstrainedSystem):
         arms = q[:, :n].reshape(len(t), -1, 2) - self._ground(t, shaft)[:, None]
         # The power of J^T lambda at the unit rate of the crank.
         return -np.sum(pulls[..., 1] * arms[..., 0] - pulls[..., 0] * arms[..., 1], axis=1)
-
-
-def _check(motion: ElasticMotion) -> None:
-    """Refuse forces that rotate with sections."""
-    name, info = motion.rigid.name, motion.info
-    following = [p for beam in info.beams for p in motion.profiles(beam.link) if p.follows]
-    if following:
-        of_sections = info.welds or info.body_welds or info.rotations or any(p.is_point for p in following)
-        hint = (
-            "Run it by linear theory: model.simulate(), symgen simulate."
-            if of_sections
-            else "Run it in rods with springs between them: segments in place of elements."
-        )
-        raise ModelError(
-            f"{name}: elements in large rotation do not support forces that rotate with sections\n  {hint}"
-        )

@@ -77,15 +77,25 @@ class LargeLink:
         axial_stiffness, bending_stiffness = (value_at(x, place) for x in stiffnesses)
         return axial / axial_stiffness, moment / bending_stiffness
 
-    def deflection(self, q: Array, fraction: float) -> Array:
-        """Return the distance [m] of a place, to the left, from the line between the ends, (times,)."""
+    def forces(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
+        """Return the force on the link at each of its ends [N], (times, 2)."""
+        ends, info = self.end_forces(q, v, a), self.beam.info
+        return {info.start: ends[:, 0, :2], info.end: ends[:, -1, 3:5]}
+
+    def place(self, q: Array, fraction: float) -> Array:
+        """Return the place of a section [m], (times, 2)."""
         k, x = self.at(fraction)
-        first, second, start, end = (q[:, self.places[node, :2]].T for node in (k, k + 1, 0, -1))
+        first, second = (q[:, self.places[node, :2]].T for node in (k, k + 1))
         _, *rotations, _, _ = self._end_rotations(q)[:, k].T
-        chord, whole = second - first, end - start
+        chord = second - first
         _, first_slope, _, second_slope = hermite(x)
         bow = first_slope * rotations[0] + second_slope * rotations[1]
-        place = first + x * chord + bow * np.stack([-chord[1], chord[0]]) - start
+        return (first + x * chord + bow * np.stack([-chord[1], chord[0]])).T
+
+    def deflection(self, q: Array, fraction: float) -> Array:
+        """Return the distance [m] of a place, to the left, from the line between the ends, (times,)."""
+        start, end = (q[:, self.places[node, :2]].T for node in (0, -1))
+        whole, place = end - start, self.place(q, fraction).T - start
         return (whole[0] * place[1] - whole[1] * place[0]) / np.linalg.norm(whole, axis=0)
 
 

@@ -1,13 +1,14 @@
-"""Runs of elastic links in large rotation, by beam elements, and their outputs."""
+"""Runs and equilibria of elastic links in large rotation, by beam elements, and their outputs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
 
 from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.forces import joint_force, torque
 from symgen.runtime.elastic.exact import end_of_run, rigid_places, stiffness_damped
@@ -15,13 +16,16 @@ from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.large.shaking import in_large_rotation
+from symgen.runtime.elastic.large.statics import described, resting
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import bow, coordinate_of, displacement, length_change, strains
 from symgen.runtime.elastic.steps import turn
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.equilibrium import Equilibrium
 from symgen.runtime.result.records import Variable
+from symgen.runtime.rods.model.rods import RodModel
 
 #: Steps of a revolution, or of a run without, that a run starts with.
 _STEPS = 128
@@ -47,6 +51,39 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
     end = end_of_run(motion, task)
     large = large_motion(motion, elements)
     return refined_run(large, task, end, least_steps(motion, end), task.keeping())
+
+
+def equilibrium(motion: ElasticMotion, rigid: RodModel, elements: int, t: float, stable: bool) -> Equilibrium:
+    """Return an equilibrium of a linkage with its elastic links in elements and the input held at a time [s].
+
+    Loads bend the links from the pose of ``rigid``, the linkage with rigid links, that is in equilibrium.
+
+    Raises
+    ------
+    ModelError
+        For a number of elements out of range, an input in motion, and as :func:`.statics.equilibrium`.
+    SimulationError
+        Where the linkage with rigid links has no equilibrium.
+    """
+    linkage = LargeLinkage(motion, counted(elements))
+    pose = rigid.equilibrium(at=t, stable=stable).state
+    start = linkage.posed(t, pose.q)
+    linkage.start()
+    linkage.follow(start)
+    at, of = resting(linkage, t, stable, start)
+    states = (x[None] for x in (at.q, at.v, at.a))
+    q, v, a = states
+    forces = [force for link in linkage.links for force in link.forces(q, v, a).values()]
+    d, on_links = motion.rigid.description, dict[str, Array]()
+    drawn = motion.rigid.initial_state().positions
+    for link in linkage.links:
+        info = link.beam.info
+        for point in d.links[info.link][2:]:
+            if point not in d.free:
+                fraction = np.linalg.norm(drawn[point] - drawn[info.start]) / link.beam.properties.length
+                on_links[point] = link.place(q, float(fraction))[0]
+    places = {p: pose.positions[p][None] for p in d.free}
+    return described(linkage, at, of, forces, outputs(motion, linkage, [at], places), on_links)
 
 
 def large_motion(motion: ElasticMotion, elements: int, outputs_of: Outputs | None = None) -> LargeMotion:
@@ -87,28 +124,35 @@ def _free(motion: ElasticMotion) -> Iterator[str]:
         )
 
 
-def outputs(motion: ElasticMotion, linkage: LargeLinkage, moments: Sequence[MotionState]) -> list[Variable]:
-    """Return strains, displacements, forces, torque and energies."""
+def outputs(
+    motion: ElasticMotion,
+    linkage: LargeLinkage,
+    moments: Sequence[MotionState],
+    rigid: Mapping[str, Array] | None = None,
+) -> list[Variable]:
+    """Return strains, displacements, forces, torque and energies.
+
+    Displacements are from places of the free points with rigid links, (times, 2) each: by default those of
+    the rigid motion.
+    """
     times, q, v, a, multipliers = stacked(moments)
     d, variables = motion.rigid.description, list[Variable]()
     for name, k, at, fibre in motion.stations:
         link = linkage.links[k]
         axial, curvature = link.strains(q, v, a, at)
         variables += strains(name, link.beam, at, fibre * curvature, axial)
-    rigid = rigid_places(motion, times)
+    rigid = rigid_places(motion, times) if rigid is None else rigid
     for k, point in enumerate(d.free):
         place = q[:, 2 * k : 2 * k + 2]
         variables.append(displacement(point, place - rigid[point]))
         variables.append(Variable(f"{point}.position", "m", f"position of {point}", ("x", "y"), place))
     for link in linkage.links:
-        info, name = link.beam.info, link.beam.info.link
+        name = link.beam.info.link
         first, last = (q[:, link.places[end, :2]] for end in (0, -1))
         variables.append(
             length_change(name, np.linalg.norm(last - first, axis=1) - link.beam.properties.length)
         )
-        ends = link.end_forces(q, v, a)
-        for point, force in ((info.start, ends[:, 0, :2]), (info.end, ends[:, -1, 3:5])):
-            variables.append(joint_force(name, point, force))
+        variables += [joint_force(name, point, force) for point, force in link.forces(q, v, a).items()]
     for name, k, at, _ in motion.stations:
         variables.append(bow(name, linkage.links[k].beam, at, linkage.links[k].deflection(q, at)))
     variables += in_large_rotation(linkage, motion.rigid, moments)

@@ -14,9 +14,15 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.modal.structure import modes_at_rest
 from symgen.runtime.elastic.large.collocation import MotionState
+from symgen.runtime.elastic.large.statics import (
+    at_rest,
+    equilibrium,
+    linearised,
+    moved_by_loads,
+    unbalanced,
+)
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
-from symgen.runtime.elastic.space.modes import linearised, modes_of, moved_by_loads
-from symgen.runtime.elastic.space.statics import at_rest, equilibrium, unbalanced
+from symgen.runtime.elastic.space.modes import modes_of
 from symgen.runtime.elastic.static import check_amplitudes, check_modes
 from symgen.runtime.newton import corrected
 

@@ -20,7 +20,8 @@ from symgen.runtime._constrained import Elements, Rigid, Ties
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels, rows_at
 from symgen.runtime.beams.layout import entries_of
-from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState
+from symgen.runtime.elastic.large.collocation import MotionState
+from symgen.runtime.elastic.large.statics import RestingSystem
 from symgen.runtime.elastic.space.directions import DirectionRow, directions, orthonormal
 from symgen.runtime.elastic.space.joints import FixedVectors, check_independent, length_of, rows_of
 from symgen.runtime.elastic.space.links import BLOCK, DAMPING, links_in_space
@@ -43,7 +44,7 @@ class ParameterDirection:
     u: Array
 
 
-class LinkageInSpace(ConstrainedSystem):
+class LinkageInSpace(RestingSystem):
     """The equations M a + ... + J^T lambda = f, Phi = 0 of a linkage with elastic links in space.
 
     Parameters
@@ -57,6 +58,9 @@ class LinkageInSpace(ConstrainedSystem):
     along
         The direction of tangents, if any.
     """
+
+    #: Keeps links from spinning on balls.
+    shift = 1e-9
 
     def __init__(
         self,

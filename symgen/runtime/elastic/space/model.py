@@ -24,11 +24,11 @@ from symgen.runtime.model.arguments import RunInSpace, takes
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Variable, over_time
-from symgen.runtime.result.state import State, state_at
+from symgen.runtime.result.state import State
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
-    from symgen.runtime.result.equilibrium import Equilibrium
+    from symgen.runtime.result.equilibrium import Equilibrium, Modes
 
 #: What runs report as their form.
 _FORM = "elements in space"
@@ -69,40 +69,26 @@ class SpatialModel(ModelOfRigid):
         return never_rests(self.rigid.evaluator) if name == "equilibrium" and not refused else refused
 
     def _equilibrium(self, at: float | None = None, stable: bool = True) -> Equilibrium:
-        from symgen.runtime.elastic.space.modes import resting
-        from symgen.runtime.result.equilibrium import Equilibrium, Linearised
+        from symgen.runtime.elastic.large.statics import described, resting
         from symgen.runtime.rods.equilibrium import at_rest
 
         self._refuse_types("equilibria of elastic links in space are")
-        t, d = 0.0 if at is None else real(at, "the time"), self.rigid.description
+        t = 0.0 if at is None else real(at, "the time")
         at_rest(self.rigid._constraints(), self.rigid._stored_start().q, t)
         linkage = LinkageInSpace(self.rigid)
         moment, of = resting(linkage, t, stable)
-        times, q, v, a, multipliers = stacked([moment])
-        unbalanced = linkage.residual(times, q, v, a, multipliers)[0]
+        _, q, v, a, _ = stacked([moment])
         forces = [force for link in linkage.links for force in link.forces(q, v, a).values()]
-        scale, left = (float(np.max(np.abs(x))) for x in (forces, unbalanced[linkage.translations]))
-        on_points = (multipliers[0, : len(linkage.rows)] / linkage.sizes).tolist()
-        matrices = of.basis, of.mass, of.damping, of.stiffness
-        about = Linearised(*matrices, multipliers[0], unbalanced, scale, left)
-        outputs = selected(self._outputs(linkage, [moment]), d)
-        return Equilibrium(
-            state_at(self.rigid.evaluator, t, q[0, : d.coordinates], v[0, : d.coordinates]),
-            about.stability(),
-            freedoms=about.freedoms,
-            residual=left,
-            scale=scale,
-            multipliers=dict(zip([d.constraints[row] for row in linkage.rows], on_points, strict=True)),
-            reactions={},
-            outputs={x.name: x.values[0] for x in outputs},
-            units={x.name: x.unit for x in outputs},
-            linearised=about,
-        )
+        return described(linkage, moment, of, forces, self._outputs(linkage, [moment]), {})
 
-    def _modes(self, at: float | None = None) -> ElasticModes:
+    def _modes(self, at: Equilibrium | float | None = None) -> Modes | ElasticModes:
         from symgen.runtime.elastic.space.modes import modes_in_space
+        from symgen.runtime.result.equilibrium import Equilibrium
+        from symgen.runtime.rods.modes import analyse
 
         self._refuse_types("modes of elastic links in space are")
+        if isinstance(at, Equilibrium):
+            return analyse(self.rigid.evaluator, at)
         return modes_in_space(self.rigid, 0.0 if at is None else real(at, "the time of the pose"))
 
     def _sensitivity(

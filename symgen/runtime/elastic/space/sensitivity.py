@@ -17,10 +17,10 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
 from symgen.runtime.elastic.derivatives.poses import derived, frequency_slopes, frequency_units
 from symgen.runtime.elastic.large.collocation import MotionState, SystemRun
+from symgen.runtime.elastic.large.statics import equilibrium, held
 from symgen.runtime.elastic.space.linkage import LinkageInSpace, ParameterDirection
 from symgen.runtime.elastic.space.modes import modes_in_space
 from symgen.runtime.elastic.space.outputs import outputs as outputs_of
-from symgen.runtime.elastic.space.statics import equilibrium, held
 from symgen.runtime.elastic.space.tangents import RunTangents, by_parameters, matrices
 from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of

@@ -1,0 +1,285 @@
+"""Equilibria of linkages with elastic links with their input held, in the plane and in space."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from symgen.errors import ModelError
+from symgen.runtime.arrays import Array, Indices
+from symgen.runtime.beams.modal.structure import modes_at_rest
+from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, stacked
+from symgen.runtime.elastic.outputs import selected
+from symgen.runtime.linearisation.eigenvalues import eigenvalues
+from symgen.runtime.result.equilibrium import Equilibrium, Linearised
+from symgen.runtime.result.records import Variable
+from symgen.runtime.result.state import state_at
+from symgen.runtime.rods.model.rods import RodModel
+
+#: Corrections of an equilibrium at most, and the last one over the sizes of the unknowns.
+_MOST, _CLOSE = 40, 1e-11
+#: First correction at most of a part of the loads, over the sizes of the unknowns; the smallest part.
+_LARGEST, _LEAST = 0.3, 2.0**-12
+#: Largest correction over the sizes of the unknowns, beyond which Newton's method has diverged.
+_AWAY = 1e9
+#: Largest part of loads with a push, so that corrections do not leave its path for an unstable shape.
+_PUSHED = 1 / 16
+#: Times by which the input is moved to that of a pose.
+_POSES = 64
+
+
+#: Corrections up to which they count as round-off where they no longer become smaller.
+_ROUNDED = 1e-8
+#: Force that leads from an unstable shape, over the largest of the loads.
+_PUSH = 1e-2
+#: Difference between a stiffness and its transpose, over the sizes of its terms, that is round-off.
+_UNSYMMETRIC = 1e-10
+#: Work of loads on a motion, over the sum of sizes of its terms, that is round-off.
+_WORK = 1e-9
+
+
+class RestingSystem(ConstrainedSystem):
+    """A linkage with elastic links that may be at rest with its input held.
+
+    Attributes
+    ----------
+    rigid
+        The linkage with all links rigid.
+    translations
+        Unknowns that are positions.
+    rows, sizes
+        Numbers of its constraints among those of the linkage with rigid links, which come first, and their
+        scales.
+    shift
+        Part of the mass matrix, with largest entries as those of the stiffness, that is added to this in
+        corrections: keeps what nothing holds from moving by round-off.
+    """
+
+    rigid: RodModel
+    translations: Indices
+    rows: list[int]
+    sizes: Array
+    shift: float
+
+    def matrices(self, at: MotionState, rates: bool = True) -> tuple[Any, Any, Any]:
+        """Return M, C and K at a motion, each with the Jacobian J of the constraints: [M, J^T; J, 0].
+
+        Without ``rates``, C need not have all slopes.
+        """
+        of = self.slopes(at.t, at.q, at.v, at.a, at.multipliers)
+        entries = (of.mass, of.damping, of.stiffness)
+        mass, damping, stiffness = (self.pattern.matrix(x + of.jacobian) for x in entries)
+        return mass, damping, stiffness
+
+
+@dataclass(frozen=True, slots=True)
+class AtRest:
+    """M y'' + C y' + K y = 0 about an equilibrium, with changes B y of the unknowns, B the ``basis``.
+
+    ``sizes`` are roots of the sums of sizes of the terms of the diagonal of K.
+    """
+
+    basis: Array
+    mass: Array
+    damping: Array
+    stiffness: Array
+    sizes: Array
+
+
+def resting(
+    system: RestingSystem, t: float, stable: bool, start: MotionState | None = None
+) -> tuple[MotionState, AtRest]:
+    """Return an equilibrium at a time [s] and the equations about it.
+
+    Where loads bend the start to an unstable shape, a ``stable`` one is looked for with a force along its
+    lowest mode in addition, a hundredth of the loads, which is removed in the end.
+
+    Raises
+    ------
+    ModelError
+        As :func:`equilibrium`.
+    """
+    from scipy.linalg import eigh
+
+    at = equilibrium(system, t, start=start)
+    of = linearised(system, at)
+    if stable and np.any(eigenvalues(of.mass, of.stiffness, of.damping)[0].real > 0.0):
+        begin = start or system.start()
+        loads = unbalanced(system, replace(at, q=begin.q, multipliers=0 * at.multipliers))
+        symmetric = (of.stiffness + of.stiffness.T) / 2
+        push = of.basis @ of.mass @ eigh(symmetric, of.mass)[1][:, 0]
+        push *= _PUSH * np.max(np.abs(loads[system.translations])) / np.max(np.abs(push))
+        at = equilibrium(system, t, push, start)
+        of = linearised(system, at)
+    return at, of
+
+
+def equilibrium(
+    system: RestingSystem, t: float, push: Array | None = None, start: MotionState | None = None
+) -> MotionState:
+    """Return places and multipliers at rest, in equilibrium with the loads at a time [s].
+
+    ``push`` (unknowns,) is a force that acts on the way there, and not in the end. ``start`` is a motion at
+    this time from which loads bend the links; by default the input moves from that of the system.
+
+    Raises
+    ------
+    ModelError
+        Where corrections do not converge, as for a linkage that its loads move.
+    """
+    moment = start or system.start()
+    still = np.zeros(system.unknowns)
+    end = system.rigid.description.t_end
+    times = [t] if start else np.linspace(0.0, t, 2 + int(_POSES * abs(t / end))).tolist()
+    for time in times:
+        moment = at_rest(system, replace(moment, t=time, v=still, a=still), push)
+    return moment if push is None else at_rest(system, moment)
+
+
+def at_rest(system: RestingSystem, moment: MotionState, push: Array | None = None) -> MotionState:
+    """Return a motion with the places and multipliers of equilibrium with its rates and second rates.
+
+    The forces that are unbalanced at ``moment`` are applied in parts, as small as the displacements require,
+    so that the equilibrium is the one to which the loads bend this shape.
+
+    Raises
+    ------
+    ModelError
+        As :func:`equilibrium`.
+    """
+    left, reached, most = unbalanced(system, moment), 0.0, 1.0 if push is None else _PUSHED
+    now, part = moment, most
+    pushed = np.zeros_like(left)
+    if push is not None:
+        pushed[: system.unknowns] = push
+    while reached < 1.0 and part >= _LEAST:
+        then = min(1.0, reached + part)
+        found = _corrected(system, now, (1.0 - then) * left + then * pushed, _LARGEST)
+        if found is None:
+            part /= 2
+        else:
+            now, part, reached = found, min(2 * part, most), then
+            system.follow(now)
+    if reached < 1.0:
+        # A linkage that its loads move may find its pose at once.
+        found = _corrected(system, moment, pushed, _AWAY)
+        if found is None:
+            raise ModelError(
+                f"{system.name}: no equilibrium with the input held at t = {moment.t:g} s, or none to which "
+                f"loads bend the drawing: they were increased to {reached:.3g} of their size\n"
+                "  Loads must not move a linkage whose input is held."
+            )
+        now = found
+    return now
+
+
+def unbalanced(system: RestingSystem, at: MotionState) -> Array:
+    """Return the unbalanced forces and the errors of the constraints, (unknowns + multipliers,)."""
+    state = (x[None] for x in (at.q, at.v, at.a, at.multipliers))
+    return np.concatenate([system.residual(np.array([at.t]), *state)[0], system.errors(at.t, at.q)])
+
+
+def _corrected(system: RestingSystem, at: MotionState, left: Array, largest: float) -> MotionState | None:
+    """Return a motion with these unbalanced forces and errors by Newton's method, or None if it fails."""
+    n, before = system.unknowns, np.inf
+    for count in range(_MOST):
+        change = held(system, at)(unbalanced(system, at) - left)
+        size = float(np.max(np.abs(change[:n]) / system.scale))
+        if not size <= (_AWAY if count else largest):
+            return None
+        at = replace(at, q=at.q - change[:n], multipliers=at.multipliers - change[n:])
+        if size <= _CLOSE or before / 2 < size <= _ROUNDED:
+            return at
+        before = size
+    return None
+
+
+def held(system: RestingSystem, at: MotionState) -> Callable[[Array], Array]:
+    """Return the change of places and multipliers at rest by a change of forces and errors of constraints."""
+    from scipy.sparse.linalg import splu
+
+    n = system.unknowns
+    mass, _, stiffness = system.matrices(at, rates=False)
+    of_mass = mass[:n, :n]
+    shift = system.shift * abs(stiffness[:n, :n]).max() / abs(of_mass).max()
+    of_mass.resize(stiffness.shape)
+    try:
+        solve: Callable[[Array], Array] = splu((stiffness + shift * of_mass).tocsc()).solve
+    except RuntimeError:
+        return lambda right: np.full_like(right, np.nan)
+    return solve
+
+
+def linearised(system: RestingSystem, at: MotionState) -> AtRest:
+    """Return the equations about an equilibrium, on the changes that the constraints leave."""
+    from scipy.linalg import null_space
+
+    n = system.unknowns
+    mass, damping, stiffness = (x.toarray() for x in system.matrices(at))
+    # In lengths of the linkage: units of metres would mix stiff and soft motions of small linkages.
+    rows = mass[n:, :n] * system.scale
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    basis = system.scale[:, None] * null_space(rows)
+    sizes = np.sqrt(np.sum(np.abs(basis) * (np.abs(stiffness[:n, :n]) @ np.abs(basis)), axis=0))
+    mass, damping, stiffness = (basis.T @ x[:n, :n] @ basis for x in (mass, damping, stiffness))
+    if np.max(np.abs(stiffness - stiffness.T) / np.outer(sizes, sizes), initial=0.0) <= _UNSYMMETRIC:
+        stiffness = (stiffness + stiffness.T) / 2
+    return AtRest(basis, mass, damping, stiffness, sizes)
+
+
+def moved_by_loads(system: RestingSystem) -> bool:
+    """Return whether loads do work on motions of the undeformed linkage that do not strain it."""
+    start, n = system.start(), system.unknowns
+    start = replace(start, v=0 * start.v)
+    of, loads = linearised(system, start), unbalanced(system, start)[:n]
+    _, shapes, rigid = modes_at_rest(system.name, of.mass, of.stiffness, of.sizes)
+    free = of.basis @ shapes[:, :rigid]
+    return bool(np.any(np.abs(loads @ free) > _WORK * (np.abs(loads) @ np.abs(free))))
+
+
+def described(
+    system: RestingSystem,
+    at: MotionState,
+    of: AtRest,
+    forces: Sequence[Array],
+    outputs: Sequence[Variable],
+    positions: Mapping[str, Array],
+) -> Equilibrium:
+    """Return an equilibrium with the equations about it.
+
+    Parameters
+    ----------
+    forces
+        Forces on the elastic links [N], of whatever shape.
+    outputs
+        Outputs at this motion.
+    positions
+        Places [m] of points that are not those of the linkage with rigid links.
+    """
+    d, n = system.rigid.description, system.rigid.description.coordinates
+    times, q, v, a, multipliers = stacked([at])
+    unbalanced = system.residual(times, q, v, a, multipliers)[0]
+    scale, left = (
+        float(max(np.max(np.abs(x), initial=0.0) for x in some))
+        for some in (forces, [unbalanced[system.translations]])
+    )
+    about = Linearised(of.basis, of.mass, of.damping, of.stiffness, multipliers[0], unbalanced, scale, left)
+    state = state_at(system.rigid.evaluator, at.t, q[0, :n], v[0, :n])
+    state.positions.update(positions)
+    on_points = (multipliers[0, : len(system.rows)] / system.sizes).tolist()
+    shown = selected(outputs, d)
+    return Equilibrium(
+        state,
+        about.stability(),
+        freedoms=about.freedoms,
+        residual=left,
+        scale=scale,
+        multipliers=dict(zip([d.constraints[row] for row in system.rows], on_points, strict=True)),
+        reactions={},
+        outputs={x.name: x.values[0] for x in shown},
+        units={x.name: x.unit for x in shown},
+        linearised=about,
+    )
