@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -50,7 +50,6 @@ FORMS = ("exact", "thesis")
 _RTOL = 1e-4
 #: Elements of a link in large rotation, where none are given.
 _ELEMENTS = 4
-_CHECKPOINTS = ("checkpoint", "checkpoint_every", "resume")
 
 
 #: Returns the linkage with a number of rods per elastic link; for None with rigid links and its motor.
@@ -294,7 +293,7 @@ class ElasticModel(ModelOfRigid):
                 hint = f"It is model.{verbs[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
         initial = initial_state(request.initial)
-        if self._motion(True).undetermined and (large := _in_large_rotation(request)):
+        if self._motion(True).undetermined and (large := request.in_large_rotation):
             return self._large_rotation(replace(large, elements=self._elements))
         if t_end is not None:
             if revolutions is not None:
@@ -393,15 +392,3 @@ class ElasticModel(ModelOfRigid):
         with limited(request.max_wall):
             rods = self._in_segments(segments)
             return exact_run(self._motion(True), rods, replace(request, segments=segments))
-
-
-def _in_large_rotation(request: ElasticRun) -> LargeRotation | None:
-    """Return a run in large rotation in place of one by linear theory; None for options that it lacks."""
-    shared = ("t_end", "revolutions", "rtol", "max_step", "samples", "max_wall", "progress", *_CHECKPOINTS)
-    others = ((getattr(request, f.name), f.default) for f in fields(request) if f.name not in shared)
-    # A list or an array is no default.
-    if any(np.ndim(value) or value != default for value, default in others):
-        return None
-    options = {name: getattr(request, name) for name in shared}
-    samples = sample_count(request.samples, None, 361)
-    return LargeRotation(**options | {"samples": samples})

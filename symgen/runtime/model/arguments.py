@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError
@@ -243,6 +244,17 @@ class ElasticRun(Checkpointed, _InSteps):
     t_eval: ArrayLike | None = None
     revolutions: float | None = None
     initial: str | Sequence[float] = "undeformed"
+
+    @property
+    def in_large_rotation(self) -> LargeRotation | None:
+        """The same run in large rotation in place of linear theory; None for options that it lacks."""
+        shared = {f.name for f in fields(LargeRotation)} & {f.name for f in fields(self)}
+        others = ((getattr(self, f.name), f.default) for f in fields(self) if f.name not in shared)
+        # A list or an array is no default.
+        if any(np.ndim(value) or value != default for value, default in others):
+            return None
+        options = {name: getattr(self, name) for name in shared}
+        return LargeRotation(**options | {"samples": sample_count(self.samples, None, 361)})
 
 
 @dataclass(frozen=True, kw_only=True)
