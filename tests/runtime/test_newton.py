@@ -76,7 +76,7 @@ def test_a_correction_may_not_exist():
 IN_PYTHON = {
     ("newton.py", "corrected"),
     ("chain/run.py", "_project"),
-    ("elastic/space/statics.py", "_corrected"),
+    ("elastic/large/statics.py", "_corrected"),
     ("rods/search.py", "_least_squares"),  # with damping, to the least error
 }
 IN_C = {
