@@ -69,10 +69,9 @@ def equilibrium(motion: ElasticMotion, rigid: RodModel, elements: int, t: float,
     pose = rigid.equilibrium(at=t, stable=stable).state
     start = linkage.posed(t, pose.q)
     linkage.start()
-    linkage.follow(start)
+    linkage.follow(t, start.q, start.v)
     at, of = resting(linkage, t, stable, start)
-    states = (x[None] for x in (at.q, at.v, at.a))
-    q, v, a = states
+    q, v, a = (x[None] for x in (at.q, at.v, at.a))
     forces = [force for link in linkage.links for force in link.forces(q, v, a).values()]
     d, on_links = motion.rigid.description, dict[str, Array]()
     drawn = motion.rigid.initial_state().positions

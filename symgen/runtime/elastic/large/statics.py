@@ -162,7 +162,7 @@ def at_rest(system: RestingSystem, moment: MotionState, push: Array | None = Non
             part /= 2
         else:
             now, part, reached = found, min(2 * part, most), then
-            system.follow(now)
+            system.follow(now.t, now.q, now.v)
     if reached < 1.0:
         # A linkage that its loads move may find its pose at once.
         found = _corrected(system, moment, pushed, _AWAY)
