@@ -20,16 +20,13 @@ cdef extern from "chain_kernel.h" nogil:
     void chain_solve(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
         const double *mass, const double *force, const double *along, const double *gamma, double *acceleration,
         double *multiplier, double *reaction, double *work)
-    void chain_rest(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
-        const double *mass, const double *force, const double *along, const double *gamma, const double *acceleration,
-        const double *multiplier, double *left, double *length_left)
     void chain_accelerations_lanes(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
         const double *mass, const double *force, const double *along, const double *rate, double *acceleration,
         double *multiplier, double *reaction, double *work)
     void chain_solve_lanes(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
         const double *mass, const double *force, const double *along, const double *gamma, double *acceleration,
         double *multiplier, double *reaction, double *work)
-    void chain_rest_lanes(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
+    void chain_rest(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
         const double *mass, const double *force, const double *along, const double *gamma, const double *acceleration,
         const double *multiplier, double *left, double *length_left)
 
@@ -42,11 +39,10 @@ DIMENSION, LANES, FACTORS, FLOPS = 2, 8, 10, 87
 ADDRESSES = {
     "ends": <uintptr_t>&chain_ends,
     "accelerations": <uintptr_t>&chain_accelerations,
-    "solve": <uintptr_t>&chain_solve,
-    "rest": <uintptr_t>&chain_rest,
     "accelerations_lanes": <uintptr_t>&chain_accelerations_lanes,
+    "solve": <uintptr_t>&chain_solve,
     "solve_lanes": <uintptr_t>&chain_solve_lanes,
-    "rest_lanes": <uintptr_t>&chain_rest_lanes,
+    "rest": <uintptr_t>&chain_rest,
 }
 
 

@@ -18,9 +18,6 @@
 #define SYMGEN_SOLUTION \
     double *SYMGEN_RESTRICT acceleration, double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, \
     double *SYMGEN_RESTRICT work
-#define SYMGEN_REST \
-    const double *SYMGEN_RESTRICT gamma, const double *SYMGEN_RESTRICT acceleration, \
-    const double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT left, double *SYMGEN_RESTRICT length_left
 
 /* Lanes never read what another lane wrote. */
 #if defined(__clang__)
@@ -49,7 +46,7 @@
 #define SYMGEN_WIDTHS
 #endif
 
-const char chain_equations[65] = "66f8de38775844004f83f326395b71e76ddfd99f894ef4933933bf460aeaf2bf";
+const char chain_equations[65] = "d797102e5358a5a09c816498772339050a6721435f65667c458ae7a046a5b234";
 
 /* end mass matrix [a11 a12; a12 a22] of a rod: 15 operations (4 add, 10 mul, 1 div) */
 SYMGEN_INLINE void ends_step(const double *SYMGEN_RESTRICT rod, double *SYMGEN_RESTRICT masses)
@@ -300,22 +297,18 @@ SYMGEN_INLINE void solve(const int lanes, const int by_rate, SYMGEN_CHAIN, const
     }
 }
 
-SYMGEN_INLINE void residuals(const int lanes, SYMGEN_CHAIN, SYMGEN_REST)
+void chain_rest(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, const double *SYMGEN_RESTRICT acceleration,
+    const double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT left, double *SYMGEN_RESTRICT length_left)
 {
     for (ptrdiff_t k = 0; k <= n; k++)
-        SYMGEN_EACH_LANE
-            unloaded_step(lanes, mass + lanes*k + lane, force + 2*lanes*k + lane, acceleration + 2*lanes*k + lane,
-                left + 2*lanes*k + lane);
+        unloaded_step(1, mass + k, force + 2*k, acceleration + 2*k, left + 2*k);
     for (ptrdiff_t k = 0; k < n; k++) {
         const ptrdiff_t inner = parent ? parent[k] : k;
-        SYMGEN_EACH_LANE
-            rest_step(lanes, along + 2*lanes*k + lane, coupling + lanes*k + lane, gamma + lanes*k + lane,
-                acceleration + 2*lanes*inner + lane, acceleration + 2*lanes*(k + 1) + lane,
-                multiplier + lanes*k + lane, left + 2*lanes*inner + lane, left + 2*lanes*(k + 1) + lane,
-                length_left + lanes*k + lane);
+        rest_step(1, along + 2*k, coupling + k, gamma + k, acceleration + 2*inner, acceleration + 2*(k + 1),
+            multiplier + k, left + 2*inner, left + 2*(k + 1), length_left + k);
     }
     if (held)
-        memset(left, 0, 2*lanes*sizeof(double));
+        memset(left, 0, 2*sizeof(double));
 }
 
 void chain_accelerations(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT rate, SYMGEN_SOLUTION)
@@ -330,11 +323,6 @@ void chain_solve(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, SYMGEN_SOLUT
         work);
 }
 
-void chain_rest(SYMGEN_CHAIN, SYMGEN_REST)
-{
-    residuals(1, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, left, length_left);
-}
-
 SYMGEN_WIDTHS
 void chain_accelerations_lanes(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT rate, SYMGEN_SOLUTION)
 {
@@ -347,10 +335,4 @@ void chain_solve_lanes(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, SYMGEN
 {
     solve(LANES, 0, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, reaction,
         work);
-}
-
-SYMGEN_WIDTHS
-void chain_rest_lanes(SYMGEN_CHAIN, SYMGEN_REST)
-{
-    residuals(LANES, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, left, length_left);
 }

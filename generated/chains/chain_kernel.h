@@ -63,13 +63,6 @@ void chain_solve(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT gamma, double *SYMGEN_RESTRICT acceleration,
     double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, double *SYMGEN_RESTRICT work);
 
-/* Residuals of a solution: of the forces, left[n + 1][2] [N] (zero at a held base), and of the length rows,
- * length_left[n] [m^2/s^2]. */
-void chain_rest(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
-    const double *SYMGEN_RESTRICT coupling, const double *SYMGEN_RESTRICT mass, const double *SYMGEN_RESTRICT force,
-    const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT gamma, const double *SYMGEN_RESTRICT acceleration,
-    const double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT left, double *SYMGEN_RESTRICT length_left);
-
 /* Accelerations, multipliers and reaction of 8 chains. */
 void chain_accelerations_lanes(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
     const double *SYMGEN_RESTRICT coupling, const double *SYMGEN_RESTRICT mass, const double *SYMGEN_RESTRICT force,
@@ -84,7 +77,7 @@ void chain_solve_lanes(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int
 
 /* Residuals of a solution: of the forces, left[n + 1][2] [N] (zero at a held base), and of the length rows,
  * length_left[n] [m^2/s^2]. */
-void chain_rest_lanes(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
+void chain_rest(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
     const double *SYMGEN_RESTRICT coupling, const double *SYMGEN_RESTRICT mass, const double *SYMGEN_RESTRICT force,
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT gamma, const double *SYMGEN_RESTRICT acceleration,
     const double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT left, double *SYMGEN_RESTRICT length_left);

@@ -18,9 +18,6 @@
 #define SYMGEN_SOLUTION \
     double *SYMGEN_RESTRICT acceleration, double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, \
     double *SYMGEN_RESTRICT work
-#define SYMGEN_REST \
-    const double *SYMGEN_RESTRICT gamma, const double *SYMGEN_RESTRICT acceleration, \
-    const double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT left, double *SYMGEN_RESTRICT length_left
 
 /* Lanes never read what another lane wrote. */
 #if defined(__clang__)
@@ -49,7 +46,7 @@
 #define SYMGEN_WIDTHS
 #endif
 
-const char chain_spatial_equations[65] = "9ea64526277f71c7f04263c586bbe48ccd3d792bc2fd954ccf8360f6ebb3b158";
+const char chain_spatial_equations[65] = "cb59af09ca88a55388530d1cf7bbc396ce43d2293c84d1765dc7e2575521259b";
 
 /* end mass matrix [a11 a12; a12 a22] of a rod: 15 operations (4 add, 10 mul, 1 div) */
 SYMGEN_INLINE void ends_step(const double *SYMGEN_RESTRICT rod, double *SYMGEN_RESTRICT masses)
@@ -367,22 +364,18 @@ SYMGEN_INLINE void solve(const int lanes, const int by_rate, SYMGEN_CHAIN, const
     }
 }
 
-SYMGEN_INLINE void residuals(const int lanes, SYMGEN_CHAIN, SYMGEN_REST)
+void chain_spatial_rest(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, const double *SYMGEN_RESTRICT acceleration,
+    const double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT left, double *SYMGEN_RESTRICT length_left)
 {
     for (ptrdiff_t k = 0; k <= n; k++)
-        SYMGEN_EACH_LANE
-            unloaded_step(lanes, mass + lanes*k + lane, force + 3*lanes*k + lane, acceleration + 3*lanes*k + lane,
-                left + 3*lanes*k + lane);
+        unloaded_step(1, mass + k, force + 3*k, acceleration + 3*k, left + 3*k);
     for (ptrdiff_t k = 0; k < n; k++) {
         const ptrdiff_t inner = parent ? parent[k] : k;
-        SYMGEN_EACH_LANE
-            rest_step(lanes, along + 3*lanes*k + lane, coupling + lanes*k + lane, gamma + lanes*k + lane,
-                acceleration + 3*lanes*inner + lane, acceleration + 3*lanes*(k + 1) + lane,
-                multiplier + lanes*k + lane, left + 3*lanes*inner + lane, left + 3*lanes*(k + 1) + lane,
-                length_left + lanes*k + lane);
+        rest_step(1, along + 3*k, coupling + k, gamma + k, acceleration + 3*inner, acceleration + 3*(k + 1),
+            multiplier + k, left + 3*inner, left + 3*(k + 1), length_left + k);
     }
     if (held)
-        memset(left, 0, 3*lanes*sizeof(double));
+        memset(left, 0, 3*sizeof(double));
 }
 
 void chain_spatial_accelerations(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT rate, SYMGEN_SOLUTION)
@@ -397,11 +390,6 @@ void chain_spatial_solve(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, SYMG
         work);
 }
 
-void chain_spatial_rest(SYMGEN_CHAIN, SYMGEN_REST)
-{
-    residuals(1, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, left, length_left);
-}
-
 SYMGEN_WIDTHS
 void chain_spatial_accelerations_lanes(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT rate, SYMGEN_SOLUTION)
 {
@@ -414,10 +402,4 @@ void chain_spatial_solve_lanes(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma
 {
     solve(LANES, 0, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, reaction,
         work);
-}
-
-SYMGEN_WIDTHS
-void chain_spatial_rest_lanes(SYMGEN_CHAIN, SYMGEN_REST)
-{
-    residuals(LANES, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, left, length_left);
 }
