@@ -17,11 +17,6 @@ struct envelope {
     const ptrdiff_t *at;    /* start of each row, n + 1 numbers; the last is the number of entries of L */
 };
 
-/* Numbers of a matrix: rows of L, columns of U, diagonal. */
-static inline ptrdiff_t envelope_size(const struct envelope *e) {
-    return 2 * e->at[e->n] + e->n;
-}
-
 /* Factorise in place; `imaginary` is NULL for real matrices. False without a pivot. */
 int envelope_factor(const struct envelope *e, real *values, real *imaginary);
 

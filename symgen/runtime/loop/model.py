@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.loop.derivatives.free import FreePose
     from symgen.runtime.loop.many.driven import DrivenLoops
+    from symgen.runtime.many.runs import Runs
     from symgen.runtime.result.result import Result
 
 #: Samples of a range, with some 0.7 GB of results.
@@ -355,13 +356,7 @@ class LoopModel(Model):
         with limited(request.max_wall):
             return run(self.kernels, begin, rates, chosen, request.progress, keeping, request.t_eval)
 
-    def _compiled_runs(
-        self,
-        first: Any,
-        columns: Mapping[str, Array],
-        states: Sequence[State] | None,
-        arguments: Mapping[str, Any],
-    ) -> DrivenLoops | None:
+    def _compiled_runs(self, runs: Runs, first: Any) -> DrivenLoops | None:
         from symgen.runtime.loop.many.driven import driven_loops
 
-        return driven_loops(self, first, columns) if first.KIND == Turn.KIND else None
+        return driven_loops(self, first, runs.columns) if first.KIND == Turn.KIND else None

@@ -14,8 +14,8 @@ from symgen.errors import CapabilityError
 if TYPE_CHECKING:
     import xarray
 
-    from symgen.runtime.arrays import Array
     from symgen.runtime.many.dataset import CompiledRuns
+    from symgen.runtime.many.runs import Runs
     from symgen.runtime.result.state import State
 
 
@@ -129,23 +129,11 @@ class ManyRuns:
     periodic_many = Many("periodic")
     quasi_static_many = Many("quasi_static")
 
-    def _compiled_runs(
-        self,
-        first: Any,
-        columns: Mapping[str, Array],
-        states: Sequence[State] | None,
-        arguments: Mapping[str, Any],
-    ) -> CompiledRuns | None:
+    def _compiled_runs(self, runs: Runs, first: Any) -> CompiledRuns | None:
         """Return runs with the options of a first one; None where each is to be carried out singly."""
         return None
 
-    def _driven_runs(
-        self,
-        with_forces: bool,
-        columns: Mapping[str, Array],
-        states: Sequence[State] | None,
-        arguments: Mapping[str, Any],
-    ) -> CompiledRuns | None:
+    def _driven_runs(self, runs: Runs) -> CompiledRuns | None:
         """Return runs of kinematics, or of inverse dynamics; None where each is to be carried out singly."""
         return None
 

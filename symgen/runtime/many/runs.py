@@ -130,10 +130,8 @@ class Runs:
 
     def driven(self) -> CompiledRuns | None:
         """Return the runs in lanes, if they are of a driven linkage."""
-        if self.analysis not in ("kinematics", "inverse_dynamics"):
-            return None
-        forces = self.analysis == "inverse_dynamics"
-        return self.model._driven_runs(forces, self.columns, self.states, self.arguments)
+        driven = self.analysis in ("kinematics", "inverse_dynamics")
+        return self.model._driven_runs(self) if driven else None
 
     def result(self, i: int) -> Any:
         """Carry out run i by itself; errors are those of the analysis."""
@@ -208,7 +206,7 @@ def carried_out(
         return results
     finished_runs, count, workers = len(results), len(runs), threads or _processors()
     results += [KeptSamples()] * (count - finished_runs)
-    compiled = driven or runs.model._compiled_runs(result, runs.columns, runs.states, runs.arguments)
+    compiled = driven or runs.model._compiled_runs(runs, result)
     ended = Event()
     refused = runs.refused()
 

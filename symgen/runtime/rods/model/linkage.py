@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
     from symgen.runtime.many.dataset import CompiledRuns
+    from symgen.runtime.many.runs import Runs
     from symgen.runtime.result.motion import Motion
     from symgen.runtime.rods.constraints import Constraints
 
@@ -196,24 +197,13 @@ class LinkageModel(Model):
         poses = request.instants(self.description.t_end)
         return analyse(self._constraints(), begin.q, begin.t, poses, request.through, request.of)
 
-    def _compiled_runs(
-        self,
-        first: Any,
-        columns: Mapping[str, Array],
-        states: Sequence[State] | None,
-        arguments: Mapping[str, Any],
-    ) -> CompiledRuns | None:
+    def _compiled_runs(self, runs: Runs, first: Any) -> CompiledRuns | None:
         from symgen.runtime.rods.many.compiled import compiled_runs
 
-        return compiled_runs(self, first, columns, states, arguments)
+        return compiled_runs(self, first, runs.columns, runs.states, runs.arguments)
 
-    def _driven_runs(
-        self,
-        with_forces: bool,
-        columns: Mapping[str, Array],
-        states: Sequence[State] | None,
-        arguments: Mapping[str, Any],
-    ) -> CompiledRuns | None:
+    def _driven_runs(self, runs: Runs) -> CompiledRuns | None:
         from symgen.runtime.rods.many.driven import driven_runs
 
-        return driven_runs(self, with_forces, columns, states, arguments)
+        forces = runs.analysis == "inverse_dynamics"
+        return driven_runs(self, forces, runs.columns, runs.states, runs.arguments)
