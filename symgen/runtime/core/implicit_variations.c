@@ -43,53 +43,68 @@ static void look(struct variations *v, long s, real t, const real *state) {
     memcpy(v->slopes + s * n * k, v->solved, (size_t)(n * k) * sizeof(real));
 }
 
-/* Whether iterations have ended, by the size of the last change and the one before. */
-static int is_still(real change, real size, real *before) {
-    const int ended = change <= R(4) * REAL_EPSILON * size || (change >= R(0.5) * *before && change <= STALLED * size);
-    *before = change;
-    return ended;
+/* Writes the equations of a step at the present states: the matrix, and in v->changes, behind the unknowns if they are
+   there, what is left; returns the size of the unknowns. */
+typedef real equations_of_step(struct variations *v, real t, real h, const real *y);
+
+/* Solve the equations of a step for `count` unknowns x by Newton's method; `left` is what is left of them. */
+static int solve_step(struct variations *v, equations_of_step *equations, real t, real h, const real *y,
+                      ptrdiff_t count, real *x, real *left) {
+    real before = REAL_INFINITY;
+    for (int k = 0; k < ITERATIONS; k++) {
+        real change = 0, size = equations(v, t, h, y);
+        if (!factor_dense(count, v->matrix, v->swaps))
+            return NOT_FINITE;
+        solve_dense(count, v->matrix, v->swaps, left);
+        for (ptrdiff_t i = 0; i < count; i++) {
+            x[i] += left[i];
+            change = real_fmax(change, real_fabs(left[i]));
+        }
+        size = real_fmax(size, largest_or_nan(x, count));
+        if (!real_isfinite(change))
+            return NOT_FINITE;
+        if (change <= R(4) * REAL_EPSILON * size || (change >= R(0.5) * before && change <= STALLED * size))
+            return DONE;
+        before = change;
+    }
+    return NOT_FINITE;
+}
+
+/* The unknowns are the states of the stages. */
+static real radau_equations(struct variations *v, real t, real h, const real *y) {
+    const ptrdiff_t n = v->e->n, two = 2 * n, k = v->sizes.columns, first = k - two, all = STAGES * two;
+    real a[STAGES][STAGES], c[STAGES];
+    radau_scheme(a, c);
+    for (long s = 0; s < STAGES; s++)
+        look(v, s, t + c[s] * h, v->states + s * two);
+    memset(v->matrix, 0, (size_t)(all * all) * sizeof(real));
+    for (long s = 0; s < STAGES; s++)
+        for (ptrdiff_t i = 0; i < two; i++) {
+            real *row = v->matrix + (s * two + i) * all, sum = y[i] - v->states[s * two + i];
+            for (long j = 0; j < STAGES; j++) {
+                const real weight = h * a[s][j], *slopes = v->slopes + (j * n + i - n) * k + first;
+                sum += weight * v->rates[j * two + i];
+                if (i < n)
+                    row[j * two + n + i] -= weight;
+                else
+                    add_multiple(two, -weight, slopes, row + j * two);
+            }
+            row[s * two + i] += 1;
+            v->changes[s * two + i] = sum;
+        }
+    return 0;
 }
 
 static int radau(struct variations *v, real t, real h, const real *y, const real *y_new) {
     const ptrdiff_t n = v->e->n, two = 2 * n, k = v->sizes.columns, first = k - two, all = STAGES * two;
-    real a[STAGES][STAGES], c[STAGES], before = REAL_INFINITY;
+    real a[STAGES][STAGES], c[STAGES];
     radau_scheme(a, c);
     for (long s = 0; s < STAGES; s++)
         for (ptrdiff_t i = 0; i < two; i++)
             v->states[s * two + i] = y[i] + c[s] * (y_new[i] - y[i]);
-    for (long iteration = 0;; iteration++) {
-        if (iteration == ITERATIONS)
-            return NOT_FINITE;
-        for (long s = 0; s < STAGES; s++)
-            look(v, s, t + c[s] * h, v->states + s * two);
-        memset(v->matrix, 0, (size_t)(all * all) * sizeof(real));
-        real *left = v->changes, change = 0;
-        for (long s = 0; s < STAGES; s++)
-            for (ptrdiff_t i = 0; i < two; i++) {
-                real *row = v->matrix + (s * two + i) * all, sum = y[i] - v->states[s * two + i];
-                for (long j = 0; j < STAGES; j++) {
-                    const real weight = h * a[s][j], *slopes = v->slopes + (j * n + i - n) * k + first;
-                    sum += weight * v->rates[j * two + i];
-                    if (i < n)
-                        row[j * two + n + i] -= weight;
-                    else
-                        add_multiple(two, -weight, slopes, row + j * two);
-                }
-                row[s * two + i] += 1;
-                left[s * two + i] = sum;
-            }
-        if (!factor_dense(all, v->matrix, v->swaps))
-            return NOT_FINITE;
-        solve_dense(all, v->matrix, v->swaps, left);
-        for (ptrdiff_t i = 0; i < all; i++) {
-            v->states[i] += left[i];
-            change = real_fmax(change, real_fabs(left[i]));
-        }
-        if (!real_isfinite(change))
-            return NOT_FINITE;
-        if (is_still(change, largest_or_nan(v->states, all), &before))
-            break;
-    }
+    const int status = solve_step(v, radau_equations, t, h, y, all, v->states, v->changes);
+    if (status != DONE)
+        return status;
     for (long s = 0; s < STAGES; s++)
         for (ptrdiff_t i = 0; i < two; i++) {
             real *row = v->changes + (s * two + i) * k;
@@ -124,41 +139,35 @@ static void begin_alpha(struct variations *v, real t, const real *y) {
     memcpy(v->carried_moved + rows, v->carried_moved, rows * sizeof(real));
 }
 
-/* The carried accelerations are A of the method and a of the motion: see alpha.c. */
-static int alpha(struct variations *v, real t, real h, const real *y) {
+/* The unknowns are the next A of the method, the first numbers of v->changes. The carried accelerations are the present
+   A and a of the motion: see alpha.c. */
+static real alpha_equations(struct variations *v, real t, real h, const real *y) {
     const real *of = v->scheme.numbers, inertia = 1 - of[0], force = 1 - of[1], beta = of[2], gamma = of[3];
     const ptrdiff_t n = v->e->n, k = v->sizes.columns, first = k - 2 * n;
-    real *own = v->carried, *motion = own + n, *moved = v->carried_moved, *motion_moved = moved + n * k;
-    real *next = v->changes, *left = next + n, *state = v->states, before = REAL_INFINITY;
-    memcpy(next, own, (size_t)n * sizeof(real));
-    for (long iteration = 0;; iteration++) {
-        if (iteration == ITERATIONS)
-            return NOT_FINITE;
-        for (ptrdiff_t i = 0; i < n; i++) {
-            state[i] = y[i] + h * (y[n + i] + h * ((R(0.5) - beta) * own[i] + beta * next[i]));
-            state[n + i] = y[n + i] + h * ((1 - gamma) * own[i] + gamma * next[i]);
-        }
-        look(v, 0, t + h, state);
-        real change = 0;
-        for (ptrdiff_t i = 0; i < n; i++) {
-            const real *slopes = v->slopes + i * k + first;
-            for (ptrdiff_t j = 0; j < n; j++)
-                v->matrix[i * n + j] = (i == j) * inertia - force * h * (h * beta * slopes[j] + gamma * slopes[n + j]);
-            left[i] = force * v->rates[n + i] + of[1] * motion[i] - inertia * next[i] - of[0] * own[i];
-        }
-        if (!factor_dense(n, v->matrix, v->swaps))
-            return NOT_FINITE;
-        solve_dense(n, v->matrix, v->swaps, left);
-        for (ptrdiff_t i = 0; i < n; i++) {
-            next[i] += left[i];
-            change = real_fmax(change, real_fabs(left[i]));
-        }
-        if (!real_isfinite(change))
-            return NOT_FINITE;
-        const real rates = largest_or_nan(state + n, n) / h, size = real_fmax(largest_or_nan(next, n), rates);
-        if (is_still(change, size, &before))
-            break;
+    real *own = v->carried, *motion = own + n, *next = v->changes, *left = next + n, *state = v->states;
+    for (ptrdiff_t i = 0; i < n; i++) {
+        state[i] = y[i] + h * (y[n + i] + h * ((R(0.5) - beta) * own[i] + beta * next[i]));
+        state[n + i] = y[n + i] + h * ((1 - gamma) * own[i] + gamma * next[i]);
     }
+    look(v, 0, t + h, state);
+    for (ptrdiff_t i = 0; i < n; i++) {
+        const real *slopes = v->slopes + i * k + first;
+        for (ptrdiff_t j = 0; j < n; j++)
+            v->matrix[i * n + j] = (i == j) * inertia - force * h * (h * beta * slopes[j] + gamma * slopes[n + j]);
+        left[i] = force * v->rates[n + i] + of[1] * motion[i] - inertia * next[i] - of[0] * own[i];
+    }
+    return largest_or_nan(state + n, n) / h;
+}
+
+static int alpha(struct variations *v, real t, real h, const real *y) {
+    const real *of = v->scheme.numbers, force = 1 - of[1], beta = of[2], gamma = of[3];
+    const ptrdiff_t n = v->e->n, k = v->sizes.columns;
+    real *own = v->carried, *motion = own + n, *moved = v->carried_moved, *motion_moved = moved + n * k;
+    real *next = v->changes;
+    memcpy(next, own, (size_t)n * sizeof(real));
+    const int status = solve_step(v, alpha_equations, t, h, y, n, next, next + n);
+    if (status != DONE)
+        return status;
     memcpy(motion, v->rates + n, (size_t)n * sizeof(real));
     memcpy(own, next, (size_t)n * sizeof(real));
     /* the part of (q, u) that depends on the previous state and its carried accelerations */

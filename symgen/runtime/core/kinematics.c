@@ -5,6 +5,7 @@
 #include "arena.h"
 #include "lanes.h"
 #include "linear.h"
+#include "single.h"
 
 static size_t place(struct kinematics *k, const struct kinematic_sizes *s, const struct kinematic_groups *g, void *memory) {
     const struct arena_array arrays[] = {
@@ -50,60 +51,6 @@ static void bind(struct kinematics *k, const struct kinematic_sizes *sizes, cons
     k->length = R(sizes->length);
     for (ptrdiff_t i = 0; i < sizes->m; i++)
         k->scale[i] = REAL_INFINITY - REAL_INFINITY;
-}
-
-/* -- numbers and flags of a single linkage, as in vectors.h: the lowest bit of a flag counts ---------------- */
-
-typedef real wide;
-typedef ptrdiff_t mask;
-
-static inline wide all(real x) {
-    return x;
-}
-
-static inline int any(mask which) {
-    return which & 1;
-}
-
-static inline wide chosen(mask which, wide yes, wide no) {
-    return which & 1 ? yes : no;
-}
-
-static inline wide magnitude(wide x) {
-    return real_fabs(x);
-}
-
-static inline mask finite(wide x) {
-    return real_isfinite(x);
-}
-
-static inline wide larger(wide a, wide b) {
-    return b > a ? b : a;
-}
-
-static inline wide smaller(wide a, wide b) {
-    return b < a ? b : a;
-}
-
-static inline wide largest_in(const wide *values, ptrdiff_t count) {
-    return largest_or_nan(values, count);
-}
-
-static inline void exchange(mask which, wide *a, wide *b, ptrdiff_t count) {
-    if (which & 1)
-        for (ptrdiff_t i = 0; i < count; i++) {
-            const wide kept = a[i];
-            a[i] = b[i], b[i] = kept;
-        }
-}
-
-static inline void copy_where(mask which, const wide *from, ptrdiff_t count, wide *to) {
-    if (which & 1)
-        copy(from, count, to);
-}
-
-static inline void call(kernel function, const wide *t, const wide *q, const wide *u, const wide *p, wide *work, wide *out) {
-    function(t, q, u, p, work, out);
 }
 
 #define LINKAGE struct kinematics

@@ -5,6 +5,7 @@
 #include "arena.h"
 #include "lanes.h"
 #include "linear.h"
+#include "single.h"
 #include "start_lanes.h"
 #include "start_limits.h"
 
@@ -47,21 +48,9 @@ static void bind(struct start *s, const struct start_sizes *sizes, const struct 
 }
 
 /* Evaluate a kernel at rest; results in s->out. */
-static void call(struct start *s, kernel function, const real *q, const real *u) {
+static void evaluate(struct start *s, kernel function, const real *q, const real *u) {
     const real t = 0;
-    function(&t, q, u, s->p, s->work, s->out);
-}
-
-#define NUMBER real
-#define ROOT real_sqrt
-#define LARGEST largest_or_nan
-#include "start_extent.h"
-
-static real extent(struct start *s, const real *q) {
-    if (s->sizes.size > 0)
-        return R(s->sizes.size);
-    call(s, s->kernels.points, q, s->still);
-    return size_of_points(s->sizes.points, s->sizes.axes, s->out);
+    call(function, &t, q, u, s->p, s->work, s->out);
 }
 
 /* Overwrite a matrix A of n columns, stored column by column, by A L^-T for the factor L in s->mass. */
@@ -90,52 +79,26 @@ static void solve_upper(const struct start *s, real *b) {
 static void weigh(struct start *s) {
     const ptrdiff_t n = s->sizes.n;
     if (s->kernels.metric != NULL) {
-        call(s, s->kernels.metric, s->q, s->still);
+        evaluate(s, s->kernels.metric, s->q, s->still);
         copy(s->out, n * n, s->mass);
     }
     s->weighted = s->kernels.metric != NULL && factor_positive(n, s->mass, 0, 0) == n;
 }
 
-/* Solve the rows of the assembly for q at a fraction of the path, by Newton's method with minimum-norm corrections:
-   within the tolerance, and to round-off at the end of the path. */
-static int newton(struct start *s, real at, real *q) {
-    const ptrdiff_t n = s->sizes.n, rows = s->sizes.rows;
-    const real wide = extent(s, q), size = real_fmax(wide, largest_or_nan(q, n));
-    const real tolerance = real_fmax(R(s->sizes.share) * wide, R(s->sizes.tolerance));
-    real previous = REAL_INFINITY;
-    if (tolerance > R(MOST_TOLERANCE) * wide)
-        return TOO_TOLERANT;
-    for (int tries = 0; tries < NEWTON; tries++) {
-        s->change[0] = at;
-        memset(s->change + 1, 0, (size_t)n * sizeof(real));
-        call(s, s->kernels.assembly, q, s->change);
-        const real worst = largest_or_nan(s->out, rows);
-        if (at < 1 ? worst <= tolerance : worst <= ROUNDING * size && worst > R(0.5) * previous)
-            return STARTED;
-        if (!(worst < 2 * previous))
-            return UNASSEMBLED;
-        previous = worst;
-        for (ptrdiff_t i = 0; i < rows; i++) {
-            s->right[i] = -s->out[i];
-            for (ptrdiff_t j = 0; j < n; j++)
-                s->matrix[rows * j + i] = s->out[rows + n * i + j];
-        }
-        /* below the assembly error singular values are numerically zero */
-        if (s->weighted)
-            divide_columns(s, rows, s->matrix);
-        solve_least(rows, n, s->matrix, s->right, R(10) * tolerance / wide, s->change, s->order, s->beta);
-        if (s->weighted)
-            solve_upper(s, s->change);
-        const real moved = largest_or_nan(s->change, n);
-        if (!(moved <= size))
-            return UNASSEMBLED;
-        for (ptrdiff_t j = 0; j < n; j++)
-            q[j] += s->change[j];
-        if (worst == 0 || (worst <= tolerance && moved <= ROUNDING * size))
-            return STARTED;
-    }
-    return previous <= ROUNDING * size ? STARTED : UNASSEMBLED;
+/* Solve the rows of the assembly for the correction of least norm, where singular values below a part of the largest
+   are zero. */
+static mask solve_rows(struct start *s, real part) {
+    const ptrdiff_t rows = s->sizes.rows;
+    if (s->weighted)
+        divide_columns(s, rows, s->matrix);
+    solve_least(rows, s->sizes.n, s->matrix, s->right, part, s->change, s->order, s->beta);
+    if (s->weighted)
+        solve_upper(s, s->change);
+    return 1;
 }
+
+#define START struct start
+#include "start_steps.h"
 
 /* The sign of the determinant of the square assembly Jacobian at a fraction of the path, which is that of the drawing
    everywhere on its assembly branch; zero where it is singular, or not square. */
@@ -147,7 +110,7 @@ static int side(struct start *s, real at, const real *q) {
         return 0;
     s->change[0] = at;
     memset(s->change + 1, 0, (size_t)n * sizeof(real));
-    call(s, s->kernels.assembly, q, s->change);
+    evaluate(s, s->kernels.assembly, q, s->change);
     copy(s->out + n, n * n, s->matrix);
     if (!factor_dense(n, s->matrix, s->order))
         return 0;
@@ -173,15 +136,17 @@ static int outcome(struct start *s) {
 static int advance(struct start *s) {
     const real target = real_fmin(R(1), s->at + s->step);
     copy(s->q, s->sizes.n, s->trial);
-    const int status = newton(s, target, s->trial);
-    if (status == STARTED) {
+    const real width = extent(s, s->q);
+    if (tolerance(s, width) > R(MOST_TOLERANCE) * width)
+        return TOO_TOLERANT;
+    if (any(newton(s, 1, target, width, s->trial))) {
         copy(s->trial, s->sizes.n, s->q);
         s->at = target;
         s->step = real_fmin(2 * s->step, LONGEST);
         return target < 1 ? ON_THE_WAY : outcome(s);
     }
     s->step /= 2;
-    return status == TOO_TOLERANT || s->step < real_fmax(SHORTEST * s->at, LEAST) ? status : ON_THE_WAY;
+    return s->step < real_fmax(SHORTEST * s->at, LEAST) ? UNASSEMBLED : ON_THE_WAY;
 }
 
 /* Write to s->matrix, row by row, the scaled constraints without the dropped ones, then the rows of prescribed
@@ -191,13 +156,13 @@ static ptrdiff_t rows_of_velocities(struct start *s, const char *dropped) {
     ptrdiff_t kept = 0;
     if (s->kernels.jacobian != NULL) {
         real *scale = s->miss;
-        call(s, s->kernels.constraints, s->q, s->still);
+        evaluate(s, s->kernels.constraints, s->q, s->still);
         copy(s->out + m, m, scale);
-        call(s, s->kernels.drift, s->q, s->still);
+        evaluate(s, s->kernels.drift, s->q, s->still);
         for (ptrdiff_t i = 0; i < m; i++)
             if (!dropped[i])
                 s->right[kept++] = -s->out[i] / scale[i];
-        call(s, s->kernels.jacobian, s->q, s->still);
+        evaluate(s, s->kernels.jacobian, s->q, s->still);
         kept = 0;
         for (ptrdiff_t i = 0; i < m; i++)
             if (!dropped[i]) {
@@ -207,7 +172,7 @@ static ptrdiff_t rows_of_velocities(struct start *s, const char *dropped) {
             }
     }
     if (prescribed) {
-        call(s, s->kernels.rates, s->q, s->still);
+        evaluate(s, s->kernels.rates, s->q, s->still);
         copy(s->out, prescribed, s->right + kept);
         copy(s->out + prescribed, prescribed * n, s->matrix + kept * n);
     }
@@ -218,14 +183,14 @@ static ptrdiff_t rows_of_velocities(struct start *s, const char *dropped) {
    u = L^-T x - M^-1 b with x of minimum norm, M = L L^T. */
 static ptrdiff_t velocities(struct start *s, const char *dropped) {
     const ptrdiff_t n = s->sizes.n;
-    call(s, s->kernels.mass, s->q, s->still);
+    evaluate(s, s->kernels.mass, s->q, s->still);
     copy(s->out, n * n, s->mass);
     if (factor_positive(n, s->mass, 0, 0) < n)
         return -1;
     real *carried = s->change; /* -M^-1 b: the velocities without conditions */
     memset(carried, 0, (size_t)n * sizeof(real));
     if (s->kernels.momentum != NULL) {
-        call(s, s->kernels.momentum, s->q, s->still);
+        evaluate(s, s->kernels.momentum, s->q, s->still);
         for (ptrdiff_t j = 0; j < n; j++)
             carried[j] = -s->out[j];
         solve_positive(n, s->mass, carried);

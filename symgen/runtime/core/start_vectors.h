@@ -3,7 +3,6 @@
 
 #include "arena.h"
 #include "start_lanes.h"
-#include "start_limits.h"
 
 struct start_lanes {
     struct start_lane_kernels kernels;
@@ -52,7 +51,7 @@ static inline wide dot(ptrdiff_t count, const wide *a, const wide *b) {
 }
 
 /* Solve a x = b as solve_least does, for x in s->change; returns the lanes with independent columns. */
-static mask solve_columns(struct start_lanes *s, wide part) {
+static mask solve_rows(struct start_lanes *s, wide part) {
     const ptrdiff_t rows = s->sizes.rows, columns = s->sizes.n;
     wide *a = s->matrix, *b = s->right, first = all(0);
     mask *order = s->order, independent = ~(mask){0};
@@ -109,52 +108,8 @@ static mask solve_columns(struct start_lanes *s, wide part) {
     return independent;
 }
 
-#define NUMBER wide
-#define ROOT root
-#define LARGEST largest_in
-#include "start_extent.h"
-
-/* As `extent` of start.c. */
-static wide extent(struct start_lanes *s, const wide *q) {
-    if (s->sizes.size > 0)
-        return all(R(s->sizes.size));
-    evaluate(s, s->kernels.points, q, s->still);
-    return size_of_points(s->sizes.points, s->sizes.axes, s->out);
-}
-
-/* As `newton` of start.c, in the open lanes; returns the converged lanes. */
-static mask newton(struct start_lanes *s, mask open, real at, wide *q) {
-    const ptrdiff_t n = s->sizes.n, rows = s->sizes.rows;
-    const wide width = extent(s, q), size = larger(width, largest_in(q, n));
-    const wide tolerance = larger(R(s->sizes.share) * width, all(R(s->sizes.tolerance)));
-    wide previous = all(REAL_INFINITY);
-    mask done = {0};
-    open &= ~(tolerance > R(MOST_TOLERANCE) * width);
-    for (int tries = 0; tries < NEWTON && any(open); tries++) {
-        memset(s->change, 0, (size_t)(n + 1) * sizeof(wide));
-        s->change[0] = all(at);
-        evaluate(s, s->kernels.assembly, q, s->change);
-        const wide worst = largest_in(s->out, rows);
-        const mask settled = open & (at < 1 ? worst <= tolerance : (worst <= ROUNDING * size) & (worst > R(0.5) * previous));
-        done |= settled;
-        open &= ~settled & (worst < 2 * previous);
-        previous = worst;
-        for (ptrdiff_t i = 0; i < rows; i++) {
-            s->right[i] = -s->out[i];
-            for (ptrdiff_t j = 0; j < n; j++)
-                s->matrix[rows * j + i] = s->out[rows + n * i + j];
-        }
-        open &= solve_columns(s, R(10) * tolerance / width);
-        const wide moved = largest_in(s->change, n);
-        open &= moved <= size;
-        for (ptrdiff_t j = 0; j < n; j++)
-            q[j] = chosen(open, q[j] + s->change[j], q[j]);
-        const mask closed = open & ((worst == 0) | ((worst <= tolerance) & (moved <= ROUNDING * size)));
-        done |= closed;
-        open &= ~closed;
-    }
-    return done;
-}
+#define START struct start_lanes
+#include "start_steps.h"
 
 static void assemble(struct start_lanes *s, const real *parameters, real *q, unsigned char *assembled) {
     const ptrdiff_t n = s->sizes.n;
@@ -167,7 +122,8 @@ static void assemble(struct start_lanes *s, const real *parameters, real *q, uns
     memcpy(s->q, s->out, (size_t)n * sizeof(wide));
     for (real at = 0; at < 1 && any(alive);) {
         at = real_fmin(R(1), at + LONGEST);
-        alive &= newton(s, alive, at, s->q);
+        const wide width = extent(s, s->q);
+        alive &= newton(s, alive & ~(tolerance(s, width) > R(MOST_TOLERANCE) * width), at, width, s->q);
     }
     for (int lane = 0; lane < WIDTH; lane++) {
         assembled[lane] = alive[lane] != 0;

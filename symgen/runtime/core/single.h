@@ -1,0 +1,64 @@
+/* Numbers and flags of a single linkage, as in vectors.h: the lowest bit of a flag counts. */
+#ifndef SYMGEN_SINGLE_H
+#define SYMGEN_SINGLE_H
+
+#include "linear.h"
+
+typedef real wide;
+typedef ptrdiff_t mask;
+
+static inline wide all(real x) {
+    return x;
+}
+
+static inline int any(mask which) {
+    return which & 1;
+}
+
+static inline wide chosen(mask which, wide yes, wide no) {
+    return which & 1 ? yes : no;
+}
+
+static inline wide magnitude(wide x) {
+    return real_fabs(x);
+}
+
+static inline mask finite(wide x) {
+    return real_isfinite(x);
+}
+
+static inline wide larger(wide a, wide b) {
+    return b > a ? b : a;
+}
+
+static inline wide smaller(wide a, wide b) {
+    return b < a ? b : a;
+}
+
+static inline wide root(wide x) {
+    return real_sqrt(x);
+}
+
+static inline wide largest_in(const wide *values, ptrdiff_t count) {
+    return largest_or_nan(values, count);
+}
+
+static inline void exchange(mask which, wide *a, wide *b, ptrdiff_t count) {
+    if (which & 1)
+        for (ptrdiff_t i = 0; i < count; i++) {
+            const wide kept = a[i];
+            a[i] = b[i], b[i] = kept;
+        }
+}
+
+static inline void copy_where(mask which, const wide *from, ptrdiff_t count, wide *to) {
+    if (which & 1)
+        copy(from, count, to);
+}
+
+static inline void call(kernel function, const wide *t, const wide *q, const wide *u, const wide *p, wide *work,
+                        wide *out) {
+    function(t, q, u, p, work, out);
+}
+
+#endif
