@@ -16,6 +16,7 @@ from symgen.runtime.result.result import Result
 from symgen.scene.elastic.offsets import is_lug
 from symgen.scene.loop.loop import Loop
 from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink
+from symgen.scene.rods.rotations import GearPair
 
 Array = NDArray[np.float64]
 #: Parts of an elastic link between the places where its deflection is drawn.
@@ -29,6 +30,8 @@ _AXIS = 0.09
 _BALL = ("theta", "eta", "alpha")
 #: A relative length that defines a direction but is invisible in the picture.
 _LITTLE = 1e-3
+#: Points of a drawn circle.
+_CIRCLE = 49
 
 
 def linkage_sketch(linkage: Linkage, places: dict[str, Array], result: Result | None) -> Sketch:
@@ -87,11 +90,34 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[DrawnLine]:
         for measure in load.measures(len(linkage.axes)):
             if len(measure.points) == 2:
                 yield DrawnLine(load.drawn, "", np.array([places[name] for _, name in measure.points]))
+    for pair in linkage.gears:
+        yield from _pitch_circles(linkage, pair, places)
     for guide in linkage.guides:
         along = linkage.link(guide.along)
         d = places[along.end] - places[along.start]
         for point in guide.points:
             yield DrawnLine("slider", "", np.array([places[point], places[point] + _LITTLE * d]))
+
+
+def _pitch_circles(linkage: Linkage, pair: GearPair, places: dict[str, Array]) -> Iterator[DrawnLine]:
+    """Yield the circles on which gears roll; none for links without an axis on their carrier."""
+    ground = {p.name for p in linkage.points if p.ground}
+    held = {*_on(linkage.link(pair.carrier))} if pair.carrier else ground
+    centres = [next((p for p in _on(linkage.link(k)) if p in held), None) for k in pair.links]
+    if None in centres:
+        return
+    first, second = (places[p] for p in centres if p)
+    angles = np.linspace(0.0, 2.0 * np.pi, _CIRCLE)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for centre, teeth in zip((first, second), pair.teeth, strict=True):
+        radius = np.linalg.norm(second - first) * abs(teeth) / abs(sum(pair.teeth))
+        yield DrawnLine(
+            "axis", "", np.hstack([centre[:2] + radius * circle, np.zeros((_CIRCLE, 1))])[:, : len(centre)]
+        )
+
+
+def _on(link: RigidLink) -> tuple[str, ...]:
+    return (*link.base, *(c.name for c in link.carried))
 
 
 def stations_of(linkage: Linkage) -> list[dict[str, object]]:

@@ -7,6 +7,7 @@ from shared.momentum import solved
 
 import symgen
 from symgen.errors import SceneError
+from symgen.inspection.picture import linkage_sketch
 from symgen.models.momentum.rows import momentum_system
 from symgen.scene.resolve import resolve
 
@@ -241,3 +242,14 @@ def test_faults_are_named(change, expected):
     with pytest.raises(SceneError) as failure:
         symgen.build(symgen.Scene(**TRAIN | {"gears": [TRAIN["gears"][0] | change]}))
     assert expected in str(failure.value) and "gears.0" in str(failure.value)
+
+
+def test_pitch_circles_touch():
+    """Sun and planet from outside, planet and ring from inside; internal circles are about one centre."""
+    linkage = resolve(symgen.Scene(**planetary()))
+    places = {p.name: np.array([float(c) for c in p.at]) for p in linkage.points}
+    circles = [line.at for line in linkage_sketch(linkage, places, None).lines if line.kind == "axis"]
+    radii = [0.15 * 30 / 48, 0.15 * 18 / 48, 0.15 * 18 / 48, 0.15 * 66 / 48]
+    for circle, radius, centre in zip(circles, radii, "OPPO", strict=True):
+        assert np.linalg.norm(circle - places[centre], axis=1) == pytest.approx(radius, rel=1e-12)
+    assert radii[0] + radii[1] == pytest.approx(0.15) and radii[3] - radii[2] == pytest.approx(0.15)
