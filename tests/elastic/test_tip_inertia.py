@@ -116,7 +116,7 @@ def test_the_same_mass_on_a_rigid_link_and_in_segments():
 BAD = {
     "no link": ({"masses": [TIP | {"link": "other"}]}, SceneError, "other"),
     "no inertia": ({"masses": [{"point": "T", "mass": "1 kg", "link": "beam"}]}, SceneError, "rotates with no link"),
-    "three": ({"masses": [TIP | {"inertia": [1, 1, 1]}]}, SceneError, "one moment of inertia in the plane"),
+    "three": ({"masses": [TIP | {"inertia": [1, 1, 1]}]}, SceneError, r"expected a text .* got \[1, 1, 1\]"),
     "negative": ({"masses": [TIP | {"inertia": "-1 kg*m^2"}]}, SceneError, "inertia"),
     "two links": (
         {

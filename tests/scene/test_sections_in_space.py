@@ -83,6 +83,12 @@ def test_tunable_ratios_leave_a_shear_modulus():
         model.with_parameters(nu=-2.0)
 
 
+def test_masses_in_space_have_no_moment_of_inertia():
+    tip = {"point": "tip", "mass": "1 kg", "inertia": "1 kg*m^2"}
+    with pytest.raises(SceneError, match="(?s)in the plane alone.*give the inertia to a body"):
+        resolve(symgen.Scene(**SCENE, masses=[tip]))
+
+
 def test_planar_sections_have_no_direction():
     data = read_scene("rotating_cantilever").data
     data["links"]["strip"]["section"]["width_along"] = [0, 1, 0]
