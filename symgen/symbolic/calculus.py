@@ -35,6 +35,9 @@ class Calculus:
         self._rate.update((q.symbol, u.symbol) for q, u in zip(coordinates, rates, strict=True))
         self._gradient: dict[sp.Symbol, dict[sp.Symbol, sp.Expr]] = {q: {q: ONE} for q in self.coordinates}
         self._definitions: dict[sp.Symbol, Definition] = {}
+        # Points and their components are differentiated again for each quantity of them.
+        self._rates: dict[sp.Expr, sp.Expr] = {}
+        self._gradients: dict[sp.Expr, dict[sp.Symbol, sp.Expr]] = {}
 
     @property
     def definitions(self) -> tuple[Definition, ...]:
@@ -64,11 +67,19 @@ class Calculus:
 
     def rate(self, expression: sp.Expr) -> sp.Expr:
         """Return the time derivative with all rates u held constant."""
-        return sp.Add(*(sp.Mul(slope, self._rate[s]) for s, slope in self._partials(expression, self._rate)))
+        known = self._rates.get(expression)
+        if known is None:
+            partials = self._partials(expression, self._rate)
+            known = self._rates[expression] = sp.Add(*(sp.Mul(slope, self._rate[s]) for s, slope in partials))
+        return known
 
     def gradient(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
         """Return the nonzero partial derivatives with respect to the coordinates."""
-        return chained((slope, self._gradient[s]) for s, slope in self._partials(expression, self._gradient))
+        known = self._gradients.get(expression)
+        if known is None:
+            partials = self._partials(expression, self._gradient)
+            known = self._gradients[expression] = chained((slope, self._gradient[s]) for s, slope in partials)
+        return known
 
     @staticmethod
     def _partials(
@@ -84,7 +95,7 @@ class Calculus:
             factors = sp.Mul.make_args(rest)
             powers = dict(factor.as_base_exp() for factor in factors)
             monomial = all(base.is_Symbol and exponent.is_Integer for base, exponent in powers.items())
-            varying = [s for s in (powers if monomial else term.free_symbols) if known.get(s)]
+            varying = [s for s in (powers if monomial else _symbols(term)) if known.get(s)]
             for s in sorted(varying, key=lambda s: str(s.name)):
                 if monomial:
                     others = (f for f, base in zip(factors, powers, strict=True) if base != s)
@@ -117,7 +128,7 @@ def partial(expression: sp.Expr, s: sp.Symbol) -> sp.Expr:
 
     That search and questions to SymPy's assumptions are most of the time of ``sp.diff``.
     """
-    if s not in expression.free_symbols:
+    if s not in _symbols(expression):
         return ZERO
     parts = expression.args
     if expression.is_Add:
@@ -130,6 +141,14 @@ def partial(expression: sp.Expr, s: sp.Symbol) -> sp.Expr:
     if expression.func in (sp.sin, sp.cos):
         return expression.fdiff() * partial(parts[0], s)
     return sp.diff(expression, s)
+
+
+@cacheit
+def _symbols(expression: sp.Expr) -> frozenset[sp.Basic]:
+    """Return the free symbols: SymPy collects those of every part again each time."""
+    if type(expression).free_symbols is not sp.Basic.free_symbols:
+        return frozenset(expression.free_symbols)
+    return frozenset[sp.Basic]().union(*map(_symbols, expression.args))
 
 
 def per_second(unit: str) -> str:

@@ -57,11 +57,11 @@ class RodsModel(ConstrainedPoints):
     @cached_property
     def inertias(self) -> dict[tuple[str, str, str], sp.Expr]:
         """Masses of the kinetic energy: by two points, and ``dot`` or ``cross`` of their velocities [kg]."""
-        sums: dict[tuple[str, str, str], sp.Expr] = {}
+        sums: dict[tuple[str, str, str], list[sp.Expr]] = {}
 
         def add(a: str, b: str, kind: str, mass: sp.Expr) -> None:
             if mass != 0:
-                sums[a, b, kind] = sums.get((a, b, kind), ZERO) + mass
+                sums.setdefault((a, b, kind), []).append(mass)
 
         for k in self.massive:
             parts = [end_mass(k.mass, k.length, k.centre, k.inertia, k.offset)]
@@ -79,12 +79,12 @@ class RodsModel(ConstrainedPoints):
                     add(a, b, "dot", body.masses[i][j])
         for m in self.linkage.masses:
             add(m.point, m.point, "dot", m.mass)
-        return sums
+        return {between: sp.Add(*masses) for between, masses in sums.items()}
 
     @cached_property
     def mass_entries(self) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
         """Mass matrix by pairs of coordinates [kg]: the Hessian of the kinetic energy, without zeros."""
-        entries: dict[tuple[sp.Symbol, sp.Symbol], sp.Expr] = {}
+        entries: dict[tuple[sp.Symbol, sp.Symbol], list[sp.Expr]] = {}
         for (a, b, kind), mass in self.inertias.items():
             rows, columns = ([self.calculus.gradient(c) for c in self.position(p)] for p in (a, b))
             products = (
@@ -95,11 +95,11 @@ class RodsModel(ConstrainedPoints):
             for left, right, weight in products:
                 for x, slope_x in left.items():
                     for y, slope_y in right.items():
-                        value = weight * slope_x * slope_y
-                        entries[x, y] = entries.get((x, y), ZERO) + value
+                        value = sp.Mul(weight, slope_x, slope_y)
+                        entries.setdefault((x, y), []).append(value)
                         if a != b:
-                            entries[y, x] = entries.get((y, x), ZERO) + value
-        return entries
+                            entries.setdefault((y, x), []).append(value)
+        return {pair: sp.Add(*values) for pair, values in entries.items()}
 
     @cached_property
     def mass_rows(self) -> dict[sp.Symbol, Gradient]:
@@ -268,7 +268,7 @@ class RodsModel(ConstrainedPoints):
     def _inertia(self, coordinate: sp.Symbol) -> sp.Expr:
         """Return mass times acceleration on a coordinate, ground included [N]."""
         masses = self.mass_rows.get(coordinate, {})
-        return sp.Add(*(m * self.acceleration_of[q] for q, m in masses.items()))
+        return sp.Add(*(sp.Mul(m, self.acceleration_of[q]) for q, m in masses.items()))
 
     def second_rate(self, expression: sp.Expr) -> sp.Expr:
         """Return the second time derivative, accelerations included."""
@@ -277,7 +277,7 @@ class RodsModel(ConstrainedPoints):
 
     def constraint_forces(self, coordinate: sp.Symbol) -> list[sp.Expr]:
         """Return the terms of J^T lambda on a coordinate [N]."""
-        return [slope * multiplier.symbol for slope, multiplier in self._columns.get(coordinate, ())]
+        return [sp.Mul(slope, multiplier.symbol) for slope, multiplier in self._columns.get(coordinate, ())]
 
     @cached_property
     def _columns(self) -> dict[sp.Symbol, list[tuple[sp.Expr, Quantity]]]:

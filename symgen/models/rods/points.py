@@ -14,7 +14,7 @@ from symgen.mechanics.rods.hinge import HingeFrame, hinge_frame
 from symgen.mechanics.rods.particles import Vector, end_mass, joint_mass
 from symgen.mechanics.rods.topology import Tree, spanning_tree
 from symgen.scene.rods.linkage import TIME, Bar, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
-from symgen.symbolic.calculus import ONE, ZERO, Calculus
+from symgen.symbolic.calculus import ONE, ZERO, Calculus, partial
 from symgen.symbolic.constants import Replacement
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
@@ -90,7 +90,7 @@ class Points:
             place: Vector = self.linkage.point(name).motion
             for group in (self.q, self.u, self.a):
                 known.update(zip(self.symbols(group[name]), place, strict=True))
-                place = tuple(sp.diff(c, TIME.symbol) for c in place)
+                place = tuple(partial(c, TIME.symbol) for c in place)
         return known
 
     @cached_property
