@@ -9,8 +9,8 @@ lists what their entries are.
 
 q[6]: positions and rotations of the nodes
 u[12]: their rates and second rates
-p[6]: length, gravity and a force along the link
-work[8]: a body, or shares of a force and the force in the axes of a link
+p[8]: length, gravity, a force along the link, and a body
+work[6]: shares of a force and the force in the axes of a link
 """
 
 from libc.stdint cimport uintptr_t
@@ -19,7 +19,9 @@ import numpy
 
 cdef extern from "corotational_node_kernel.h" nogil:
     const char *corotational_node_equations
-    void corotational_node_body(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
+    void corotational_node_residual(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
+    void corotational_node_tangent(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
+    void corotational_node_energies(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void corotational_node_shares(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void corotational_node_force(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void corotational_node_follower(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
@@ -32,7 +34,9 @@ EQUATIONS = (<bytes>corotational_node_equations).decode("ascii")
 
 #: Address of each kernel, for compiled callers.
 ADDRESSES = {
-    "body": <uintptr_t>&corotational_node_body,
+    "residual": <uintptr_t>&corotational_node_residual,
+    "tangent": <uintptr_t>&corotational_node_tangent,
+    "energies": <uintptr_t>&corotational_node_energies,
     "shares": <uintptr_t>&corotational_node_shares,
     "force": <uintptr_t>&corotational_node_force,
     "follower": <uintptr_t>&corotational_node_follower,
@@ -59,10 +63,74 @@ cdef double *_write(str name, double[::1] array, Py_ssize_t size) except NULL:
     return <double *>_read(name, array, size)
 
 
-def body(t=None, q=None, u=None, p=None, work=None, out=None):
-    """a body at the first node.
+def residual(t=None, q=None, u=None, p=None, work=None, out=None):
+    """inertia and internal force less gravity.
 
-    20 operations (5 add, 15 mul, 1 neg).
+    7 operations (2 add, 5 mul).
+
+    Parameters
+    ----------
+    u
+        12 entries.
+    p
+        8 entries.
+    out
+        6 entries, made when absent.
+        0 to 5: residual (6 x 1) [N, N, N*m, N, N, N*m], inertia of a body at the first node less gravity.
+
+    Returns
+    -------
+    out
+    """
+    if out is None:
+        out = numpy.empty(6)
+    corotational_node_residual(
+        _read("t", t, 0),
+        _read("q", q, 0),
+        _read("u", u, 12),
+        _read("p", p, 8),
+        _write("work", work, 0),
+        _write("out", out, 6),
+    )
+    return out
+
+
+def tangent(t=None, q=None, u=None, p=None, work=None, out=None):
+    """slopes of the residual.
+
+    0 operations.
+
+    Parameters
+    ----------
+    p
+        8 entries.
+    out
+        108 entries, made when absent.
+        0 to 35: mass (6 x 6) [SI, force over acceleration], slope of the residual by second rates.
+        36 to 71: damping (6 x 6) [SI, force over rate], slope of the residual by rates.
+        72 to 107: stiffness (6 x 6) [SI, force over place], slope of the residual by places.
+
+    Returns
+    -------
+    out
+    """
+    if out is None:
+        out = numpy.empty(108)
+    corotational_node_tangent(
+        _read("t", t, 0),
+        _read("q", q, 0),
+        _read("u", u, 0),
+        _read("p", p, 8),
+        _write("work", work, 0),
+        _write("out", out, 108),
+    )
+    return out
+
+
+def energies(t=None, q=None, u=None, p=None, work=None, out=None):
+    """energies of the element.
+
+    13 operations (3 add, 10 mul, 1 neg).
 
     Parameters
     ----------
@@ -71,28 +139,24 @@ def body(t=None, q=None, u=None, p=None, work=None, out=None):
     u
         12 entries.
     p
-        6 entries.
-    work
         8 entries.
     out
-        8 entries, made when absent.
-        0 to 2: residual (3 x 1) [N, N, N*m], inertia of a body less gravity.
-        3 to 5: masses (3 x 1) [kg, kg, kg*m^2], slopes of the residual by second rates.
-        6 to 7: energies (2 x 1) [J], kinetic energy and potential of gravity.
+        4 entries, made when absent.
+        0 to 3: energies (4 x 1) [J, J, J, W], kinetic energy, strain energy, potential of gravity, power dissipated.
 
     Returns
     -------
     out
     """
     if out is None:
-        out = numpy.empty(8)
-    corotational_node_body(
+        out = numpy.empty(4)
+    corotational_node_energies(
         _read("t", t, 0),
         _read("q", q, 6),
         _read("u", u, 12),
-        _read("p", p, 6),
-        _write("work", work, 8),
-        _write("out", out, 8),
+        _read("p", p, 8),
+        _write("work", work, 0),
+        _write("out", out, 4),
     )
     return out
 
@@ -105,7 +169,7 @@ def shares(t=None, q=None, u=None, p=None, work=None, out=None):
     Parameters
     ----------
     p
-        6 entries.
+        8 entries.
     out
         4 entries, made when absent.
         0 to 3: shares (4 x 1) [1, m, 1, m], shares of a force along the link by node.
@@ -120,7 +184,7 @@ def shares(t=None, q=None, u=None, p=None, work=None, out=None):
         _read("t", t, 0),
         _read("q", q, 0),
         _read("u", u, 0),
-        _read("p", p, 6),
+        _read("p", p, 8),
         _write("work", work, 0),
         _write("out", out, 4),
     )
@@ -137,7 +201,7 @@ def force(t=None, q=None, u=None, p=None, work=None, out=None):
     q
         6 entries.
     work
-        8 entries.
+        6 entries.
     out
         3 entries, made when absent.
         0 to 2: force (3 x 1) [N, N, N*m], forces on a node by a force along the link.
@@ -153,7 +217,7 @@ def force(t=None, q=None, u=None, p=None, work=None, out=None):
         _read("q", q, 6),
         _read("u", u, 0),
         _read("p", p, 0),
-        _write("work", work, 8),
+        _write("work", work, 6),
         _write("out", out, 3),
     )
     return out
@@ -169,9 +233,9 @@ def follower(t=None, q=None, u=None, p=None, work=None, out=None):
     q
         6 entries.
     p
-        6 entries.
-    work
         8 entries.
+    work
+        6 entries.
     out
         6 entries, made when absent.
         0 to 5: follower (6 x 1) [N, N, N*m], forces on two nodes by a force that follows sections.
@@ -186,8 +250,8 @@ def follower(t=None, q=None, u=None, p=None, work=None, out=None):
         _read("t", t, 0),
         _read("q", q, 6),
         _read("u", u, 0),
-        _read("p", p, 6),
-        _write("work", work, 8),
+        _read("p", p, 8),
+        _write("work", work, 6),
         _write("out", out, 6),
     )
     return out
@@ -205,7 +269,7 @@ def far_end(t=None, q=None, u=None, p=None, work=None, out=None):
     u
         12 entries.
     p
-        6 entries.
+        8 entries.
     out
         6 entries, made when absent.
         0 to 5: far_end (6 x 1) [m, m/s, m/s^2], place of the far end, and its rates.
@@ -220,7 +284,7 @@ def far_end(t=None, q=None, u=None, p=None, work=None, out=None):
         _read("t", t, 0),
         _read("q", q, 6),
         _read("u", u, 12),
-        _read("p", p, 6),
+        _read("p", p, 8),
         _write("work", work, 0),
         _write("out", out, 6),
     )
@@ -271,9 +335,9 @@ def weld(t=None, q=None, u=None, p=None, work=None, out=None):
     u
         12 entries.
     p
-        6 entries.
-    work
         8 entries.
+    work
+        6 entries.
     out
         44 entries, made when absent.
         0 to 1: weld_error (2 x 1) [1, 1/s], error of a weld to a rigid link, and its rate.
@@ -290,8 +354,8 @@ def weld(t=None, q=None, u=None, p=None, work=None, out=None):
         _read("t", t, 0),
         _read("q", q, 6),
         _read("u", u, 12),
-        _read("p", p, 6),
-        _write("work", work, 8),
+        _read("p", p, 8),
+        _write("work", work, 6),
         _write("out", out, 44),
     )
     return out

@@ -8,21 +8,57 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_node_equations[65] = "a69bc6ed25fd3644fb2cec0db2e79cb9fc3895eeef9c29a8f0ee8844b595678b";
+const char corotational_node_equations[65] = "bd2b11ab76747095bc59512d551d24dbf432df7729cf9d283e5cb8a2e93774d8";
 
-/* a body at the first node: 20 operations (5 add, 15 mul, 1 neg) */
-void corotational_node_body(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
+/* inertia and internal force less gravity: 7 operations (2 add, 5 mul) */
+void corotational_node_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
 {
     (void)t;
+    (void)q;
+    (void)work;
+    out[0] = u[6]*p[6] - p[1]*p[6];
+    out[1] = u[7]*p[6] - p[2]*p[6];
+    out[2] = p[7]*u[8];
+    out[3] = 0.0;
+    out[4] = 0.0;
+    out[5] = 0.0;
+}
+
+/* slopes of the residual: 0 operations */
+void corotational_node_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
+{
+    (void)t;
+    (void)q;
+    (void)u;
+    (void)work;
+    out[0] = p[6];
+    out[1] = 0.0;
+    out[2] = 0.0;
+    out[3] = 0.0;
+    out[4] = 0.0;
+    out[5] = 0.0;
+    out[6] = 0.0;
+    out[7] = p[6];
+    out[8] = 0.0;
+    out[9] = 0.0;
+    out[10] = 0.0;
+    out[11] = 0.0;
+    out[12] = 0.0;
+    out[13] = 0.0;
+    out[14] = p[7];
+    for (int i = 15; i <= 107; i++) out[i] = 0.0;
+}
+
+/* energies of the element: 13 operations (3 add, 10 mul, 1 neg) */
+void corotational_node_energies(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
+{
+    (void)t;
+    (void)work;
     const double c0 = u[2]*u[2];
-    out[0] = u[6]*work[0] - p[1]*work[0];
-    out[1] = u[7]*work[0] - p[2]*work[0];
-    out[2] = work[1]*u[8];
-    out[3] = work[0];
-    out[4] = work[0];
-    out[5] = work[1];
-    out[6] = 0.5*work[1]*c0 + 0.5*work[0]*(u[0]*u[0] + u[1]*u[1]);
-    out[7] = -work[0]*(p[1]*q[0] + p[2]*q[1]);
+    out[0] = 0.5*p[7]*c0 + 0.5*p[6]*(u[0]*u[0] + u[1]*u[1]);
+    out[1] = 0.0;
+    out[2] = -p[6]*(p[1]*q[0] + p[2]*q[1]);
+    out[3] = 0.0;
 }
 
 /* shares of a force along the link by node: 34 operations (8 add, 26 mul, 1 neg) */
@@ -48,13 +84,13 @@ void corotational_node_force(const double *SYMGEN_RESTRICT t, const double *SYMG
     (void)t;
     (void)u;
     (void)p;
-    const double c5 = work[4]*work[6] - work[7]*work[5];
-    const double c6 = work[4]*work[7] + work[6]*work[5];
+    const double c5 = work[2]*work[4] - work[5]*work[3];
+    const double c6 = work[2]*work[5] + work[4]*work[3];
     const double c7 = cos(q[2]);
     const double c8 = sin(q[2]);
-    out[0] = c5*work[2];
-    out[1] = c6*work[2];
-    out[2] = work[3]*c6*c7 - work[3]*c5*c8;
+    out[0] = c5*work[0];
+    out[1] = c6*work[0];
+    out[2] = work[1]*c6*c7 - work[1]*c5*c8;
 }
 
 /* forces on two nodes by a force that follows sections: 183 operations (62 add, 117 mul, 5 neg, 4 call) */
@@ -65,29 +101,29 @@ void corotational_node_follower(const double *SYMGEN_RESTRICT t, const double *S
     const double c10 = -0.5*p[4];
     const double c11 = -0.5*p[5]*p[3];
     const double c12 = c10 + c11 - 0.18571428571428572*p[0]*p[5];
-    const double c9 = work[6]*q[0] - work[7]*q[1];
-    const double c13 = work[6]*q[3] - work[7]*q[4];
+    const double c9 = work[4]*q[0] - work[5]*q[1];
+    const double c13 = work[4]*q[3] - work[5]*q[4];
     const double c14 = 0.5*p[4];
     const double c15 = 0.5*p[5]*p[3];
     const double c16 = c14 + c15 + 0.18571428571428572*p[0]*p[5];
     const double c7 = cos(q[2]);
     const double c8 = sin(q[2]);
-    const double c17 = c7*work[6] - c8*work[7];
+    const double c17 = c7*work[4] - c8*work[5];
     const double c18 = 0.1*p[0]*p[4];
     const double c19 = 0.1*p[0]*p[5]*p[3];
     const double c2 = p[0]*p[0];
     const double c20 = c18 + c19 - 0.009523809523809525*c2*p[5];
     const double c21 = cos(q[5]);
     const double c22 = sin(q[5]);
-    const double c23 = c21*work[6] - c22*work[7];
+    const double c23 = c21*work[4] - c22*work[5];
     const double c24 = -0.1*p[0]*p[4];
     const double c25 = -0.1*p[0]*p[5]*p[3];
     const double c26 = c24 + c25 - 0.02619047619047619*c2*p[5];
     out[0] = c12*c9 + c13*c16 + c17*c20 + c23*c26;
-    const double c27 = work[6]*q[1] + work[7]*q[0];
-    const double c28 = work[6]*q[4] + work[7]*q[3];
-    const double c29 = c7*work[7] + c8*work[6];
-    const double c30 = c21*work[7] + c22*work[6];
+    const double c27 = work[4]*q[1] + work[5]*q[0];
+    const double c28 = work[4]*q[4] + work[5]*q[3];
+    const double c29 = c7*work[5] + c8*work[4];
+    const double c30 = c21*work[5] + c22*work[4];
     out[1] = c12*c27 + c16*c28 + c20*c29 + c26*c30;
     const double c31 = c24 + c25 - 0.04285714285714286*c2*p[5];
     const double c32 = c18 + c19 + 0.04285714285714286*c2*p[5];
@@ -144,14 +180,14 @@ void corotational_node_weld(const double *SYMGEN_RESTRICT t, const double *SYMGE
     const double c41 = q[4] - q[1];
     const double c7 = cos(q[2]);
     const double c8 = sin(q[2]);
-    const double c46 = work[4]*c7 - c8*work[5];
+    const double c46 = work[2]*c7 - c8*work[3];
     const double c42 = q[3] - q[0];
-    const double c47 = work[4]*c8 + c7*work[5];
+    const double c47 = work[2]*c8 + c7*work[3];
     out[0] = c45*(c41*c46 - c42*c47);
-    const double c48 = -(work[4]*c8 + c7*work[5]);
+    const double c48 = -(work[2]*c8 + c7*work[3]);
     const double c49 = c41*c48 - c42*c46;
     out[4] = c45*c49;
-    const double c50 = c8*work[5] - work[4]*c7;
+    const double c50 = c8*work[3] - work[2]*c7;
     out[22] = c45*(c41*c50 - c42*c48);
     const double c51 = c45*c47;
     out[2] = c51;

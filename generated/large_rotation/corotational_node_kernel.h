@@ -28,23 +28,23 @@
  *     u[10]  a_y2  [m/s^2]  second rate of the y position of the second node
  *     u[11]  a_theta2  [rad/s^2]  second rate of the rotation of the second node
  *
- *   p[6]: length, gravity and a force along the link
+ *   p[8]: length, gravity, a force along the link, and a body
  *     p[0]  L  [m]  length of the element
  *     p[1]  g_x  [m/s^2]  x component of gravity
  *     p[2]  g_y  [m/s^2]  y component of gravity
  *     p[3]  x_0  [m]  distance of the first node from the first point of the link
  *     p[4]  p_0  [1]  factor of a force per length along the link
  *     p[5]  p_1  [1/m]  factor of x in it
+ *     p[6]  m  [kg]  mass of a body at the first node
+ *     p[7]  I  [kg*m^2]  moment of inertia of the body
  *
- *   work[8]: a body, or shares of a force and the force in the axes of a link
- *     work[0]  m  [kg]  mass of a body at the first node
- *     work[1]  I  [kg*m^2]  moment of inertia of the body
- *     work[2]  n  [1]  share of a force at the first node
- *     work[3]  b  [m]  share of the force at the tangent there
- *     work[4]  c  [1]  cosine of the link's direction
- *     work[5]  s  [1]  sine of the link's direction
- *     work[6]  p_x  [N]  force along the link, or factor of its profile, component along it
- *     work[7]  p_y  [N]  the same, component across it
+ *   work[6]: shares of a force and the force in the axes of a link
+ *     work[0]  n  [1]  share of a force at the first node
+ *     work[1]  b  [m]  share of the force at the tangent there
+ *     work[2]  c  [1]  cosine of the link's direction
+ *     work[3]  s  [1]  sine of the link's direction
+ *     work[4]  p_x  [N]  force along the link, or factor of its profile, component along it
+ *     work[5]  p_y  [N]  the same, component across it
  */
 #ifndef SYMGEN_COROTATIONAL_NODE_KERNEL_H
 #define SYMGEN_COROTATIONAL_NODE_KERNEL_H
@@ -59,13 +59,25 @@ extern "C" {
 /* Hash of the equations that this code computes. */
 extern const char corotational_node_equations[65];
 
-/* a body at the first node
- *   20 operations (5 add, 15 mul, 1 neg); work: 8
- *   out[0..2]  residual (3 x 1), row by row  [N, N, N*m]  inertia of a body less gravity
- *   out[3..5]  masses (3 x 1), row by row  [kg, kg, kg*m^2]  slopes of the residual by second rates
- *   out[6..7]  energies (2 x 1), row by row  [J]  kinetic energy and potential of gravity
+/* inertia and internal force less gravity
+ *   7 operations (2 add, 5 mul)
+ *   out[0..5]  residual (6 x 1), row by row  [N, N, N*m, N, N, N*m]  inertia of a body at the first node less gravity
  */
-void corotational_node_body(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
+void corotational_node_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
+
+/* slopes of the residual
+ *   0 operations
+ *   out[0..35]  mass (6 x 6), row by row  [SI, force over acceleration]  slope of the residual by second rates
+ *   out[36..71]  damping (6 x 6), row by row  [SI, force over rate]  slope of the residual by rates
+ *   out[72..107]  stiffness (6 x 6), row by row  [SI, force over place]  slope of the residual by places
+ */
+void corotational_node_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
+
+/* energies of the element
+ *   13 operations (3 add, 10 mul, 1 neg)
+ *   out[0..3]  energies (4 x 1), row by row  [J, J, J, W]  kinetic energy, strain energy, potential of gravity, power dissipated
+ */
+void corotational_node_energies(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
 /* shares of a force along the link by node
  *   34 operations (8 add, 26 mul, 1 neg)
@@ -74,13 +86,13 @@ void corotational_node_body(const double *SYMGEN_RESTRICT t, const double *SYMGE
 void corotational_node_shares(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
 /* forces on a node by a force along the link
- *   15 operations (3 add, 10 mul, 2 call); work: 8
+ *   15 operations (3 add, 10 mul, 2 call); work: 6
  *   out[0..2]  force (3 x 1), row by row  [N, N, N*m]  forces on a node by a force along the link
  */
 void corotational_node_force(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
 /* forces on two nodes by a force that follows sections
- *   183 operations (62 add, 117 mul, 5 neg, 4 call); work: 8
+ *   183 operations (62 add, 117 mul, 5 neg, 4 call); work: 6
  *   out[0..5]  follower (6 x 1), row by row  [N, N, N*m]  forces on two nodes by a force that follows sections
  */
 void corotational_node_follower(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
@@ -98,7 +110,7 @@ void corotational_node_far_end(const double *SYMGEN_RESTRICT t, const double *SY
 void corotational_node_chord(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
 /* a section that is welded to a rigid link
- *   47 operations (13 add, 31 mul, 1 div, 1 neg, 2 call); work: 8
+ *   47 operations (13 add, 31 mul, 1 div, 1 neg, 2 call); work: 6
  *   out[0..1]  weld_error (2 x 1), row by row  [1, 1/s]  error of a weld to a rigid link, and its rate
  *   out[2..7]  weld_slopes (6 x 1), row by row  [1/m, 1]  slopes of the error by the state
  *   out[8..43]  weld_curvature (6 x 6), row by row  [SI]  slopes of these

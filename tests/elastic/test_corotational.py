@@ -401,9 +401,9 @@ def test_mass_with_inertia_between_the_ends(tmp_path):
 
 def test_kernels_at_nodes_by_quadrature_and_differences():
     """Shares of a force, its power, also of one that follows, the motion of the far end, the direction of a line, and a heavy body."""
-    address, p = kernels("corotational_node"), np.array([0.7, 1.0, -9.0, 0.2, 1.5, -0.4])
+    address, p = kernels("corotational_node"), np.array([0.7, 1.0, -9.0, 0.2, 1.5, -0.4, 2.0, 0.3])
     q, v, a = RNG.standard_normal((3, 6))
-    work = np.array([2.0, 0.3, 0.6, 0.25, math.cos(0.4), math.sin(0.4), 3.0, -5.0])
+    work = np.array([0.6, 0.25, math.cos(0.4), math.sin(0.4), 3.0, -5.0])
 
     def at(kernel, q=q, v=v):
         return getattr(address, kernel)(q=q, u=np.concatenate([v, a]), p=p, work=work.copy())
@@ -419,7 +419,7 @@ def test_kernels_at_nodes_by_quadrature_and_differences():
         [k * factor @ n for k, n in zip((1, p[0], 1, p[0]), shapes, strict=True)]
     )
     turned = np.exp(0.4j) * (3.0 - 5.0j)
-    reached = work[2] * complex(*v[:2]) + work[3] * 1j * v[2] * np.exp(1j * q[2])
+    reached = work[0] * complex(*v[:2]) + work[1] * 1j * v[2] * np.exp(1j * q[2])
     assert at("force") @ v[:3] == pytest.approx((turned.conjugate() * reached).real)
     ends = [complex(*q[:2]), p[0] * np.exp(1j * q[2]), complex(*q[3:5]), p[0] * np.exp(1j * q[5])]
     moving = [complex(*v[:2]), 1j * v[2] * ends[1], complex(*v[3:5]), 1j * v[5] * ends[3]]
@@ -434,9 +434,11 @@ def test_kernels_at_nodes_by_quadrature_and_differences():
     assert at("chord")[0] == pytest.approx(math.atan2(q[4] - q[1], q[3] - q[0]))
     assert rate("chord", 0) == pytest.approx(at("chord")[1], rel=1e-7)
     weight = 2.0 * np.array([a[0] - 1.0, a[1] + 9.0, 0.15 * a[2]])
-    assert at("body")[:6] == pytest.approx([*weight, 2.0, 2.0, 0.3])
+    assert at("residual") == pytest.approx([*weight, 0.0, 0.0, 0.0])
+    mass, *others = at("tangent").reshape(3, 6, 6)
+    assert not np.any(others) and mass == pytest.approx(np.diag([2.0, 2.0, 0.3, 0.0, 0.0, 0.0]))
     kinetic = v[0] ** 2 + v[1] ** 2 + 0.15 * v[2] ** 2
-    assert at("body")[6:] == pytest.approx([kinetic, -2.0 * (q[0] - 9.0 * q[1])])
+    assert at("energies") == pytest.approx([kinetic, 0.0, -2.0 * (q[0] - 9.0 * q[1]), 0.0])
 
 
 HANGING = """

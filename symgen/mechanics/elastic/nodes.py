@@ -25,8 +25,8 @@ EVEN = quantity("p_0", "1", "factor of a force per length along the link")
 SLOPE = quantity("p_1", "1/m", "factor of x in it")
 END = quantity("n", "1", "share of a force at the first node")
 ARM = quantity("b", "m", "share of the force at the tangent there")
-PROPERTIES = (LENGTH, *GRAVITY, START, EVEN, SLOPE)
-ACTING = (MASS, INERTIA, END, ARM, COSINE, SINE, PX, PY)
+PROPERTIES = (LENGTH, *GRAVITY, START, EVEN, SLOPE, MASS, INERTIA)
+ACTING = (END, ARM, COSINE, SINE, PX, PY)
 
 _STATE = tuple(x.symbol for x in (*PLACES, *RATES))
 _CHANGES = tuple(x.symbol for x in (*RATES, *SECOND_RATES))
@@ -42,21 +42,21 @@ def _direction(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
     return sp.cos(angle), sp.sin(angle)
 
 
-def body() -> tuple[list[sp.Expr], list[sp.Expr], list[sp.Expr]]:
-    """Return inertia less gravity of a body at the first node, its masses, and its energies.
+def body() -> tuple[list[sp.Expr], list[list[sp.Expr]], list[sp.Expr]]:
+    """Return inertia less gravity of a body at the first node, its slopes by second rates, and its energies.
 
-    They are Lagrange's equation by x, y and theta of the kinetic energy and the potential of gravity, which
-    are the energies, and the factors of the second rates in it.
+    They are Lagrange's equations by the state, which nothing depends on but the motion of the first node. The
+    energies are those of an element: kinetic, of strain, of gravity, and the power dissipated.
     """
     mass = MASS.symbol
     kinetic = (mass * (_VX**2 + _VY**2) + INERTIA.symbol * _VT**2) / 2
     potential = -mass * (GRAVITY[0].symbol * _X1 + GRAVITY[1].symbol * _Y1)
     residual = [
-        _rate(sp.diff(kinetic, v)) + sp.diff(potential, x)
-        for x, v in zip((_X1, _Y1, _T1), (_VX, _VY, _VT), strict=True)
+        _rate(sp.diff(kinetic, v.symbol)) + sp.diff(potential, x.symbol)
+        for x, v in zip(PLACES, RATES, strict=True)
     ]
-    masses = [sp.diff(e, a.symbol) for e, a in zip(residual, SECOND_RATES, strict=False)]
-    return residual, masses, [kinetic, potential]
+    slopes = [[sp.diff(e, a.symbol) for a in SECOND_RATES] for e in residual]
+    return residual, slopes, [kinetic, sp.S.Zero, potential, sp.S.Zero]
 
 
 def shares() -> list[sp.Expr]:

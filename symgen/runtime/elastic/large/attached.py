@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError
+from symgen.runtime._constrained import Elements
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.elements import SAME, kernels
 from symgen.runtime.elastic.large.links import LargeLink
@@ -22,11 +23,11 @@ from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.evaluate import at_rows
 
 #: Properties that the kernels ``corotational_node`` read, and the numbers that each writes.
-_PROPERTIES = ("length", "g_x", "g_y", "start", "even", "slope")
-_WRITTEN = {"body": 8, "shares": 4, "force": 3, "follower": 6, "far_end": 6, "chord": 2}
-#: Columns of their states, x, y and theta of two nodes with first and second rates, and of bodies and forces.
-PLACE, ANGLE, OTHER, VELOCITY, SPEED, MOVING, SECOND = 0, 2, 3, 6, 8, 9, 12
-BODY, FORCE, DIRECTION, COMPONENTS = 0, 2, 4, 6
+_PROPERTIES = ("length", "g_x", "g_y", "start", "even", "slope", "mass", "inertia")
+_WRITTEN = {"shares": 4, "force": 3, "follower": 6, "far_end": 6, "chord": 2}
+#: Columns of their states, x, y and theta of two nodes with first rates, and of forces.
+PLACE, ANGLE, OTHER, VELOCITY, SPEED, MOVING = 0, 2, 3, 6, 8, 9
+FORCE, DIRECTION, COMPONENTS = 0, 2, 4
 
 
 def at_nodes(
@@ -40,45 +41,16 @@ def at_nodes(
 
     ``state`` and ``acting`` have numbers of all rows, (count, k) or (k,), by their first column.
     """
-    rows, work = np.zeros((count, 18)), np.zeros((count, 8))
+    rows, work = np.zeros((count, 18)), np.zeros((count, 6))
     for into, arrays in ((rows, state), (work, acting)):
         for at, values in arrays.items():
             into[:, at : at + np.shape(values)[-1]] = values
-    p = np.array([properties.get(name, 0.0) for name in _PROPERTIES])
+    p = _properties(**properties)
     return at_rows(kernels("corotational_node").ADDRESSES[kernel], rows, 6, p, _WRITTEN[kernel], work)
 
 
-@dataclass(frozen=True, slots=True)
-class Lumps:
-    """Rigid bodies at nodes: unknowns (bodies, 3), and masses [kg] and moments of inertia [kg m^2]."""
-
-    places: Indices
-    bodies: Array
-    gravity: Array
-
-    def _of(self, q: Array, v: Array, a: Array) -> Array:
-        """Return the results of the kernel ``body`` at states (times, unknowns), (times, bodies, 8)."""
-        state = {at: x[:, self.places].reshape(-1, 3) for at, x in ((PLACE, q), (VELOCITY, v), (SECOND, a))}
-        acting = {BODY: np.tile(self.bodies, (len(q), 1))}
-        x, y = self.gravity
-        blocks = at_nodes("body", len(q) * len(self.places), state, acting, g_x=x, g_y=y)
-        return blocks.reshape(len(q), -1, 8)
-
-    @property
-    def diagonal(self) -> Array:
-        """Entries of the mass matrix, (bodies, 3)."""
-        still = np.zeros((1, np.max(self.places) + 1))
-        return self._of(still, still, still)[0, :, 3:6]
-
-    def add(self, residual: Array, q: Array, v: Array, a: Array) -> None:
-        """Add inertia less gravity to residuals (times, unknowns)."""
-        for unknowns, of_lump in zip(self.places, np.moveaxis(self._of(q, v, a), 1, 0), strict=True):
-            residual[:, unknowns] += of_lump[:, :3]
-
-    def energies(self, q: Array, v: Array) -> Array:
-        """Return kinetic energy, zero strain energy, and the potential of gravity [J], (times, 3)."""
-        kinetic, potential = np.sum(self._of(q, v, 0 * v)[..., 6:], axis=1).T
-        return np.stack([kinetic, np.zeros(len(q)), potential], axis=1)
+def _properties(**given: float) -> Array:
+    return np.array([given.get(name, 0.0) for name in _PROPERTIES])
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,16 +197,20 @@ def direction_of(start: Array, velocity: Array, end: Array, moving: Array) -> tu
     return chord[:, :1], chord[:, 1:]
 
 
-def lumps_of(motion: ElasticMotion, links: Sequence[LargeLink], gravity: Array) -> Lumps | None:
-    """Return the masses and moments of inertia on links, which have nodes there; None without."""
-    places, bodies = [], []
+def bodies_on(motion: ElasticMotion, links: Sequence[LargeLink], gravity: Array) -> list[Elements]:
+    """Return the masses and moments of inertia on links, which have nodes there: one part, or none.
+
+    Each is an element whose nodes are both that of the body.
+    """
+    places, properties, (x, y) = [], [], gravity
     for link in links:
         for lump in motion.lumps(link.beam.info.link):
-            places.append(_node(motion, link, lump.at))
-            bodies.append((lump.mass, lump.inertia))
+            places.append(np.tile(_node(motion, link, lump.at), 2))
+            properties.append(_properties(g_x=x, g_y=y, mass=lump.mass, inertia=lump.inertia))
     if not places:
-        return None
-    return Lumps(np.array(places), np.array(bodies), gravity)
+        return []
+    of_nodes = kernels("corotational_node").ADDRESSES
+    return [Elements(of_nodes, np.array(places), np.array(properties), damped=False)]
 
 
 def forces_along(

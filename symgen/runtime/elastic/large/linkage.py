@@ -20,7 +20,7 @@ from symgen.runtime._constrained import Added, Elements, Part, Rigid, Ties
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.layout import entries_of
-from symgen.runtime.elastic.large.attached import LinkSection, Posed, direction_of, forces_along, lumps_of
+from symgen.runtime.elastic.large.attached import LinkSection, Posed, bodies_on, direction_of, forces_along
 from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.elastic.large.counted import Counted
 from symgen.runtime.elastic.large.links import BLOCK
@@ -67,7 +67,7 @@ class LargeLinkage(RestingSystem):
         self._names = [name for name in motion.constraints if name not in elastic]
         gravity = gravity_of(motion)
         self.links, pins, size = divided(motion, count, gravity)
-        self._lumps = lumps_of(motion, self.links, gravity)
+        self._bodies = bodies_on(motion, self.links, gravity)
         along = list(forces_along(motion, self.links))
         self._along = [(x, self._chord(x.link), Counted(self._rigid)) for x in along]
         self._sections = {name: rotation_of(self.links, name) for name in motion.info.rotations}
@@ -105,7 +105,7 @@ class LargeLinkage(RestingSystem):
             any(link.beam.properties.stiffness_damping for link in self.links),
         )
         self._rigid_parts = Rigid(self._rigid, self._joints, rows, numbers, self.sizes, self._entries)
-        parts: list[Part] = [self._elements, self._rigid_parts]
+        parts: list[Part] = [self._elements, *self._bodies, self._rigid_parts]
         supported, (row, column) = len(self._supports.rows), np.nonzero(self._supports.rows)
         # Values of supports, then places of points that welds to rigid links need, are known numbers behind
         # the unknowns.
@@ -121,7 +121,7 @@ class LargeLinkage(RestingSystem):
                 np.append(self._supports.rows[row, column], np.full(supported, -1.0)),
             )
         )
-        if self._lumps or self._along or self._couples or self._motor:
+        if self.loaded:
             parts.append(Added(self._added, self._diagonal, self._diagonal_places(), lambda: self._power))
         scale = np.full(size, max(link.beam.properties.length for link in self.links))
         rotations = np.concatenate([link.places[:, 2] for link in self.links])
@@ -258,7 +258,7 @@ class LargeLinkage(RestingSystem):
         return held, rates
 
     def _added(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Return inertia of masses on links and of a motor less loads on links, (times, unknowns).
+        """Return inertia of a motor less loads on links, (times, unknowns).
 
         ``_power`` is then the power of these loads.
         """
@@ -275,8 +275,6 @@ class LargeLinkage(RestingSystem):
         self._power = -np.sum(forces * v, axis=1)
         if self._motor:
             forces[:, place] += terms[:, 0] * a[:, place]
-        if self._lumps:
-            self._lumps.add(forces, q, v, a)
         return forces
 
     def _add_along(self, forces: Array, t: Array, q: Array, v: Array) -> None:
@@ -302,16 +300,11 @@ class LargeLinkage(RestingSystem):
         return self._rigid.many_blocks("points", t, y, np.zeros_like(y))["positions"][:, number]
 
     def _diagonal(self, t: Array, q: Array, v: Array) -> Array:
-        """Return mass, damping and stiffness of masses on links and of a motor, (3, places).
+        """Return mass, damping and stiffness of a motor, (3, places).
 
         Slopes of forces along links, and of couples by the lines between the ends of links, are omitted.
         """
-        diagonals = np.zeros((3, len(self._diagonal_places())))
-        if self._lumps:
-            diagonals[0, : self._lumps.places.size] = self._lumps.diagonal.ravel()
-        if self._motor:
-            diagonals[:, -1] = self._shaft_terms(self._motor, t, q, v)[0, :3]
-        return diagonals
+        return self._shaft_terms(self._motor, t, q, v)[:, :3].T if self._motor else np.zeros((3, 0))
 
     def matrices(self, at: MotionState, rates: bool = True) -> tuple[Any, Any, Any]:
         """Return M, C and K with the Jacobian around each, with all slopes of forces on links.
@@ -333,7 +326,7 @@ class LargeLinkage(RestingSystem):
         t, q, v = np.array([at.t]), at.q[None], at.v[None]
         known, name = self._entries[2 - by], _SLOPES[2 - by]
         sections = np.array([section.place for section in self._sections.values()], dtype=np.intp)
-        # Steps have those of masses and motors, and of couples by the rotations of sections.
+        # Steps have those of motors, and of couples by the rotations of sections.
         joints = self._counted.blocks(self._joints, "joints", t, q[:, : self._points], v[:, : self._points])
         of_couples = np.isin(known[:, 0], sections)
         row, column = known[of_couples].T
@@ -358,17 +351,14 @@ class LargeLinkage(RestingSystem):
         return csc_array(entries, shape=(size, size))
 
     def _diagonal_places(self) -> Indices:
-        """Return unknowns of masses on links and of the shaft of a motor, with entries on the diagonal."""
-        places = [self._lumps.places.ravel()] if self._lumps else []
-        places += [np.array([self._motor.moves[0][0].place])] if self._motor else []
-        return np.concatenate(places) if places else np.zeros(0, dtype=np.intp)
+        """Return the unknown of the shaft of a motor, with entries on the diagonal."""
+        return np.array([self._motor.moves[0][0].place] if self._motor else [], dtype=np.intp)
 
     def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""
         n = self._points
-        sums = np.sum(self._elements.values("energies", 4, q, v, a), axis=1)
-        if self._lumps:
-            sums[:, :3] += self._lumps.energies(q, v)
+        both = (part.values("energies", 4, q, v, a) for part in (self._elements, *self._bodies))
+        sums = sum(np.sum(of, axis=1) for of in both)
         if self._motor:
             inertia = self._shaft_terms(self._motor, t, q, v)[:, 0]
             sums[:, 0] += inertia * v[:, self._motor.moves[0][0].place] ** 2 / 2

@@ -93,7 +93,7 @@ def welds_to_bodies(
     moved = motion.rigid.evaluator.blocks("points", 0.0, start[: d.coordinates], np.ones(d.coordinates))
     points = moved["positions"]
     places = np.zeros((len(welded), 6), dtype=np.intp)
-    properties, acting = np.zeros((len(welded), 6)), np.zeros((len(welded), 8))
+    properties, acting = np.zeros((len(welded), 8)), np.zeros((len(welded), 6))
     for row, of_kernel, turned, (point, body) in zip(places, properties, acting, welded, strict=True):
         ends = d.links[body][:2]
         moving = [p for p in ends if p not in d.free and np.any(moved["velocities"][d.points.index(p)])]
