@@ -119,7 +119,7 @@ def test_linkages_with_free_coordinates_have_matrices_of_large_rotation():
     )
     assert np.max(np.abs(whole)) < 1e-9 * np.max(np.abs(value["large_residual"]))
     assert np.array_equal(
-        model.matrices(0.0, over="time", elements=2)["large_mass"].values, value["large_mass"]
+        model.matrices(0.0, over="time", elements=4)["large_mass"].values, value["large_mass"]
     )
     with pytest.raises(ModelError, match="no assembled matrix 'elastic_mass'"):
         start["elastic_mass"]
