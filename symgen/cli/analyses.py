@@ -242,12 +242,12 @@ def quasi_static(ctx: typer.Context) -> None:
 
 
 @analysis(
-    "symgen large-rotation elastic_four_bar --segments 8",
-    "elements segments t_end revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
+    "symgen large-rotation elastic_four_bar --elements 8",
+    "elements t_end revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
     f"{_SHOWN} backend",
 )
 def large_rotation(ctx: typer.Context) -> None:
-    """Simulate elastic links in large rotation, as chains of rods or as beam elements.
+    """Simulate elastic links in large rotation, as beam elements.
 
     This is the reference solution for linear theory, on which the other analyses are based.
     """

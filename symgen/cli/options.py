@@ -205,7 +205,6 @@ OF_ANALYSES: dict[str, Any] = {
     "state": maybe(int, "--state", "N", "Assembly mode of a linkage at the start; 1 is the drawn one."),
     "through": Annotated[bool, option("--through", help="Continue past turning points of the input.")],
     "elements": maybe(int, "--elements", "N", "Number of elements per elastic link.", _ELASTIC),
-    "segments": maybe(int, "--segments", "N", "Number of rods per elastic link (12).", _ELASTIC),
     "form": maybe(
         str, "--form", "FORM", "exact, or thesis: constant transformations, for comparison only.", _ELASTIC
     ),

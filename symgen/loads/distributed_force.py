@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import ClassVar, Literal, cast
 
 import sympy as sp
@@ -72,14 +71,3 @@ class DistributedLoad(Load):
 
     def terms(self, dimension: int) -> Iterator[LoadTerm]:
         yield LoadTerm(Span(self.link, self.turning, self.with_sections), force=(*self.start, *self.end))
-
-    def on_segments(self, link: str, rods: Sequence[str], nodes: Sequence[sp.Expr]) -> Iterator[Load]:
-        """Yield the force on each rod; one that turns does so with each of them."""
-        if link != self.link:
-            yield self
-            return
-        for rod, ends in zip(rods, pairwise(nodes), strict=True):
-            first, second = (
-                tuple(a + at * (b - a) for a, b in zip(self.start, self.end, strict=True)) for at in ends
-            )
-            yield replace(self, link=rod, start=first, end=second)

@@ -125,10 +125,6 @@ class Load(ABC):
     def terms(self, dimension: int) -> Iterator[LoadTerm]:
         """Yield the measures on which the load acts, with energy and force, in 2 or 3 dimensions."""
 
-    def on_segments(self, link: str, rods: Sequence[str], nodes: Sequence[sp.Expr]) -> Iterator[Load]:
-        """Yield the loads on the rods that replace a link and meet at ``nodes``, fractions of its length."""
-        yield self
-
     def off_sections(self) -> Load | None:
         """Return the load without what acts on sections of elastic links; None where nothing is left."""
         return None if any(m.section for m in self.measures(2)) else self

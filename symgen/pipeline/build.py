@@ -257,7 +257,7 @@ def elastic_model(parts: ModelParts) -> ElasticModel:
     text, base, d = parts.text, parts.tools.in_float64, parts.description
     of_rigid = replace(parts, equations=replace(parts.equations, rigid=True))
     rigid = cast("RodModel", linkage_model(of_rigid))
-    return ElasticModel(rigid, cache(lambda segments: _remade(text, base, d, segments)))
+    return ElasticModel(rigid, cache(lambda: _turned_by_motor(text, base, d)))
 
 
 def linkage_model(parts: ModelParts) -> RodModel | KinematicModel:
@@ -331,17 +331,16 @@ def _linkage(text: SceneText) -> Linkage:
     return resolve_linkage(check_scene(text))
 
 
-def _remade(text: SceneText, tools: Tools, base: Description, segments: int | None) -> RodModel:
-    """Return the linkage of a scene with elastic links in rigid segments; if None, rigid with its motor."""
+def _turned_by_motor(text: SceneText, tools: Tools, base: Description) -> RodModel:
+    """Return the linkage of a scene with rigid links, its crank turned by its motor."""
 
     def linkage() -> Linkage:
-        from symgen.scene.elastic.segments import remade
+        from symgen.scene.elastic.motor import with_motor
 
         places = {p: base.start[i * len(base.axes) :][: len(base.axes)] for i, p in enumerate(base.free)}
-        return remade(_linkage(text), segments, places)
+        return with_motor(_linkage(text), places)
 
-    name = "with-motor" if segments is None else f"segments-{segments}"
-    return _derived(text, tools, base, name, linkage)
+    return _derived(text, tools, base, "with-motor", linkage)
 
 
 def _derived(

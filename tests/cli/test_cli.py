@@ -202,7 +202,7 @@ def test_every_analysis_of_a_model_is_a_command_of_that_name():
     from symgen.runtime.model.model import VERBS
 
     assert {v.replace("_", "-") for v in VERBS if not v.endswith("_many")} - set(COMMANDS) == {
-        "accelerations", "batch", "evaluate", "in-segments", "jacobian", "mass-matrix",
+        "accelerations", "batch", "evaluate", "jacobian", "mass-matrix",
         "matrices", "record",
     }  # fmt: skip
 

@@ -11,7 +11,7 @@ from shared.full import full
 from shared.in_numpy import build
 
 import symgen
-from symgen.errors import ModelError, SceneError
+from symgen.errors import SceneError
 
 LENGTH, WIDTH, THICKNESS, E, RHO = 0.8, 0.02, 0.01, 210e9, 7850.0
 BENDING, LINE = E * WIDTH * THICKNESS**3 / 12, RHO * WIDTH * THICKNESS
@@ -207,9 +207,3 @@ def test_refused(case):
             if "points" not in changes
             else symgen.Scene(**beams(changes["points"], {"beam": ["O", "T"]}, torques=changes["torques"]))
         )
-
-
-def test_rods_have_no_sections():
-    model = build(cantilever(torsion_springs=[{"link": "beam", "point": "T", "stiffness": "1 N*m"}]))
-    with pytest.raises(ModelError, match="a couple at T depends on the rotation of the section"):
-        model.large_rotation(segments=5)

@@ -123,18 +123,6 @@ def test_runs_that_max_wall_ended_are_resumed_without_it(asked, models, tmp_path
     assert bits(model.simulate(**asked, resume=file)) == bits(whole)
 
 
-def test_a_run_in_rods_resumes(models, tmp_path, monkeypatch):
-    model, file = models["elastic_slider_crank"], tmp_path / "kept"
-    asked = {"revolutions": 1.0, "samples": 5, "rtol": 1e-11}
-    whole = model.large_rotation(4, **asked)
-    with monkeypatch.context() as patch, pytest.raises(Stopped):
-        stopped_after(2, patch)
-        model.large_rotation(4, **asked, checkpoint=file, checkpoint_every=0)
-    assert bits(model.large_rotation(4, **asked, resume=file)) == bits(whole)
-    with pytest.raises(ResultError, match="of another run"):
-        model.large_rotation(4, revolutions=1.1, samples=5, rtol=1e-11, resume=file)
-
-
 def test_in_another_type(tmp_path, monkeypatch):
     model, file = symgen.build("thesis_four_bar", precision="longdouble"), tmp_path / "kept"
     whole = model.simulate(method="gauss", **GAUSS)

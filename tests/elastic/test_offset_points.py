@@ -113,13 +113,6 @@ def test_large_rotation_of_welds_to_rigid_links_agrees_with_linear_theory():
     assert large.drift.energy < 1e-4 * large.drift.energy_exchanged
 
 
-def test_segments_of_points_off_the_line_are_refused():
-    """The message names the point of the scene, and not the weld of its foot, and the remedy."""
-    model = symgen.build(blade({"P": {"on": "blade", "fraction": 0.5, "offset": "3 cm"}}))
-    with pytest.raises(ModelError, match=r"P, off the line of blade, is welded .*\n  Use elements"):
-        model.large_rotation(segments=4)
-
-
 def test_refused_points_off_the_line():
     points = column((0, 0)).points | {"P": {"on": "beam", "fraction": 0, "offset": "50 mm"}}
     with pytest.raises(SceneError, match="P is rigidly joined to the section of beam at O, on the"):

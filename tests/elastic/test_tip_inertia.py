@@ -100,7 +100,7 @@ def test_torque_and_power_of_a_stiff_cantilever_with_heavy_places():
     assert np.abs(run["kinetic_energy"].values - kinetic).max() < 1e-4 * kinetic.max()
 
 
-def test_the_same_mass_on_a_rigid_link_and_in_segments():
+def test_the_same_mass_on_a_rigid_link():
     """A torque-free rod on a pin against gravity: I theta'' = -m g l sin theta, with small oscillations."""
     scene = {
         "title": "Pendulum with a disc",

@@ -141,8 +141,8 @@ def expected_power(dimension, table, q, u):
     return done + twisted if table == "bushings" else twisted
 
 
-#: What puts loads in place of something else: a motor, or an elastic link in segments.
-MAKERS = {"scene/elastic/segments.py", "models/elastic/joints.py"}
+#: What puts loads in place of something else: a motor.
+MAKERS = {"scene/elastic/motor.py", "models/elastic/joints.py"}
 
 
 def test_no_other_module_knows_a_kind_of_load():

@@ -6,14 +6,10 @@ import tomllib
 
 import numpy as np
 import pytest
-import sympy as sp
 from scipy.linalg import eigh
 
 import symgen
 from symgen.errors import SceneError
-from symgen.loads.distributed_force import DistributedLoad
-from symgen.scene.elastic.segments import segmented
-from symgen.scene.resolve import resolve
 
 LENGTH, WIDTH, THICKNESS, E = 1.3, 0.03, 0.01, 210e9
 BENDING = E * WIDTH * THICKNESS**3 / 12
@@ -262,22 +258,3 @@ def test_spring_at_the_end_of_an_elastic_link():
     )
     tip = built(text).quasi_static(samples=2)["T.displacement"].values[-1, 1]
     assert tip == pytest.approx(-2 / (3 * BENDING / LENGTH**3 + 500), rel=1e-9)
-
-
-def test_rods_in_place_of_an_elastic_link_have_its_distributed_force():
-    """Force and moment about the first point are the same in 5 rods: q l/2 and q l^2/3 of a rising one."""
-    linkage = resolve(symgen.Scene(**tomllib.loads(BEAM + RISING)))
-    tip = (LENGTH * np.cos(np.pi / 6), LENGTH * np.sin(np.pi / 6))
-    parts = segmented(linkage, 5, {"A": (0.0, 0.0), "P": tip})
-    spread = [load for load in parts.loads if isinstance(load, DistributedLoad)]
-    assert [load.link for load in spread] == [f"beam__{k}" for k in range(1, 6)]
-    q = next(p.quantity.symbol for p in linkage.parameters if p.quantity.name == "q")
-    force = moment = begin = 0
-    for load in spread:
-        length = parts.link(load.link).length
-        first, second = load.start[1], load.end[1]
-        force += length * (first + second) / 2
-        moment += begin * length * (first + second) / 2 + length**2 * (first + 2 * second) / 6
-        begin += length
-    assert sp.simplify(force + q * begin / 2) == 0
-    assert sp.simplify(moment + q * begin**2 / 3) == 0

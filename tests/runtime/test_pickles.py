@@ -111,6 +111,6 @@ def test_user_defined_systems_are_restored_from_their_file(tmp_path):
 
 
 def test_a_model_without_its_scene_is_refused():
-    segments = symgen.build("elastic_slider_crank")._of_scene(3)
+    turned = symgen.build("elastic_four_bar_motor")._turned_by_motor()
     with pytest.raises(ModelError, match="without its scene"):
-        pickle.dumps(segments)
+        pickle.dumps(turned)

@@ -17,7 +17,7 @@ LINEAR = {"linearise", "mass_matrix", "jacobian", "sensitivity"}
 RODS = {"simulate", "record", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
 AT_REST = {"equilibrium", "modes"}
-ELASTIC = {"periodic", "quasi_static", "large_rotation", "speed_response", "in_segments", "matrices"}
+ELASTIC = {"periodic", "quasi_static", "large_rotation", "speed_response", "matrices"}
 EXACT = {"sensitivity"}
 SUPPORTED = {
     "four_bar": RODS,

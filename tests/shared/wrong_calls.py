@@ -180,10 +180,9 @@ def _objects(folder: Path) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         "ElasticModel.inverse_dynamics": {"samples": 3},
         "ElasticModel.periodic": {"steps": 64, "samples": 3},
         "ElasticModel.quasi_static": {"samples": 3},
-        "ElasticModel.large_rotation": {"segments": 2, "revolutions": 0.001, "samples": 3},
+        "ElasticModel.large_rotation": {"elements": 1, "revolutions": 0.001, "samples": 3},
         "ElasticModel.batch": {"what": "accelerations", "t": 0.0, "q": np.zeros((1, 4))},
         "ElasticModel.speed_response": {"speeds": [10.0], "samples": 8, "rtol": 0.5, "max_wall": 5.0},
-        "ElasticModel.in_segments": {"count": 2},
         "SystemModel.evaluate": {"kernel": "motion", "q": [0.3], "p": [1.0, 0.5, 9.81]},
     }
     return made, good

@@ -18,7 +18,6 @@ from symgen.runtime.beams.methods import BEAM_METHODS
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.options import initial_state, sample_count
 from symgen.runtime.integrate.pace import Progress, limited, uncounted
-from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.model.arguments import (
@@ -52,8 +51,8 @@ _RTOL = 1e-4
 _ELEMENTS = 4
 
 
-#: Returns the linkage with a number of rods per elastic link; for None with rigid links and its motor.
-Remade = Callable[[int | None], "RodModel"]
+#: Returns the linkage with rigid links, its crank turned by its motor.
+WithMotor = Callable[[], "RodModel"]
 
 
 class ModelOfRigid(Model):
@@ -92,9 +91,9 @@ class ElasticModel(ModelOfRigid):
         "": "it has elastic links; model.rigid, the rigid linkage, has this analysis"
     }
 
-    def __init__(self, rigid: RodModel, remade: Remade | None = None) -> None:
+    def __init__(self, rigid: RodModel, with_motor: WithMotor | None = None) -> None:
         super().__init__(rigid)
-        self._remade = remade
+        self._with_motor = with_motor
         self._motion = cache(self._new_motion)
 
     def _new_motion(self, geometric_stiffness: bool) -> ElasticMotion:
@@ -105,13 +104,10 @@ class ElasticModel(ModelOfRigid):
     def _turned_by_motor(self) -> RodModel:
         """Return the rigid linkage with its motor in place of the drive of the crank."""
         self._refuse_types("motions of a crank with a motor are")
-        return self._of_scene(None)
-
-    def _of_scene(self, segments: int | None) -> RodModel:
-        if self._remade is None:
+        if self._with_motor is None:
             raise ModelError(f"{self.name} was created without its scene: build it with symgen.build")
         with uncounted():
-            return self._remade(segments).with_parameters(**self.parameters)
+            return self._with_motor().with_parameters(**self.parameters)
 
     def __repr__(self) -> str:
         motion = self._motion(True)
@@ -162,7 +158,7 @@ class ElasticModel(ModelOfRigid):
 
     def with_parameters(self, /, **values: float) -> Self:
         """Return the same model with other values of its tunable parameters, in SI units."""
-        return type(self)(self.rigid.with_parameters(**values), self._remade)
+        return type(self)(self.rigid.with_parameters(**values), self._with_motor)
 
     def _carrier(self, name: str) -> Model:
         return self.rigid if name in ("kinematics", "inverse_dynamics", "assemblies") else self
@@ -294,7 +290,7 @@ class ElasticModel(ModelOfRigid):
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
         initial = initial_state(request.initial)
         if self._motion(True).undetermined and (large := request.in_large_rotation):
-            return self._large_rotation(replace(large, elements=self._elements))
+            return self._large_rotation(large)
         if t_end is not None:
             if revolutions is not None:
                 raise ModelError("give t_end or revolutions, not both")
@@ -355,9 +351,6 @@ class ElasticModel(ModelOfRigid):
         with limited(max_wall):
             return speed_response(self, speeds, rtol, samples, progress)
 
-    def _in_segments(self, count: int = 12) -> RodModel:
-        return self._of_scene(whole(count, "segments"))
-
     def _equilibrium(
         self, elements: int | None = None, at: float | None = None, stable: bool = True
     ) -> Equilibrium:
@@ -378,17 +371,9 @@ class ElasticModel(ModelOfRigid):
 
     @takes(LargeRotation)
     def _large_rotation(self, request: LargeRotation) -> ElasticResult:
+        from symgen.runtime.elastic.large.run import large_run
+
         self._refuse_types("runs in large rotation are")
-        if request.elements is not None:
-            from symgen.runtime.elastic.large.run import large_run
-
-            if request.segments is not None:
-                raise ModelError("give segments or elements, not both")
-            with limited(request.max_wall):
-                return large_run(self._motion(True), request, request.elements)
-        from symgen.runtime.elastic.exact import SEGMENTS, exact_run
-
-        segments = SEGMENTS if request.segments is None else request.segments
+        elements = self._elements if request.elements is None else request.elements
         with limited(request.max_wall):
-            rods = self._in_segments(segments)
-            return exact_run(self._motion(True), rods, replace(request, segments=segments))
+            return large_run(self._motion(True), request, elements)

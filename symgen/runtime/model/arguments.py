@@ -270,9 +270,8 @@ class Refined:
 
 @dataclass(frozen=True, kw_only=True)
 class LargeRotation(Checkpointed, Refined):
-    """Elastic links in large rotation, in rods with springs or in elements."""
+    """Elastic links in large rotation."""
 
-    segments: int | None = None
     elements: int | None = None
     t_end: float | None = None
     revolutions: float | None = None

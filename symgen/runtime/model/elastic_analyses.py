@@ -61,7 +61,6 @@ class ElasticAnalyses:
     @verb
     def large_rotation(
         self,
-        segments: int | None = None,
         *,
         elements: int | None = None,
         t_end: float | None = None,
@@ -75,26 +74,21 @@ class ElasticAnalyses:
         resume: str | os.PathLike[str] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> ElasticResult:
-        """Run the motion in large rotation of the elastic links, by rods with springs or by beam elements.
+        """Run the motion in large rotation of the elastic links, by beam elements.
 
         It is the reference solution for :meth:`simulate`, which holds for small bending only; see
         ``docs/large_rotation.md``. Other arguments and errors are those of :meth:`simulate`.
 
         Parameters
         ----------
-        segments
-            Number n of rigid rods of each elastic link, with springs between them (12). The error falls as
-            1/n^2; the cost rises faster than n^3, since the time step falls as 1/n^2. The notes of the result
-            report the simplifications.
         elements
-            Number of beam elements of each elastic link, in place of rods. Links stretch, and the result has
-            forces, torque, deflections, energies, and error estimates by time steps and by elements. Forces
-            that rotate with sections are refused.
+            Number of beam elements of each elastic link (4, or those of the scene if these are more). The
+            result has forces, torque, deflections, energies, and error estimates by time steps and by
+            elements.
         t_end, revolutions
             End of the run [s], or revolutions of the crank (1).
         rtol
-            For rods, relative tolerance of the local error (1e-7); for elements, error by time steps over the
-            peak stress of each station (2e-3).
+            Error by time steps over the peak stress of each station (2e-3).
         """
         raise NotImplementedError
 

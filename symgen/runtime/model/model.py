@@ -65,14 +65,6 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         raise CapabilityError(f"{self.name} does not support rhs: it is for rigid linkages and loops")
 
     @verb
-    def in_segments(self, count: int = 12) -> Model:
-        """Return the linkage with every elastic link divided into ``count`` rigid rods with torsion springs.
-
-        The linkage is derived and compiled at the first request. ``LINK__k.angle`` is the direction of rod k.
-        """
-        raise NotImplementedError
-
-    @verb
     def simulate(
         self,
         t_end: float | None = None,

@@ -11,7 +11,6 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.forces import joint_force, torque
-from symgen.runtime.elastic.exact import end_of_run, rigid_places, stiffness_damped
 from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
@@ -19,8 +18,10 @@ from symgen.runtime.elastic.large.shaking import in_large_rotation
 from symgen.runtime.elastic.large.statics import described, resting
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import bow, coordinate_of, displacement, length_change, strains
-from symgen.runtime.elastic.steps import turn
+from symgen.runtime.elastic.steps import check_revolutions, turn
+from symgen.runtime.integrate.pace import unlimited
 from symgen.runtime.kernels.arguments import count as whole
+from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.equilibrium import Equilibrium
@@ -31,6 +32,8 @@ from symgen.runtime.rods.model.rods import RodModel
 _STEPS = 128
 #: Rotation of the crank in a step at most, over that in a stride of the rigid motion.
 _STRIDES = 5.0
+#: Relative tolerance of a rigid motion with free coordinates.
+_RIGID_RTOL = 1e-10
 #: The most elements of a link.
 _MOST_ELEMENTS = 1000
 
@@ -48,9 +51,28 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
     SimulationError
         If the run cannot continue.
     """
-    end = end_of_run(motion, task)
+    end = _end_of_run(motion, task)
     large = large_motion(motion, elements)
     return refined_run(large, task, end, least_steps(motion, end), task.keeping())
+
+
+def _end_of_run(motion: ElasticMotion, task: LargeRotation) -> float:
+    """Return the end of a run in large rotation [s]: that given, or after one revolution or so many.
+
+    Raises
+    ------
+    ModelError
+        For both, or one that is out of range.
+    """
+    if task.t_end is None:
+        revolutions = 1.0 if task.revolutions is None else task.revolutions
+        check_revolutions(motion, revolutions)
+        return turn(motion) * revolutions
+    if task.revolutions is not None:
+        raise ModelError("give t_end or revolutions, not both")
+    if not real(task.t_end, "t_end") > 0.0:
+        raise ModelError(f"expected t_end above zero, got {task.t_end!r}")
+    return task.t_end
 
 
 def equilibrium(motion: ElasticMotion, rigid: RodModel, elements: int, t: float, stable: bool) -> Equilibrium:
@@ -96,7 +118,7 @@ def large_motion(motion: ElasticMotion, elements: int, outputs_of: Outputs | Non
         partial(coordinate_of, motion),
         max(beam.properties.modulus for beam in motion.beams),
         f"{elements} elements a link",
-        (*stiffness_damped(motion, "elements in large rotation"), *_stretching(motion), *_free(motion)),
+        (*_stiffness_damped(motion), *_stretching(motion), *_free(motion)),
         motion.identity,
     )
 
@@ -140,7 +162,7 @@ def outputs(
         link = linkage.links[k]
         axial, curvature = link.strains(q, v, a, at)
         variables += strains(name, link.beam, at, fibre * curvature, axial)
-    rigid = rigid_places(motion, times) if rigid is None else rigid
+    rigid = _rigid_places(motion, times) if rigid is None else rigid
     for k, point in enumerate(d.free):
         place = q[:, 2 * k : 2 * k + 2]
         variables.append(displacement(point, place - rigid[point]))
@@ -168,3 +190,32 @@ def _stretching(motion: ElasticMotion) -> Iterator[str]:
     stretching = [beam.info.link for beam in motion.beams if not beam.info.axial]
     if stretching:
         yield f"elements in large rotation stretch, though {', '.join(stretching)} has axial = false"
+
+
+def _rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
+    """Return the positions of the free points in the rigid motion, (times, 2) each."""
+    d = motion.rigid.description
+    if motion.undetermined:
+        if not times[-1]:
+            start = motion.rigid.initial_state().positions
+            return {p: np.array([start[p]]) for p in d.free}
+        with unlimited():
+            rigid = motion.rigid.simulate(float(times[-1]), samples=len(times), rtol=_RIGID_RTOL)
+        return {p: rigid.variable(f"{p}.position").values for p in d.free}
+    if motion.has_motor:
+        motion = motion.about(motion.machine.path(float(times[-1])))
+    (q, _, _), _, _ = motion.rigid_motion(motion.equations(), times)
+    return {p: q[:, 2 * k : 2 * k + 2] for k, p in enumerate(d.free)}
+
+
+def _stiffness_damped(motion: ElasticMotion) -> Iterator[str]:
+    """Yield notes on damping other than in proportion to the stiffness, which these elements do not have."""
+    damped = [b.info.link for b in motion.beams if b.properties.mass_damping or b.properties.ratio]
+    if damped:
+        names = ", ".join(damped)
+        yield (
+            "elements in large rotation are damped by stiffness only: damping by mass or a ratio is omitted "
+            f"from {names}"
+        )
+    if len(motion.layout.damped):
+        yield "modal damping of the structure is omitted: elements in large rotation have no such modes"
