@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -17,13 +18,14 @@ _NONE = np.zeros(0)
 def corrected(
     x: Array,
     change: Callable[[Array, Array], Array | None],
-    size: Callable[[Array], float | Array],
+    size: Callable[[Array], Any],
     most: int,
     *,
     residual: Callable[[Array], Array] | None = None,
     falls: float = np.inf,
     tolerated: float = 0.0,
     close: float = 0.0,
+    rounded: float = 0.0,
     far: float = np.inf,
 ) -> Array | None:
     """Return a point that corrections lead to from x, or None where they do not converge.
@@ -36,7 +38,8 @@ def corrected(
     change
         Gives the correction of a point with its residual (empty without one); None where it has none.
     size
-        Gives the size of the unknowns, of each or of all, to which residuals and corrections are compared.
+        Gives the size of the unknowns, a number, to which residuals and corrections are compared; without a
+        residual also one for each of them.
     most
         Number of corrections.
     residual
@@ -45,15 +48,15 @@ def corrected(
         Factor by which a residual above its rounding must fall with every correction.
     tolerated
         Residual over the size that is accepted after the last correction.
-    close, far
-        Without a residual, the largest correction over the size that is the last one, and beyond which
-        corrections diverge.
+    close, rounded, far
+        Without a residual, the largest correction over the size that is the last one, that is the last one if
+        it is more than half of the one before, and beyond which corrections diverge.
     """
     before, left = np.inf, _NONE
     for count in range(most + 1):
         if residual is not None:
             left = residual(x)
-            worst = float(np.max(np.abs(left), initial=0.0)) / float(np.max(size(x)))
+            worst = float(np.max(np.abs(left), initial=0.0)) / size(x)
             stalled = worst > _STALLED * before
             if worst <= _EPS or (stalled and worst <= _ROUNDING) or (count == most and worst <= tolerated):
                 return x
@@ -67,7 +70,8 @@ def corrected(
             moved = float(np.max(np.abs(step) / size(x), initial=0.0))
             if not moved <= far:
                 return None
-            if moved <= close:
+            if moved <= close or before / 2 < moved <= rounded:
                 return x + step
+            before = moved
         x = x + step
     return None

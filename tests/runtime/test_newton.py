@@ -60,6 +60,12 @@ def test_corrections_end_where_they_vanish_or_diverge():
     assert corrected(np.array([1.0]), change, one, 5, close=1e-9) is None
 
 
+def test_corrections_that_no_longer_halve_end_where_they_are_rounding():
+    steps = iter([1.0, 1e-4, 0.9e-4, 1e-9, 0.9e-9, 0.8e-9])
+    found = corrected(np.zeros(1), lambda x, left: np.array([next(steps)]), one, 9, rounded=1e-8)
+    assert found == pytest.approx([1.0 + 1.9e-4 + 1.9e-9], abs=1e-15) and next(steps) == 0.8e-9
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_numbers_that_are_not_finite_do_not_converge(value):
     bad = np.array([value])
@@ -76,7 +82,6 @@ def test_a_correction_may_not_exist():
 IN_PYTHON = {
     ("newton.py", "corrected"),
     ("chain/run.py", "_project"),
-    ("elastic/large/statics.py", "_corrected"),
     ("rods/search.py", "_least_squares"),  # with damping, to the least error
 }
 IN_C = {
@@ -175,4 +180,4 @@ def test_loops_of_corrections_in_the_core_are_known():
 
 
 def test_places_of_newtons_method_become_fewer():
-    assert len(IN_PYTHON) + len(IN_C) <= 20
+    assert len(IN_PYTHON) + len(IN_C) <= 19

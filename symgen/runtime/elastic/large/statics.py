@@ -14,6 +14,7 @@ from symgen.runtime.beams.modal.structure import modes_at_rest
 from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, stacked
 from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.linearisation.eigenvalues import eigenvalues
+from symgen.runtime.newton import corrected
 from symgen.runtime.result.equilibrium import Equilibrium, Linearised
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.state import state_at
@@ -184,17 +185,21 @@ def unbalanced(system: RestingSystem, at: MotionState) -> Array:
 
 def _corrected(system: RestingSystem, at: MotionState, left: Array, largest: float) -> MotionState | None:
     """Return a motion with these unbalanced forces and errors by Newton's method, or None if it fails."""
-    n, before = system.unknowns, np.inf
-    for count in range(_MOST):
-        change = held(system, at)(unbalanced(system, at) - left)
-        size = float(np.max(np.abs(change[:n]) / system.scale))
-        if not size <= (_AWAY if count else largest):
-            return None
-        at = replace(at, q=at.q - change[:n], multipliers=at.multipliers - change[n:])
-        if size <= _CLOSE or before / 2 < size <= _ROUNDED:
-            return at
-        before = size
-    return None
+    n, begin = system.unknowns, np.concatenate([at.q, at.multipliers])
+    size = np.concatenate(
+        [system.scale, np.full(len(at.multipliers), np.inf)]
+    )  # multipliers follow from places
+
+    def placed(x: Array) -> MotionState:
+        return replace(at, q=x[:n], multipliers=x[n:])
+
+    def change(x: Array, _: Array) -> Array | None:
+        now = placed(x)
+        step = held(system, now)(left - unbalanced(system, now))
+        return step if x is not begin or np.max(np.abs(step) / size) <= largest else None
+
+    x = corrected(begin, change, lambda _: size, _MOST, close=_CLOSE, rounded=_ROUNDED, far=_AWAY)
+    return None if x is None else placed(x)
 
 
 def held(system: RestingSystem, at: MotionState) -> Callable[[Array], Array]:
