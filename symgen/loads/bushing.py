@@ -84,6 +84,19 @@ class ElasticBushing(Load):
         for key, link in (("link", table.link), ("against", against)):
             if link:
                 read.moving_link(link, f"{where}.{key}")
+        if against and read.is_elastic(against):
+            raise SceneError(
+                f"{against} is elastic, and the axes of a bushing rotate with a rigid link or the ground",
+                where=f"{where}.against",
+                hint="Exchange the links, or write [[springs]] of length 0 for equal stiffness on both axes.",
+            )
+        turned = table.angular_stiffness is not None or table.angular_damping is not None
+        if against and turned and read.is_elastic(table.link) and read.dimension == 2:
+            raise SceneError(
+                f"expected no torque between the section of {table.link}, which is elastic, and {against}",
+                where=f"{where}.{'angular_stiffness' if table.angular_stiffness else 'angular_damping'}",
+                hint="Leave it out, or mount the link on the ground.",
+            )
         if not against and not start.ground:
             raise SceneError(
                 f"expected a ground point first, got {start.name}",

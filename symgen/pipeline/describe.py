@@ -158,6 +158,7 @@ def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
 
 def of_linkage(linkage: Linkage, program: Program, equations: str) -> Description:
     """Return the description of a linkage, still without its start."""
+    from symgen.mechanics.rods.gear import turns
     from symgen.runtime.kernels.description import Description, EventInfo, PlaneInfo
     from symgen.scene.elastic.offsets import is_lug
     from symgen.scene.rods.events import revolves
@@ -197,6 +198,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         pulses=tuple(k for k, s in enumerate(linkage.switches) if s.smooth),
         windings=len(linkage.windings),
         turns=turning(linkage),
+        gears=tuple(turns(pair.links, pair.teeth, pair.carrier) for pair in linkage.gears),
         steady=_steady(linkage),
         prescribed=_prescribed(linkage, [s.name.removesuffix("_lambda") for s in multipliers]),
         lugs={

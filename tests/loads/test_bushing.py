@@ -380,6 +380,19 @@ def test_faults_are_named(change, expected):
     assert expected in str(failure.value) and "bushings.0" in str(failure.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"between": ["C", "E"], "link": "rocker", "against": "coupler"}, "coupler is elastic, and the axes"),
+        ({"between": ["E", "C"], "link": "coupler", "against": "rocker"}, "between the section of coupler"),
+    ],
+)
+def test_faults_next_to_elastic_links_are_named(change, expected):
+    with pytest.raises(SceneError) as failure:
+        symgen.build(elastic_four_bar(bushings=[BUSHED[0] | change]))
+    assert expected in str(failure.value) and "Name the point" not in str(failure.value)
+
+
 def test_a_rod_in_space_has_no_axes():
     scene = in_space(grounded=True)
     scene["links"]["second"] = {"points": ["Q", "S"], "mass": "1 kg"}

@@ -20,12 +20,21 @@ def turns(links: Sequence[str], teeth: Sequence[int], carrier: str) -> dict[str,
     return factors | ({carrier: -sum(teeth)} if carrier else {})
 
 
-def mesh_error(
+def mesh_change(
     factors: Mapping[str, int], along: Mapping[str, Vector], drawn: Mapping[str, Vector]
 ) -> sp.Expr:
     """Return the change of the sum from the drawing [rad], by the vectors along the links [m]."""
     change = sp.Add(*(n * (_direction(along[k]) - _direction(drawn[k])) for k, n in factors.items()))
     return sp.atan2(sp.sin(change), sp.cos(change))
+
+
+def mesh_error(change: sp.Expr) -> sp.Expr:
+    """Return 2 tan(c/2)/cos(c/2)^2 of a change c: c where it is small, and infinite half a tooth off.
+
+    Newton's method, with the slopes of c, leads back to a tooth from nearby alone, and fails for steps that
+    are as wrong as that.
+    """
+    return 2 * sp.tan(change / 2) / sp.cos(change / 2) ** 2
 
 
 def mesh_slopes(

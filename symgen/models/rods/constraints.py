@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from symgen.mechanics.rods.across import named_vector, vectors_across
-from symgen.mechanics.rods.gear import mesh_error, mesh_slopes, turns
+from symgen.mechanics.rods.gear import mesh_change, mesh_error, mesh_slopes, turns
 from symgen.mechanics.rods.loads import vector_between
 from symgen.mechanics.rods.particles import Vector, length_constraint
 from symgen.models.rods.loads import Loads
@@ -290,7 +290,9 @@ def gear_rows(model: Points) -> Iterator[AngleRow]:
         rate = sp.Add(*(slope * model.calculus.rate(q) for q, slope in gradient.items()))
         motion = RowDerivatives(gradient, rate, model.calculus.rate(rate))
         label = f"the gears of {' and '.join(pair.links)}"
-        error = size * mesh_error(factors, model.along, drawn)
+        change = mesh_change(factors, model.along, drawn)
+        about = f"change of the mesh of {label} from the drawing"
+        error = size * mesh_error(model.calculus.define(f"{pair.name}_change", change, "rad", about))
         yield AngleRow(Constraint(pair.name, label, error, ONE, "m", motion=motion), slopes)
 
 

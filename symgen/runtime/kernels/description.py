@@ -160,7 +160,8 @@ class Description(Described):
     Of a user-defined system ``free`` names the coordinates, ``rates`` their rates, and ``size`` [m] takes the
     place of that of a drawing.
     ``lugs`` are rigid joints of points off elastic links, with points on the line ("" if named). ``drawn`` is
-    the number of points of the scene, the first. ``first_pivot`` is a place in ``work`` of 'factor'.
+    the number of points of the scene, the first. ``gears`` are the numbers of teeth by link, with that of the
+    carrier. ``first_pivot`` is a place in ``work`` of 'factor'.
     """
 
     axes: tuple[str, ...]
@@ -184,6 +185,7 @@ class Description(Described):
     events: tuple[EventInfo, ...] = ()
     windings: int = 0
     turns: tuple[str, ...] = ()
+    gears: tuple[dict[str, int], ...] = ()
     switches: tuple[str, ...] = ()
     pulses: tuple[int, ...] = ()
     steady: tuple[str, ...] = ()

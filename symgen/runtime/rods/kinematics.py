@@ -22,6 +22,7 @@ from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import along_branch
 from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
+from symgen.runtime.rods.meshing import slips
 from symgen.runtime.rods.poses import Poses, angles_in_loads, counted, references_of
 from symgen.runtime.rods.recorded_motion import CurvePositions, chosen_names, recorded
 
@@ -167,7 +168,7 @@ def follow(
         )
     ends = min(instants.start, t), max(instants.stop, t)
     sound = along_branch(constraints, q, t, *ends, np.unique(times))
-    if sound is not None:
+    if sound is not None and not slips(constraints, sound.poses):
         samples = sound.poses[sound.requested]
         start = int(np.searchsorted(sound.poses.times, t))
         return Followed(samples, sound.requested, sound.poses, start, [], [], [])
@@ -190,6 +191,11 @@ def follow(
     nearest = np.array(near, dtype=np.intp)
     gaps = _gaps([*covered, *apart], instants)
     along = _poses(passed, constraints.n)
+    if slips(constraints, along):
+        raise SimulationError(
+            "gears jump a tooth from one pose to the next: their teeth are too many for its steps\n"
+            "  Write numbers of teeth with a common factor, or smaller ones of about the same ratio."
+        )
     return Followed(_poses(rows, constraints.n), nearest, along, start, poses, gaps, apart)
 
 

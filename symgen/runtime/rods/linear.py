@@ -12,6 +12,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.equilibrium import Linearised
 from symgen.runtime.result.recording import nearest_turn
 from symgen.runtime.rods.constraints import Constraints
+from symgen.runtime.rods.meshing import slips
 from symgen.runtime.rods.poses import Poses, angles_in_loads, references_of
 
 _EPS = float(np.finfo(float).eps)
@@ -45,8 +46,11 @@ class Statics:
         return nearest_turn(angles_in_loads(self.constraints.evaluator, pose)[:, 0], self.references)
 
     def revolves(self, here: Array, there: Array) -> bool:
-        """Return whether an angle in loads changes by more than a quarter revolution between two poses."""
+        """Return whether an angle in loads changes by more than a quarter revolution, or gears by a tooth."""
         change = np.abs(self.turned(there) - self.turned(here))
+        states = np.array([[q, self._rest, self._rest] for q in (here, there)])
+        if slips(self.constraints, Poses(np.full(2, self.t), states)):
+            return True
         return bool(np.any(np.minimum(change, math.tau - change) > math.pi / 2))
 
     def count(self, q: Array) -> None:

@@ -65,10 +65,6 @@ def gears(read: Reader) -> Iterator[GearPair]:
             )
         common = gcd(first, second)
         teeth = first // common, (-second if table.internal else second) // common
-        if sum(teeth) == 0:
-            raise SceneError(
-                "gears of as many teeth, one inside the other, do not mesh", where=f"{where}.teeth"
-            )
         yield GearPair(f"gears_{i}", (table.links[0], table.links[1]), teeth, table.carrier or "")
 
 
