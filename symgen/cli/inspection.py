@@ -325,10 +325,11 @@ def diff(
 
     from symgen.regeneration.sources import compare
     from symgen.report.mathematics.difference import difference_lines
+    from symgen.report.mathematics.layout import wrapped
 
     old, new, difference = compare(before, after, changes(set_))
     if as_json:
         print_json({"before": old.name, "after": new.name, **asdict(difference)})
         return
-    lines = (f"- {old.name}: {old.title}", f"+ {new.name}: {new.title}")
-    console().print(*lines, *difference_lines(difference), sep="\n")
+    lines = (f"- {old.name}: {old.title}", f"+ {new.name}: {new.title}", *difference_lines(difference))
+    console().print(*(part for line in lines for part in wrapped(line, indent="      ")), sep="\n")

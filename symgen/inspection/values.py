@@ -11,7 +11,7 @@ import sympy as sp
 
 from symgen.errors import ModelError, SceneError
 from symgen.scene.expressions import parse_any
-from symgen.scene.units import ANGULAR_RATE, LENGTH, NUMBER, TIME, parse_quantity
+from symgen.scene.units import ANGULAR_RATE, LENGTH, NUMBER, TIME, in_angles, parse_quantity
 from symgen.symbolic.constants import with_pi
 from symgen.symbolic.quantity import Quantity
 
@@ -93,7 +93,9 @@ def of_symbols(options: Sequence[str], symbols: Iterable[Quantity]) -> dict[str,
                 f"got {option!r}"
             ) from None
         unit = known.get(name, "1")
-        if dimension not in (NUMBER, parse_quantity("1" if unit == "1" else f"1 {unit}")[1]):
+        own = parse_quantity("1" if unit == "1" else f"1 {unit}")[1]
+        bare = dimension == NUMBER and not in_angles(text)
+        if dimension != own and not bare:
             raise ModelError(f"expected a value of {name} [{unit}] after --with, got {option!r}")
         values[name] = with_pi(value)
     return values

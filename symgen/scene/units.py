@@ -187,7 +187,12 @@ def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
 def shown_unit(text: str) -> str:
     """Return the SI unit of a quantity, with radians where it is written in units of angles."""
     unit = parse_quantity(text)[1].unit
-    return OF_ANGLES.get(unit, unit) if _ANGLE.search(text) else unit
+    return OF_ANGLES.get(unit, unit) if in_angles(text) else unit
+
+
+def in_angles(text: str) -> bool:
+    """Return whether a unit of angles is written in a text."""
+    return bool(_ANGLE.search(text))
 
 
 def fits(value: Fraction) -> bool:

@@ -228,6 +228,7 @@ def test_given_values_have_the_unit_of_their_symbol():
     assert "127⋅sin(θ₁)" in shown("slider_crank", "row_1_transform", "--with", "a1=2 in", "--with", "s1=0")
     for wrong, message in {
         "a1=2 kg": r"expected a value of a1 \[m\] after --with, got 'a1=2 kg'",
+        "a1=2 deg": r"expected a value of a1 \[m\] after --with, got 'a1=2 deg'",
         "a1=b": "expected --with NAME=VALUE, a finite number in SI units, or such as",
         "a1=nan": "expected --with NAME=VALUE",
         "a1=1/0": "expected --with NAME=VALUE",

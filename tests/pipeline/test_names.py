@@ -109,6 +109,7 @@ def test_blocks_have_reports_differences_and_accuracy(tmp_path):
     text = page.read_text()
     assert "particle_masses" in text and "symgen.derive(&#34;rod&#34;)" in text
     assert "length.gamma (1 x 1): 1 changed" in call("diff", "chain", "chain_spatial")
+    assert max(map(len, call("diff", "element_beam8", "element_beam9").splitlines())) <= 100
     assert "inward.factors" in call("accuracy", "chain", "--states", "1")
     with pytest.raises(SymgenError, match="no scene: it has no values to set"):
         call("report", "rod", "--set", "m=2", "--out", page)

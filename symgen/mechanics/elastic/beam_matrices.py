@@ -260,12 +260,8 @@ def _over_element(polynomial: PolyElement, start: sp.Rational = ZERO) -> PolyEle
 
 def stiffened(element: Element, start: sp.Rational) -> sp.ImmutableMatrix:
     """Return the geometric stiffness of a unit axial force from xi = ``start`` to the second node."""
-    slopes, entries = _rows(element)["w_x"], _Entries(2 * _SCALE)
-    for i, a in enumerate(slopes):
-        for j, b in enumerate(slopes):
-            entries.add((i, j), sp.Integer(1), _over_element(a * b, start))
-    size = len(element.dofs)
-    return sp.ImmutableMatrix(size, size, lambda i, j: entries[i, j])
+    slopes = _rows(element)["w_x"]
+    return _integrated(slopes, slopes, start)
 
 
 def shape_products(element: Element) -> dict[str, tuple[sp.ImmutableMatrix, str, str]]:
@@ -274,15 +270,24 @@ def shape_products(element: Element) -> dict[str, tuple[sp.ImmutableMatrix, str,
     For a constant mass per length m without rotary inertia, m (M + B) is the mass matrix and m (A - A^T) the
     gyroscopic one.
     """
-    shape = shape_functions(element)
-    u, w = sp.Matrix(shape.axial), sp.Matrix(shape.transverse)
+    rows = _rows(element)
     products = {
-        "A": (u * w.T, "N_u^T N_w", "(B.3), (B.9)-(B.15)"),
-        "B": (u * u.T, "N_u^T N_u", "(B.2), (B.9)-(B.13)"),
-        "M": (w * w.T, "N_w^T N_w", "(B.5), (B.17)"),
+        "A": ("u", "w", "N_u^T N_w", "(B.3), (B.9)-(B.15)"),
+        "B": ("u", "u", "N_u^T N_u", "(B.2), (B.9)-(B.13)"),
+        "M": ("w", "w", "N_w^T N_w", "(B.5), (B.17)"),
     }
-    integral = lambda e: LENGTH.symbol * sp.integrate(sp.expand(e), (PLACE.symbol, 0, 1))  # noqa: E731
-    return {n: (sp.ImmutableMatrix(m.applyfunc(integral)), *texts) for n, (m, *texts) in products.items()}
+    return {n: (_integrated(rows[a], rows[b]), *texts) for n, (a, b, *texts) in products.items()}
+
+
+def _integrated(
+    first: Sequence[PolyElement], second: Sequence[PolyElement], start: sp.Rational = ZERO
+) -> sp.ImmutableMatrix:
+    """Return the integrals over x of products of two rows, from xi = ``start`` to the second node."""
+    entries = _Entries(2 * _SCALE)
+    for i, a in enumerate(first):
+        for j, b in enumerate(second):
+            entries.add((i, j), sp.Integer(1), _over_element(a * b, start))
+    return sp.ImmutableMatrix(len(first), len(second), lambda i, j: entries[i, j])
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,15 +93,16 @@ def end_mass(
     offset
         Distance of the centre of mass from the line of the ends, to the left of it [m].
     """
-    squared, share = length**2, centre / length
+    share = centre / length
     if isinstance(share, sp.Rational) and offset == 0:
         rest = 1 - share
-        if mass != 0 and isinstance(turning := inertia / (mass * squared), sp.Rational):  # of one shape
+        turning = sp.Mul(inertia, sp.Pow(mass, -1), sp.Pow(length, -2)) if mass != 0 else None
+        if isinstance(turning, sp.Rational):  # that of a uniform rod, and such
             factors = turning + rest**2, share * rest - turning, turning + share**2
             return EndMass(*(mass * factor for factor in factors))
-        inertia = inertia / squared
+        inertia = inertia / length**2
         return EndMass(inertia + mass * rest**2, mass * (share * rest) - inertia, inertia + mass * share**2)
-    rest, across = length - centre, mass * offset**2
+    squared, rest, across = length**2, length - centre, mass * offset**2
     about_start, about_end = (inertia + mass * part**2 + across for part in (centre, rest))
     between = mass * centre * rest - across - inertia
     return EndMass(about_end / squared, between / squared, about_start / squared, mass * offset / length)

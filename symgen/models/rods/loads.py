@@ -115,7 +115,7 @@ class Loads:
         for k in self.model.massive:
             ratio = k.centre / k.length
             share = k.mass * ratio
-            rest = k.mass * (1 - ratio) if ratio.is_Rational else k.mass - share
+            rest = sp.Mul(k.mass, 1 - ratio) if ratio.is_Rational else k.mass - share
             weights.setdefault(k.start, []).append(rest)
             weights.setdefault(k.end, []).append(share)
             if k.offset != 0:
