@@ -93,6 +93,15 @@ def test_load_across_that_follows_its_section(spread):
     assert errors[1] < errors[0] / 60 + stretched
 
 
+@pytest.mark.parametrize("part", [5.7, 8.6, 14.3])
+def test_following_load_beyond_which_its_parts_have_no_equilibrium_nearby(part):
+    """Parts of the residual of the straight strip push it aside from about 5.3 EI/L^2 on."""
+    model = strip(forces=[{"point": "tip", "force": ["0 N", "-P"], "link": "strip"}])
+    found = model.with_parameters(P=part * BENDING).equilibrium(elements=8)
+    assert found.stability == "stable"
+    assert found.state.positions["tip"] == pytest.approx(tip_of(part * BENDING, False), abs=2e-4)
+
+
 @pytest.mark.parametrize(
     "tables, unit, limit",
     [

@@ -102,8 +102,12 @@ IN_C = {
     ("start_steps.h", "newton"),
     ("switches.c", "polished"),
 }
-#: Loops of the same form that refine the solution of linear equations.
-REFINEMENTS = {("chain/elimination.py", "_refined"), ("rods/large_start.py", "least_velocities")}
+#: Loops of the same form that refine the solution of linear equations, or step along a damped motion.
+OTHERS = {
+    ("chain/elimination.py", "_refined"),
+    ("rods/large_start.py", "least_velocities"),
+    ("elastic/large/statics.py", "_settled"),
+}
 #: Functions that solve linear equations, or give a correction.
 SOLVERS = {"change", "factorised", "held", "inv", "lstsq", "pinv", "solve", "_solve", "splu"}
 
@@ -139,7 +143,7 @@ def test_python_has_one_loop_of_corrections_but_for_known_ones():
         for function in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(function, ast.FunctionDef) and corrections(function)
     }
-    assert found == IN_PYTHON | REFINEMENTS
+    assert found == IN_PYTHON | OTHERS
 
 
 #: Constants that bound loops of the core: numbers of corrections; sizes of arrays and numbers of other attempts.

@@ -24,6 +24,8 @@ from symgen.runtime.rods.model.rods import RodModel
 _MOST, _CLOSE = 40, 1e-11
 #: First correction at most of a part of the loads, over the sizes of the unknowns; the smallest part.
 _LARGEST, _LEAST = 0.3, 2.0**-12
+#: Steps of heavily damped motion at most, and the last one over the sizes of the unknowns.
+_SETTLING, _ALMOST = 400, 1e-3
 #: Largest correction over the sizes of the unknowns, beyond which Newton's method has diverged.
 _AWAY = 1e9
 #: Largest part of loads with a push, so that corrections do not leave its path for an unstable shape.
@@ -166,7 +168,7 @@ def at_rest(system: RestingSystem, moment: MotionState, push: Array | None = Non
             system.follow(now.t, now.q, now.v)
     if reached < 1.0:
         # A linkage that its loads move may find its pose at once.
-        found = _corrected(system, moment, pushed, _AWAY)
+        found = _corrected(system, moment, pushed, _AWAY) or _settled(system, moment)
         if found is None:
             raise ModelError(
                 f"{system.name}: no equilibrium with the input held at t = {moment.t:g} s, or none to which "
@@ -175,6 +177,29 @@ def at_rest(system: RestingSystem, moment: MotionState, push: Array | None = Non
             )
         now = found
     return now
+
+
+def _settled(system: RestingSystem, at: MotionState) -> MotionState | None:
+    """Return the equilibrium to which heavily damped motion leads, or None where it does not end.
+
+    Loads that follow the links may have no equilibria at parts of their size next to the start. A step
+    solves (K + damping M) dq = f, with as little damping as keeps it short.
+    """
+    damping = 1.0
+    for _ in range(_SETTLING):
+        step = held(system, at, damping)(-unbalanced(system, at))
+        moved = float(np.max(np.abs(step[: system.unknowns]) / system.scale))
+        if not moved <= _LARGEST:
+            damping *= 8.0
+            continue
+        at = replace(
+            at, q=at.q + step[: system.unknowns], multipliers=at.multipliers + step[system.unknowns :]
+        )
+        system.follow(at.t, at.q, at.v)
+        if damping <= system.shift and moved <= _ALMOST:
+            return _corrected(system, at, np.zeros(len(step)), _AWAY)
+        damping /= 4.0 if moved <= _LARGEST / 4 else 1.0
+    return None
 
 
 def unbalanced(system: RestingSystem, at: MotionState) -> Array:
@@ -202,14 +227,17 @@ def _corrected(system: RestingSystem, at: MotionState, left: Array, largest: flo
     return None if x is None else placed(x)
 
 
-def held(system: RestingSystem, at: MotionState) -> Callable[[Array], Array]:
-    """Return the change of places and multipliers at rest by a change of forces and errors of constraints."""
+def held(system: RestingSystem, at: MotionState, damping: float = 0.0) -> Callable[[Array], Array]:
+    """Return the change of places and multipliers at rest by a change of forces and errors of constraints.
+
+    ``damping`` is a further part of the mass matrix as that of ``shift``.
+    """
     from scipy.sparse.linalg import splu
 
     n = system.unknowns
     mass, _, stiffness = system.matrices(at, rates=False)
     of_mass = mass[:n, :n]
-    shift = system.shift * abs(stiffness[:n, :n]).max() / abs(of_mass).max()
+    shift = (system.shift + damping) * abs(stiffness[:n, :n]).max() / abs(of_mass).max()
     of_mass.resize(stiffness.shape)
     try:
         solve: Callable[[Array], Array] = splu((stiffness + shift * of_mass).tocsc()).solve
