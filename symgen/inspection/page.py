@@ -22,7 +22,7 @@ from symgen.pipeline.user_system import equations_of
 from symgen.report.page.drawing import Drawing, drawing
 from symgen.report.page.page import Fact, KernelRow, Measured, Page, StepView, example_in_c
 from symgen.report.page.views import elimination, matrix_view, shared_terms, symbols
-from symgen.scene.loading import SceneText, check_scene
+from symgen.scene.loading import SceneText, check_scene, shipped_scenes
 from symgen.symbolic.system import Step, System
 
 #: Maximum number of matrices of one step and of shared terms on a page.
@@ -61,7 +61,8 @@ def scene_page(text: SceneText, *, speed: bool, progress: Status) -> Page:
     progress("drawing")
     drawn = drawing(view.sketch(resolved, model, measured.result))
     shown = (checked.about.strip(), view.facts(resolved, model), measured, drawn)
-    code = _in_python(f'symgen.build("{system.name}")', view.example(model))
+    named = system.name if system.name in shipped_scenes() else checked.file or system.name
+    code = _in_python(f'symgen.build("{named}")', view.example(model))
     return _page(view, code, system, subject.record, *shown)
 
 

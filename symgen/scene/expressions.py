@@ -77,7 +77,7 @@ def parse_value(value: str | int | float, names: Names, expected: Dimension | No
         When it is not finite, of another dimension, or uses anything outside the whitelist.
     """
     expression, dim = parse_any(value, names)
-    if expected == ANGULAR_RATE and isinstance(value, str) and is_quantity(value) and _HERTZ.search(value):
+    if expected == ANGULAR_RATE and is_frequency(value):
         raise SceneError(
             f"expected an angular velocity, got the frequency {value!r}",
             hint='Write revolutions or radians: "2 rev/s", "120 rpm" or "12.6 rad/s".',
@@ -89,6 +89,11 @@ def parse_value(value: str | int | float, names: Names, expected: Dimension | No
             hint=tonne_hint(value),
         )
     return expression
+
+
+def is_frequency(value: str | int | float) -> bool:
+    """Return whether a value is a quantity in Hz."""
+    return isinstance(value, str) and is_quantity(value) and bool(_HERTZ.search(value))
 
 
 def tonne_hint(value: str | int | float) -> str:

@@ -17,8 +17,10 @@ from symgen.errors import ModelError, SceneError
 from symgen.pipeline.build import build_selected
 from symgen.runtime.result.records import parameter_of
 from symgen.runtime.sweeps.designs import Normal, Uniform
+from symgen.scene.expressions import is_frequency, parse_any
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.reading import Values
+from symgen.scene.units import is_quantity, shown_unit
 
 _NORMAL = re.compile(r"normal\((.*),(.*)\)$")
 _FORMS = '"START:STOP:COUNT", a list "V1,V2", a range "LOW:HIGH" to sample, or "normal(MEAN, DEVIATION)"'
@@ -135,9 +137,18 @@ def _values(read: Values, name: str, value: Any, table: str) -> Any:
 
     def number(text: Any) -> float:
         given = text.strip() if isinstance(text, str) else text
+        if in_hertz and is_frequency(given):
+            return read.number(parse_any(given, {})[0])
+        if in_hertz and isinstance(given, str) and is_quantity(given) and shown_unit(given) != size.unit:
+            raise SceneError(
+                f"expected a frequency such as '5 Hz', as the scene has, got {given!r}",
+                where=f"{table}.{name}",
+                hint="In an expression the angular velocity of f is 2*pi*f.",
+            )
         return read.number(read.value(given, size, f"{table}.{name}"))
 
     size = read.names[name][1]
+    in_hertz = is_frequency(read.scene.parameters[name].value)
     if isinstance(value, Column):
         return value.values * number(f"1 {value.unit}" if value.unit else 1)
     if not isinstance(value, str):

@@ -308,3 +308,17 @@ def test_histories_are_drawn_as_curves_and_paths_as_an_atlas(tmp_path):
         plot(both, "crank.torque", "crank.torque.peak")
     with pytest.raises(ResultError, match="no output 'crank.torqu'. Did you mean 'crank.torque'"):
         plot(runs, "crank.torqu")
+
+
+def test_a_parameter_in_hertz_varies_in_hertz(tmp_path):
+    """It is a frequency, of which expressions take 2*pi*f; revolutions per second would be 2*pi times it."""
+    tables = (
+        'symgen = 1\n[parameters]\nf = "2 Hz"\nk = "1 N*m"\n[points]\nO = { at = ["0 m", "0 m"], ground = true }\n'
+        'A = { at = ["1 m", "0 m"] }\n[links]\nOA = { points = ["O", "A"], mass = "1 kg" }\n'
+        '[[torques]]\nlink = "OA"\ntorque = "k*sin(2*pi*f*t)"\n'
+    )
+    file = tmp_path / "scene.toml"
+    file.write_text(tables)
+    assert varied(file, {"f": "5 Hz:10 Hz:2"})[1]["f"] == pytest.approx([5.0, 10.0])
+    with pytest.raises(SceneError, match="expected a frequency such as '5 Hz'"):
+        varied(file, {"f": "5 rev/s,6 rev/s"})

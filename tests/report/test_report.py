@@ -19,7 +19,7 @@ from symgen.errors import SceneError, SymgenError
 from symgen.inspection.measured import speed_caption, speed_figure, speed_table
 from symgen.inspection.page import scene_page
 from symgen.report.page.page import render
-from symgen.scene.loading import read_scene, shipped_scenes
+from symgen.scene.loading import read_scene, shipped_scene, shipped_scenes
 from symgen.study.speed.work_precision import WorkPrecision, WorkPrecisionPoint
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -197,3 +197,10 @@ def test_speed_stands_beside_error():
     assert "~ marks errors" in speed_caption(found)
     assert speed_figure(found).uri.startswith("data:image/svg+xml;base64,")
     assert speed_figure(found) == speed_figure(found)  # the same bytes
+
+
+def test_the_code_of_a_page_names_the_file_of_its_scene(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(shipped_scene("four_bar"))
+    page = scene_page(read_scene(file), speed=False, progress=lambda _: None)
+    assert 'symgen.build("mine.toml")' in unescape(render(page))

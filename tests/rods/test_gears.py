@@ -146,6 +146,33 @@ def test_a_planetary_gear_accelerates_by_the_inertia_of_two_freedoms():
     assert ends == pytest.approx(rate, rel=1e-8)
 
 
+def test_a_planetary_gear_with_its_ring_on_the_ground():
+    """w_c/w_sun = 1/(1 + 66/30): one freedom; the forces at the ring's points are the couple that holds it."""
+    tables = planetary(torques=[{"link": "sun", "torque": "2 N*m"}])
+    tables["points"]["R"]["ground"] = True
+    tables["links"]["ring"] = {"points": ["O", "R"]}
+    names = ["sun.angular_velocity", "carrier.angular_velocity", "O.reaction", "R.reaction"]
+    tables["analysis"] = {"t_end": "1 s", "outputs": names}
+    run = symgen.build(symgen.Scene(**tables)).simulate(rtol=1e-11, samples=3)
+    ratio = 30 / (30 + 66)
+    planet = ratio * 48 / 18 - 30 / 18
+    whole = 0.01 + ratio**2 * (0.02 + 0.5 * 0.15**2) + planet**2 * 0.003
+    assert np.asarray(run["sun.angular_velocity"]) == pytest.approx(
+        2 / whole * np.asarray(run.time), rel=1e-8
+    )
+    assert float(run["carrier.angular_velocity"][-1]) == pytest.approx(ratio * 2 / whole, rel=1e-8)
+    # Angular momentum about O: of all links, by the torque on the sun and the couple on the ring.
+    momentum = 0.01 + ratio * (0.02 + 0.5 * 0.15**2) + planet * 0.003
+    held = momentum * 2 / whole - 2
+    assert 0.3 * np.asarray(run["R.reaction"])[:, 1] == pytest.approx(held, rel=1e-8)
+    # By elements, at a constant speed: the planet's weight at the end of the carrier.
+    tables |= {"drivers": [{"link": "sun", "angle": "w*t"}], "torques": [], "gravity": TRAIN["gravity"]}
+    forces = symgen.build(symgen.Scene(**tables)).inverse_dynamics(samples=5)
+    moment = 0.5 * 9.81 * 0.15 * np.cos(ratio * 5 * np.asarray(forces.time))
+    assert np.asarray(forces["sun.torque"]) == pytest.approx(ratio * moment, rel=1e-10)
+    assert 0.3 * np.asarray(forces["R.reaction"])[:, 1] == pytest.approx((1 - ratio) * moment, rel=1e-10)
+
+
 def test_derivatives_along_a_run_are_those_of_one_equation():
     scene = TRAIN | {"torques": [{"link": "pinion", "torque": "1.2 N*m"}]}
     model = symgen.build(symgen.Scene(**scene))

@@ -180,7 +180,7 @@ def test_kernels_in_python_live_as_long_as_what_follows(followed):
 
 
 def test_values_of_a_drive_are_met_at_their_first_times(followed):
-    """A swinging drive has each value twice; an angle is met at the first of its whole revolutions."""
+    """A swinging drive has each value twice; an angle beyond the range is met at the first equal one."""
     swinging = symgen.build(
         symgen.Scene(
             parameters={"w": "1 rad/s"},
@@ -196,8 +196,23 @@ def test_values_of_a_drive_are_met_at_their_first_times(followed):
     assert motion.time == pytest.approx(first, abs=1e-14 / 0.04)
     assert motion["A.position"].values[:, 1] == pytest.approx(np.sin(values), abs=1e-14)
     crank = symgen.build(four_bar(0.1, 0.35, 0.3, 0.4, 0.5))
-    met = crank.kinematics(at=[0.6, 0.5 + 2 * np.pi])
+    met = crank.kinematics(at=[0.6, 0.5 - 2 * np.pi])
     assert met.time == pytest.approx([0.1, 0.0], abs=1e-14)
+
+
+def test_angles_of_several_revolutions_are_met_in_their_own():
+    """phi = b t^2/2: the rate there is sqrt(2 b phi)."""
+    model = symgen.build(
+        symgen.Scene(
+            parameters={"b": "8 rad/s^2"},
+            points={"O": ground(0, 0), "A": at(1, 0)},
+            links={"OA": rod("O", "A")},
+            drivers=[{"link": "OA", "angle": "b*t**2/2"}],
+            analysis={"t_end": "3 s"},
+        )
+    )
+    angles = np.array([5 * np.pi + 0.3, np.pi + 0.3, 2 * np.pi])
+    assert model.kinematics(at=angles).time == pytest.approx(np.sqrt(angles / 4), abs=1e-14 / 0.04)
 
 
 @pytest.mark.parametrize(

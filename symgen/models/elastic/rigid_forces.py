@@ -178,7 +178,7 @@ def _constraints(model: RodsModel) -> Iterator[NamedMatrix]:
         rows=[f"{row.link} {row.point}" for row in guides], columns=model.axes,
     )  # fmt: skip
     pairs = [turns(pair.links, pair.teeth, pair.carrier) for pair in model.linkage.gears]
-    geared = [k for k in model.rods if any(k.name in factors for factors in pairs)]
+    geared = [k for k in model.linkage.links if any(k.name in factors for factors in pairs)]
     yield named(
         model, "gears",
         [sp.Rational(f.get(k.name, 0), next(iter(f.values()))) for k in geared for f in pairs],

@@ -144,10 +144,12 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
 
 
 def _target(drive_values: Array, value: float, period: float) -> float | None:
-    """Return the value of the drive that is equal to the given one and taken first; None without one."""
+    """Return the value of the drive, or the one that is equal to it and taken first; None without one."""
     low, high = float(np.min(drive_values)), float(np.max(drive_values))
+    if low <= value <= high:
+        return value
     if not period:
-        return value if low <= value <= high else None
+        return None
     first = math.ceil((low - value) / period - _SLACK)
     last = math.floor((high - value) / period + _SLACK)
     targets = [min(max(value + period * k, low), high) for k in range(first, last + 1)]

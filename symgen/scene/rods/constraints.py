@@ -45,7 +45,7 @@ def drivers(read: Reader) -> Iterator[Driver]:
 
 
 def gears(read: Reader) -> Iterator[GearPair]:
-    """Yield the pairs of gears."""
+    """Yield the pairs of gears; the second one of a pair on a carrier may be fixed to the ground."""
     for i, table in enumerate(read.scene.gears):
         where = f"gears.{i}"
         if read.dimension != 2:
@@ -53,7 +53,8 @@ def gears(read: Reader) -> Iterator[GearPair]:
         carrier = [table.carrier] if table.carrier is not None else []
         for key, names in (("links", table.links), ("carrier", carrier)):
             for name in names:
-                read.moving_link(name, f"{where}.{key}")
+                may_stand = carrier and key == "links" and name == table.links[1]
+                (read.known_link if may_stand else read.moving_link)(name, f"{where}.{key}")
                 if read.is_elastic(name):
                     raise SceneError(f"{name} is elastic and has no one angle", where=f"{where}.{key}")
         if len({*table.links, *carrier}) < 2 + len(carrier):

@@ -260,6 +260,15 @@ class Assembly:
                 share = self._at(link, point)[1][:, None]
                 for end, part in zip(self.points_of(link)[:2], (1.0 - share, share), strict=True):
                     add(end, part * push)
+        gears = [u.column for u in self.unknowns if u.kind == "gear"]
+        for i, (link, _) in enumerate(self._labels("gears")):
+            if link not in self.names:
+                couple = np.einsum("kj,kj->k", x[:, gears], self._values("gears")[:, i])
+                start, end = self.points_of(link)[:2]
+                d = self.places[:, self.index(end)] - self.places[:, self.index(start)]
+                push = (couple / np.einsum("ki,ki->k", d, d))[:, None] * np.stack([d[:, 1], -d[:, 0]], 1)
+                add(end, push)
+                add(start, -push)
         return reactions
 
 
