@@ -74,11 +74,10 @@ def print_equilibrium(equilibrium: Equilibrium, model: Any, console: Console) ->
     where = texts(length, np.array([*equilibrium.state.positions.values()]) / per_length)
     forces = texts(force, np.array([*equilibrium.reactions.values()]) / per_force)
     reactions = dict(zip(equilibrium.reactions, forces, strict=True))
-    rows = [
-        (p, *r, *reactions.get(p, [""] * len(axes)))
-        for p, r in zip(equilibrium.state.positions, where, strict=True)
-    ]
-    head = ("point", *(f"{a} [{length}]" for a in axes), *(f"reaction {a} [{force}]" for a in axes))
+    none = [""] * len(axes) if reactions else []
+    rows = [(p, *r, *reactions.get(p, none)) for p, r in zip(equilibrium.state.positions, where, strict=True)]
+    head = ("point", *(f"{a} [{length}]" for a in axes))
+    head += tuple(f"reaction {a} [{force}]" for a in axes) if reactions else ()
     freedom = degrees(equilibrium.freedoms)
     console.print(
         table(
