@@ -176,8 +176,10 @@ def test_coordinates_that_the_crank_does_not_determine():
             analysis()
     with pytest.raises(ModelError, match="rigid motion of B"):
         symgen.build(CASES / "elastic_chain.toml").quasi_static()
-    run = model.large_rotation(4, revolutions=0.5, samples=201, rtol=1e-6)
+    run = model.large_rotation(elements=4, revolutions=0.5, samples=2001, rtol=1e-6)
     force = run["bar.axial_strain"].values * 210e9 * 0.015 * 0.003
-    expected = hanging_bar_axial_force(float(run.time[-1]))[::10]
-    assert np.max(np.abs(force - expected)) < 0.02 * np.max(expected)
+    expected = hanging_bar_axial_force(float(run.time[-1]))
+    # Its weight, put on at once, stretches it to twice the force at rest, about which it vibrates undamped.
+    assert np.mean(force) == pytest.approx(np.mean(expected), rel=2e-3)
+    assert np.max(force) < 2.3 * np.max(expected)
     assert np.max(np.abs(run["B.displacement"].values)) < 1e-3

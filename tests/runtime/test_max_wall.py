@@ -56,7 +56,7 @@ def test_max_wall_counts_assembling_and_ends_sweeps_and_chains():
     model = symgen.build("thesis_four_bar", backend="numpy")
     speeds = (np.linspace(900, 1000, 400) * np.pi / 30).tolist()
     calls = {
-        "rods": lambda limit: model.large_rotation(3, revolutions=50.0, max_wall=limit),
+        "elements": lambda limit: model.large_rotation(elements=3, revolutions=50.0, max_wall=limit),
         "speed_response": lambda limit: model.speed_response(speeds, samples=8, rtol=0.5, max_wall=limit),
         "chain": lambda limit: symgen.Chain([1.0, 1.0], [1.0, 1.0]).simulate(
             1e4, 1e-3, [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], max_wall=limit

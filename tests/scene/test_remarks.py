@@ -54,7 +54,7 @@ def test_loose_links_and_missing_loads_of_elastic_scenes_are_noted():
     crank = {"link": "crank", "speed": "30 rad/s"}
     bar, loose = {"points": ["O", "A"], **elastic}, {"points": ["B", "C"], "mass": "1 kg"}
     scene = symgen.Scene(points={**points, **apart}, links={"crank": bar, "loose": loose}, crank=crank)
-    exact = symgen.build(scene).large_rotation(3, revolutions=0.02, samples=3)
+    exact = symgen.build(scene).large_rotation(elements=3, revolutions=0.02, samples=3)
     assert [n for n in exact.notes if "link loose is joined to nothing else" in n]
     held = symgen.Scene(points=points, links={"crank": bar}, crank={**crank, "speed": "0 rad/s"})
     result = symgen.build(held, backend="numpy").quasi_static(samples=2)
