@@ -52,7 +52,6 @@ extensions = [
             "_beams",
             "_constrained",
             "_kinematics",
-            "_kinematic_lanes",
             "_start",
             "_many",
             "_rhs",

@@ -20,7 +20,7 @@ from linkages import LINKAGES, meeting
 from numpy.typing import NDArray
 
 import symgen
-from symgen.runtime._kinematic_lanes import KinematicLanes
+from symgen.runtime._kinematics import KinematicLanes
 from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.rods import kinematics
 from symgen.runtime.rods.following.branch import steps_of

@@ -183,7 +183,7 @@ def test_methods_are_told_apart_in_their_registry_only():
 
 #: Rooms of the runtime that belong to one method, and its bindings to compiled code. All others are shared.
 ROOMS_OF_METHODS = {"rods", "loop", "closure", "beams", "elastic", "chain"}
-BINDINGS_OF_METHODS = {"_beams", "_constrained", "_kinematic_lanes", "_kinematics", "_loop"}
+BINDINGS_OF_METHODS = {"_beams", "_constrained", "_kinematics", "_loop"}
 
 
 def rooms_of_methods(path: Path) -> set[str]:

@@ -116,14 +116,23 @@ cdef extern from "core/core.h" nogil:
     cdef struct system_api:
         pass
 
-    cdef struct kinematic_lanes_api:
-        pass
-
     cdef struct kinematics_api:
         pass
 
     cdef struct start_api:
         pass
+
+    cdef struct start_lanes_api:
+        pass
+
+    cdef struct loop_lanes_api:
+        pass
+
+    cdef struct lane_functions:
+        Py_ssize_t width
+        const start_lanes_api *starts
+        const kinematics_api *kinematics
+        const loop_lanes_api *loops
 
     cdef struct lane_api:
         pass
@@ -140,8 +149,8 @@ cdef extern from "core/core.h" nogil:
         const elastic_api *elastic
         const system_api *system
         const kinematics_api *kinematics
-        const kinematic_lanes_api *(*kinematic_lanes)(Py_ssize_t) noexcept nogil
         const start_api *start
+        const lane_functions *(*lanes)(Py_ssize_t) noexcept nogil
         const lane_api *lane_runs
         const variation_api *variations
         const variation_api *loop_variations
@@ -194,6 +203,7 @@ cdef class Memory:
 
 cdef Memory memory_of(size_t structure, size_t bytes)
 cdef kernel_t kernel_of(object addresses, str name)
+cdef const lane_functions *functions_of(Py_ssize_t lanes) except NULL
 cdef int interrupted() noexcept nogil
 cdef int at_least(str what, Py_ssize_t found, Py_ssize_t needed) except -1
 

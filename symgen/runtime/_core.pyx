@@ -68,6 +68,14 @@ cdef kernel_t kernel_of(object addresses, str name):
     return <kernel_t><uintptr_t>addresses.get(name, 0)
 
 
+cdef const lane_functions *functions_of(Py_ssize_t lanes) except NULL:
+    """Return the functions for vectors of so many doubles; raise ValueError if absent."""
+    cdef const lane_functions *functions = (<Core>DOUBLE).api.lanes(lanes)
+    if functions == NULL:
+        raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
+    return functions
+
+
 cdef int at_least(str what, Py_ssize_t found, Py_ssize_t needed) except -1:
     """Raise ValueError where an array is shorter than what C reads or writes of it."""
     if found < needed:

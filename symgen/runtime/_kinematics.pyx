@@ -1,20 +1,73 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of driven linkages in the core, followed in time without forces."""
+"""The binding of driven linkages, followed in time without forces: single ones, and variants in the lanes of vectors."""
 
 import numpy as np
 
-from libc.stdint cimport uintptr_t
-
-from symgen.runtime._core cimport Core, at_least, kernel_of, memory_of
+from symgen.runtime._core cimport Core, Memory, at_least, functions_of, interrupted, kernel_of, kernel_t, memory_of
 
 from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
+
+cdef extern from "core/kinematics.h" nogil:
+    cdef struct kinematics:
+        pass
+
+    cdef struct kinematic_kernels:
+        kernel_t closure, gamma, setup, points, balance, joints, setup_forces
+
+    cdef struct kinematic_groups:
+        Py_ssize_t count, squares, filled, couplings
+        const Py_ssize_t *starts
+        const Py_ssize_t *rows
+        const Py_ssize_t *columns
+        const Py_ssize_t *entries
+        const Py_ssize_t *coupling_starts
+        const Py_ssize_t *coupling_columns
+
+    cdef struct kinematic_sizes:
+        Py_ssize_t n, m, work, out, parameters, derived, derived_forces, joint_forces, coordinates, links
+        double rank_tolerance
+
+    cdef struct kinematic_extremes:
+        const unsigned char *recorded
+        const Py_ssize_t *starts
+        Py_ssize_t vectors
+        const unsigned char *wanted
+        const Py_ssize_t *links
+        Py_ssize_t link_count
+        double turn
+        double *rows
+        double *closure
+        unsigned char *steady
+
+    cdef struct kinematic_task:
+        double t
+        const double *parameters
+        const double *q
+        const double *lengths
+        const double *times
+        Py_ssize_t count
+        double *rows
+        double *forces
+        Py_ssize_t *reached
+        const kinematic_extremes *extremes
+
+    cdef struct kinematics_table "kinematics_api":
+        size_t kinematics_struct
+        size_t (*bytes)(const kinematic_sizes *, const kinematic_groups *) noexcept nogil
+        void (*bind)(kinematics *, const kinematic_sizes *, const kinematic_kernels *, const kinematic_groups *, void *) noexcept nogil
+        void (*follow)(kinematics *, const kinematic_task *) noexcept nogil
+        Py_ssize_t (*multipliers)(kinematics *, const double *, const double *, const double *, const double *, Py_ssize_t, double *, double *) noexcept nogil
+
 
 cdef class Blocks:
     """Groups of a linkage with n coordinates and m constraints, as arrays for C.
 
     ``out`` is the size of the result of the kernel ``closure``.
     """
+
+    cdef kinematic_groups of
+    cdef const Py_ssize_t[::1] starts, rows, columns, entries, coupling_starts, coupling_columns
 
     def __init__(self, groups, Py_ssize_t n, Py_ssize_t m, Py_ssize_t out):
         self.of.count, self.of.squares = len(groups.starts) - 1, groups.squares
@@ -39,7 +92,41 @@ cdef class Blocks:
         self.of.coupling_starts, self.of.coupling_columns = &self.coupling_starts[0], &self.coupling_columns[0]
 
 
-cdef class Kinematics:
+cdef class Steps:
+    """The steps of driven linkages with their kernels and memory; one object per thread."""
+
+    cdef kinematics *core
+    cdef Memory memory
+    cdef const kinematics_table *api
+    cdef kinematic_sizes sizes
+    cdef kinematic_kernels functions
+    cdef list libraries
+    cdef Blocks blocks
+
+    cdef int bound(self, motion, groups, forces, called) except -1:
+        """Bind the kernels of description and library; ``called`` are all of them, ``closure`` first."""
+        d, library = motion
+        self.sizes.n, self.sizes.m, self.libraries = d.coordinates, len(d.constraints), [library]
+        self.functions.closure = kernel_of(library.addresses, "closure")
+        self.functions.gamma = kernel_of(library.addresses, "acceleration_rhs")
+        if self.functions.closure == NULL or self.functions.gamma == NULL:
+            raise ValueError("expected a model with constraints")
+        if forces is not None:
+            library = forces[1]
+            self.functions.balance = kernel_of(library.addresses, "balance")
+            if self.functions.balance == NULL:
+                raise ValueError("expected kernels of forces with a kernel 'balance'")
+            self.libraries.append(library)
+        self.sizes.work = max([k.work_size for k in called] + [self.sizes.n + self.sizes.m])
+        self.sizes.out = max([k.out_size for k in called] + [self.sizes.n])
+        self.blocks = Blocks(groups, self.sizes.n, self.sizes.m, called[0].out_size)
+        self.memory = memory_of(self.api.kinematics_struct, self.api.bytes(&self.sizes, &self.blocks.of))
+        self.core = <kinematics *>self.memory.structure
+        self.api.bind(self.core, &self.sizes, &self.functions, &self.blocks.of, self.memory.at)
+        return 0
+
+
+cdef class Kinematics(Steps):
     """The constraints of one driven linkage with scratch memory; one object per thread.
 
     Parameters
@@ -56,44 +143,20 @@ cdef class Kinematics:
         The Evaluator of the kernel ``balance``; None without requested multipliers.
     """
 
-    cdef kinematics *core
-    cdef Memory memory
-    cdef const kinematics_table *api
     cdef readonly Py_ssize_t n, m
-    cdef object libraries
+    cdef double length
     cdef const double[::1] p, balance_p
-    cdef Blocks blocks
 
     def __init__(self, evaluator, groups, double length, forces=None):
-        cdef kinematic_kernels functions
-        cdef kinematic_sizes wanted
-        cdef Core core = DOUBLE
-        d = evaluator.description
-        wanted.n, wanted.m, wanted.length = d.coordinates, len(d.constraints), length
-        self.n, self.m, self.libraries = wanted.n, wanted.m, [evaluator.library]
-        self.p = evaluator.parameters
-        own = evaluator.library.addresses
-        functions.closure, functions.gamma = kernel_of(own, "closure"), kernel_of(own, "acceleration_rhs")
-        functions.balance, self.balance_p = NULL, self.p
-        if functions.closure == NULL or functions.gamma == NULL:
-            raise ValueError("expected a model with constraints")
-        called = [evaluator.info(k) for k in ("closure", "acceleration_rhs")]
-        if forces is not None:
-            functions.balance, self.balance_p = kernel_of(forces.library.addresses, "balance"), forces.parameters
-            self.libraries.append(forces.library)
-            called.append(forces.info("balance"))
-            if functions.balance == NULL:
-                raise ValueError("expected the kernels of forces with a kernel 'balance'")
-        wanted.work = max([k.work_size for k in called] + [wanted.n])
-        wanted.out = max([k.out_size for k in called] + [wanted.n])
-        self.blocks = Blocks(groups, wanted.n, wanted.m, evaluator.info("closure").out_size)
-        self.api = <const kinematics_table *>core.api.kinematics
-        self.memory = memory_of(self.api.kinematics_struct, self.api.bytes(&wanted, &self.blocks.of))
-        self.core = <kinematics *>self.memory.structure
-        self.api.bind(self.core, &wanted, &functions, &self.blocks.of, &self.p[0], &self.balance_p[0], self.memory.at)
+        self.api, self.length = <const kinematics_table *>(<Core>DOUBLE).api.kinematics, length
+        self.p, self.balance_p = evaluator.parameters, (forces or evaluator).parameters
+        called = [evaluator.info(k) for k in ("closure", "acceleration_rhs")] + ([forces.info("balance")] if forces else [])
+        of_forces = (forces.description, forces.library) if forces else None
+        self.bound((evaluator.description, evaluator.library), groups, of_forces, called)
+        self.n, self.m = self.sizes.n, self.sizes.m
 
     def follow(self, double t, const double[::1] q, const double[::1] times):
-        """Follow the linkage from a pose q at t through monotone times.
+        """Follow the linkage from a pose q at t through strictly monotone times.
 
         Returns
         -------
@@ -101,15 +164,17 @@ cdef class Kinematics:
             Coordinates, their rates and second rates at each time reached, shape (reached, 3, n). Times beyond a pose
             near a singular constraint Jacobian are not reached.
         """
-        cdef Py_ssize_t count = times.shape[0], reached
+        cdef kinematic_task task
+        cdef Py_ssize_t count = times.shape[0], reached = 0
         rows = np.zeros((count + 1, 3 * self.n))
         cdef double[:, ::1] into = rows
         at_least("coordinates", q.shape[0], self.n)
-        if count == 0:
-            return rows[:0].reshape(0, 3, self.n)
-        with nogil:
-            reached = self.api.follow(self.core, t, &q[0], &times[0], count, &into[0, 0])
-        raise_failure()
+        if count:
+            task.t, task.parameters, task.q, task.lengths, task.times = t, &self.p[0], &q[0], &self.length, &times[0]
+            task.count, task.rows, task.reached, task.extremes = count, &into[0, 0], &reached, NULL
+            with nogil:
+                self.api.follow(self.core, &task)
+            raise_failure()
         return rows[:reached].reshape(reached, 3, self.n)
 
     def multipliers(self, const double[::1] times, const double[:, :, ::1] states):
@@ -130,11 +195,162 @@ cdef class Kinematics:
             raise ValueError(f"expected states of shape {(count, 3, self.n)} and kernels of forces")
         if count:
             with nogil:
-                done = self.api.multipliers(
-                    self.core, &times[0], &states[0, 0, 0], count, &into[0], &quality[0, 0]
-                )
+                done = self.api.multipliers(self.core, &self.p[0], &self.balance_p[0], &times[0], &states[0, 0, 0], count,
+                                            &into[0], &quality[0, 0])
             raise_failure()
         return found[:done * self.m].reshape(done, self.m), sound[:done]
+
+
+cdef class KinematicLanes(Steps):
+    """Variants of one driven linkage, followed in SIMD lanes; one object per thread.
+
+    Parameters
+    ----------
+    motion
+        Description and kernels, which take vectors, of ``closure``, ``acceleration_rhs`` and ``points``.
+    lanes
+        Numbers of a vector.
+    groups
+        The constraint Jacobian of independent rows in block triangular form: a
+        :class:`~symgen.runtime.rods.following.groups.Groups`.
+    forces
+        Description and kernels of ``balance`` and ``joint_forces``; None without requested forces.
+    """
+
+    cdef readonly Py_ssize_t lanes
+
+    def __init__(self, motion, Py_ssize_t lanes, groups, forces=None):
+        d, library = motion
+        self.lanes, self.api = lanes, <const kinematics_table *>functions_of(lanes).kinematics
+        self.sizes.parameters, self.sizes.derived = len(d.tunable), library.derived
+        self.sizes.rank_tolerance, self.sizes.links = d.rank_tolerance, len(d.links)
+        self.functions.setup, self.functions.points = kernel_of(library.addresses, "setup"), kernel_of(library.addresses, "points")
+        if self.functions.points == NULL or d.coordinates < 1:
+            raise ValueError("expected a linkage with points")
+        called = [d.kernel("closure"), d.kernel("acceleration_rhs"), d.kernel("points")]
+        self.sizes.coordinates = called[2].out_size // 2
+        if forces is not None:
+            f, loads = forces
+            self.functions.joints = kernel_of(loads.addresses, "joint_forces")
+            self.functions.setup_forces, self.sizes.derived_forces = kernel_of(loads.addresses, "setup"), loads.derived
+            if self.functions.joints == NULL:
+                raise ValueError("expected kernels of forces with a kernel 'joint_forces'")
+            called += [f.kernel("balance"), f.kernel("joint_forces")]
+            self.sizes.joint_forces = called[4].out_size
+        self.bound(motion, groups, forces, called)
+
+    cdef tuple padded(self, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths, Py_ssize_t count):
+        """Return parameters, coordinates and lengths for all lanes; idle lanes repeat the last run."""
+        cdef Py_ssize_t runs = parameters.shape[0], parameter_count = self.sizes.parameters, n = self.sizes.n
+        if count < 1 or runs < 1 or parameters.shape[1] != parameter_count or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
+            raise ValueError(f"expected times, and one or more rows of {parameter_count} parameters and of {n} coordinates")
+        own = np.minimum(np.arange((runs + self.lanes - 1) // self.lanes * self.lanes), runs - 1)
+        return (
+            np.ascontiguousarray(np.asarray(parameters)[own]).reshape(len(own), parameter_count),
+            np.ascontiguousarray(np.asarray(q)[own]), np.asarray(lengths)[own],
+        )
+
+    def follow(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
+               const double[::1] times):
+        """Follow a linkage for each row of parameters from its pose, a row of q, at t through monotone times.
+
+        ``lengths`` are the sizes of the linkages [m].
+
+        Returns
+        -------
+        tuple
+            Coordinates, their rates and second rates at each time, shape (runs, times, 3, n); the joint forces there
+            (runs, times, forces); and the number of times reached (runs,), fewer if the single :class:`Kinematics` ends
+            as well: later rows are undefined.
+        """
+        cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes
+        cdef Py_ssize_t forces = self.sizes.joint_forces, first, lane, run, parameter_count = self.sizes.parameters
+        cdef kinematic_task task
+        cdef const double[:, ::1] all_parameters, all_q
+        cdef const double[::1] all_lengths
+        all_parameters, all_q, all_lengths = self.padded(parameters, q, lengths, count)
+        cdef Py_ssize_t padded = all_q.shape[0]
+        states, joints = np.empty((padded * count * 3 * n + 1)), np.empty(padded * count * forces + 1)
+        reached = np.zeros(padded + 1, dtype=np.intp)
+        cdef double[::1] to_states = states, to_joints = joints
+        cdef Py_ssize_t[::1] to_reached = reached
+        cdef double none = 0.0
+        task.t, task.times, task.count, task.extremes = t, &times[0], count, NULL
+        with nogil:
+            first = 0
+            while first < padded and not interrupted():
+                task.parameters = &all_parameters[first, 0] if parameter_count else &none
+                task.q, task.lengths = &all_q[first, 0], &all_lengths[first]
+                task.rows, task.forces = &to_states[first * count * 3 * n], &to_joints[first * count * forces]
+                task.reached = &to_reached[first]
+                self.api.follow(self.core, &task)
+                first += w
+        raise_failure()
+        return (
+            states[:runs * count * 3 * n].reshape(runs, count, 3, n), joints[:runs * count * forces].reshape(runs, count, forces),
+            reached[:runs],
+        )
+
+    def extremes(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
+                 const double[::1] times, const unsigned char[::1] recorded, const Py_ssize_t[::1] starts,
+                 const unsigned char[::1] wanted, const Py_ssize_t[:, ::1] links, double turn):
+        """Follow a linkage as :meth:`follow` does, and return extremes of its joint forces instead of all values.
+
+        Parameters
+        ----------
+        recorded
+            Flag of each time; at least one is set.
+        starts
+            Index of the first number of each vector of joint forces, and the end of the last.
+        wanted
+            Requested extremes of each vector, the sum of 2**number; the others are undefined.
+        links
+            The first coordinates of two points of every link, planar linkages only.
+        turn
+            Rotation of a link from one time to the next [rad] that counts as small.
+
+        Returns
+        -------
+        tuple
+            Joint forces (runs, 4, forces): greatest, least, where each vector is longest, and last; the largest
+            violation of a constraint (runs,); which runs reach the end, and which of these with small rotations only.
+        """
+        cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes, first = 0
+        cdef Py_ssize_t forces = self.sizes.joint_forces, parameter_count = self.sizes.parameters
+        cdef kinematic_task task
+        cdef kinematic_extremes e
+        cdef const double[:, ::1] all_parameters, all_q
+        cdef const double[::1] all_lengths
+        all_parameters, all_q, all_lengths = self.padded(parameters, q, lengths, count)
+        cdef Py_ssize_t padded = all_q.shape[0]
+        if recorded.shape[0] != count or starts.shape[0] < 1 or links.shape[1] != 2:
+            raise ValueError(f"expected {count} flags, starts of vectors, and pairs of points")
+        if np.min(starts) < 0 or np.max(starts) > forces or np.any(np.diff(starts) < 1):
+            raise ValueError(f"expected increasing starts of vectors up to {forces}")
+        if wanted.shape[0] != starts.shape[0] - 1 or links.shape[0] > self.sizes.links:
+            raise ValueError(f"expected flags of {starts.shape[0] - 1} vectors, and at most {self.sizes.links} links")
+        if links.shape[0] and not 0 <= np.min(links) <= np.max(links) <= self.sizes.coordinates - 2:
+            raise ValueError(f"expected points among {self.sizes.coordinates} coordinates")
+        rows, violation = np.empty((padded, 4, forces)), np.empty(padded)
+        reached, steady = np.zeros(padded, dtype=np.intp), np.zeros(padded, dtype=np.uint8)
+        cdef double[:, :, ::1] to_rows = rows
+        cdef double[::1] to_violation = violation
+        cdef Py_ssize_t[::1] to_reached = reached
+        cdef unsigned char[::1] to_steady = steady
+        cdef double none = 0.0
+        task.t, task.times, task.count, task.extremes = t, &times[0], count, &e
+        e.recorded, e.starts, e.vectors = &recorded[0], &starts[0], starts.shape[0] - 1
+        e.wanted = &wanted[0] if e.vectors else NULL
+        e.links, e.link_count, e.turn = &links[0, 0] if links.shape[0] else NULL, links.shape[0], turn
+        with nogil:
+            while first < padded and not interrupted():
+                task.parameters = &all_parameters[first, 0] if parameter_count else &none
+                task.q, task.lengths, task.reached = &all_q[first, 0], &all_lengths[first], &to_reached[first]
+                e.rows, e.closure, e.steady = &to_rows[first, 0, 0], &to_violation[first], &to_steady[first]
+                self.api.follow(self.core, &task)
+                first += w
+        raise_failure()
+        return rows[:runs], violation[:runs], reached[:runs] == count, steady[:runs].astype(bool)
 
 
 cdef object _checked(numbers, Py_ssize_t limit):

@@ -5,7 +5,7 @@ import numpy as np
 
 
 from symgen.runtime._core cimport (
-    Core, Integrable, Memory, Reals, at_least, equations, interrupted, kernel_of, kernel_t, loops_api, memory_of,
+    Core, Integrable, Memory, Reals, at_least, equations, functions_of, interrupted, kernel_of, kernel_t, loops_api, memory_of,
 )
 
 from symgen.calls import raise_failure
@@ -67,8 +67,7 @@ cdef extern from "core/loop_lanes.h" nogil:
         double *closure
         Py_ssize_t *reached
 
-    cdef struct loop_lanes_api:
-        Py_ssize_t width
+    cdef struct lanes_table "loop_lanes_api":
         size_t lanes_struct
         size_t (*bytes)(const loop_sizes *) noexcept nogil
         void (*bind)(loop_lanes *, const loop_sizes *, const loop_kernels *, const Py_ssize_t *, const unsigned char *, void *) noexcept nogil
@@ -87,7 +86,6 @@ cdef extern from "core/loops.h" nogil:
         int (*turn)(loop *, void *) noexcept nogil
         int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
         void (*undetermined)(loop *, const void *, const void *, long, long, double, double, unsigned char *) noexcept nogil
-        const loop_lanes_api *(*lanes)(Py_ssize_t) noexcept nogil
 
 #: Status of closing and moving a loop, in addition to the core's own.
 OPEN, INCONSISTENT, POLE, BLIND = _OPEN, _INCONSISTENT, _POLE, _BLIND
@@ -349,18 +347,17 @@ cdef class LoopLanes:
 
     cdef loop_lanes *core
     cdef Memory memory
-    cdef const loop_lanes_api *api
+    cdef const lanes_table *api
+    cdef Py_ssize_t lanes
     cdef loop_sizes sizes
     cdef LoopEquations like
     cdef object library
 
     def __init__(self, LoopEquations like, library, Py_ssize_t lanes):
         cdef loop_kernels functions = kernels_of(library.addresses)
-        self.like, self.library, self.sizes = like, library, like.sizes
+        self.like, self.library, self.sizes, self.lanes = like, library, like.sizes, lanes
         self.sizes.derived = library.derived
-        self.api = (<const loops_table *>(<Core>DOUBLE).api.loops).lanes(lanes)
-        if self.api == NULL:
-            raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
+        self.api = <const lanes_table *>functions_of(lanes).loops
         if functions.inputs == NULL or functions.position == NULL or functions.motion == NULL or functions.outputs == NULL:
             raise ValueError("expected kernels of a driven loop with outputs")
         if self.sizes.rank != self.sizes.solved or not 0 < self.sizes.solved <= ROWS:
@@ -392,7 +389,7 @@ cdef class LoopLanes:
             drives (runs, samples), the largest closure (runs,), and which runs reached the end. Results of other runs
             are undefined; single loops must follow them.
         """
-        cdef Py_ssize_t runs = parameters.shape[0], parameter_count = self.sizes.parameters, out_size = self.sizes.out_size, w = self.api.width
+        cdef Py_ssize_t runs = parameters.shape[0], parameter_count = self.sizes.parameters, out_size = self.sizes.out_size, w = self.lanes
         cdef Py_ssize_t count = samples.shape[0], padded = (runs + w - 1) // w * w, first = 0
         cdef loop_lane_task task
         if count < 1 or runs < 1 or parameters.shape[1] != parameter_count or own.shape[0] != parameter_count or start.shape[0] != self.sizes.n:

@@ -36,7 +36,6 @@ cdef extern from "core/start_lanes.h" nogil:
         kernel_t setup, drawn, assembly, points
 
     cdef struct start_lanes_table "start_lanes_api":
-        Py_ssize_t width
         size_t lanes_struct
         size_t (*bytes)(const start_sizes *, Py_ssize_t) noexcept nogil
         void (*bind)(start_lanes *, const start_sizes *, const start_lane_kernels *, Py_ssize_t, Py_ssize_t, void *) noexcept nogil
@@ -52,7 +51,6 @@ cdef extern from "core/start_lanes.h" nogil:
         int (*advance)(start *) noexcept nogil
         int (*outcome)(start *) noexcept nogil
         Py_ssize_t (*velocities)(start *, const char *) noexcept nogil
-        const start_lanes_table *(*lanes)(Py_ssize_t) noexcept nogil
 
 
 cdef class Starter:

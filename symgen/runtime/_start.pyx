@@ -5,7 +5,7 @@ import numpy as np
 
 from libc.string cimport memcpy
 
-from symgen.runtime._core cimport Core, Memory, at_least, kernel_of, memory_of
+from symgen.runtime._core cimport Core, Memory, at_least, functions_of, kernel_of, memory_of
 
 from symgen.runtime._core import DOUBLE
 
@@ -140,16 +140,14 @@ cdef class StartLanes:
     cdef Memory memory
     cdef const start_lanes_table *api
     cdef start_sizes sizes
-    cdef Py_ssize_t parameters
+    cdef Py_ssize_t lanes, parameters
     cdef object library
 
     def __init__(self, Starter like, library, Py_ssize_t lanes, Py_ssize_t parameters):
         cdef start_lane_kernels functions
         cdef Py_ssize_t every = parameters + library.derived + 1
-        self.library, self.sizes, self.parameters = library, like.sizes, parameters
-        self.api = (<const start_table *>(<Core>DOUBLE).api.start).lanes(lanes)
-        if self.api == NULL:
-            raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
+        self.library, self.sizes, self.lanes, self.parameters = library, like.sizes, lanes, parameters
+        self.api = <const start_lanes_table *>functions_of(lanes).starts
         own = library.addresses
         functions.setup, functions.drawn = kernel_of(own, "setup"), kernel_of(own, "drawn")
         functions.assembly, functions.points = kernel_of(own, "assembly"), kernel_of(own, "points")
@@ -166,7 +164,7 @@ cdef class StartLanes:
 
         Without the flag the coordinates are undefined, and the linkage must be assembled alone.
         """
-        cdef Py_ssize_t runs = values.shape[0], w = self.api.width, padded = (runs + w - 1) // w * w, first = 0
+        cdef Py_ssize_t runs = values.shape[0], w = self.lanes, padded = (runs + w - 1) // w * w, first = 0
         if values.shape[1] != self.parameters or not runs:
             raise ValueError(f"expected rows of {self.parameters} parameters")
         own = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat the last run

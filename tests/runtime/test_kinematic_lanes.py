@@ -11,7 +11,7 @@ from shared.linkages import at, ground, stephenson
 from shared.variants import crank_rocker_with_lengths, pins
 
 import symgen
-from symgen.runtime._kinematic_lanes import KinematicLanes
+from symgen.runtime._kinematics import KinematicLanes
 from symgen.runtime._many import Starts
 from symgen.runtime._start import StartLanes
 from symgen.runtime.kernels.batch import lanes_of

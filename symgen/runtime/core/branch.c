@@ -10,12 +10,13 @@
 /* Linkages of more coordinates are not checked: the group is a dense matrix. */
 enum { MOST_UNKNOWNS = 128 };
 
-/* Content of the memory: the group without couplings, as struct kinematic_groups has it; the followed state; memory of
-   the steps. */
+/* Content of the memory: the group without couplings, as struct kinematic_groups has it; the followed state; the steps
+   and their memory. */
 struct branch {
     ptrdiff_t *rows, *columns, *entries, *starts, *couplings;
     real *state;
-    void *steps;
+    struct kinematics *steps;
+    void *memory;
 };
 
 static int is_checked(const struct equations *e) {
@@ -52,7 +53,7 @@ static void gamma(const real *t, const real *q, const real *u, const real *equat
         out[i] -= drift[i];
 }
 
-static const struct kinematic_kernels KERNELS = {closure, gamma, NULL};
+static const struct kinematic_kernels KERNELS = {.closure = closure, .gamma = gamma};
 
 static struct kinematic_sizes sizes_of(const struct equations *e) {
     const ptrdiff_t n = e->n, m = e->m;
@@ -69,7 +70,8 @@ static size_t place(const struct equations *e, void *memory, struct branch *b) {
         ARENA_ARRAY(b->starts, 2),
         ARENA_ARRAY(b->couplings, e->n + 1),
         ARENA_ARRAY(b->state, 3 * e->n),
-        {&b->steps, symgen_kinematics.bytes(&sizes, &one)},
+        {&b->steps, symgen_kinematics.kinematics_struct},
+        {&b->memory, symgen_kinematics.bytes(&sizes, &one)},
     };
     return ARENA_PLACE(arrays, memory);
 }
@@ -100,18 +102,23 @@ static int take_rows(const struct equations *e, const struct branch *b) {
 /* The pose at t on the branch of the pose q0 at t0; NULL near a singular pose, where branches meet. */
 static const real *followed(const struct equations *e, void *memory, real t0, const real *q0, real t) {
     struct branch b;
-    struct kinematics k;
+    ptrdiff_t reached;
     place(e, memory, &b);
     if (!take_rows(e, &b))
         return NULL;
-    struct kinematic_sizes sizes = sizes_of(e);
-    sizes.length = (double)largest_or_nan(e->out + e->m, e->m);
+    const struct kinematic_sizes sizes = sizes_of(e);
+    const real length = largest_or_nan(e->out + e->m, e->m);
     const struct kinematic_groups one = {
         .count = 1, .squares = e->n * e->n, .filled = e->n * e->n, .starts = b.starts, .rows = b.rows,
         .columns = b.columns, .entries = b.entries, .coupling_starts = b.couplings, .coupling_columns = b.couplings,
     };
-    symgen_kinematics.bind(&k, &sizes, &KERNELS, &one, e, e, b.steps);
-    return symgen_kinematics.follow(&k, (double)t0, q0, &t, 1, b.state) == 1 ? b.state : NULL;
+    const struct kinematic_task task = {
+        .t = (double)t0, .parameters = (const void *)e, .q = q0, .lengths = &length, .times = &t, .count = 1,
+        .rows = b.state, .reached = &reached,
+    };
+    symgen_kinematics.bind(b.steps, &sizes, &KERNELS, &one, b.memory);
+    symgen_kinematics.follow(b.steps, &task);
+    return reached == 1 ? b.state : NULL;
 }
 
 int return_to_branch(struct equations *e, void *memory, real t0, const real *q0, real t, real *q) {

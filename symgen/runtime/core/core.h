@@ -9,8 +9,7 @@
 #include <stddef.h>
 
 #include "elastic.h"
-#include "kinematic_lanes.h"
-#include "kinematics.h"
+#include "lane_functions.h"
 #include "lane_runs.h"
 #include "loops.h"
 #include "run.h"
@@ -27,7 +26,7 @@
 #endif
 
 /* The binding refuses a compiled core with another version. */
-#define CORE_VERSION 20L
+#define CORE_VERSION 21L
 
 /* A run in doubles. */
 struct report {
@@ -55,8 +54,8 @@ struct core_api {
     const struct elastic_api *elastic;
     const struct system_api *system;
     const struct kinematics_api *kinematics;
-    const struct kinematic_lanes_api *(*kinematic_lanes)(ptrdiff_t width);
     const struct start_api *start;
+    const struct lane_functions *(*lanes)(ptrdiff_t width);
     const struct lane_api *lane_runs;
     const struct variation_api *variations, *loop_variations;
 

@@ -33,7 +33,7 @@ static int attempt(struct loop *l, real t, const real *q, real next, int last) {
     for (long k = 0; k < l->sizes.solved; k++)
         new[l->solved[k]] += l->change[k];
     l->follows = 1;
-    const int status = moved <= LONGEST ? loop_close(l, next, new) : OPEN;
+    const int status = moved <= LOOP_LONGEST ? loop_close(l, next, new) : OPEN;
     l->follows = 0;
     if (status != DONE)
         return status;
@@ -46,10 +46,10 @@ static int attempt(struct loop *l, real t, const real *q, real next, int last) {
     for (long k = 0; k < l->sizes.inputs; k++) {
         const long j = l->driven[k];
         const real h = next - t, way = h * (l->u[j] + R(0.5) * h * l->base.work[j]);
-        if (real_fabs(new[j] - q[j] - way) / l->scale[j] > LONGEST)
+        if (real_fabs(new[j] - q[j] - way) / l->scale[j] > LOOP_LONGEST)
             return OPEN;
     }
-    if (astray > ASTRAY * moved + R(1e-9))
+    if (astray > LOOP_ASTRAY * moved + R(1e-9))
         return OPEN;
     if (last && !(R(l->base.account->soundness) > SIGHT))
         return BLIND;

@@ -1,10 +1,9 @@
-/* Steps of driven linkages, of one linkage or of one in each lane of vectors. The including file defines LINKAGE, the
- * numbers `wide` and the flags `mask` with their functions as in vectors.h, and dense solutions as in linear.h. */
+/* Steps of driven linkages, of one linkage or of one in each lane of vectors: see kinematic_follow.h. */
 #include "extrapolate.h"
 #include "kinematic_limits.h"
 
 /* Evaluate the constraints: Phi over its scale goes into k->phi, 1 / scale into k->weight. Return the largest. */
-static wide missed(LINKAGE *k, wide t, const wide *q) {
+static wide missed(struct kinematics *k, wide t, const wide *q) {
     const ptrdiff_t m = k->sizes.m;
     wide *values = k->closure, *scale = k->scale, *weight = k->weight, *phi = k->phi;
     call(k->kernels.closure, &t, q, k->still, k->p, k->work, values);
@@ -44,7 +43,7 @@ static inline void solve_pair_transposed(const wide *a, const mask *swaps, const
 }
 
 /* Factorise dPhi/dq where the constraints were evaluated last; returns where it is regular. */
-static mask factorise_groups(LINKAGE *k) {
+static mask factorise_groups(struct kinematics *k) {
     const struct kinematic_groups *g = &k->groups;
     const ptrdiff_t *entry = g->entries;
     const wide *closure = k->closure, *weight = k->weight;
@@ -72,7 +71,7 @@ static inline void pivots_of(ptrdiff_t width, const wide *group, const mask *swa
 }
 
 /* Write the pivots of all groups. */
-static void read_pivots(const LINKAGE *k, wide *pivots) {
+static void read_pivots(const struct kinematics *k, wide *pivots) {
     const struct kinematic_groups *g = &k->groups;
     const wide *group = k->values;
     for (ptrdiff_t c = 0; c < g->count; c++) {
@@ -107,7 +106,7 @@ static inline wide quotient(ptrdiff_t width, const wide *pivots, const wide *oth
 }
 
 /* The determinant of the mean of two matrices of a group over that of the first. */
-static wide quotient_halfway(LINKAGE *k, ptrdiff_t width, const wide *a, const wide *b, const wide *pivots_of_a) {
+static wide quotient_halfway(struct kinematics *k, ptrdiff_t width, const wide *a, const wide *b, const wide *pivots_of_a) {
     wide *mean = k->mean, *pivots = k->change;
     for (ptrdiff_t i = 0; i < width * width; i++)
         mean[i] = (a[i] + b[i]) / 2;
@@ -119,7 +118,7 @@ static wide quotient_halfway(LINKAGE *k, ptrdiff_t width, const wide *a, const w
 /* Lanes in which the step stays on its assembly branch: the determinant of every group changes little from the start
    to the end, also halfway between both poses, and from the predicted pose to the end. Between two assemblies a group
    is singular halfway, since the constraints are quadratic in the coordinates. */
-static mask same_branch(LINKAGE *k) {
+static mask same_branch(struct kinematics *k) {
     const struct kinematic_groups *g = &k->groups;
     const wide *b = k->matrix, *a = k->matrix_before, *predicted = k->predicted, *pivots = k->pivots;
     const wide *before = k->pivots_before;
@@ -145,7 +144,7 @@ static mask same_branch(LINKAGE *k) {
 }
 
 /* Solve dPhi/dq x = rows over their scales; rows are results of a kernel for all constraints. */
-static void solve(LINKAGE *k, const wide *rows, wide *x) {
+static void solve(struct kinematics *k, const wide *rows, wide *x) {
     const struct kinematic_groups *g = &k->groups;
     const wide *group = k->values, *coupling = k->values + g->squares, *weight = k->weight;
     wide *solved = k->solved;
@@ -168,7 +167,7 @@ static void solve(LINKAGE *k, const wide *rows, wide *x) {
 }
 
 /* Solve J^T lambda = forces; lambda of the constraints that are not among the rows is zero. */
-static void solve_transposed(LINKAGE *k, const wide *forces, wide *lambda) {
+static void solve_transposed(struct kinematics *k, const wide *forces, wide *lambda) {
     const struct kinematic_groups *g = &k->groups;
     const wide *group = k->values + g->squares, *coupling = group;
     wide *solved = k->solved;
@@ -193,7 +192,7 @@ static void solve_transposed(LINKAGE *k, const wide *forces, wide *lambda) {
 
 /* Close the open lanes at t by Newton's method from q, in place; return the converged lanes. The last evaluation of
    constraints is at q. */
-static mask closed(LINKAGE *k, mask open, wide t, wide *q) {
+static mask closed(struct kinematics *k, mask open, wide t, wide *q) {
     const ptrdiff_t n = k->sizes.n;
     wide before = all(REAL_INFINITY), *change = k->out;
     mask found = {0};
@@ -219,7 +218,7 @@ static mask closed(LINKAGE *k, mask open, wide t, wide *q) {
 
 /* Write velocities and accelerations of the pose closed last; return the lanes in which it is not near a singular
    pose. */
-static mask moved(LINKAGE *k, const wide *t, const wide *q, wide *u, wide *a) {
+static mask moved(struct kinematics *k, const wide *t, const wide *q, wide *u, wide *a) {
     const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
     const mask good = factorise_groups(k);
     read_pivots(k, k->pivots);
@@ -236,7 +235,7 @@ static mask moved(LINKAGE *k, const wide *t, const wide *q, wide *u, wide *a) {
 EXTRAPOLATION(wide, wide_parabola, wide_quintic)
 
 /* Keep the pose next to the last one as the start of the next step. */
-static void take_matrices(LINKAGE *k, mask which) {
+static void take_matrices(struct kinematics *k, mask which) {
     const ptrdiff_t n = k->sizes.n, squares = k->groups.squares;
     if (any(~which)) {
         copy_where(which, k->pivots, n, k->pivots_before);
@@ -249,7 +248,7 @@ static void take_matrices(LINKAGE *k, mask which) {
 }
 
 /* Begin at a pose at k->t; return the lanes in which it is closed and regular. */
-static mask begun(LINKAGE *k, mask which) {
+static mask begun(struct kinematics *k, mask which) {
     const ptrdiff_t n = k->sizes.n;
     const mask found = closed(k, which, k->t, k->q);
     const mask regular = moved(k, &k->t, k->q, k->q + n, k->q + 2 * n);
@@ -259,7 +258,7 @@ static mask begun(LINKAGE *k, mask which) {
 
 /* Move to `next` in one step in the lanes `which`; return those with an accurate prediction on the same assembly
    branch. Lanes near a singular pose are removed from `alive`. */
-static mask attempt(LINKAGE *k, mask which, wide next, mask *alive) {
+static mask attempt(struct kinematics *k, mask which, wide next, mask *alive) {
     const ptrdiff_t n = k->sizes.n;
     const wide h = next - k->t, g = k->stride, s = h / g, *q = k->q, *u = q + n, *a = u + n;
     const wide *q0 = k->past, *u0 = q0 + n, *a0 = u0 + n;

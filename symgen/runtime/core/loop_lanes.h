@@ -31,7 +31,6 @@ struct loop_lane_task {
 struct loop_lanes;
 
 struct loop_lanes_api {
-    ptrdiff_t width; /* numbers of a vector */
     size_t lanes_struct;
     size_t (*bytes)(const struct loop_sizes *sizes);
     /* The memory starts at a multiple of 64 bytes; `numbers` and `is_length` as in loop_bind. */
@@ -39,10 +38,5 @@ struct loop_lanes_api {
                  const ptrdiff_t *numbers, const unsigned char *is_length, void *memory);
     void (*follow)(struct loop_lanes *l, const struct loop_lane_task *task);
 };
-
-/* The functions for vectors of `width` doubles, or NULL. */
-const struct loop_lanes_api *loop_lanes_of(ptrdiff_t width);
-
-extern const struct loop_lanes_api symgen_loop_lanes_2, symgen_loop_lanes_4, symgen_loop_lanes_8;
 
 #endif

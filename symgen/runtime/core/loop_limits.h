@@ -16,8 +16,8 @@
 /* Largest Gauss-Newton step at a minimum of the defect that is not zero. */
 #define STILL real_sqrt(REAL_EPSILON)
 /* Largest difference of the solution from its prediction, over the predicted motion. */
-#define ASTRAY R(0.2)
+#define LOOP_ASTRAY R(0.2)
 /* Longest step of a variable, in radians or sizes of the loop. */
-#define LONGEST R(0.5)
+#define LOOP_LONGEST R(0.5)
 
 #endif

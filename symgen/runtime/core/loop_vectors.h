@@ -1,6 +1,4 @@
-/* The functions of loop_lanes.h for vectors of WIDTH doubles, a constant that the including file defines. */
-#include "vectors.h"
-
+/* The functions of loop_lanes.h for vectors of WIDTH doubles: see lanes_of_width.h. */
 #include "arena.h"
 #include "extrapolate.h"
 #include "loop_lanes.h"
@@ -28,7 +26,7 @@ struct loop_lanes {
 #define LOOP struct loop_lanes
 #include "screws.h"
 
-static size_t place(struct loop_lanes *l, const struct loop_sizes *s, void *memory) {
+static size_t loop_place(struct loop_lanes *l, const struct loop_sizes *s, void *memory) {
     const ptrdiff_t n = s->n, state = 3 * n + ROWS;
     const struct arena_array arrays[] = {
         ARENA_ARRAY(l->p, s->parameters + s->derived + 1),
@@ -51,14 +49,14 @@ static size_t place(struct loop_lanes *l, const struct loop_sizes *s, void *memo
     return ARENA_PLACE(arrays, memory);
 }
 
-static size_t bytes(const struct loop_sizes *sizes) {
+static size_t loop_lane_bytes(const struct loop_sizes *sizes) {
     struct loop_lanes counted;
-    return place(&counted, sizes, NULL);
+    return loop_place(&counted, sizes, NULL);
 }
 
-static void bind(struct loop_lanes *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
+static void loop_lane_bind(struct loop_lanes *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
                  const ptrdiff_t *numbers, const unsigned char *is_length, void *memory) {
-    place(l, sizes, memory);
+    loop_place(l, sizes, memory);
     l->kernels = *kernels, l->sizes = *sizes;
     l->solved = numbers;
     l->driven = l->solved + sizes->solved;
@@ -71,7 +69,7 @@ static void bind(struct loop_lanes *l, const struct loop_sizes *sizes, const str
 
 /* -- six rows: as in qr.h -------------------------------------------------------------------------------- */
 
-static inline wide dot(const wide *a, const wide *b) {
+static inline wide six_dot(const wide *a, const wide *b) {
     return (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]) + (a[4] * b[4] + a[5] * b[5]);
 }
 
@@ -82,9 +80,9 @@ static void factorise_screws(struct loop_lanes *l) {
         l->order[j] = (mask){0} + j;
     for (ptrdiff_t k = 0; k < columns; k++) {
         mask best = (mask){0} + k;
-        wide largest = dot(a + ROWS * k, a + ROWS * k);
+        wide largest = six_dot(a + ROWS * k, a + ROWS * k);
         for (ptrdiff_t j = k + 1; j < columns; j++) {
-            const wide total = dot(a + ROWS * j, a + ROWS * j);
+            const wide total = six_dot(a + ROWS * j, a + ROWS * j);
             const mask greater = total > largest;
             largest = chosen(greater, total, largest);
             best = (best & ~greater) | (greater & j);
@@ -106,7 +104,7 @@ static void factorise_screws(struct loop_lanes *l) {
         v[k] = all(1);
         l->beta[k] = -total / norm;
         for (ptrdiff_t j = k + 1; j < columns; j++) {
-            const wide part = l->beta[k] * dot(v, a + ROWS * j);
+            const wide part = l->beta[k] * six_dot(v, a + ROWS * j);
             for (int i = 0; i < ROWS; i++)
                 a[ROWS * j + i] -= part * v[i];
             l->r[ROWS * j + k] = a[ROWS * j + k];
@@ -116,13 +114,13 @@ static void factorise_screws(struct loop_lanes *l) {
 }
 
 static inline void reflect(const struct loop_lanes *l, ptrdiff_t k, wide *b) {
-    const wide total = l->beta[k] * dot(l->vectors + ROWS * k, b);
+    const wide total = l->beta[k] * six_dot(l->vectors + ROWS * k, b);
     for (int i = 0; i < ROWS; i++)
         b[i] -= total * l->vectors[ROWS * k + i];
 }
 
 /* Solve screws x = b for the changes x of the solved variables; b is overwritten as by loop_solve. */
-static void solve(const struct loop_lanes *l, wide *b, wide *x) {
+static void solve_screws(const struct loop_lanes *l, wide *b, wide *x) {
     const ptrdiff_t columns = l->sizes.solved;
     for (int k = 3; k < ROWS; k++)
         b[k] /= l->size;
@@ -143,7 +141,7 @@ static void solve(const struct loop_lanes *l, wide *b, wide *x) {
 
 /* -- closure and motion: as in loop.c -------------------------------------------------------------------- */
 
-static void prescribe(struct loop_lanes *l, wide t, wide *q) {
+static void prescribe_lanes(struct loop_lanes *l, wide t, wide *q) {
     call(l->kernels.inputs, &t, q, q, l->p, l->work, l->prescribed);
     for (long k = 0; k < l->sizes.inputs; k++)
         q[l->driven[k]] = l->prescribed[3 * k];
@@ -179,12 +177,12 @@ static mask look(struct loop_lanes *l, wide t, const wide *q) {
 }
 
 /* Close the open lanes at t by Newton's method from q, in place; return the lanes closed by full steps. */
-static mask closed(struct loop_lanes *l, mask open, wide t, wide *q) {
+static mask closed_loops(struct loop_lanes *l, mask open, wide t, wide *q) {
     const long n = l->sizes.n, solved = l->sizes.solved;
     const wide tolerance = all(R(l->sizes.tolerance));
     wide before = all(REAL_INFINITY), step = before, fine = all(FINE), b[ROWS], x[ROWS];
     mask done = {0};
-    prescribe(l, t, q);
+    prescribe_lanes(l, t, q);
     for (long k = 0; k < n; k++)
         fine = larger(fine, 2 * REAL_EPSILON * magnitude(q[k]) / l->scale[k]);
     const wide coarse = larger(all(COARSE), 8 * fine);
@@ -206,7 +204,7 @@ static mask closed(struct loop_lanes *l, mask open, wide t, wide *q) {
         before = defect;
         step = all(0);
         mismatch(l, b);
-        solve(l, b, x);
+        solve_screws(l, b, x);
         for (long k = 0; k < solved; k++) {
             open &= finite(x[k]);
             step = larger(step, magnitude(x[k]) / l->scale[l->solved[k]]);
@@ -238,7 +236,7 @@ static wide changes(struct loop_lanes *l, int which, const wide *drift, wide *b,
         for (int i = 0; i < ROWS; i++)
             b[i] -= l->screws[12 + n * i + j] * rate;
     }
-    solve(l, b, x);
+    solve_screws(l, b, x);
     for (long k = 0; k < solved; k++)
         v[l->solved[k]] = x[k];
     for (long k = solved; k < ROWS; k++)
@@ -247,7 +245,7 @@ static wide changes(struct loop_lanes *l, int which, const wide *drift, wide *b,
 }
 
 /* Write rates and accelerations behind q, with the factor there; return the lanes that can follow the inputs. */
-static mask moved(struct loop_lanes *l, wide t, wide *q) {
+static mask moved_loops(struct loop_lanes *l, wide t, wide *q) {
     const long n = l->sizes.n;
     wide b[ROWS], *u = q + n, *a = u + n;
     const wide left = changes(l, 1, NULL, b, u);
@@ -302,7 +300,7 @@ static mask forced(struct loop_lanes *l, wide *q) {
         const long j = l->driven[l->known[i]];
         for (int k = 0; k < ROWS; k++)
             c[k] = -l->screws[12 + n * k + j];
-        solve(l, c, x);
+        solve_screws(l, c, x);
         for (long k = 0; k < unknown; k++)
             l->gain[unknown * i + k] = x[l->found[k]];
         needed[i] = l->loads[j] + power(l, j, work + n) - l->efforts[j];
@@ -322,16 +320,14 @@ static mask forced(struct loop_lanes *l, wide *q) {
 
 /* -- steps: as in follow.c ------------------------------------------------------------------------------- */
 
-EXTRAPOLATION(wide, wide_parabola, wide_quintic)
-
 /* As in follow.c; `columns` are those of the new pose. */
-static mask same_branch(const struct loop_lanes *l, const wide *columns) {
+static mask on_branch(const struct loop_lanes *l, const wide *columns) {
     const long rank = l->sizes.solved;
     wide product[ROWS * ROWS];
     mask swaps[ROWS], opposite = {0};
     for (long i = 0; i < rank; i++)
         for (long j = 0; j < rank; j++)
-            product[rank * i + j] = dot(l->columns + ROWS * i, columns + ROWS * j);
+            product[rank * i + j] = six_dot(l->columns + ROWS * i, columns + ROWS * j);
     factor_dense(rank, product, swaps);
     for (long i = 0; i < rank; i++)
         opposite ^= (product[(rank + 1) * i] < 0) ^ (swaps[i] != i);
@@ -340,7 +336,7 @@ static mask same_branch(const struct loop_lanes *l, const wide *columns) {
 
 /* Move to `next` in one step in the lanes `which`; return those with an accurate prediction. Failed lanes are removed
    from `alive`. */
-static mask attempt(struct loop_lanes *l, mask which, wide next, real least, mask *alive) {
+static mask attempt_loops(struct loop_lanes *l, mask which, wide next, real least, mask *alive) {
     const long n = l->sizes.n, solved = l->sizes.solved;
     const wide h = next - l->t, g = l->stride, s = h / g, *q = l->q, *u = q + n, *a = u + n;
     const wide *q0 = l->past, *u0 = q0 + n, *a0 = u0 + n;
@@ -355,8 +351,8 @@ static mask attempt(struct loop_lanes *l, mask which, wide next, real least, mas
         way = larger(way, magnitude(l->change[k]) / l->scale[j]);
         new[j] += l->change[k];
     }
-    which &= way <= LONGEST;
-    const mask close = closed(l, which, next, new);
+    which &= way <= LOOP_LONGEST;
+    const mask close = closed_loops(l, which, next, new);
     *alive &= ~which | close;
     which &= close;
     for (long k = 0; k < solved; k++) {
@@ -366,13 +362,13 @@ static mask attempt(struct loop_lanes *l, mask which, wide next, real least, mas
     for (long k = 0; k < l->sizes.inputs; k++) {
         const long j = l->driven[k];
         const wide path = h * (u[j] + R(0.5) * h * a[j]);
-        which &= ~(magnitude(new[j] - q[j] - path) / l->scale[j] > LONGEST);
+        which &= ~(magnitude(new[j] - q[j] - path) / l->scale[j] > LOOP_LONGEST);
     }
-    which &= ~(astray > ASTRAY * way + R(1e-9));
+    which &= ~(astray > LOOP_ASTRAY * way + R(1e-9));
     if (!any(which))
         return which;
     scaled_columns(l, columns);
-    *alive &= ~which | (moved(l, next, new) & (l->soundness > least) & same_branch(l, columns));
+    *alive &= ~which | (moved_loops(l, next, new) & (l->soundness > least) & on_branch(l, columns));
     copy_where(which, columns, ROWS * solved, l->columns);
     copy_where(which, l->q, 3 * n, l->past);
     copy_where(which, new, 3 * n, l->q);
@@ -402,7 +398,7 @@ static mask time_of(struct loop_lanes *l, const struct loop_lane_task *task, wid
 
 /* Keep the loop closed while its parameters change from those of the scene to those of each lane; return the closed
    lanes. */
-static mask begin(struct loop_lanes *l, const struct loop_lane_task *task) {
+static mask begin_loops(struct loop_lanes *l, const struct loop_lane_task *task) {
     const long n = l->sizes.n, parameters = l->sizes.parameters;
     mask alive = ~(mask){0};
     memset(l->next, 0, (size_t)(3 * n + ROWS) * sizeof(wide));
@@ -420,7 +416,7 @@ static mask begin(struct loop_lanes *l, const struct loop_lane_task *task) {
         if (!task->starts_at_zero)
             alive &= time_of(l, task, all(R(task->begin)), &l->t);
         memcpy(l->begun, l->q, (size_t)n * sizeof(wide));
-        alive &= closed(l, alive, l->t, l->q) & (l->soundness > R(task->least));
+        alive &= closed_loops(l, alive, l->t, l->q) & (l->soundness > R(task->least));
         for (long i = 0; i < n; i++)
             alive &= magnitude(l->q[i] - l->begun[i]) / l->scale[i] <= 1;
         if (!any(alive))
@@ -448,7 +444,7 @@ static mask clocked(struct loop_lanes *l, const struct loop_lane_task *task) {
 }
 
 /* Record pose and forces in lanes that have just arrived at a time; return the lanes with determined forces. */
-static mask record(struct loop_lanes *l, const struct loop_lane_task *task, mask arrived, int way, const ptrdiff_t *first) {
+static mask record_loops(struct loop_lanes *l, const struct loop_lane_task *task, mask arrived, int way, const ptrdiff_t *first) {
     const long n = l->sizes.n, out_size = l->sizes.out_size;
     const mask good = forced(l, l->q) & finite(largest_in(l->q + 2 * n, n + ROWS));
     call(l->kernels.outputs, &l->t, l->q, l->q + n, l->p, l->q + 2 * n, l->out);
@@ -483,13 +479,13 @@ static mask followed(struct loop_lanes *l, const struct loop_lane_task *task, ma
         }
     }
     l->stride = all(0);
-    alive &= closed(l, alive, l->t, l->q);
-    alive &= moved(l, l->t, l->q);
+    alive &= closed_loops(l, alive, l->t, l->q);
+    alive &= moved_loops(l, l->t, l->q);
     scaled_columns(l, l->columns);
     mask fresh = alive, arrived = {0};
     for (ptrdiff_t turn = 0; any(alive) && !is_interrupted(turn); turn++) {
         if (any(arrived))
-            alive &= ~arrived | record(l, task, arrived, way, first);
+            alive &= ~arrived | record_loops(l, task, arrived, way, first);
         arrived = (mask){0};
         for (int lane = 0; lane < WIDTH; lane++)
             if (fresh[lane]) {
@@ -509,7 +505,7 @@ static mask followed(struct loop_lanes *l, const struct loop_lane_task *task, ma
         wide next = l->t + h;
         next = chosen(magnitude(target - next) < R(1e-9) * magnitude(h), target, next);
         alive &= next != l->t;
-        const mask kept = attempt(l, alive, next, R(task->least), &alive);
+        const mask kept = attempt_loops(l, alive, next, R(task->least), &alive);
         const wide left = target - next, twice = 2 * h;
         h = chosen(kept, chosen(magnitude(twice) < magnitude(left), twice, left), h / 2);
         alive &= kept | ~(magnitude(h) < shortest);
@@ -518,10 +514,10 @@ static mask followed(struct loop_lanes *l, const struct loop_lane_task *task, ma
     return ended;
 }
 
-static void follow(struct loop_lanes *l, const struct loop_lane_task *task) {
+static void follow_loops(struct loop_lanes *l, const struct loop_lane_task *task) {
     const long n = l->sizes.n;
     ptrdiff_t first[WIDTH], back[WIDTH];
-    mask alive = begin(l, task);
+    mask alive = begin_loops(l, task);
     alive &= clocked(l, task);
     for (int lane = 0; lane < WIDTH; lane++) {
         task->closure[lane] = 0;
@@ -540,13 +536,9 @@ static void follow(struct loop_lanes *l, const struct loop_lane_task *task) {
         task->reached[lane] = alive[lane] ? task->count : 0;
 }
 
-#define JOINED(name, width) name##width
-#define TABLE(width) JOINED(symgen_loop_lanes_, width)
-
-const struct loop_lanes_api TABLE(WIDTH) = {
-    .width = WIDTH,
+static const struct loop_lanes_api loop_functions = {
     .lanes_struct = sizeof(struct loop_lanes),
-    .bytes = bytes,
-    .bind = bind,
-    .follow = follow,
+    .bytes = loop_lane_bytes,
+    .bind = loop_lane_bind,
+    .follow = follow_loops,
 };

@@ -2,8 +2,6 @@
 
 #include <string.h>
 
-#include "loop_lanes.h"
-
 static struct loop_account *seen_of(struct loop *l) {
     return l->seen;
 }
@@ -55,5 +53,4 @@ const struct loops_api symgen_loops = {
     .turn = turn,
     .follow = follow,
     .undetermined = undetermined,
-    .lanes = loop_lanes_of,
 };

@@ -4,8 +4,6 @@
 
 #include "loop.h"
 
-struct loop_lanes_api;
-
 struct loops_api {
     size_t loop_struct;
     size_t (*bytes)(const struct loop_sizes *sizes);
@@ -25,7 +23,6 @@ struct loops_api {
     /* Mark the outputs that depend on wrenches without work on any screw; see loop.h. */
     void (*undetermined)(struct loop *l, const void *times, const void *states, long row, long count, double least,
                          double part, unsigned char *found);
-    const struct loop_lanes_api *(*lanes)(ptrdiff_t width);
 };
 
 extern const struct loops_api symgen_loops;

@@ -2,10 +2,12 @@
 #ifndef SYMGEN_SINGLE_H
 #define SYMGEN_SINGLE_H
 
+#include "equations.h"
+#include "lanes.h"
 #include "linear.h"
 
 typedef real wide;
-typedef ptrdiff_t mask;
+typedef ptrdiff_t mask, flag;
 
 static inline wide all(real x) {
     return x;
@@ -13,6 +15,10 @@ static inline wide all(real x) {
 
 static inline int any(mask which) {
     return which & 1;
+}
+
+static inline int has(mask which, int lane) {
+    return (which >> lane) & 1;
 }
 
 static inline wide chosen(mask which, wide yes, wide no) {
@@ -59,6 +65,10 @@ static inline void copy_where(mask which, const wide *from, ptrdiff_t count, wid
 static inline void call(kernel function, const wide *t, const wide *q, const wide *u, const wide *p, wide *work,
                         wide *out) {
     function(t, q, u, p, work, out);
+}
+
+static inline void load(const real *row, ptrdiff_t count, wide *to) {
+    copy(row, count, to);
 }
 
 #endif

@@ -6,7 +6,6 @@
 #include "lanes.h"
 #include "linear.h"
 #include "single.h"
-#include "start_lanes.h"
 #include "start_limits.h"
 
 /* Singular values below this part of the largest count as zero in the solution for velocities. */
@@ -124,7 +123,7 @@ static int side(struct start *s, real at, const real *q) {
 
 static void begin(struct start *s) {
     s->at = 0;
-    s->step = LONGEST;
+    s->step = LONGEST_STEP;
     s->side = side(s, s->at, s->q);
     weigh(s);
 }
@@ -142,11 +141,11 @@ static int advance(struct start *s) {
     if (any(newton(s, 1, target, width, s->trial))) {
         copy(s->trial, s->sizes.n, s->q);
         s->at = target;
-        s->step = real_fmin(2 * s->step, LONGEST);
+        s->step = real_fmin(2 * s->step, LONGEST_STEP);
         return target < 1 ? ON_THE_WAY : outcome(s);
     }
     s->step /= 2;
-    return s->step < real_fmax(SHORTEST * s->at, LEAST) ? UNASSEMBLED : ON_THE_WAY;
+    return s->step < real_fmax(SHORTEST_STEP * s->at, LEAST_STEP) ? UNASSEMBLED : ON_THE_WAY;
 }
 
 /* Write to s->matrix, row by row, the scaled constraints without the dropped ones, then the rows of prescribed
@@ -228,5 +227,4 @@ const struct start_api symgen_start = {
     .advance = advance,
     .outcome = outcome,
     .velocities = velocities,
-    .lanes = start_lanes_of,
 };

@@ -49,8 +49,6 @@ struct start {
     ptrdiff_t *order;
 };
 
-struct start_lanes_api;
-
 /* Interface of starts: see core.h. */
 struct start_api {
     size_t start_struct;
@@ -72,8 +70,6 @@ struct start_api {
        without the dropped ones, and to s->miss the error [m/s] of each row. Return the number of rows of constraints,
        or -1 if the mass matrix is not positive definite. */
     ptrdiff_t (*velocities)(struct start *s, const char *dropped);
-    /* The functions that assemble in lanes of `width` doubles: see start_lanes.h. */
-    const struct start_lanes_api *(*lanes)(ptrdiff_t width);
 };
 
 extern const struct start_api symgen_start;

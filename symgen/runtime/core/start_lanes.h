@@ -15,7 +15,6 @@ struct start_lane_kernels {
 struct start_lanes;
 
 struct start_lanes_api {
-    ptrdiff_t width; /* numbers of a vector */
     size_t lanes_struct;
     /* Numbers of parameters: of the scene; and with the results of `setup` and one spare number. */
     size_t (*bytes)(const struct start_sizes *sizes, ptrdiff_t parameters);
@@ -26,10 +25,5 @@ struct start_lanes_api {
        assembled. */
     void (*assemble)(struct start_lanes *s, const real *parameters, real *q, unsigned char *assembled);
 };
-
-/* The functions for vectors of `width` doubles, NULL if absent. */
-const struct start_lanes_api *start_lanes_of(ptrdiff_t width);
-
-extern const struct start_lanes_api symgen_start_lanes_2, symgen_start_lanes_4, symgen_start_lanes_8;
 
 #endif

@@ -5,11 +5,11 @@
 /* First and longest step along the path from the drawing; the shortest over the part that is done, and the least step at
    all, below which the assembly fails. Squares of lengths grow along the path: where they grow by orders of magnitude, its
    first steps are tiny. */
-#define LONGEST (R(1) / 32)
-#define SHORTEST (R(1) / 4096)
-#define LEAST R(1e-15)
+#define LONGEST_STEP (R(1) / 32)
+#define SHORTEST_STEP (R(1) / 4096)
+#define LEAST_STEP R(1e-15)
 /* Round-off over the size of the linkage. */
 #define ROUNDING R(1e-14)
-enum { NEWTON = 30 };
+enum { ASSEMBLY_ITERATIONS = 30 };
 
 #endif

@@ -44,7 +44,7 @@ static mask newton(START *s, mask open, real at, wide width, wide *q) {
     const wide size = larger(width, largest_in(q, n)), accepted = tolerance(s, width);
     wide previous = all(REAL_INFINITY);
     mask done = {0};
-    for (int tries = 0; tries < NEWTON && any(open); tries++) {
+    for (int tries = 0; tries < ASSEMBLY_ITERATIONS && any(open); tries++) {
         memset(s->change, 0, (size_t)(n + 1) * sizeof(wide));
         s->change[0] = all(at);
         evaluate(s, s->kernels.assembly, q, s->change);

@@ -1,6 +1,4 @@
-/* The functions of start_lanes.h for vectors of WIDTH doubles, a constant that the including file defines. */
-#include "vectors.h"
-
+/* The functions of start_lanes.h for vectors of WIDTH doubles: see lanes_of_width.h. */
 #include "arena.h"
 #include "start_lanes.h"
 
@@ -12,7 +10,7 @@ struct start_lanes {
     mask *order;
 };
 
-static size_t place(struct start_lanes *s, const struct start_sizes *z, ptrdiff_t parameters, void *memory) {
+static size_t start_place(struct start_lanes *s, const struct start_sizes *z, ptrdiff_t parameters, void *memory) {
     const struct arena_array arrays[] = {
         ARENA_ARRAY(s->p, parameters),
         ARENA_ARRAY(s->q, z->n + 1),
@@ -27,14 +25,14 @@ static size_t place(struct start_lanes *s, const struct start_sizes *z, ptrdiff_
     return ARENA_PLACE(arrays, memory);
 }
 
-static size_t bytes(const struct start_sizes *sizes, ptrdiff_t parameters) {
+static size_t start_bytes(const struct start_sizes *sizes, ptrdiff_t parameters) {
     struct start_lanes counted;
-    return place(&counted, sizes, parameters, NULL);
+    return start_place(&counted, sizes, parameters, NULL);
 }
 
-static void bind(struct start_lanes *s, const struct start_sizes *sizes, const struct start_lane_kernels *kernels,
+static void start_bind(struct start_lanes *s, const struct start_sizes *sizes, const struct start_lane_kernels *kernels,
                  ptrdiff_t given, ptrdiff_t parameters, void *memory) {
-    place(s, sizes, parameters, memory);
+    start_place(s, sizes, parameters, memory);
     s->sizes = *sizes, s->kernels = *kernels, s->parameters = given;
 }
 
@@ -121,7 +119,7 @@ static void assemble(struct start_lanes *s, const real *parameters, real *q, uns
     evaluate(s, s->kernels.drawn, s->still, s->still);
     memcpy(s->q, s->out, (size_t)n * sizeof(wide));
     for (real at = 0; at < 1 && any(alive);) {
-        at = real_fmin(R(1), at + LONGEST);
+        at = real_fmin(R(1), at + LONGEST_STEP);
         const wide width = extent(s, s->q);
         alive &= newton(s, alive & ~(tolerance(s, width) > R(MOST_TOLERANCE) * width), at, width, s->q);
     }
@@ -132,13 +130,9 @@ static void assemble(struct start_lanes *s, const real *parameters, real *q, uns
     }
 }
 
-#define JOINED(name, width) name##width
-#define TABLE(width) JOINED(symgen_start_lanes_, width)
-
-const struct start_lanes_api TABLE(WIDTH) = {
-    .width = WIDTH,
+static const struct start_lanes_api start_functions = {
     .lanes_struct = sizeof(struct start_lanes),
-    .bytes = bytes,
-    .bind = bind,
+    .bytes = start_bytes,
+    .bind = start_bind,
     .assemble = assemble,
 };

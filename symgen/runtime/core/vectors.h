@@ -17,10 +17,15 @@
 #pragma GCC diagnostic ignored "-Wpsabi" /* no vector is passed to another file */
 
 typedef real wide __attribute__((vector_size(WIDTH * sizeof(real)), may_alias));
-typedef long long mask __attribute__((vector_size(WIDTH * sizeof(long long)), may_alias));
+typedef long long flag;
+typedef flag mask __attribute__((vector_size(WIDTH * sizeof(flag)), may_alias));
 
 static inline wide all(real x) {
     return (wide){0} + x;
+}
+
+static inline int has(mask which, int lane) {
+    return which[lane] != 0;
 }
 
 static inline wide chosen(mask which, wide yes, wide no) {
@@ -154,4 +159,11 @@ static inline void solve_dense(ptrdiff_t n, const wide *a, const mask *swaps, wi
         for (ptrdiff_t i = k + 1; i < n; i++)
             exchange(swaps[k] == i, b + k, b + i, 1);
     substitute(n, a, b);
+}
+
+static inline void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
+    substitute_transposed(n, a, b);
+    for (ptrdiff_t k = n - 1; k >= 0; k--)
+        for (ptrdiff_t i = k + 1; i < n; i++)
+            exchange(swaps[k] == i, b + k, b + i, 1);
 }

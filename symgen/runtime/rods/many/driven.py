@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._kinematic_lanes import KinematicLanes
+from symgen.runtime._kinematics import KinematicLanes
 from symgen.runtime._many import Starts, over_variants
 from symgen.runtime._start import StartLanes
 from symgen.runtime.arrays import Array, Indices

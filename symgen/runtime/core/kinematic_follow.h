@@ -1,30 +1,33 @@
-/* The functions of kinematic_lanes.h for vectors of WIDTH doubles, a constant that the including file defines. */
-#include "vectors.h"
-
+/* Driven linkages followed in time: the functions of kinematics.h, for a single linkage if WIDTH is 1, or for vectors
+ * of WIDTH doubles: see lanes_of_width.h. */
 #include "arena.h"
-#include "kinematic_lanes.h"
+#include "kinematics.h"
 
-struct kinematic_lanes {
-    struct kinematic_lane_kernels kernels;
-    struct kinematic_lane_sizes sizes;
+struct kinematics {
+    struct kinematic_kernels kernels;
+    struct kinematic_sizes sizes;
     struct kinematic_groups groups;
-    wide *p, *p_forces;
+    const wide *p, *p_forces;
+    wide *own, *own_forces;   /* parameters of the lanes */
     wide t, stride, length;
     wide *q, *past, *next;    /* coordinates, rates and second rates: now, a stride before, after the next step */
-    wide *change, *still, *phi, *scale, *weight, *solved, *work, *closure, *out, *values, *inverse;
-    wide *matrix, *pivots, *matrix_before, *pivots_before, *predicted, *mean; /* as in struct kinematics */
-    wide *extremes, *lengths;      /* rows of forces, and the largest square of the length of each vector of forces */
+    wide *change, *still, *phi, *scale, *weight, *solved, *work, *closure, *out;
+    wide *values, *inverse;   /* of dPhi/dq, its groups factorised; 1 / pivots of groups of two */
+    wide *matrix, *pivots;    /* the groups of dPhi/dq and their pivots, evaluated last */
+    wide *matrix_before, *pivots_before, *predicted; /* at the present pose; pivots at the predicted pose */
+    wide *mean;
+    wide *extremes, *lengths; /* rows of forces, and the largest square of the length of each vector of forces */
     wide *here, *before, violation; /* positions and velocities of points now; positions at the previous time */
-    wide *rates;                   /* magnitudes of the rates of links at the last time */
-    wide passed;                   /* the last time; not a number before the first */
+    wide *rates;              /* magnitudes of the rates of links at the last time */
+    wide passed;              /* the last time; not a number before the first */
     mask *swaps, *spare, steady;
 };
 
-static size_t place(struct kinematic_lanes *k, const struct kinematic_lane_sizes *s, const struct kinematic_groups *g,
-                    void *memory) {
+static size_t kinematic_place(struct kinematics *k, const struct kinematic_sizes *s, const struct kinematic_groups *g,
+                              void *memory) {
     const struct arena_array arrays[] = {
-        ARENA_ARRAY(k->p, s->parameters + s->derived + 1),
-        ARENA_ARRAY(k->p_forces, s->parameters + s->derived_forces + 1),
+        ARENA_ARRAY(k->own, s->parameters + s->derived + 1),
+        ARENA_ARRAY(k->own_forces, s->parameters + s->derived_forces + 1),
         ARENA_ARRAY(k->q, 3 * s->n),
         ARENA_ARRAY(k->past, 3 * s->n),
         ARENA_ARRAY(k->next, 3 * s->n),
@@ -56,50 +59,48 @@ static size_t place(struct kinematic_lanes *k, const struct kinematic_lane_sizes
     return ARENA_PLACE(arrays, memory);
 }
 
-static size_t bytes(const struct kinematic_lane_sizes *sizes, const struct kinematic_groups *groups) {
-    struct kinematic_lanes counted;
-    return place(&counted, sizes, groups, NULL);
+static size_t kinematic_bytes(const struct kinematic_sizes *sizes, const struct kinematic_groups *groups) {
+    struct kinematics counted;
+    return kinematic_place(&counted, sizes, groups, NULL);
 }
 
-static void bind(struct kinematic_lanes *k, const struct kinematic_lane_sizes *sizes,
-                 const struct kinematic_lane_kernels *kernels, const struct kinematic_groups *groups, void *memory) {
-    place(k, sizes, groups, memory);
+static void kinematic_bind(struct kinematics *k, const struct kinematic_sizes *sizes,
+                           const struct kinematic_kernels *kernels, const struct kinematic_groups *groups,
+                           void *memory) {
+    kinematic_place(k, sizes, groups, memory);
     k->sizes = *sizes, k->kernels = *kernels, k->groups = *groups;
     for (ptrdiff_t i = 0; i < sizes->m; i++)
         k->scale[i] = all(REAL_INFINITY) - all(REAL_INFINITY);
 }
 
-static void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
-    substitute_transposed(n, a, b);
-    for (ptrdiff_t k = n - 1; k >= 0; k--)
-        for (ptrdiff_t i = k + 1; i < n; i++)
-            exchange(swaps[k] == i, b + k, b + i, 1);
-}
-
-#define LINKAGE struct kinematic_lanes
 #include "kinematic_steps.h"
 
 /* -- a run in each lane ---------------------------------------------------------------------------------- */
 
-static void take_parameters(struct kinematic_lanes *k, const real *rows, kernel setup, ptrdiff_t derived, wide *p) {
+/* The parameters of each lane, and the quantities that depend on them alone; a single linkage has both in its row. */
+static const wide *parameters_of(const struct kinematics *k, const real *rows, kernel setup, ptrdiff_t derived,
+                                 wide *own) {
     const ptrdiff_t parameters = k->sizes.parameters;
-    load(rows, parameters, p);
-    p[parameters + derived] = all(R(k->sizes.rank_tolerance));
+    if (WIDTH == 1)
+        return (const wide *)rows;
+    load(rows, parameters, own);
+    own[parameters + derived] = all(R(k->sizes.rank_tolerance));
     if (setup != NULL)
-        call(setup, NULL, NULL, NULL, p, NULL, p + parameters);
+        call(setup, NULL, NULL, NULL, own, NULL, own + parameters);
+    return own;
 }
 
 /* The number of times reached by each lane. */
-static inline mask counts(const struct kinematic_lane_task *task) {
+static inline mask counts(const struct kinematic_task *task) {
     mask reached;
     memcpy(&reached, task->reached, sizeof reached);
     return reached;
 }
 
 /* Write values of the lanes that have arrived, at the index of their next time. */
-static void store(const struct kinematic_lane_task *task, mask arrived, const wide *values, ptrdiff_t count, real *rows) {
+static void store(const struct kinematic_task *task, mask arrived, const wide *values, ptrdiff_t count, real *rows) {
     for (int lane = 0; lane < WIDTH; lane++)
-        if (arrived[lane]) {
+        if (has(arrived, lane)) {
             real *row = rows + (lane * task->count + task->reached[lane]) * count;
             for (ptrdiff_t i = 0; i < count; i++)
                 row[i] = ((const real *)values)[i * WIDTH + lane];
@@ -108,7 +109,7 @@ static void store(const struct kinematic_lane_task *task, mask arrived, const wi
 
 /* Whether links have rotated little since the previous time; in arrived lanes, store their rates. An angle is less
    than its tangent, and the rotation differs from that of the greater rate by less than both together. */
-static mask turns_little(struct kinematic_lanes *k, const struct kinematic_lane_extremes *e, mask arrived) {
+static mask turns_little(struct kinematics *k, const struct kinematic_extremes *e, mask arrived) {
     const ptrdiff_t rates = k->sizes.coordinates;
     const wide step = magnitude(k->t - k->passed);
     mask little = ~(mask){0};
@@ -131,20 +132,20 @@ static inline mask beyond(wide value, wide greatest) {
 }
 
 /* Lanes whose next time is recorded; lanes that have just arrived have a next time. */
-static mask recorded(const struct kinematic_lane_task *task) {
+static mask recorded(const struct kinematic_task *task) {
     const unsigned char *flags = task->extremes->recorded;
     const ptrdiff_t first = task->reached[0];
     mask flagged = {0};
     if (first < task->count && !any(counts(task) != first))
         return flagged - flags[first];
     for (int lane = 0; lane < WIDTH; lane++)
-        flagged[lane] = -(long long)(task->reached[lane] < task->count && flags[task->reached[lane]]);
+        ((flag *)&flagged)[lane] = -(flag)(task->reached[lane] < task->count && flags[task->reached[lane]]);
     return flagged;
 }
 
 /* Update the extremes of lanes that have just arrived at a time; `k->out` has the forces of the pose. */
-static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *task, mask arrived) {
-    const struct kinematic_lane_extremes *e = task->extremes;
+static void reduce(struct kinematics *k, const struct kinematic_task *task, mask arrived) {
+    const struct kinematic_extremes *e = task->extremes;
     const ptrdiff_t count = k->sizes.joint_forces, m = k->sizes.m, places = k->sizes.coordinates;
     wide *greatest = k->extremes, *least = greatest + count, *longest = least + count, *last = longest + count;
     call(k->kernels.points, &k->t, k->q, k->q + k->sizes.n, k->p, k->work, k->here);
@@ -183,7 +184,7 @@ static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *
     }
 }
 
-static void begin_extremes(struct kinematic_lanes *k) {
+static void begin_extremes(struct kinematics *k) {
     const ptrdiff_t count = k->sizes.joint_forces;
     for (ptrdiff_t i = 0; i < count; i++) {
         k->extremes[i] = k->lengths[i] = all(-REAL_INFINITY);
@@ -194,18 +195,18 @@ static void begin_extremes(struct kinematic_lanes *k) {
     k->steady = ~(mask){0};
 }
 
-static void end_extremes(const struct kinematic_lanes *k, const struct kinematic_lane_extremes *e) {
+static void end_extremes(const struct kinematics *k, const struct kinematic_extremes *e) {
     const ptrdiff_t numbers = 4 * k->sizes.joint_forces;
     for (int lane = 0; lane < WIDTH; lane++) {
         for (ptrdiff_t i = 0; i < numbers; i++)
-            e->rows[lane * numbers + i] = k->extremes[i][lane];
-        e->closure[lane] = (double)k->violation[lane];
-        e->steady[lane] = k->steady[lane] != 0;
+            e->rows[lane * numbers + i] = ((const real *)k->extremes)[i * WIDTH + lane];
+        e->closure[lane] = (double)((const real *)&k->violation)[lane];
+        e->steady[lane] = (unsigned char)has(k->steady, lane);
     }
 }
 
 /* Record pose and forces of lanes that have just arrived at a time, with dPhi/dq factorised there. */
-static void record(struct kinematic_lanes *k, const struct kinematic_lane_task *task, mask arrived) {
+static void record(struct kinematics *k, const struct kinematic_task *task, mask arrived) {
     const ptrdiff_t n = k->sizes.n;
     if (task->extremes == NULL)
         store(task, arrived, k->q, 3 * n, task->rows);
@@ -220,16 +221,16 @@ static void record(struct kinematic_lanes *k, const struct kinematic_lane_task *
         else
             store(task, arrived, k->out, k->sizes.joint_forces, task->forces);
     }
-    const mask reached = counts(task) - arrived; /* `arrived` is -1 in a lane that has */
+    const mask reached = counts(task) + (arrived & 1);
     memcpy(task->reached, &reached, sizeof reached);
 }
 
 /* Begin at the starts; return the lanes with a regular start. */
-static mask begin(struct kinematic_lanes *k, const struct kinematic_lane_task *task) {
+static mask begin(struct kinematics *k, const struct kinematic_task *task) {
     const ptrdiff_t n = k->sizes.n;
-    take_parameters(k, task->parameters, k->kernels.setup, k->sizes.derived, k->p);
+    k->p = parameters_of(k, task->parameters, k->kernels.setup, k->sizes.derived, k->own);
     if (k->kernels.joints != NULL)
-        take_parameters(k, task->parameters, k->kernels.setup_forces, k->sizes.derived_forces, k->p_forces);
+        k->p_forces = parameters_of(k, task->parameters, k->kernels.setup_forces, k->sizes.derived_forces, k->own_forces);
     load(task->q, n, k->q);
     load(task->lengths, 1, &k->length);
     memset(k->still, 0, (size_t)n * sizeof(wide));
@@ -241,21 +242,21 @@ static mask begin(struct kinematic_lanes *k, const struct kinematic_lane_task *t
 }
 
 /* Set the next time of lanes that have just arrived; lanes without a next time end. */
-static wide renewed(const struct kinematic_lane_task *task, mask fresh, wide target, mask *alive) {
+static wide renewed(const struct kinematic_task *task, mask fresh, wide target, mask *alive) {
     const ptrdiff_t first = task->reached[0];
     if (first < task->count && !any(~fresh | (counts(task) != first)))
         return all(task->times[first]);
     for (int lane = 0; lane < WIDTH; lane++)
-        if (fresh[lane]) {
+        if (has(fresh, lane)) {
             if (task->reached[lane] == task->count)
-                (*alive)[lane] = 0;
+                ((flag *)alive)[lane] = 0;
             else
-                target[lane] = task->times[task->reached[lane]];
+                ((real *)&target)[lane] = task->times[task->reached[lane]];
         }
     return target;
 }
 
-static void follow(struct kinematic_lanes *k, const struct kinematic_lane_task *task) {
+static void kinematic_follow(struct kinematics *k, const struct kinematic_task *task) {
     mask alive = begin(k, task), arrived = alive & (k->t == task->times[0]), fresh = alive;
     const wide shortest = all(SHORTEST * real_fabs(task->times[task->count - 1] - R(task->t)));
     wide target = k->t, h = all(0);
@@ -273,20 +274,54 @@ static void follow(struct kinematic_lanes *k, const struct kinematic_lane_task *
         const mask held = attempt(k, alive, next, &alive);
         const wide left = target - next, twice = 2 * h;
         h = chosen(held, chosen(magnitude(twice) < magnitude(left), twice, left), h / 2);
-        alive &= held | ~(magnitude(h) < shortest);
+        const mask too_short = magnitude(h) < shortest;
+        alive &= held | ~too_short;
         arrived = fresh = alive & held & (k->t == target);
     }
     if (task->extremes != NULL)
         end_extremes(k, task->extremes);
 }
 
-#define JOINED(name, width) name##width
-#define TABLE(width) JOINED(symgen_kinematic_lanes_, width)
+#if WIDTH == 1
 
-const struct kinematic_lanes_api TABLE(WIDTH) = {
-    .width = WIDTH,
-    .lanes_struct = sizeof(struct kinematic_lanes),
-    .bytes = bytes,
-    .bind = bind,
-    .follow = follow,
+/* The largest error of J^T lambda = forces, which is overwritten. */
+static real unbalanced(const struct kinematics *k, const real *lambda, real *forces) {
+    const ptrdiff_t *entry = k->groups.entries;
+    for (ptrdiff_t e = 0; e < k->groups.filled; e++, entry += 4)
+        forces[entry[3]] -= k->closure[entry[1]] * lambda[entry[2]];
+    return largest_or_nan(forces, k->sizes.n);
+}
+
+static ptrdiff_t multipliers(struct kinematics *k, const real *p, const real *p_forces, const real *times,
+                             const real *rows, ptrdiff_t count, real *lambda, real *quality) {
+    const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
+    k->p = p;
+    for (ptrdiff_t i = 0; i < count && !is_interrupted(i); i++, rows += 3 * n, lambda += m, quality += 2) {
+        missed(k, times[i], rows);
+        if (!any(factorise_groups(k)))
+            return i;
+        read_pivots(k, k->pivots);
+        quality[0] = n ? soundness(k->pivots, n) : 1;
+        if (!(quality[0] > SOUND))
+            return i;
+        copy(rows + 2 * n, n, k->work);
+        k->kernels.balance(times + i, rows, rows + n, p_forces, k->work, k->out);
+        solve_transposed(k, k->out, lambda);
+        quality[1] = unbalanced(k, lambda, k->out);
+    }
+    return count;
+}
+
+#endif
+
+#if WIDTH == 1
+const struct kinematics_api symgen_kinematics = {
+    .multipliers = multipliers,
+#else
+static const struct kinematics_api kinematic_functions = {
+#endif
+    .kinematics_struct = sizeof(struct kinematics),
+    .bytes = kinematic_bytes,
+    .bind = kinematic_bind,
+    .follow = kinematic_follow,
 };

@@ -1,5 +1,0 @@
-#include "kinematic_lanes.h"
-
-#include "lanes_of.h"
-
-LANES_OF(kinematic_lanes)

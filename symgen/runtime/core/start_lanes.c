@@ -1,5 +1,0 @@
-#include "start_lanes.h"
-
-#include "lanes_of.h"
-
-LANES_OF(start_lanes)
