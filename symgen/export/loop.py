@@ -32,7 +32,7 @@ from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.loop.motion import rates_at_start
 
 #: Core files for closing, following and running a loop, in addition to those of runs.
-CORE = (*RUNS, "balls.c", "follow.c", "loop.c", "loop_balls.c", "loop_motion.c")
+CORE = (*RUNS, "balls.c", "follow.c", "loop.c", "loop_motion.c")
 #: Kernels that the core calls for a loop, in the order of its struct.
 KERNELS = ("inputs", "position", "motion", "inverse", "given", "outputs", "energy", "setup", "events")
 #: Number of poses of a driven loop in the comparison.
@@ -92,11 +92,8 @@ def _tables(model: LoopModel, solved: list[int], driven: bool) -> tuple[Constant
 
 def _balls(model: LoopModel) -> ConstantArray:
     """Return the ball joints whose angles need the substitution near their poles, followed by a dummy."""
-    none = ([-1] * 6, 0.0)
-    rows = [
-        ", ".join((braces(numbers[:3]), braces(numbers[3:]), number(alpha)))
-        for numbers, alpha in (*model.kernels.balls, none)
-    ]
+    none = ([-1] * 3, 0.0)
+    rows = [f"{braces(numbers)}, {number(alpha)}" for numbers, alpha in (*model.kernels.balls, none)]
     return ConstantArray("struct ball", "BALLS", "{" + ", ".join(f"{{{row}}}" for row in rows) + "}")
 
 

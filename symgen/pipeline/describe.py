@@ -150,7 +150,7 @@ def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
         assembly_tolerance=loop.number(loop.assembly_tolerance),
         start=tuple(loop.number(v.start) for v in loop.variables),
         rank=0,
-        balls=tuple(BallInfo(b.row, b.angles, b.behind) for b in loop.balls),
+        balls=tuple(BallInfo(b.row, b.angles) for b in loop.balls),
         switches=tuple(s.text for s in loop.switches),
         inputs=tuple(p.quantity.name for p in loop.parameters if p.input),
     )

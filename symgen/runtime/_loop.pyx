@@ -38,7 +38,6 @@ cdef extern from "core/loops.h" nogil:
 
     cdef struct ball:
         Py_ssize_t[3] angles
-        Py_ssize_t[3] next
         double alpha
 
     cdef struct loop_account:
@@ -82,7 +81,7 @@ cdef extern from "core/loops.h" nogil:
         int (*close)(loop *, double, void *) noexcept nogil
         int (*assemble)(loop *, double, void *, long *) noexcept nogil
         double (*closed_screws)(loop *, double, const void *, void *) noexcept nogil
-        void (*in_table)(const loop *, const void *, void *, void *, void *) noexcept nogil
+        void (*in_table)(const loop *, const void *, void *) noexcept nogil
         int (*turn)(loop *, void *) noexcept nogil
         int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
         void (*undetermined)(loop *, const void *, const void *, long, long, double, double, unsigned char *) noexcept nogil
@@ -131,9 +130,9 @@ cdef class LoopEquations(Integrable):
         The core that the kernels were compiled for; the core of doubles by default. tolerance Largest defect of
         closure in dependent equations: of rotations, and of lengths over the size.
     balls
-        Ball joints with alternative angles near their poles. For each: numbers of theta, eta and alpha, -1 for a
-        constant alpha; then those of the next ball, which takes over the spin, -1 for none; and the constant. Their
-        leading angles are the parameters before the branches of switching points.
+        Ball joints with alternative angles near their poles. For each: numbers of theta, eta and alpha, and the
+        constant of alpha where its number is -1; the next ball, which takes over the spin, then follows. Their leading
+        angles are the parameters before the branches of switching points.
     switches
         Number of switching points of loads: values that the kernel 'events' writes.
     work_of_loads
@@ -180,12 +179,11 @@ cdef class LoopEquations(Integrable):
         wanted.tolerance, wanted.balls, wanted.extra = tolerance, len(balls), work_of_loads
         wanted.switches = switches if functions.events != NULL else 0
         at_least("parameters", wanted.parameters, wanted.balls + wanted.switches)
-        if len(balls) > MOST or any([not -1 <= i < len(lengths) for ball_ in balls for i in ball_[0][:6]]):
+        if len(balls) > MOST or any([not -1 <= i < len(lengths) for ball_ in balls for i in ball_[0]]):
             raise ValueError(f"expected numbers of variables below {len(lengths)} for each ball joint, got {balls!r}")
         for k in range(wanted.balls):
             numbers, self.balls[k].alpha = balls[k]
-            self.balls[k].angles[0], self.balls[k].angles[1], self.balls[k].angles[2] = numbers[:3]
-            self.balls[k].next[0], self.balls[k].next[1], self.balls[k].next[2] = numbers[3:6]
+            self.balls[k].angles[0], self.balls[k].angles[1], self.balls[k].angles[2] = numbers
         self.of, self.size, self.rank, self.out_size, self.sizes = core, size, rank, out_size, wanted
         self.libraries = (library,)
         self.api = <const loops_table *>core.api.loops
@@ -241,15 +239,14 @@ cdef class LoopEquations(Integrable):
         into.back()
         return screws, defect
 
-    def in_table(self, near, double[::1] q, double[::1] u, double[::1] a):
-        """Convert a state, in place, from the angles selected by the leading angles of balls to those of the table, of
-        equivalent angles those nearest to ``near``."""
-        cdef Reals beside = Reals(self.of, near)
-        cdef Reals state = Reals(self.of, q), rates = Reals(self.of, u), second = Reals(self.of, a)
-        self.api.in_table(<loop *>self.core, beside.at, state.at, rates.at, second.at)
+    def in_table(self, near, double[::1] q):
+        """Convert variables, in place, from the angles selected by the leading angles of balls to those of the table,
+        of equivalent angles those nearest to ``near``."""
+        at_least("variables", q.shape[0], self.n)
+        at_least("variables", len(near), self.n)
+        cdef Reals beside = Reals(self.of, near), state = Reals(self.of, q)
+        self.api.in_table(<loop *>self.core, beside.at, state.at)
         state.back()
-        rates.back()
-        second.back()
 
     def turn(self, q):
         """Return the variables q in the angles in use. Near poles of balls these are the alternative ones from now on,

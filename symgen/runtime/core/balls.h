@@ -3,7 +3,7 @@
  * Z(theta) Y(eta) X(alpha) loses rank where the axis i behind the ball is along the axis k before it. Near that pole a
  * run writes the rotation as X(90 deg) Z Y X with three angles of the same names, whose pole is where i is along j. The
  * leading angle of 90 deg is a parameter of the kernels, otherwise zero.
- * A constant alpha holds the idle spin of a link between two balls; the ball behind it then takes over the spin that
+ * A constant alpha holds the idle spin of a link between two balls; the next ball then takes over the spin that
  * the change of angles causes.
  */
 #ifndef SYMGEN_BALLS_H
@@ -13,18 +13,21 @@
 
 #include "real.h"
 
-/* Numbers of the variables of a ball and of the next ball. Alpha is constant if its number is -1; next is -1 without
-   a next ball. */
+struct equations;
+struct loop;
+
+/* Numbers of the variables theta, eta, alpha. Alpha is constant if its number is -1: the next ball then follows in the
+   list, and has all three angles. */
 struct ball {
-    ptrdiff_t angles[3], next[3];
+    ptrdiff_t angles[3];
     double alpha; /* the constant */
 };
 
-/* Sine of the angle between i behind the ball and k before it: 0 at the pole of the table's own angles. */
-real ball_off_pole(const struct ball *b, int turned, const real *q);
+/* See struct behaviour. */
+int loop_rewrite(struct equations *e, const real *seen, real *y, int back);
+void loop_as_usual(struct equations *e, real *y, int release);
 
-/* Convert a state to the alternative angles of a ball, of equivalent angles those nearest to `near`; `a` may be NULL.
-   The next ball after one with a constant alpha keeps the angles of the table. */
-void ball_rewrite(const struct ball *b, int turned, const real *near, real *q, real *u, real *a);
+/* Convert variables from the angles in use to those of the table, of equivalent angles those nearest to `near`. */
+void loop_in_table(const struct loop *l, const real *near, real *q);
 
 #endif

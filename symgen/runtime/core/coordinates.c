@@ -29,12 +29,6 @@ void rewrite_back(struct run *run) {
 }
 
 void release_choices(struct run *run) {
-    struct equations *e = run->e;
-    const struct sizes *sizes = &e->sizes;
-    if (sizes->choices == 0)
-        return;
-    e->of->as_usual(e, run->y);
-    for (long k = 0; k < sizes->choices; k++)
-        e->p[sizes->parameters - sizes->switches - sizes->choices + k] = 0;
-    set_up(e);
+    if (run->e->sizes.choices)
+        run->e->of->as_usual(run->e, run->y, 1);
 }

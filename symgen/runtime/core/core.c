@@ -113,7 +113,7 @@ static const void *state_of(const struct run *run) {
     if (run->e->sizes.choices == 0)
         return run->y;
     memcpy(run->stage, run->y, (size_t)run->dim * sizeof(real));
-    run->e->of->as_usual(run->e, run->stage);
+    run->e->of->as_usual(run->e, run->stage, 0);
     return run->stage;
 }
 

@@ -122,8 +122,8 @@ struct behaviour {
     /* Change to alternative coordinates if the usual ones are near a pole at `seen`, rewrite y, and return whether
        they changed; with `back`, return to the usual ones away from poles. Called if sizes.choices is not zero. */
     int (*rewrite)(struct equations *e, const real *seen, real *y, int back);
-    /* Convert y to the usual coordinates; the choice in use remains. */
-    void (*as_usual)(const struct equations *e, real *y);
+    /* Convert y to the usual coordinates, which remain in use with `release`. */
+    void (*as_usual)(struct equations *e, real *y, int release);
     /* Rounding errors of accelerations near a loss of rank, over epsilon times the magnified part of the motion. */
     double rounding;
 };

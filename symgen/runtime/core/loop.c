@@ -66,7 +66,6 @@ static size_t arrange(struct loop *l, const struct loop_sizes *s, void *memory) 
         ARENA_ARRAY(l->followed, ROWS * (n + 1)),
         ARENA_ARRAY(l->scout, 4 * (n + 1) + 3 * (n + 1) + ROWS * (n + 1)),
         ARENA_ARRAY(l->usual, n + 1),
-        ARENA_ARRAY(l->near_y, 2 * n + 2),
     };
     return ARENA_PLACE(arrays, memory);
 }

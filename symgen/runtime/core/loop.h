@@ -63,7 +63,6 @@ struct loop {
     const unsigned char *is_length;
     long free;
     int follows; /* a variable that the pose leaves undetermined keeps its predicted value */
-    int near;    /* the last accelerations were computed in alternative angles, near a pole */
     real size;
     double soundest; /* largest least pivot over the first one so far in a run */
     const struct ball *balls;
@@ -74,7 +73,6 @@ struct loop {
                                  at the last followed state */
     real *scout;   /* a followed state, kept while steps ahead are tried */
     real *usual;   /* q in the table's own angles, at the last accepted state */
-    real *near_y;  /* a state near a pole in alternative angles, for its accelerations */
 };
 
 /* At a loss of rank, closure to the last digit determines a pose to the square root of that digit only. Below this
@@ -140,21 +138,9 @@ int loop_follow(struct loop *l, real *t, real *q, const real *times, long count,
 void loop_undetermined(struct loop *l, const real *times, const real *states, long row, long count, real least,
                        real part, unsigned char *found);
 
-/* Call after the accelerations of free motion at (t, y). Write their changes (n rows of ROWS + n) due to unit errors
+/* Call after the accelerations of free motion at a state. Write their changes (n rows of ROWS + n) due to unit errors
    in the accelerations of closure, then in the efforts of all variables. */
-void loop_answer(struct loop *l, real t, const real *y, real *answer);
-
-/* See struct behaviour. */
-int loop_rewrite(struct equations *e, const real *seen, real *y, int back);
-void loop_as_usual(const struct equations *e, real *y);
-
-/* Convert a state to the angles of the table, of equivalent angles those nearest to `near`. */
-void loop_in_table(const struct loop *l, const real *near, real *q, real *u, real *a);
-
-/* If y is near a pole, in the table's angles, convert it to alternative angles in l->near_y and return 1; else 0. */
-int loop_turn_near(struct loop *l, const real *y);
-/* Convert accelerations at l->near_y, in place, to the table's angles, and use these again. */
-void loop_turn_back(struct loop *l, real *a);
+void loop_answer(struct loop *l, real *answer);
 
 /* Behaviour in a run of a loop that moves under forces, see struct behaviour. */
 extern const struct behaviour loop_behaviour;

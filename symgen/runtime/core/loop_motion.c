@@ -99,7 +99,7 @@ static int balance(struct loop *l) {
 }
 
 /* Leave accelerations and the closing wrench in e->out. */
-static void accelerate_here(struct equations *e, real t, const real *y) {
+static void accelerate_loop(struct equations *e, real t, const real *y) {
     struct loop *l = of(e);
     const long n = l->sizes.n;
     real b[MOST], *q = l->q, *u = l->u, *a = e->out;
@@ -136,23 +136,8 @@ static void accelerate_here(struct equations *e, real t, const real *y) {
     loop_hold(l, b, a + n);
 }
 
-/* Write accelerations and the closing wrench to e->out; near a pole of a ball's angles through its alternative
-   angles. */
-static void accelerate_loop(struct equations *e, real t, const real *y) {
-    struct loop *l = of(e);
-    l->near = loop_turn_near(l, y);
-    if (!l->near) {
-        accelerate_here(e, t, y);
-        return;
-    }
-    accelerate_here(e, t, l->near_y);
-    loop_turn_back(l, e->out);
-}
-
-void loop_answer(struct loop *l, real t, const real *y, real *answer) {
+void loop_answer(struct loop *l, real *answer) {
     const long n = l->sizes.n, d = l->free, row = ROWS + n;
-    if (l->near)
-        accelerate_here(&l->base, t, y);
     memset(answer, 0, (size_t)(n * row) * sizeof(real));
     for (long c = 0; c < row; c++) {
         real b[ROWS] = {0}, x[MOST], *change = l->step, *push = l->efforts, *found = l->reduced + d * d;

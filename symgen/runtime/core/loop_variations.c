@@ -135,7 +135,7 @@ static void differentiate(struct variations *v, real t, const real *state, real 
     struct loop *l = of(v);
     const ptrdiff_t n = e->n, k = v->sizes.columns;
     spread(v, e->out, n + ROWS, v->work); /* before the loop is evaluated again */
-    loop_answer(l, t, state, v->answer);
+    loop_answer(l, v->answer);
     take(v, t, state);
     weigh(v, v->kernels.stage, t, ROWS + n, 2 * n, 1, slopes);
     for (long i = 0; i < l->sizes.inputs; i++) {

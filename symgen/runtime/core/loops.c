@@ -20,8 +20,8 @@ static double closed_screws(struct loop *l, double t, const void *q, void *screw
     return (double)defect;
 }
 
-static void in_table(const struct loop *l, const void *near, void *q, void *u, void *a) {
-    loop_in_table(l, near, q, u, a);
+static void in_table(const struct loop *l, const void *near, void *q) {
+    loop_in_table(l, near, q);
 }
 
 static int turn(struct loop *l, void *y) {

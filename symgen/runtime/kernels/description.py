@@ -297,13 +297,11 @@ class BallInfo:
     """A ball joint whose angles runs write otherwise near their pole.
 
     ``row`` is its row, counted from 0, and ``angles`` are the numbers of the variables theta, eta and alpha.
-    Where alpha is constant its number is -1, and ``behind`` are those of the ball behind: it takes over the
-    idle spin.
+    Where alpha is constant its number is -1, and the next ball takes over the idle spin.
     """
 
     row: int
     angles: tuple[int, ...]
-    behind: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)

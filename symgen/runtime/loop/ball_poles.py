@@ -33,8 +33,7 @@ def starts_at_pole(kernels: LoopKernels, t: float, q: Array) -> bool:
     """Return whether a loop under forces may start at a pole of the angles of one ball alone."""
     d = kernels.description
     solved = d.having("dependent")
-    numbers = {j for ball in d.balls for j in (*ball.angles, *ball.behind)}
-    if numbers & {*d.having("free")} or not ball_pole(kernels, t, q):
+    if {j for ball in d.balls for j in ball.angles} & {*d.having("free")} or not ball_pole(kernels, t, q):
         return False
     turned = in_other_angles(kernels, kernels.equations(solved, min(6, len(solved))), q)
     values = np.linalg.svd(scaled_screws(turned[0], t, turned[1])[:, solved], compute_uv=False)

@@ -137,7 +137,7 @@ class LoopKernels(Kernels):
             return []
         nothing = np.zeros(d.coordinates)
         alphas = self("rows", 0.0, nothing, nothing)["rows"][:, 3]
-        return [([*b.angles, *(b.behind or (-1, -1, -1))], float(alphas[b.row])) for b in d.balls]
+        return [([*b.angles], float(alphas[b.row])) for b in d.balls]
 
     @cached_property
     def pitches(self) -> Array:

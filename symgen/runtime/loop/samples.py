@@ -99,20 +99,23 @@ class LoopSamples:
         """Number, variables, rates and accelerations of samples in other angles, in those of the table."""
         if not self.turns.any():
             return []
+        table = self._table()
+        return sorted(
+            (x for part in self.parts if part.turned for x in self._moving(part, table[part.rows])),
+            key=lambda x: x[0],
+        )
+
+    def _table(self) -> Array:
+        """Return the variables at all samples in the angles of the table."""
         n = self.kernels.description.coordinates
-        solved = np.zeros((len(self.times), n))
-        for part in self.parts:
-            solved[part.rows] = part.solutions[:, :n]
-        changed: list[tuple[int, Array, Array, Array]] = []
         table = self.states[:, :n].copy()
         signs = self._signs()
         for i in np.flatnonzero(self.turns.any(axis=1)).tolist():
             self._hold(self.turns[i])
             near = (table[i - 1] if i else self.start).copy()
             for _ in range(2):
-                q, u, a = self.states[i, :n].copy(), self.states[i, n : 2 * n].copy(), solved[i].copy()
-                self._solver.in_table(near, q, u, a)
-                near = q.copy()
+                q = self.states[i, :n].copy()
+                self._solver.in_table(near, q)
                 for ball, sign in zip(self.kernels.description.balls, signs[i], strict=True):
                     if sign * np.cos(q[ball.angles[1]]) < 0.0:
                         theta, eta, alpha = ball.angles
@@ -121,9 +124,33 @@ class LoopSamples:
                         if alpha >= 0:
                             near[alpha] += np.pi
             table[i] = q
-            changed.append((i, q, u, a))
         self._hold(np.zeros(self.turns.shape[1]))
-        return changed
+        return table
+
+    def _moving(self, part: SampleGroup, table: Array) -> Iterator[tuple[int, Array, Array, Array]]:
+        """Yield the same of the samples of a part: the motion across a ball is the same in all angles."""
+        n = self.kernels.description.coordinates
+        q, old_u, old_a = part.states[:, :n], part.states[:, n : 2 * n], part.solutions[:, :n]
+        u, a = old_u.copy(), old_a.copy()
+        old, new = _screws(part.kernels, part.times, q), _screws(self.kernels, part.times, table)
+        motion = old * old_u[:, None]
+        second = old * old_a[:, None] + _screw_rates(old, old_u) * old_u[:, None]
+        for g in self._joined:
+            inverse = np.linalg.pinv(new[:, :, g])
+            u[:, g] = np.sum(inverse * np.sum(motion[:, :, g], axis=2)[:, None], axis=2)
+            rest = second - _screw_rates(new, u) * u[:, None]
+            a[:, g] = np.sum(inverse * np.sum(rest[:, :, g], axis=2)[:, None], axis=2)
+        yield from zip(part.rows.tolist(), table, u, a, strict=True)
+
+    @cached_property
+    def _joined(self) -> list[list[int]]:
+        """Angles of every ball; those of one with a constant alpha together with those of the next."""
+        groups: list[list[int]] = [[]]
+        for ball in self.kernels.description.balls:
+            groups[-1] += [j for j in ball.angles if j >= 0]
+            if ball.angles[2] >= 0:
+                groups.append([])
+        return groups[:-1]
 
     def _signs(self) -> Indices:
         """Return the sign of cos(eta) of every ball at every sample, zero where nothing tells.
@@ -150,8 +177,11 @@ class LoopSamples:
     def _blind(self, q: Array) -> list[int]:
         """Return the variables whose rates have no digits in the table's own angles."""
         balls = self.kernels.description.balls
-        near = (b for b in balls if abs(np.cos(q[b.angles[1]])) < _AT_POLE)
-        return sorted({j for b in near for j in (*b.angles, *b.behind) if j >= 0})
+        at_pole: set[int] = set()
+        for k, ball in enumerate(balls):
+            if abs(np.cos(q[ball.angles[1]])) < _AT_POLE:
+                at_pole.update(ball.angles, () if ball.angles[2] >= 0 else balls[k + 1].angles)
+        return sorted(at_pole - {-1})
 
     def _frames(self, i: int, q: Array) -> dict[str, Array]:
         """Return by joint how the frame of a link that spins idly stands, in that of the table's own angles.
@@ -161,7 +191,7 @@ class LoopSamples:
         by_ball = {}
         balls = zip(self.kernels.description.balls, self.kernels.balls, self.turns[i], strict=True)
         for ball, (_, alpha), turn in balls:
-            if turn and ball.behind:
+            if turn and ball.angles[2] < 0:
                 at = ball.angles[:2]
                 in_table, used = (
                     np.array([x[at[0]], 0.0, x[at[1]], alpha, 0.0]) for x in (q, self.states[i])
@@ -175,7 +205,7 @@ class LoopSamples:
     def _write(self, i: int, row: Array, q: Array, u: Array, a: Array) -> None:
         d, blind, frames = self.kernels.description, self._blind(q), self._frames(i, q)
         info = d.kernel("outputs")
-        ball_variables = {j for b in d.balls for j in (*b.angles, *b.behind) if j >= 0}
+        ball_variables = {j for b in d.balls for j in b.angles if j >= 0}
         for block in info.blocks if info else ():
             name, _, word = block.name.partition(".")
             for j in ball_variables:
@@ -211,3 +241,19 @@ class LoopSamples:
                     mask
                 )
         return masks
+
+
+def _screws(kernels: LoopKernels, times: Array, q: Array) -> Array:
+    """Return the screws of all variables, shape (poses, 6, variables), in rad and sizes of the loop."""
+    work = np.zeros((len(times), kernels.work_size + 1))
+    states = np.column_stack([q, np.zeros((len(q), q.shape[1] + 1))])
+    screws = kernels.many("position", times, states, work)["closure_jacobian"].reshape(len(q), 6, -1)
+    return np.asarray(screws / np.repeat([1.0, kernels.description.size], 3)[:, None])
+
+
+def _screw_rates(screws: Array, u: Array) -> Array:
+    """Return the rates of these screws: every axis moves with the variables before it, in their order."""
+    moved = screws * u[:, None, :]
+    (w, v), (a, b) = np.split(np.cumsum(moved, axis=2) - moved, 2, axis=1), np.split(screws, 2, axis=1)
+    parts = np.cross(w, a, axis=1), np.cross(v, a, axis=1) + np.cross(w, b, axis=1)
+    return np.concatenate(parts, axis=1)

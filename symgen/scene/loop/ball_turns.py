@@ -24,13 +24,11 @@ def with_ball_turns(loop: Loop) -> Loop:
     angles = [_angles(loop, row) for row in loop.rows]
     balls = []
     for k, numbers in enumerate(angles):
-        behind = angles[k + 1] if k + 1 < len(angles) else ()
-        if numbers and numbers[2] >= 0:
-            behind = ()
-        elif not (numbers and behind and behind[2] >= 0):
+        last = angles[k + 1] if numbers and numbers[2] < 0 and k + 1 < len(angles) else numbers
+        if not last or last[2] < 0:  # no ball takes over the idle spin
             continue
         turn = quantity(next(names), "rad", f"leading rotation of the ball of row {k + 1}, held by runs")
-        balls.append(Ball(k, (numbers[0], numbers[1], numbers[2]), behind, turn))
+        balls.append(Ball(k, (numbers[0], numbers[1], numbers[2]), turn))
     rows = list(loop.rows)
     for ball in balls:
         rows[ball.row] = replace(rows[ball.row], ahead=ball.turn.symbol)

@@ -90,16 +90,14 @@ class Ball:
     row
         Its row, counted from 0.
     angles
-        Numbers of the variables theta, eta and alpha; the last one -1 where alpha is constant.
-    behind
-        Where alpha is constant, those of the ball behind, which takes over the idle spin of the link between.
+        Numbers of the variables theta, eta and alpha. Where alpha is constant its number is -1, and the next
+        ball, which takes over the idle spin of the link between, has all three.
     turn
         The parameter that runs hold: 0, or 90 deg.
     """
 
     row: int
     angles: tuple[int, int, int]
-    behind: tuple[int, ...]
     turn: Quantity
 
 
