@@ -64,7 +64,8 @@ def linkage_sources(bodies: Iterable[str]) -> Sources:
 #: Each of (38a)-(42a), (39)-(43) follows from the rows that cite it, and from those that it contains.
 _ACCELERATIONS = "wx-wy (41a); wz (39a); vx (42a); vy (38a); vz (40a)"
 _CLOSURE_ROWS = (
-    "wx (37a), (42); wy (37c), (42); wz (37e), (40); vx (37b), (43); vy (37d), (39); vz (37f), (41)"
+    "wx (37a), (42); wy (37c), (42); wz (37e), (40); vx (37b), (43); vy (37d), (39); "
+    "vz (37f), in the place of (41), which contradicts it"
 )
 LOOP: Sources = (
     ("rows", "Rahman, table 1"),
@@ -153,7 +154,7 @@ PATHS: Sources = (
     ("slider_momentum_rate_backward", "Rahman (58), corrected: second dots"),
     ("*_momentum_rate_backward", "as Rahman (57), (58), corrected: second dots, axes of eta"),
 )
-#: Of the equilibrium of the links, in letters; each of (69) follows from the rows that cite it.
+#: Of the equilibrium of the links, in letters.
 EQUILIBRIUM: Sources = (
     ("crank_dual_euler", "Rahman (59)"),
     ("rod_dual_euler", "Rahman (60)"),
@@ -166,18 +167,24 @@ EQUILIBRIUM: Sources = (
     ("joint_*_letters", "Rahman (65)-(68)"),
     (
         "crank_equilibrium",
-        "Rahman (62), corrected: -f1; its F2 is -F2; fx (62a), (69i)-(69k); mx (62b), (69p), (69q); "
-        "fy (62c), (69g); my (62d), (69p), (69q); fz (62e), (69a); mz (62f), (69g), (69i), (69j)",
+        "Rahman (62), corrected: -f1; F2 in it is -F2 here; fx (62a), (69k); mx (62b); fy (62c); my (62d); "
+        "fz (62e); mz (62f)",
     ),
     (
         "rod_equilibrium",
-        "Rahman (63) times -1; its F2 is -F2; fx (63a), (69l); mx (63b); fy (63c), (69b); "
-        "my (63d), (69c); fz (63e), (69c); mz (63f), (69b), (69h)",
+        "Rahman (63) times -1; F2 in it is -F2 here; fx (63a); mx (63b); fy (63c); my (63d); fz (63e); "
+        "mz (63f)",
     ),
     (
         "slider_equilibrium",
-        "Rahman (64), corrected: -f3; its F4 is -F4; fx (64a), (69o); mx (64b), (69d); fy (64c), (69n); "
-        "my (64d), (69e); fz (64e), (69m); mz (64f), (69f)",
+        "Rahman (64), corrected: -f3; F4 in it is -F4 here; fx (64a); mx (64b); fy (64c); my (64d); "
+        "fz (64e); mz (64f)",
+    ),
+    (
+        "joint_components",
+        "Rahman (69a)-(69q), corrected: signs of f; F2, F4 in it are -F2, -F4 here; F2_k (69a); F3_j (69b); "
+        "F3_k (69c); T4_i (69d); T4_j (69e); T4_k (69f); F2_j (69g); F2_i (69h); F1_i (69i); F1_j (69j); "
+        "F3_i (69l); F4_k (69m); F4_j (69n); F4_i (69o); T1_j (69p); T1_i (69q)",
     ),
     ("*_equilibrium", "Rahman (62)-(64), corrected: signs of f"),
 )

@@ -261,8 +261,8 @@ def test_letters_of_shared_vectors_are_explained_once():
 
 
 def test_the_heading_of_rows_names_those_that_are_shown():
-    assert shown("slider_crank", "69c").startswith("rod_equilibrium: rows fz, my: wrenches")
-    assert shown("slider_crank", "69c", "--rows", "my").startswith("rod_equilibrium: row my: wrenches")
+    assert shown("vertical_rods", "10a").startswith("lower_moment: rows lower_t1, lower_t2: rate")
+    assert shown("vertical_rods", "10a", "--rows", "lower_t1").startswith("lower_moment: row lower_t1: rate")
 
 
 @pytest.mark.parametrize(

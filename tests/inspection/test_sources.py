@@ -62,13 +62,17 @@ def test_every_matrix_states_its_source(name):
         ("four_bar", "constraints", "Attia (3a) halved"),
         ("elastic_slider_crank", "constraints", "Attia (3a) halved; guide_* (16b)"),
         ("rod_spatial", "acceleration_rhs", "Attia (5a), right side"),
-        ("four_bar", "momentum_rows.crank_moment", "Attia (12), corrected"),
-        ("triple_pendulum", "momentum_rows.BC_moment", "Attia (9), (12), corrected"),
+        (
+            "four_bar",
+            "momentum_rows.crank_moment",
+            "Attia (12), the masses at a joint are those of both rods",
+        ),
+        ("triple_pendulum", "momentum_rows.BC_moment", "Attia (9), (12)"),
         (
             "vertical_rods",
             "momentum_rows.lower_moment",
-            "Attia (10), (13), corrected; lower_t1 (10a), (13a), t1 for u_bar; "
-            "lower_t2 (10b), (13b), t2 for u_hat",
+            "Attia (10), (13), corrected: couples across the rod; lower_t1-lower_t2 (10a), (13a), (10b), (13b): "
+            "a pair across lower in the place of u_bar and u_hat",
         ),
         (
             "rod_spatial",
@@ -76,7 +80,7 @@ def test_every_matrix_states_its_source(name):
             "Attia, section 2.2, corrected; u_bar (8a), printed as (1); u_hat (8b), printed as (2)",
         ),
         ("four_bar", "momentum_rows.crank_length", "Attia (14)"),
-        ("four_bar", "momentum_rows.O_momentum", "Attia (15), corrected"),
+        ("four_bar", "momentum_rows.O_momentum", "Attia (15), the masses at a joint are those of both rods"),
         ("slider_crank", "row_1_transform", "Rahman (1)"),
         ("slider_crank", "row_2_transform", "Rahman (2)"),
         ("slider_crank", "row_3_transform", "Rahman (3)"),

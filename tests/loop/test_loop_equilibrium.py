@@ -102,7 +102,7 @@ def test_derived_wrenches_meet_it(scene):
 
 def test_it_is_shown_with_its_number_and_in_the_record():
     text = " ".join(call("show", "slider_crank", "rod_equilibrium").split())
-    assert "Rahman (63) times -1; its F2 is -F2" in text
+    assert "Rahman (63) times -1; F2 in it is -F2 here" in text
     assert "F2_i i component of the force of crank on rod at joint 2 [N]" in text
     assert "crank_equilibrium" in call("show", "slider_crank", "derivation")
     model = symgen.build("slider_crank")

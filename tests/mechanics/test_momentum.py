@@ -424,15 +424,17 @@ def test_rows_of_a_chain_are_printed_by_the_masses_of_its_particles():
     """Coefficients of Eqs. (9), (12), (15) by m1, m2, m3 of each rod; their values are those of section 2.1."""
     system = Subject("triple_pendulum", {}).choose("momentum_rows").system
     known = {d.quantity.symbol: d.expression for d in system.definitions}
-    s = {x.name: x for m in system.matrices for x in m.matrix.free_symbols} | {x.name: x for x in known}
-    half, quarter = sp.Rational(1, 2), sp.Rational(1, 4)
+    s = {x.name: x for m in system.matrices for x in m.matrix.free_symbols}
+    s |= {x.name: x for definition in known.items() for e in definition for x in e.free_symbols}
+    half = sp.Rational(1, 2)
     (row,) = [m for m in system.matrices if m.name == "O_momentum"]
     joint = s["m3_AB"] + s["m2_AB"] * half + s["m2_BC"] * half + s["m1_BC"]
     assert row.matrix[0].coeff(s["B_ax"]) == joint
     assert row.matrix[0].coeff(s["C_ax"]) == s["m3_BC"] + s["m2_BC"] * half
-    d = s["BC_dx"]
-    assert known[s["BC_B_lever_x"]] == s["m2_BC"] * d * quarter
-    assert sp.expand(known[s["BC_C_lever_x"]] - (s["m3_BC"] + s["m2_BC"] * quarter) * d) == 0
+    b, c, r2 = s["B_x"], s["C_x"], s["r2_BC_x"]
+    assert sp.expand(known[s["BC_B_lever_x"]] - s["m2_BC"] * half * (r2 - b)) == 0
+    assert sp.expand(known[s["BC_C_lever_x"]] - s["m3_BC"] * (c - b) - s["m2_BC"] * half * (r2 - b)) == 0
+    assert sp.expand(known[r2].xreplace(known) - (b + c) * half) == 0
     values = {str(x): x for e in known.values() for x in e.free_symbols}
     of_rod = (values[f"{x}_BC"] for x in ("m", "l", "s", "I"))
     masses = particle_masses(*of_rod)
@@ -525,7 +527,9 @@ def test_show(tmp_path):
 def test_every_symbol_and_row_has_a_unit_and_a_source():
     rows = momentum_rows(random_scene((3, "tree", 5, False))[1])
     assert (
-        rows["L0_moment"].source.startswith("Attia (13), corrected; L0_t1 (13a)")
+        rows["L0_moment"].source.startswith(
+            "Attia (13), corrected: couples across the rod; L0_t1-L0_t2 (13a)"
+        )
         and rows["L0_moment"].unit == "N*m"
     )
     assert all(x.unit and x.description for x in rows.quantities())

@@ -9,6 +9,7 @@ from symgen.mechanics.loop.dual_euler import balance, rate_in_space
 from symgen.mechanics.loop.dual_rows import row_transform
 from symgen.mechanics.sources import EQUILIBRIUM
 from symgen.models.loop.derivation import REFERENCE, LoopDerivation, named
+from symgen.models.loop.solved_wrenches import is_slider_crank, solved_wrenches
 from symgen.scene.loop.loop import Loop
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.quantity import Quantity, quantity
@@ -89,6 +90,14 @@ def equilibrium_system(loop: Loop) -> System:
         )
         for k, link in enumerate(model.links)
     ]
+    if is_slider_crank(loop.rows, _turning(loop)):
+        solved = solved_wrenches(
+            loop.rows,
+            [dict(zip(_ROWS, m.matrix, strict=True)) for m in equilibrium],
+            {x.name.rstrip("_"): x.symbol for x in chain(*joints, *inertia)},
+        )
+        about = "components of the joint wrenches one after another, each by those before it and by inertia"
+        equilibrium.append(named("joint_components", list(solved.values()), "N, N*m", about, tuple(solved)))
     return System(
         f"{loop.name}_equilibrium",
         "Dual Euler equations and equilibrium of the links",

@@ -116,12 +116,20 @@ class Outboard:
         """Yield every particle: mass, how it moves, and where it is."""
         for body in bodies:
             link = self.link[body]
-            for mass, x, y in self.particles(link):
-                yield mass, self.shares(link, x, y), self.place(link, x, y)
+            for p in self.particles(link):
+                yield p.mass, self.shares(link, p.along, p.across), self._of_particle(link, p)
         inside = set(points)
         for placed in self.linkage.masses:
             if placed.point in inside:
                 yield placed.mass, self.weights(placed.point), self.model.position(placed.point)
+
+    def _of_particle(self, link: RigidLink, p: Particle) -> Vector:
+        """Return the position of a particle of a link [m]; away from the ends it has letters of its own."""
+        if p.across == 0 and p.along in (ZERO, ONE):
+            return self.model.position(link.end if p.along else link.start)
+        about = f"position of the particle {p.number} of {link.name}, {_PLACES[p.number]}"
+        place = zip(self.model.axes, self.place(link, p.along, p.across), strict=True)
+        return tuple(self.define(f"r{p.number}_{link.name}_{a}", r, "m", f"{a} {about}") for a, r in place)
 
     def pushes(self, bodies: Iterable[str], points: Iterable[str]) -> Iterator[Push]:
         """Yield every force on these bodies and points from outside of them."""

@@ -178,7 +178,10 @@ class MomentumForm(Outboard):
         noun = f"{', '.join(bodies)} beyond {point}" if bodies else point
         about = f"rate of the linear momentum of {noun}, less the loads"
         rows = MomentumRows(
-            f"{point}_momentum", "N", about + (" and the reaction" if ground else ""), "Attia (15), corrected"
+            f"{point}_momentum",
+            "N",
+            about + (" and the reaction" if ground else ""),
+            f"Attia (15){_AT_JOINTS}",
         )
         pushes = list(self.pushes(bodies, points))
         masses = list(self.masses(bodies, points))
@@ -333,14 +336,18 @@ class MomentumForm(Outboard):
         ]
 
 
+#: What (12), (13) and (15) leave to the reader, and the numbers of the paper assume.
+_AT_JOINTS = ", the masses at a joint are those of both rods"
+
+
 def _moment_source(body: str, carries: bool, in_space: bool) -> str:
     """Return the equations of the moments of a body; those of a last one are (9), (10) and (12), (13)."""
     if not in_space:
-        return "Attia (12), corrected" if carries else "Attia (9), (12), corrected"
+        return f"Attia (12){_AT_JOINTS}" if carries else "Attia (9), (12)"
     numbers = ("13",) if carries else ("10", "13")
     whole, first, second = (", ".join(f"({n}{letter})" for n in numbers) for letter in ("", "a", "b"))
-    directions = f"{body}_t1 {first}, t1 for u_bar; {body}_t2 {second}, t2 for u_hat"
-    return f"Attia {whole}, corrected; {directions}"
+    pair = f"{body}_t1-{body}_t2 {first}, {second}: a pair across {body} in the place of u_bar and u_hat"
+    return f"Attia {whole}, corrected: couples across the rod; {pair}"
 
 
 def motion_groups(model: RodsModel) -> tuple[Group, ...]:
