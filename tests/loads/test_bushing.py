@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import symgen
 from symgen.errors import SceneError
@@ -41,7 +42,13 @@ PLANE = {
 }
 
 
-def plane_motion(times, k=900.0, kr=7.0):
+#: Independent coordinates, and their values and rates at the start: velocities that rates of links leave open vanish
+#: by least kinetic energy, so that the centre of BC is at rest.
+FREE = ["OA.angle", "BC.angle", "B.position.x", "B.position.y"]
+START = [np.arctan2(0.3, 0.4), np.arctan2(-0.8, 0.6), 0.42, 0.29, 2.0, -3.0, 1.2, 0.9]
+
+
+def plane_motion(times, k=900.0, kr=7.0, *start):
     """Places of A, B and C at the times by the angles of both links and the centre of BC."""
     l1, l2, m1, m2, g, slack = 0.5, 1.0, 1.2, 0.8, 9.81, -1.2
 
@@ -64,11 +71,9 @@ def plane_motion(times, k=900.0, kr=7.0):
         fast = [of_oa / (m1 * l1**2 / 3), of_bc / (m2 * l2**2 / 12)]
         return np.concatenate([[wa, wb], v, fast, force / m2 - [0, g]])
 
-    a, b = np.arctan2(0.3, 0.4), np.arctan2(-0.8, 0.6)
-    start = np.array([0.42, 0.29])
-    (_, _), (e2, _) = unit(a), unit(b)
-    # As many velocities as rates leave open vanish by least kinetic energy: the centre of BC is at rest.
-    y0 = np.concatenate([[a, b], start + l2 / 2 * e2, [2.0, -3.0], [0.0, 0.0]])
+    y0 = np.array(start or START)
+    e2, n2 = unit(y0[1])
+    y0[2:4], y0[6:] = y0[2:4] + l2 / 2 * e2, y0[6:] + l2 / 2 * y0[5] * n2
     found = solve_ivp(rate, (0, times[-1]), y0, t_eval=times, rtol=1e-12, atol=1e-12, method="DOP853").y
     ends = [unit(x) for x in found[:2]]
     of_a, centre, e2 = l1 * ends[0][0], found[2:4], ends[1][0]
@@ -90,15 +95,30 @@ def test_many_runs_in_the_plane_are_those_of_one():
         assert places[-1] == pytest.approx(plane_motion(ends, k)[2][-1], abs=1e-6)
 
 
-def test_derivatives_along_a_run_are_those_of_the_minimal_equations():
+@pytest.mark.parametrize("outputs", [["C.position.x"], ["C.position.x", "C.position.y"]])
+def test_derivatives_along_a_run_are_those_of_the_minimal_equations(outputs):
+    """One output by ten directions is taken back along the steps, two go forward."""
+    by = ["k", "kr", *FREE, *(f"{name}'" for name in FREE)]
+    options = {"coordinates": FREE, "t_end": 0.6, "rtol": 1e-12, "atol": 1e-13}
+    found = symgen.build(symgen.Scene(**PLANE)).sensitivity(outputs, by, **options).derivatives[0]
+    ends, values = np.array([0.0, 0.6]), np.array([900.0, 7.0, *START])
+    for j, h in enumerate(1e-3 * np.abs(values)):
+        at = (plane_motion(ends, *(values + s * h * np.eye(10)[j]))[2][-1] for s in (-2, -1, 1, 2))
+        expected = np.array([1, -8, 8, -1]) @ np.array([*at]) / (12 * h)
+        assert found[:, j] == pytest.approx(expected[: len(outputs)], rel=1e-7, abs=1e-9)
+
+
+def test_the_softest_bushing_that_holds_a_link_is_found_by_exact_gradients():
+    """Its stiffness is that at which the minimal equations reach the bound."""
+    bound = 0.5 * sum(plane_motion(np.array([0.0, 0.2]), k)[2][-1][1] for k in (300.0, 900.0))
     model = symgen.build(symgen.Scene(**PLANE))
-    outputs = ["C.position.x", "C.position.y"]
-    options = {"coordinates": ["OA.angle", "BC.angle", "B.position.x", "B.position.y"], "t_end": 0.6}
-    found = model.sensitivity(outputs, ["k", "kr"], rtol=1e-12, atol=1e-13, **options).derivatives[0]
-    ends, h = np.array([0.0, 0.6]), 1e-4
-    for j, (k, kr) in enumerate(((900 * h, 0.0), (0.0, 7 * h))):
-        up, down = (plane_motion(ends, 900 + s * k, 7 + s * kr)[2][-1] for s in (1, -1))
-        assert found[:, j] == pytest.approx((up - down) / (2 * (k + kr)), rel=1e-5)
+    run = {"t_end": 0.2, "rtol": 1e-10, "atol": 1e-12, "samples": 2}
+    found = model.optimise(
+        {"k": (300.0, 900.0)}, "k", {"C.position.final.y": (bound, None)}, "simulate", **run
+    )
+    expected = brentq(lambda k: plane_motion(np.array([0.0, 0.2]), k)[2][-1][1] - bound, 300.0, 900.0)
+    assert found.converged and found.gradients == "exact"
+    assert found.parameters["k"] == pytest.approx(expected, rel=1e-7)
 
 
 def body(name, points, centre, mass, moments):

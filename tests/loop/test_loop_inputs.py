@@ -182,7 +182,7 @@ def test_states_and_names_that_a_loop_does_not_have_are_refused(model, state):
         model.state({"S1": 2.0})
     with pytest.raises(ModelError, match="has no input 'G'"):
         model.linearise(inputs=["G"])
-    with pytest.raises(ModelError, match="expected 2 different coordinates"):
+    with pytest.raises(ModelError, match="expected 2 independent coordinates"):
         model.linearise(coordinates=["S4"])
     with pytest.raises(ModelError, match="does not close cssp_driven: by 8.7e-02"):
         moved = state.q.copy()

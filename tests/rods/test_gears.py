@@ -46,14 +46,16 @@ def pulled(angle):
     return -1.5 * 9.81 * ARM * np.cos(np.pi / 2 + RATIO * angle)
 
 
-def swing(times, j=0.05, torque=1.2):
+def swing(times, j=0.05, torque=1.2, drag=0.0, spring=0.0, start=0.0, spin=0.0):
     """Angle of the pinion from its drawing, its rate and acceleration, by one equation of motion."""
     whole = 0.004 + RATIO**2 * (j + 1.5 * ARM**2)
 
     def rate(_, y):
-        return [y[1], (torque + RATIO * pulled(y[0])) / whole]
+        return [y[1], (torque - drag * y[1] - spring * y[0] + RATIO * pulled(y[0])) / whole]
 
-    y = solve_ivp(rate, (0, times[-1]), [0, 0], t_eval=times, rtol=1e-12, atol=1e-13, method="DOP853").y
+    y = solve_ivp(
+        rate, (0, times[-1]), [start, spin], t_eval=times, rtol=1e-12, atol=1e-13, method="DOP853"
+    ).y
     return y[0], y[1], np.array([rate(0, row)[1] for row in y.T])
 
 
@@ -173,15 +175,61 @@ def test_a_planetary_gear_with_its_ring_on_the_ground():
     assert 0.3 * np.asarray(forces["R.reaction"])[:, 1] == pytest.approx((1 - ratio) * moment, rel=1e-10)
 
 
-def test_derivatives_along_a_run_are_those_of_one_equation():
-    scene = TRAIN | {"torques": [{"link": "pinion", "torque": "1.2 N*m"}]}
-    model = symgen.build(symgen.Scene(**scene))
-    options = {"coordinates": ["pinion.angle"], "t_end": 1.0, "rtol": 1e-12, "atol": 1e-13}
-    found = model.sensitivity(["B.position.x", "B.position.y"], ["j"], **options).derivatives[0][:, 0]
-    ends = np.array([0.0, 1.0])
-    up, down = (START + swing(ends, j)[0][-1] for j in (0.05 + 1e-5, 0.05 - 1e-5))
-    expected = 0.1 * np.array([np.cos(up) - np.cos(down), np.sin(up) - np.sin(down)]) / 2e-5
-    assert found == pytest.approx(expected, rel=1e-5)
+#: Parameters of the train under loads.
+LOADED = {"j": "0.05 kg*m^2", "torque": "1.2 N*m", "drag": "0.02 N*m*s", "spring": "0.03 N*m"}
+
+
+def loaded():
+    """The train with a torque, a drag and a torsion spring on the pinion."""
+    values = LOADED | {"m": "2 kg"}
+    tunable = {name: {"value": value, "tunable": True} for name, value in values.items()}
+    return TRAIN | {
+        "parameters": tunable,
+        "links": TRAIN["links"] | {"wheel": TRAIN["links"]["wheel"] | {"mass": "m"}},
+        "torques": [{"link": "pinion", "torque": "torque - drag*pinion.rate"}],
+        "torsion_springs": [{"link": "pinion", "stiffness": "spring", "angle": float(START)}],
+    }
+
+
+@pytest.mark.parametrize(
+    ("options", "exact"),
+    [({"rtol": 1e-12, "atol": 1e-13}, 1e-8), ({"method": "radau5", "rtol": 1e-12, "atol": 1e-13}, 1e-8)],
+)
+@pytest.mark.parametrize("outputs", [["B.position.y"], ["B.position.x", "B.position.y"]])
+def test_derivatives_along_a_run_are_those_of_one_equation(outputs, options, exact):
+    """One output by seven directions is taken back along explicit steps, two go forward."""
+    by = [*LOADED, "pinion.angle", "pinion.angle'", "m"]
+    model = symgen.build(symgen.Scene(**loaded()))
+    how = {"coordinates": ["pinion.angle"], "t_end": 0.5} | options
+    found = model.sensitivity(outputs, by, **how).derivatives[0]
+    ends, values = np.array([0.0, 0.5]), np.array([0.05, 1.2, 0.02, 0.03, 0.0, 0.0])
+    for j, h in enumerate([5e-5, 1e-3, 2e-5, 3e-5, 1e-3, 1e-3]):
+        angles = np.array([swing(ends, *(values + s * h * np.eye(6)[j]))[0][-1] for s in (-2, -1, 0, 1, 2)])
+        by_angle = 0.1 * np.array([-np.sin(START + angles[2]), np.cos(START + angles[2])])
+        expected = by_angle * (np.array([1, -8, 0, 8, -1]) @ angles / (12 * h))
+        assert found[:, j] == pytest.approx(expected[-len(outputs) :], rel=exact)
+    assert found[:, -1] == pytest.approx(0.0, abs=1e-9)  # the mass of the wheel, at its axis
+
+
+def test_the_least_torque_that_lifts_the_weight_is_found_by_exact_gradients():
+    """It is that at which the one equation reaches the bound."""
+
+    def height(torque):
+        return 0.1 + ARM * np.sin(
+            np.pi / 2 + RATIO * swing(np.array([0.0, 0.3]), torque=torque, drag=0.02)[0][-1]
+        )
+
+    tables = loaded()
+    del tables["torsion_springs"], tables["parameters"]["spring"]
+    model = symgen.build(symgen.Scene(**tables))
+    run = {"t_end": 0.3, "rtol": 1e-10, "atol": 1e-12, "samples": 2}
+    bound = (height(0.5) + height(2.0)) / 2
+    found = model.optimise(
+        {"torque": (0.5, 2.0)}, "torque", {"D.position.final.y": (None, bound)}, "simulate", **run
+    )
+    expected = brentq(lambda x: height(x) - bound, 0.5, 2.0)
+    assert found.converged and found.gradients == "exact"
+    assert found.parameters["torque"] == pytest.approx(expected, rel=1e-7)
 
 
 def test_a_spring_holds_a_gear_train_in_equilibrium_and_swings_with_one_frequency():

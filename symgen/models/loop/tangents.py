@@ -3,7 +3,7 @@
 Every quantity x of the derivation has a tangent dx, linear in the tangents of variables, rates,
 accelerations, closing wrench and parameters, which follow the others in ``work``; the time is held.
 Derivatives by parameters follow from these by solving a linear system for each of variables, rates,
-accelerations and wrench: :mod:`symgen.runtime.loop.derivatives.poses`.
+accelerations and wrench: :mod:`symgen.runtime.linearisation.tangents`.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, with_outputs
-from symgen.runtime.linearisation.state_space import Tangents, check_unique
+from symgen.runtime.linearisation.tangents import Tangents
 from symgen.runtime.linearisation.vibration import spectrum
 
 #: The part of a constraint's slopes within which others agree, and of stiffness below which it is neutral.
@@ -28,9 +28,11 @@ _REFINED = 3
 
 
 def at_pose(
-    tangents: Tangents, outputs: Sequence[str], parameters: Sequence[str], coordinates: Sequence[str]
+    tangents: Tangents, outputs: Sequence[str], by: Sequence[str], coordinates: Sequence[str]
 ) -> Sensitivity:
-    """Return the derivatives of outputs while drives, coordinates and their rates are held.
+    """Return the derivatives of outputs by parameters, or by coordinates and their rates.
+
+    Drives, and the coordinates and rates that do not vary, are held.
 
     Raises
     ------
@@ -40,45 +42,58 @@ def at_pose(
         When a derivative is not finite.
     """
     tangents.check_closed()
-    dq, du = _moved(tangents, parameters, coordinates)
-    residual, by = tangents.slopes.residual, tangents.columns(parameters)
-    dw = tangents.solved(residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du + residual[:, by])
-    return _of_outputs(tangents, outputs, parameters, dq.astype(float), du.astype(float), dw)
+    return _of_outputs(tangents, outputs, by, *moved_motion(tangents, by, coordinates))
 
 
-def moved_pose(
-    tangents: Tangents, parameters: Sequence[str], coordinates: Sequence[str]
-) -> tuple[Array, Array]:
-    """Return dq and du by the parameters, each (n, parameters), while coordinates and their rates are held.
+def moved_pose(tangents: Tangents, by: Sequence[str], coordinates: Sequence[str]) -> tuple[Array, Array]:
+    """Return dq and du, each (n, directions), by parameters, or by coordinates and their rates.
+
+    The coordinates and rates that do not vary are held.
 
     Raises
     ------
     ModelError
         As :meth:`Tangents.directions`; for a parameter that breaks redundant constraints.
     """
-    dq, du = _moved(tangents, parameters, coordinates)
+    dq, du = _moved(tangents, by, coordinates)
     return dq.astype(float), du.astype(float)
 
 
+def moved_motion(
+    tangents: Tangents, by: Sequence[str], coordinates: Sequence[str]
+) -> tuple[Array, Array, Array]:
+    """Return dq, du and the differentials of accelerations and multipliers; as :func:`moved_pose`."""
+    dq, du = _moved(tangents, by, coordinates)
+    residual = tangents.slopes.residual
+    left = residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du
+    dw = tangents.solved(left + tangents.direct(residual, by))
+    return dq.astype(float), du.astype(float), dw
+
+
 def _moved(
-    tangents: Tangents, parameters: Sequence[str], coordinates: Sequence[str]
+    tangents: Tangents, by: Sequence[str], coordinates: Sequence[str]
 ) -> tuple[NDArray[np.longdouble], NDArray[np.longdouble]]:
     """Return the same in long double."""
-    slopes, by = tangents.slopes, tangents.columns(parameters)
+    slopes, direct = tangents.slopes, tangents.direct
     unit = tangents.free @ np.linalg.inv(tangents.directions(coordinates))
     places, rates = slopes.rows(coordinates), slopes.rows([f"{name}'" for name in coordinates])
     # Directions of short links follow from small differences of displacements of long ones.
-    dq = _closing(tangents, parameters).astype(np.longdouble)
+    dq = _closing(tangents, by).astype(np.longdouble)
     du = np.zeros_like(dq)
     for again in range(_REFINED):
         if again:
-            opened = slopes.constraints[:, tangents.by_q] @ dq + slopes.constraints[:, by]
+            opened = slopes.constraints[:, tangents.by_q] @ dq + direct(slopes.constraints, by)
             dq = dq - tangents.bound @ (opened / tangents.scale[:, None])
-        dq = dq - unit @ (places[:, tangents.by_q] @ dq + places[:, by])
+        dq = dq - unit @ (places[:, tangents.by_q] @ dq + direct(places, by))
     for _ in range(_REFINED):
-        moved = slopes.rates[:, tangents.by_q] @ dq + slopes.rates[:, by] + tangents.jacobian @ du
+        moved = slopes.rates[:, tangents.by_q] @ dq + direct(slopes.rates, by) + tangents.jacobian @ du
         du = du - tangents.bound @ (moved / tangents.scale[:, None])
-        du = du - unit @ (rates[:, tangents.by_q] @ dq + rates[:, tangents.by_u] @ du + rates[:, by])
+        left = rates[:, tangents.by_q] @ dq + rates[:, tangents.by_u] @ du
+        du = du - unit @ (left + direct(rates, by))
+    initial = [*coordinates, *(f"{name}'" for name in coordinates)]
+    if varied := {k: initial.index(x) for k, x in enumerate(by) if x not in tangents.parameters}:
+        by_z, columns = tangents.independent(coordinates), [*varied.values()]
+        dq[:, [*varied]], du[:, [*varied]] = (x[:, columns] for x in by_z)
     return dq, du
 
 
@@ -98,9 +113,9 @@ def at_equilibrium(
     ModelError
         For a neutral equilibrium; for a parameter that breaks redundant constraints; as :func:`spectrum`.
     """
-    n, by = tangents.n, tangents.columns(parameters)
+    n = tangents.n
     force = tangents.slopes.residual[:n]
-    by_q = force[:, tangents.by_q]
+    by_q, direct = force[:, tangents.by_q], tangents.direct(force, parameters)
     dq = _closing(tangents, parameters)
     stiffness = tangents.free.T @ by_q @ tangents.free
     _, sizes, right = np.linalg.svd(stiffness)
@@ -113,9 +128,9 @@ def at_equilibrium(
             "  Add a spring or a drive; or hold independent coordinates: give equilibrium.state for at, with "
             "coordinates."
         )
-    unbalanced = by_q @ dq + force[:, by]
+    unbalanced = by_q @ dq + direct
     dq = dq - tangents.free @ np.linalg.solve(stiffness, tangents.free.T @ unbalanced)
-    multipliers = (tangents.bound.T @ (by_q @ dq + force[:, by])) / tangents.scale[:, None]
+    multipliers = (tangents.bound.T @ (by_q @ dq + direct)) / tangents.scale[:, None]
     still = np.zeros_like(dq)
     result = _of_outputs(tangents, outputs, parameters, dq, still, np.vstack([still, multipliers]))
     result = replace(result, at_equilibrium=True)
@@ -127,42 +142,42 @@ def at_equilibrium(
     return result
 
 
-def _closing(tangents: Tangents, parameters: Sequence[str]) -> Array:
-    """Return the minimum-norm change of the pose that keeps the constraints, (n, parameters)."""
-    slopes, d, by = tangents.slopes, tangents.description, tangents.columns(parameters)
+def _closing(tangents: Tangents, by: Sequence[str]) -> Array:
+    """Return the minimum-norm change of the pose that keeps the constraints, (n, directions)."""
+    slopes, d = tangents.slopes, tangents.description
     scaled = slopes.constraints / tangents.scale[:, None]
     size = np.max(np.abs(scaled[:, tangents.by_q]), axis=1, initial=1.0)
     other = np.abs(slopes.constraints[:, tangents.by_q] - tangents.jacobian) / tangents.scale[:, None]
     for row in map(int, np.flatnonzero(np.max(other, axis=1, initial=0.0) > _EQUAL * size)):
         raise ModelError(f"derivatives by parameters are not available with {d.labels[row]}")
-    dq = -tangents.bound @ scaled[:, by]
-    left = np.abs(scaled[:, tangents.by_q] @ dq + scaled[:, by])
-    allowed = _EQUAL * np.max(np.abs(scaled[:, by]), axis=0, initial=1e-300)
+    direct = tangents.direct(scaled, by)
+    dq = -tangents.bound @ direct
+    left = np.abs(scaled[:, tangents.by_q] @ dq + direct)
+    allowed = _EQUAL * np.maximum(np.max(np.abs(direct), axis=0, initial=0.0), tangents.least_openings(by))
     for column in map(int, np.flatnonzero(np.any(left > allowed, axis=0))):
         row = int(np.argmax(left[:, column]))
-        raise ModelError(
-            f"a change of {parameters[column]} alone contradicts the redundant constraints: {d.labels[row]}\n"
-            "  Give parameters that keep them redundant."
-        )
+        raise ModelError(f"a change of {by[column]} alone {tangents.contradicts(row)}")
     return np.asarray(dq)
 
 
 def _of_outputs(
-    tangents: Tangents, outputs: Sequence[str], parameters: Sequence[str], dq: Array, du: Array, dw: Array
+    tangents: Tangents, outputs: Sequence[str], by: Sequence[str], dq: Array, du: Array, dw: Array
 ) -> Sensitivity:
     slopes = tangents.slopes
     shown = [x for name in outputs for x in slopes.scalars(name)]
-    check_unique(tangents, shown)
+    tangents.check_unique(shown)
     rows = slopes.rows(shown)
     derivatives = (
         rows[:, tangents.by_q] @ dq
         + rows[:, tangents.by_u] @ du
         + rows[:, tangents.by_solution] @ dw
-        + rows[:, tangents.columns(parameters)]
+        + tangents.direct(rows, by)
     )
     units = {name: slopes.units[name] for name in shown}
     values = np.array([slopes.values[name] for name in shown])
-    return sensitivity_of(tangents.description, units, parameters, values, derivatives, tangents.state.t)
+    return sensitivity_of(
+        tangents.description, units, by, values, derivatives, tangents.state.t, slopes.units
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,9 +195,7 @@ class Jump:
     direct: Array
 
 
-def jumps_between(
-    branches: Array, tangents: Callable[[int, int], Tangents], by: tuple[Sequence[str], int]
-) -> list[Jump]:
+def jumps_between(branches: Array, tangents: Callable[[int, int], Tangents], by: Sequence[str]) -> list[Jump]:
     """Return the jumps of derivatives at switching points, in the order of the steps that end there.
 
     Parameters
@@ -192,7 +205,7 @@ def jumps_between(
     tangents
         Returns the linearised motion at the state after a step, with the branches after another.
     by
-        Names of the parameters among the directions, and number of directions.
+        Names of the directions.
     """
     crossings = []
     for i in (np.flatnonzero(np.any(np.diff(branches, axis=0), axis=1)) + 1).tolist():
@@ -200,24 +213,19 @@ def jumps_between(
         change = before.moving - after.moving
         if np.any(change):
             (switch,) = np.flatnonzero(branches[i] - branches[i - 1])
-            crossings.append(Jump(i, change, *passing(before, f"switch.{switch}", *by)))
+            crossings.append(Jump(i, change, *passing(before, f"switch.{switch}", by)))
     return crossings
 
 
-def passing(at: Tangents, gap: str, parameters: Sequence[str], directions: int) -> tuple[Array, Array]:
+def passing(at: Tangents, gap: str, by: Sequence[str]) -> tuple[Array, Array]:
     """Return the derivatives of the time [s] at which a gap passes zero, by the state and by directions."""
-    row, direct = at.slopes.outputs[gap], np.zeros(directions)
+    row = at.slopes.outputs[gap]
     rate = row[: 2 * at.n] @ at.moving + row[-1]
-    direct[: len(parameters)] = row[at.columns(parameters)] / -rate
-    return row[: 2 * at.n] / -rate, direct
+    return row[: 2 * at.n] / -rate, at.direct(row[None], by)[0] / -rate
 
 
 def total_slopes(
-    end: Tangents,
-    outputs: Sequence[str],
-    parameters: Sequence[str],
-    directions: int,
-    event: str | None = None,
+    end: Tangents, outputs: Sequence[str], by: Sequence[str], event: str | None = None
 ) -> tuple[Array, Array]:
     """Return the slopes of outputs by the state (outputs, 2n), and by the directions at a held state.
 
@@ -226,15 +234,14 @@ def total_slopes(
     rows, residual = end.slopes.rows(outputs), end.slopes.residual
     by_multipliers = rows[:, end.by_solution]
 
-    def total(columns: slice | list[int]) -> Array:
-        return rows[:, columns] + by_multipliers @ end.solved(residual[:, columns])
+    def total(columns: Callable[[Array], Array]) -> Array:
+        return columns(rows) + by_multipliers @ end.solved(columns(residual))
 
-    by_state, direct = total(slice(0, 2 * end.n)), np.zeros((len(outputs), directions))
-    direct[:, : len(parameters)] = total(end.columns(parameters))
+    by_state, direct = total(lambda x: x[:, : 2 * end.n]), total(lambda x: end.direct(x, by))
     if event is None:
         return by_state, direct
-    rate = by_state @ end.moving + total([-1])[:, 0]
-    time = passing(end, event, parameters, directions)
+    rate = by_state @ end.moving + total(lambda x: x[:, -1:])[:, 0]
+    time = passing(end, event, by)
     return tuple(  # type: ignore[return-value]
         np.vstack([by + np.outer(rate, of_time), of_time])
         for by, of_time in zip((by_state, direct), time, strict=True)

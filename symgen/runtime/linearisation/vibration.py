@@ -18,7 +18,7 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.eigenvalues import eigenvalues, in_order, oscillating
-from symgen.runtime.linearisation.state_space import Tangents
+from symgen.runtime.linearisation.tangents import Tangents
 
 #: The matrices of small vibrations.
 _SYSTEM = ("mass_matrix", "stiffness", "damping")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -19,7 +19,7 @@ from symgen.runtime.closure.start import Closed, close_near, counted
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import LoopDescription
-from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed, not_driven
+from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed, moving_at, not_driven
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.motion import rates_at_start
 from symgen.runtime.model.arguments import Derivatives, PosesArguments, RunArguments, takes
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
-    from symgen.runtime.loop.derivatives.free import FreePose
+    from symgen.runtime.loop.derivatives.tangents import LoopTangents
     from symgen.runtime.loop.many.driven import DrivenLoops
     from symgen.runtime.many.runs import Runs
     from symgen.runtime.result.result import Result
@@ -192,54 +192,58 @@ class LoopModel(Model):
     @takes(Derivatives)
     def _sensitivity(self, request: Derivatives) -> Sensitivity:
         from symgen.runtime.linearisation.record import at_times
-        from symgen.runtime.loop.derivatives.poses import sensitivity
+        from symgen.runtime.linearisation.sensitivity import at_pose
 
-        at = request.at
-        if not request.outputs:
+        at, outputs = request.at, tuple(dict.fromkeys(request.outputs))
+        if not outputs:
             raise ModelError("expected outputs to differentiate, got none")
         if not self.is_driven:
-            return self._along_run(request)
+            return self._along_run(request, outputs)
         if isinstance(at, State) or request.t_end is not None or request.of_run:
             raise ModelError(
                 f"the inputs of {self.name} prescribe its motion, so that there is no run: give a time for "
                 "at, or times for t_eval"
             )
         by = self._differentiated(request.parameters)
-        kernels = self._tangents("loop_sensitivity", request.outputs)
-        begin = self.closed_start()
+        tangents = self._tangents("loop_sensitivity", outputs)
+        first = self.closed_start()
 
         def derivatives(times: Sequence[float]) -> list[Sensitivity]:
-            return sensitivity(self.kernels, kernels, begin, times, by)
+            begin, results = first, []
+            for t in times:
+                q, u = moving_at(self.kernels, begin, t)[: 2 * len(begin.q)].reshape(2, -1)
+                results.append(at_pose(tangents(self._as_state(t, q, u)), outputs, by, ()))
+                begin = Closed(t, q.copy(), begin.rank)
+            return results
 
         t = None if at is None else real(at, "the time of derivatives")
-        return at_times(derivatives, t, request.t_eval, begin.t)
+        return at_times(derivatives, t, request.t_eval, first.t)
 
-    def _along_run(self, request: Derivatives) -> Sensitivity:
+    def _along_run(self, request: Derivatives, outputs: tuple[str, ...]) -> Sensitivity:
         """Return derivatives along a run under forces; without an end those at the state."""
-        from symgen.runtime.linearisation.runs import StoredTrajectory
-        from symgen.runtime.loop.derivatives.free import FreePose
-        from symgen.runtime.loop.derivatives.runs import at_run, follow, steps_of
+        from symgen.runtime.linearisation.runs import at_run
+        from symgen.runtime.linearisation.sensitivity import at_pose
+        from symgen.runtime.loop.derivatives.runs import LoopSteps, follow
 
-        d, rank = self.description, self.closed_start().rank
+        rank = self.closed_start().rank
         if request.at is not None and not isinstance(request.at, State):
             raise ModelError(f"{self.name} moves freely: give t_end or t_eval for derivatives along its run")
         start = self.initial_state() if request.at is None else request.at
-        free = [d.variables[i].name for i in d.having("free")]
+        free = self._free_names
         by = self._differentiated(request.parameters, [*free, *(f"{name}'" for name in free)])
-        kernels = self._tangents("loop_linearisation", request.outputs)
-
-        def pose(state: State) -> FreePose:
-            return FreePose(self.kernels, kernels, state)
-
+        tangents = self._tangents("loop_linearisation", outputs)
+        at_start = tangents(start)
         if not request.along:
-            y = np.concatenate([start.q, start.u])[None]
-            only = StoredTrajectory(np.array([start.t]), y, np.zeros((1, 0)), (0,))
-            return at_run(only, pose, self.kernels, None, by)
-        pose(start)
+            return at_pose(at_start, outputs, by, free)
         times, chosen = request.run()
         path = follow(self.kernels, rank, start, chosen, times)
-        of_steps = self._kernels_of("loop_variation", (), lanes=True)
-        return at_run(path, pose, self.kernels, steps_of(self.kernels, of_steps, rank, chosen), by)
+        kernels = self._kernels_of("loop_variation", (), lanes=True)
+        steps = LoopSteps(self.kernels, kernels, rank, chosen.method)
+        return at_run(path, lambda state, _: tangents(state), steps, outputs, by, free)
+
+    @property
+    def _free_names(self) -> list[str]:
+        return [self.description.variables[i].name for i in self.description.having("free")]
 
     def state(
         self,
@@ -290,7 +294,8 @@ class LoopModel(Model):
         return self.kernels("position", at.t, at.q, at.u)["closure_jacobian"]
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
-        return self._free_pose(state, ()).mass_matrix(coordinates)
+        names = self._free_names if coordinates is None else list(coordinates)
+        return self._linearised(state, (), names).mass_matrix(names)
 
     def _linearise(
         self,
@@ -299,33 +304,41 @@ class LoopModel(Model):
         outputs: Sequence[str] | None = None,
         coordinates: Sequence[str] | None = None,
     ) -> Linearisation:
+        from symgen.runtime.linearisation.state_space import state_space
+
         d = self.description
         chosen = d.inputs if inputs is None else tuple(inputs)
         for name in chosen:
             check_known(name, d.inputs, f"{self.name} has no input")
-        names = [d.variables[i].name for i in d.having("free")] if coordinates is None else coordinates
-        shown = names if outputs is None else outputs
-        return self._free_pose(at, shown).state_space(chosen, coordinates)
+        names = self._free_names if coordinates is None else list(coordinates)
+        shown = tuple(dict.fromkeys(names if outputs is None else outputs))
+        values = {name: self.parameters[name] for name in chosen}
+        return state_space(self._linearised(at, shown, names), names, True, values, shown)
 
-    def _free_pose(self, at: State | float | None, outputs: Sequence[str]) -> FreePose:
+    def _linearised(
+        self, at: State | float | None, outputs: Sequence[str], coordinates: Sequence[str]
+    ) -> LoopTangents:
         """Return the tangents at a state, at a time of the run from the start [s], or at the start."""
-        from symgen.runtime.loop.derivatives.free import FreePose
-
+        d = self.description
+        known = [v.name for v in d.variables if v.role != "input"]
+        for name in coordinates:
+            check_known(name, known, f"{self.name}: there is no joint variable that is not prescribed")
         if isinstance(at, State):
             state = at
         elif at is None or at == 0.0:
             state = self.initial_state()
         else:
             reached = self.simulate(at, samples=2).final
-            q, u = (
-                np.array([reached[v.name][x] for v in self.description.variables]) for x in ("value", "rate")
-            )
+            q, u = (np.array([reached[v.name][x] for v in d.variables]) for x in ("value", "rate"))
             state = self._as_state(at, q, u)
-        return FreePose(self.kernels, self._tangents("loop_linearisation", outputs), state)
+        return self._tangents("loop_linearisation", outputs)(state)
 
-    def _tangents(self, kind: str, outputs: Sequence[str]) -> LoopKernels:
-        """Return the kernels of an analysis by tangents, of each output once."""
-        return LoopKernels(*self._kernels_of(kind, tuple(dict.fromkeys(outputs))), self.parameter_values)
+    def _tangents(self, kind: str, outputs: Sequence[str]) -> Callable[[State], LoopTangents]:
+        """Return the linearised motion at states, by the kernels of an analysis, of each output once."""
+        from symgen.runtime.loop.derivatives.tangents import LoopTangents
+
+        kernels = LoopKernels(*self._kernels_of(kind, tuple(outputs)), self.parameter_values)
+        return lambda state: LoopTangents(self.kernels, kernels, state)
 
     def _kernels_of(
         self, kind: str, outputs: tuple[str, ...], lanes: bool = False
@@ -337,7 +350,7 @@ class LoopModel(Model):
 
     @takes(RunArguments)
     def _simulate(self, request: RunArguments) -> Result:
-        from symgen.runtime.loop.derivatives.free import check_closed
+        from symgen.runtime.loop.derivatives.tangents import check_closed
         from symgen.runtime.loop.motion import run
 
         chosen = request.options(self.description.t_end, self._type)

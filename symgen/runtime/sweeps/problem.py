@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import combinations, islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symgen.errors import ModelError, SimulationError, SymgenError, nearest
 from symgen.runtime.arrays import Array
+from symgen.runtime.linearisation.state_space import coordinate_choices
 from symgen.runtime.many.dataset import EARLY, RECORDED, along_samples, times_of_samples
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import REDUCTIONS, mean_weights
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 _STEP = 1e-5
 #: Agreement of exact derivatives with differences at the start, over the largest.
 _AGREE = 1e-4
-#: Sets of independent coordinates that are tried.
-_TRIED = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,11 +288,9 @@ class Problem:
         return sensitivity.derivatives[[sensitivity.outputs.index(name) for name in outputs]]
 
     def _at_start(self, model: Any, outputs: list[str]) -> tuple[Array, tuple[str, ...]]:
-        """Return exact derivatives at the start, and angles of links that determine it and are held."""
-        d = model.description
-        angles = [f"{link}.angle" for link in getattr(d, "links", ())] if d.method == "rods" else []
-        count = d.freedom if d.method == "rods" else 0
-        for coordinates in islice(combinations(angles, count), _TRIED):
+        """Return exact derivatives at the start, and coordinates that determine it and are held."""
+        of_linkage = model.description.method in ("rods", "general")
+        for coordinates in coordinate_choices(model) if of_linkage else ():
             with suppress(ModelError):
                 derivatives: Array = model.sensitivity(
                     outputs, list(self.names), coordinates=coordinates

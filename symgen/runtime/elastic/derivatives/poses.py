@@ -30,8 +30,8 @@ from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.elastic.static import quasi_static
 from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, with_outputs
-from symgen.runtime.linearisation.sensitivity import moved_pose
-from symgen.runtime.linearisation.state_space import Tangents
+from symgen.runtime.linearisation.sensitivity import moved_motion
+from symgen.runtime.linearisation.tangents import Tangents
 from symgen.runtime.result.records import Variable, columns, of_names, unknown
 
 #: The part of their size by which frequencies must differ, and by which places along a link may move over it.
@@ -87,14 +87,12 @@ class Pose:
             rigid = rigid.counting(rigid.reached(t))
         tangents: Tangents = rigid._tangents(rigid._state(t, self.q, self.u), (), "sensitivity")
         self.work = np.asarray(tangents.solution)
-        dq, du = moved_pose(tangents, parameters, ())
-        residual, by = tangents.slopes.residual, tangents.columns(parameters)
-        forced = residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du + residual[:, by]
+        dq, du, dw = moved_motion(tangents, parameters, ())
         # Those of all that kernels take: references and branches, which runs set, are constant.
         directions = np.zeros((len(rigid.parameter_values), len(parameters)))
         directions[[[*rigid.parameters].index(name) for name in parameters], range(len(parameters))] = 1.0
         #: Differentials of coordinates, rates, parameters, and accelerations with multipliers.
-        self.moved = [dq, du, directions, tangents.solved(forced)]
+        self.moved = [dq, du, directions, dw]
         self.kernels = {kind: (rigid.analysis(kind), rigid.analysis(kind + _TANGENTS)) for kind in _KINDS}
 
     def add_time(self, later: Array, rate: Array) -> None:

@@ -1,1 +1,1 @@
-"""Derivatives of loops by parameters: in a pose, of free loops, along runs."""
+"""Derivatives of loops: slopes at a state, tangents of steps."""

@@ -10,7 +10,7 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.redundancy import extent
-from symgen.runtime.linearisation.state_space import Tangents
+from symgen.runtime.linearisation.tangents import LinkageTangents
 from symgen.runtime.newton import corrected
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.poses import Poses, counted, references_of
@@ -26,7 +26,7 @@ _WITHIN = 0.382
 
 
 def placed(
-    at: Callable[[float, Array, Array], Tangents],
+    at: Callable[[float, Array, Array], LinkageTangents],
     begin: State,
     values: Mapping[str, float],
     rates: Mapping[str, float],
@@ -118,7 +118,7 @@ def _turned(
 
 
 def _moved(
-    at: Callable[[float, Array, Array], Tangents],
+    at: Callable[[float, Array, Array], LinkageTangents],
     t: float,
     q: Array,
     names: tuple[str, ...],

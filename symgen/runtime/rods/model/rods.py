@@ -29,7 +29,7 @@ from symgen.runtime.rods.start import Start, start
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
-    from symgen.runtime.linearisation.state_space import Tangents
+    from symgen.runtime.linearisation.tangents import LinkageTangents
     from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.forces import Forces
 
@@ -154,12 +154,12 @@ class RodModel(LinkageModel):
 
     def _tangents(
         self, at: State | Equilibrium | None, names: Sequence[str], kind: str = "linearisation"
-    ) -> Tangents:
+    ) -> LinkageTangents:
         """Return the linearised motion at a state, with the derivatives of the outputs ``names``.
 
         At an equilibrium, velocities are zero and the multipliers balance the forces.
         """
-        from symgen.runtime.linearisation.state_space import Tangents
+        from symgen.runtime.linearisation.tangents import LinkageTangents
 
         if (counting := self.counting(at)) is not self:
             return counting._tangents(at, names, kind)
@@ -177,12 +177,13 @@ class RodModel(LinkageModel):
             solution = np.concatenate([still, [at.multipliers[name] for name in d.constraints]])
         by = d.inputs if kind == "linearisation" else tuple(self.parameters)
         kernels = self.analysis(kind, outputs=tuple(names))
-        return Tangents(self._evaluator, kernels, by, state, solution, len(self.redundant))
+        return LinkageTangents(self._evaluator, kernels, by, state, solution, len(self.redundant))
 
     def _placed(
         self, values: Mapping[str, ArrayLike], rates: Mapping[str, ArrayLike], t: float
     ) -> tuple[Array, Array, Array]:
-        from symgen.runtime.linearisation.state_space import Tangents, derivatives
+        from symgen.runtime.linearisation.state_space import derivatives
+        from symgen.runtime.linearisation.tangents import LinkageTangents
         from symgen.runtime.rods.following.placing import placed
 
         d, begin = self.description, self.initial_state()
@@ -195,9 +196,9 @@ class RodModel(LinkageModel):
         kernels = self.analysis("linearisation", outputs=tuple(derivatives(d, (*places,))))
         unsolved = np.zeros(d.coordinates + len(d.constraints))
 
-        def at(when: float, q: Array, u: Array) -> Tangents:
+        def at(when: float, q: Array, u: Array) -> LinkageTangents:
             state = self._state(when, q, u)
-            return Tangents(self._evaluator, kernels, d.inputs, state, unsolved, len(self.redundant))
+            return LinkageTangents(self._evaluator, kernels, d.inputs, state, unsolved, len(self.redundant))
 
         if t == begin.t:
             return placed(at, begin, places, speeds, t, lambda _: {}, ())
@@ -337,17 +338,19 @@ class RodModel(LinkageModel):
     ) -> Sensitivity:
         """Return derivatives along a run; ``names`` are the outputs of the kernels ``sensitivity``."""
         from symgen.runtime.linearisation.runs import at_run, follow
+        from symgen.runtime.linearisation.steps import LinkageSteps
 
         times, chosen = request.run()
         tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
         kernels = self.counting(start)._evaluator
         path = follow(kernels, tangent, len(self.redundant), start, chosen, times)
 
-        def tangents(state: State, references: Array) -> Tangents:
+        def tangents(state: State, references: Array) -> LinkageTangents:
             return self._holding(references)._tangents(state, names, "sensitivity")
 
         kernels = self.analysis("variation", outputs=tuple(request.integrals))
-        return at_run(path, tangents, self._evaluator, kernels, outputs, by, request.coordinates, chosen)
+        steps = LinkageSteps(self._evaluator, kernels, len(self.redundant), chosen.method)
+        return at_run(path, tangents, steps, outputs, by, request.coordinates)
 
     @takes(LinkageForces)
     def _inverse_dynamics(self, request: LinkageForces) -> Forces:

@@ -1,0 +1,207 @@
+"""Tangents of the steps of a stored run, carried forward by all directions, or back from an output.
+
+Compiled code evaluates the stages of each step again with the slopes of the equations of motion: see
+``core/variations.h``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _core
+from symgen.runtime._variations import LinkageVariations, Variations
+from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.integrators.method import Integrator
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.linearisation.sensitivity import Jump
+
+#: Directions at which the transposed steps of one output cost as much as the tangents of all.
+_DIRECTIONS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class StoredTrajectory:
+    """The states between the steps of a run.
+
+    Attributes
+    ----------
+    t, y
+        Times [s] (steps + 1,) and states (steps + 1, 2n).
+    references
+        References of angles in loads and branches of loads that jump, steps + 1 rows.
+    ends
+        Number of steps till each requested time.
+    switches
+        Number of switching points; the last columns of ``references`` are their branches.
+    event
+        The event at which the run ends, by its place in the description.
+    """
+
+    t: Array
+    y: Array
+    references: Array
+    ends: tuple[int, ...]
+    switches: int = 0
+    event: int | None = None
+
+
+class StepTangents(Protocol):
+    """Gives the tangents of steps of a mechanism along directions."""
+
+    #: Units of the integrands by name.
+    integrands: Mapping[str, str]
+    #: Number of further directions, the state, that an implicit method needs.
+    states: int
+
+    def along(self, by: Sequence[str]) -> Variations:
+        """Return the tangents of steps by parameters, and by other names on which the start alone depends."""
+
+
+class LinkageSteps:
+    """The tangents of steps of a linkage.
+
+    Parameters
+    ----------
+    evaluator
+        The kernels of the equations of motion.
+    kernels
+        Those of the analysis ``variation``; its outputs are the integrands.
+    redundant
+        Number of constraints that follow from the others.
+    method
+        The integrator.
+
+    Raises
+    ------
+    ModelError
+        For a repeated integrand; for integrands with an implicit method.
+    """
+
+    def __init__(self, evaluator: Evaluator, kernels: Evaluator, redundant: int, method: Integrator) -> None:
+        self._kernels, self._method = kernels, method
+        self._equations = evaluator.equations(redundant, work_of_loads=False)
+        blocks = kernels.info("integrands").blocks if kernels.has("integrands") else ()
+        names = [b.about for b in blocks]
+        if repeated := next((name for name in names if names.count(name) > 1), None):
+            raise ModelError(f"the integral of {repeated} is given twice\n  Name each integrand once.")
+        self.integrands: Mapping[str, str] = {b.about: b.unit for b in blocks}
+        self.states = 0 if method.kind == "explicit" else 2 * evaluator.description.coordinates
+        if self.states and names:
+            raise ModelError(f"expected an explicit method for integrals, got {method.name}")
+
+    def along(self, by: Sequence[str]) -> Variations:
+        """Return the tangents of steps by parameters, and by other names on which the start alone depends."""
+        entries = _places(self._kernels, [*self.integrands], by)
+        return LinkageVariations(self._equations, self._method, self._kernels, entries, len(by) + self.states)
+
+
+def _places(kernels: Evaluator, integrands: Sequence[str], by: Sequence[str]) -> list[NDArray[np.int_]]:
+    """Return row, column and place of the slopes of residual, Phi, dPhi/dt and integrands."""
+    d = kernels.description
+    state, bound = [*d.of_coordinates(), *d.of_coordinates("v")], [f"{c}_lambda" for c in d.constraints]
+    unknowns = [*d.of_coordinates("a"), *bound]
+    first = len(state) + len(unknowns)
+    columns = {name: first + i for i, name in enumerate(by)}
+    columns |= {name: i for i, name in enumerate([*state, *unknowns])}
+    rows = {"residual": unknowns, "constraints": bound, "rates": bound, "outputs": integrands}
+    entries: dict[str, list[tuple[int, int, int]]] = {name: [] for name in rows}
+    for kernel in ("stage", "closing", "integrand_slopes"):
+        for block in kernels.info(kernel).blocks if kernels.has(kernel) else ():
+            labels = {label: i for i, label in enumerate(rows[block.name])}
+            for k, label in enumerate(block.rows):
+                row, column = label.split()
+                if column in columns:  # other parameters may not be requested
+                    entries[block.name].append((labels[row], columns[column], block.offset + k))
+    return [np.array(each, dtype=np.int_).reshape(-1, 3) for each in entries.values()]
+
+
+def _slices(path: StoredTrajectory, first: int, last: int) -> tuple[Array, Array, Array]:
+    return path.t[first : last + 1], path.y[first : last + 1], path.references[first : last + 1]
+
+
+def _check(status: int, t: Array, count: int) -> None:
+    if status != _core.DONE:
+        at = float(t[min(count, len(t) - 1)])
+        cause = (
+            "the constraints lose rank"
+            if status == _core.SINGULAR
+            else "a number that is not finite appeared"
+        )
+        raise SimulationError(f"no derivatives of the run from t = {at:.9g} s on: {cause}", time=at)
+
+
+def fewer(outputs: int, directions: int) -> bool:
+    """Return whether transposed steps, one after the other for each output, cost less than all tangents."""
+    return outputs * _DIRECTIONS < directions
+
+
+def carried_forward(
+    path: StoredTrajectory, along: Variations, first: Array, integrals: int = 0, jumps: Sequence[Jump] = ()
+) -> tuple[list[tuple[Array, Array]], Array]:
+    """Return derivatives of state and integrals by all directions, and the integrals, at all ends."""
+    count = first.shape[1]
+    moved, summed = np.zeros((len(first), along.columns)), np.zeros((integrals, along.columns))
+    moved[:, :count] = first
+    begin, tangents, sums = 0, [], []
+
+    def go(begin: int, end: int) -> None:
+        part = _slices(path, begin, end)
+        status, count = along.forward(*part, moved, summed)
+        _check(status, part[0], count)
+
+    for end in path.ends if count or integrals else ():
+        for jump in jumps:
+            if begin < jump.step <= end:
+                go(begin, jump.step)
+                begin = jump.step
+                moved[:, :count] += np.outer(jump.change, jump.by_state @ moved[:, :count] + jump.direct)
+        go(begin, end)
+        tangents.append((moved[:, :count].copy(), summed[:, :count].copy()))
+        sums.append(along.sums)
+        begin = end
+    return tangents, np.reshape(sums, (len(path.ends), integrals))
+
+
+def carried_back(
+    path: StoredTrajectory,
+    along: Variations,
+    slopes: Sequence[tuple[Array, Array]],
+    integrals: int,
+    first: Array,
+    jumps: Sequence[Jump] = (),
+) -> list[Array]:
+    """Return derivatives of outputs and integrals at all ends from transposed steps, each output by itself.
+
+    ``slopes`` are those of outputs at each end by the state, and by the directions at a held state.
+    """
+    gradients = []
+    for end, (by_state, direct) in zip(path.ends, slopes, strict=True):
+        passed = [jump for jump in jumps if jump.step <= end]
+        rows = []
+        for seeds in _seeds(by_state, direct, integrals):
+            (seed, weights, gradient), last = seeds, end
+            for jump in (*reversed(passed), None):
+                part = _slices(path, jump.step if jump else 0, last)
+                status, count = along.backward(*part, seed, weights, gradient)
+                _check(status, part[0][::-1], count)
+                if jump:
+                    weight, last = seed @ jump.change, jump.step
+                    seed[:] += weight * jump.by_state
+                    gradient[:] += weight * jump.direct
+            rows.append(gradient + seed @ first)
+        gradients.append(np.array(rows))
+    return gradients
+
+
+def _seeds(by_state: Array, direct: Array, integrals: int) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield seed of the last state, weights of the integrals, and the gradient at a held state."""
+    for row, gradient in zip(by_state, direct, strict=True):
+        yield row.copy(), np.zeros(integrals), gradient.copy()
+    for weights in np.eye(integrals):
+        yield np.zeros(by_state.shape[1]), weights, np.zeros(direct.shape[1])

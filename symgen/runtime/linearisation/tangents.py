@@ -1,0 +1,322 @@
+"""The linearised motion of a mechanism at a state, by the implicit function theorem.
+
+Constraints J dq + Phi_p dp = 0 leave free motions; the differential of the constraints' rates gives du, and
+that of the equations of motion the accelerations and multipliers. Slopes of linkages are derived in
+:mod:`symgen.models.linearisation`; loops of joints give theirs by tangents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from symgen.errors import ModelError
+from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.redundancy import CLOSED, extent, not_unique, violation
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.result.state import State
+
+#: Coordinates whose directions are closer to dependent than this do not determine the motion.
+_DEPENDENT = 1e-9
+#: Steps of iterative refinement of solutions of the equations of motion.
+_REFINEMENTS = 2
+#: The part of its largest singular value at which the constraint Jacobian has lost rank.
+_LOST = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class StateSlopes:
+    """Slopes at one state by its coordinates, velocities, solution (a, multipliers), and parameters.
+
+    ``residual`` are those of the equations of motion, of linkages f - M a - J^T lambda and gamma - J a,
+    ``rates`` those of dPhi/dt, ``constraints`` those of Phi (in kernels of sensitivities), a row each;
+    ``outputs`` and ``values`` are those of the outputs by name, and their values.
+    """
+
+    residual: Array
+    rates: Array
+    constraints: Array
+    outputs: dict[str, Array]
+    values: dict[str, float]
+    units: dict[str, str]
+
+    def rows(self, names: Sequence[str]) -> Array:
+        """Return the slopes of scalar outputs, a row each."""
+        return np.array([self.outputs[name] for name in names]).reshape(len(names), self.residual.shape[1])
+
+    def scalars(self, name: str) -> list[str]:
+        """Return the scalars of an output: itself, or its components."""
+        marks = name[len(name.rstrip("'")) :]
+        whole = name.removesuffix(marks)
+        components = [f"{whole}.{axis}{marks}" for axis in "xyz"]
+        return [name] if name in self.outputs else [x for x in components if x in self.outputs]
+
+
+class Tangents:
+    """The linearised motion of a mechanism at one state; subclasses find ``solution`` and ``slopes``.
+
+    Parameters
+    ----------
+    description
+        The mechanism's.
+    parameters
+        The parameters by which the slopes are, in order.
+    state
+        The state.
+    mass, jacobian
+        M (n, n) and J (m, n).
+    scale, columns
+        Units of the constraints (m,) and of the coordinates (n,).
+    redundant
+        Number of constraints that follow from the others.
+
+    Raises
+    ------
+    ModelError
+        Where the constraints lose rank.
+    """
+
+    #: Which coordinates may be independent, for messages.
+    CHOICE: ClassVar[str]
+    #: Accelerations and multipliers, and the slopes.
+    solution: Array
+    slopes: StateSlopes
+
+    def __init__(
+        self,
+        description: Any,
+        parameters: Sequence[str],
+        state: State,
+        mass: Array,
+        jacobian: Array,
+        scale: Array,
+        columns: Array,
+        redundant: int,
+    ) -> None:
+        self.description, self.parameters, self.state = description, tuple(parameters), state
+        self.mass, self.jacobian, self.scale = mass, jacobian, scale
+        self.units_of_coordinates, self.redundant = columns, redundant
+        self.m, self.n = jacobian.shape
+        self.by_q, self.by_u = slice(self.n), slice(self.n, 2 * self.n)
+        rank = self.m - redundant
+        left, values, right = np.linalg.svd(jacobian / scale[:, None] * columns)
+        if rank and not values[rank - 1] > _LOST * values[0]:
+            raise ModelError(
+                f"the constraints of {description.name} lose rank at this state, at t = {state.t:g} s: it is "
+                "at a dead centre, where motions and forces have no derivatives\n"
+                "  Choose a state away from it."
+            )
+        #: Least motions of unit constraint errors, and a basis of the motions without any.
+        self.bound = columns[:, None] * ((right[:rank].T / values[:rank]) @ left[:, :rank].T)
+        self.free = columns[:, None] * right[rank:].T
+
+    @property
+    def by_solution(self) -> slice:
+        """The columns of slopes by accelerations and multipliers."""
+        return slice(2 * self.n, 2 * self.n + len(self.solution))
+
+    @property
+    def moving(self) -> Array:
+        """Rates of coordinates and velocities."""
+        return np.concatenate([self.state.u, self.solution[: self.n]])
+
+    def direct(self, slopes: Array, by: Sequence[str]) -> Array:
+        """Return the columns of slopes by parameters; zeros by other quantities, which the state has."""
+        known, first = self.parameters, self.by_solution.stop
+        places = np.array([first + known.index(x) if x in known else -1 for x in by], dtype=np.intp)
+        return np.where(places < 0, 0.0, slopes[:, places])
+
+    def solved(self, right: Array) -> Array:
+        """Return the changes of the solution for changes of the equations, the columns of ``right``.
+
+        They are refined by residuals in long double: forces of masses of very different sizes cancel.
+        """
+        matrix = 0.0 - self.slopes.residual[:, self.by_solution].astype(np.longdouble)
+        solution = self._solved(right.astype(float))
+        for _ in range(_REFINEMENTS):
+            left = right.astype(np.longdouble) - matrix @ solution
+            solution = solution + self._solved(left.astype(float))
+        return solution
+
+    def _solved(self, right: Array) -> Array:
+        force, gamma = right[: self.n], right[self.n :]
+        a = self.bound @ (gamma / self.scale[:, None])
+        reduced = self.free.T @ self.mass @ self.free
+        a = a + self.free @ np.linalg.solve(reduced, self.free.T @ (force - self.mass @ a))
+        return np.vstack([a, (self.bound.T @ (force - self.mass @ a)) / self.scale[:, None]])
+
+    def least_openings(self, parameters: Sequence[str]) -> Array:
+        """Return the changes of constraints, over their units, that count as none by each parameter."""
+        return np.full(len(parameters), 1e-300)
+
+    def contradicts(self, row: int) -> str:
+        """Return what a change does that opens a redundant constraint, in words, with a remedy."""
+        label = self.description.labels[row]
+        return f"contradicts the redundant constraints: {label}\n  Give parameters that keep them redundant."
+
+    def directions(self, coordinates: Sequence[str]) -> Array:
+        """Return dz/dq on the free motions, (coordinates, freedoms), checked to be regular.
+
+        Raises
+        ------
+        ModelError
+            When the coordinates do not determine the motion.
+        """
+        freedoms = self.free.shape[1]
+        if coordinates and not freedoms:
+            raise ModelError(
+                f"{self.description.name} has no degree of freedom at this state, so no independent "
+                "coordinates: its drives and constraints determine the motion\n  Give no coordinates."
+            )
+        for name in coordinates:
+            if name not in self.slopes.outputs:
+                raise ModelError(
+                    f"{name} is no coordinate, since it has several components\n"
+                    f"  Choose some of {', '.join(self.slopes.scalars(name))}."
+                )
+        if len(coordinates) != freedoms:
+            raise ModelError(
+                f"expected {freedoms} independent coordinates of {self.description.name}, one for each "
+                f"degree of freedom, got {len(coordinates)}: {', '.join(coordinates) or 'none'}\n"
+                f"  {self.CHOICE}"
+            )
+        rows = self.slopes.rows(coordinates)[:, self.by_q]
+        on_free: Array = rows @ self.free
+        sizes = np.linalg.norm(rows * self.units_of_coordinates, axis=1)
+        constant = not np.all(sizes)
+        if freedoms and (constant or np.linalg.svd(on_free / sizes[:, None])[1][-1] < _DEPENDENT):
+            raise ModelError(
+                f"the coordinates {', '.join(coordinates)} do not determine the motion of "
+                f"{self.description.name} at this state: some combination of them is constant there\n"
+                "  Choose other coordinates."
+            )
+        return on_free
+
+    def independent(self, coordinates: Sequence[str]) -> tuple[Array, Array]:
+        """Return dq and du by (z, z'), each (n, 2 coordinates); errors as of :meth:`directions`.
+
+        Raises
+        ------
+        ModelError
+            When the state violates the constraints.
+        """
+        self.check_closed()
+        inverse = np.linalg.inv(self.directions(coordinates))
+        unit = self.free @ inverse
+        places, rates = self.slopes.rows(coordinates), self.slopes.rows([f"{x}'" for x in coordinates])
+        forced = self.bound @ (-self.slopes.rates[:, self.by_q] @ unit / self.scale[:, None])
+        left = -rates[:, self.by_q] @ unit - places[:, self.by_q] @ forced
+        turned = forced + unit @ left
+        return np.hstack([unit, np.zeros_like(unit)]), np.hstack([turned, unit])
+
+    def mass_matrix(self, coordinates: Sequence[str]) -> Array:
+        """Return the mass matrix of independent coordinates; errors as of :meth:`directions`."""
+        unit = self.free @ np.linalg.inv(self.directions(coordinates))
+        return unit.T @ self.mass @ unit
+
+    def check_unique(self, outputs: Sequence[str]) -> None:
+        """Raise ModelError for an output by forces that redundant constraints leave open."""
+
+    def check_closed(self) -> None:
+        """Raise ModelError for a state that violates the constraints."""
+
+
+class LinkageTangents(Tangents):
+    """The linearised motion of a linkage, or of a user-defined system.
+
+    Parameters
+    ----------
+    model
+        The kernels of the equations of motion.
+    kernels
+        Those of the analysis ``linearisation``, or ``sensitivity``.
+    parameters
+        The parameters that these kernels differentiate by, in order: the inputs, or all tunable ones.
+    state
+        The state.
+    solution
+        Its accelerations and multipliers.
+    redundant
+        Number of constraints that follow from the others.
+
+    Raises
+    ------
+    ModelError
+        Where the constraints lose rank.
+    """
+
+    CHOICE = "Choose angles of links (plane), or components of positions such as A.position.x."
+
+    def __init__(
+        self,
+        model: Evaluator,
+        kernels: Evaluator,
+        parameters: Sequence[str],
+        state: State,
+        solution: Array,
+        redundant: int,
+    ) -> None:
+        self.model, d, n = model, model.description, model.description.coordinates
+        self.solution, self.slopes = solution, _slopes(kernels, parameters, state, solution)
+        equations = 0.0 - self.slopes.residual[:, 2 * n : 2 * n + len(solution)]
+        scale = np.zeros(0)
+        if d.constraints:
+            scale = model.blocks("constraints", state.t, state.q, state.u)["constraint_scale"]
+        matrices = equations[:n, :n], equations[n:, :n]
+        super().__init__(d, parameters, state, *matrices, scale, np.ones(n), redundant)
+
+    def check_closed(self) -> None:
+        """Raise ModelError for a state that violates the constraints."""
+        if not self.m:
+            return
+        size = extent(self.model, self.state.q)
+        error, rate = violation(self.model, self.state.t, self.state.q, self.state.u)
+        # At rest, round-off of velocities is small compared with speeds that the forces cause within the
+        # size.
+        forces = self.jacobian.T @ self.solution[self.n :]
+        pushed = np.max(np.abs(self.solution[: self.n])) + np.max(np.abs(forces)) / np.max(np.abs(self.mass))
+        speed = max(float(np.max(np.abs(self.state.u))), float(np.sqrt(size * pushed)))
+        if error > CLOSED * size or rate > CLOSED * speed:
+            raise ModelError(
+                f"the state violates the constraints, by {error:.1e} m and {rate:.1e} m/s: "
+                "independent coordinates do not describe it\n"
+                "  model.rhs.project(t, y) brings a state y = (q, u) onto the constraints."
+            )
+
+    def check_unique(self, outputs: Sequence[str]) -> None:
+        """Raise ModelError for an output by multipliers that redundant constraints leave open."""
+        open_rows = not_unique(self.model, self.state.t, self.state.q, self.redundant)
+        columns = [self.by_solution.start + self.n + i for i in open_rows]
+        for name in outputs:
+            if columns and np.any(self.slopes.outputs[name][columns]):
+                raise ModelError(
+                    f"{name} depends on forces of redundant constraints, which the motion does not "
+                    f"determine: those of {', '.join(self.description.labels[i] for i in open_rows)}"
+                )
+
+
+def _slopes(kernels: Evaluator, parameters: Sequence[str], state: State, solution: Array) -> StateSlopes:
+    """Return the slopes at a state as dense rows."""
+    d = kernels.description
+    bound = [f"{c}_lambda" for c in d.constraints]
+    unknowns = [*d.of_coordinates("a"), *bound]
+    columns = [*d.of_coordinates(), *d.of_coordinates("v"), *unknowns, *parameters, "t"]
+    work = np.zeros(kernels.work_size + len(solution) + 1)
+    work[: len(solution)] = solution
+    at = state.t, state.q, state.u, work
+    infos = {b.name: b for b in kernels.info("values").blocks} if kernels.has("values") else {}
+    values = {infos[k].about: float(v[0]) for k, v in kernels.blocks("values", *at).items()} if infos else {}
+    rows = {"residual": unknowns, "rates": bound, "constraints": bound, "outputs": list(values)}
+    matrices = {name: np.zeros((len(labels), len(columns))) for name, labels in rows.items()}
+    entries = kernels("slopes", *at)
+    for block in kernels.info("slopes").blocks:
+        for row, column, place in block.places(rows[block.name], columns):
+            matrices[block.name][row, column] = entries[place]
+    outputs = dict(zip(values, matrices["outputs"], strict=True))
+    units = {b.about: b.unit for b in infos.values()}
+    return StateSlopes(
+        matrices["residual"], matrices["rates"], matrices["constraints"], outputs, values, units
+    )
