@@ -293,6 +293,14 @@ RIGID_ELEMENT: Sources = (
     ("motion", "thesis (4.2); weight: its MG; its E_T is zero here"),
     ("inertia", "thesis (4.10), right side; x (4.5), (4.7); y (4.5), (4.8); moment (4.6), (4.9)"),
 )
+#: Of a loop of links, assembled of rigid elements.
+RIGID_ASSEMBLY: Sources = (
+    ("rigid_elements", "thesis (4.11): L x M of (4.12), (4.13)"),
+    ("rigid_assembly", "thesis (4.11), (4.15): [a], M x K of (4.13), (4.14)"),
+    ("rigid_boundary", "thesis (4.16): the moments left out"),
+    ("rigid_matrix", "thesis (4.11), (4.16): [D], L x L"),
+    ("rigid_load", "thesis (4.16): (E)"),
+)
 #: Of four-bars in closed form; the numbers (4.17) to (4.27) stand apart in the copy, by order.
 FOUR_BAR: Sources = (
     ("freudenstein", "thesis (4.17); output (4.17)"),

@@ -31,7 +31,21 @@ def of_system(system: System) -> Step:
 
 def of_elastic(linkage: Linkage, system: System) -> tuple[Step, ...]:
     """Return the record of a linkage and behind it that of its elastic links."""
-    return (*of_linkage(linkage, system), *elastic_record())
+    return (*of_linkage(linkage, system), *_rigid_assembly(linkage), *elastic_record())
+
+
+def _rigid_assembly(linkage: Linkage) -> Iterator[Step]:
+    from symgen.models.elastic.rigid_assembly import rigid_assembly_system
+
+    if system := rigid_assembly_system(linkage):
+        yield Step(
+            "Rigid linkage: forces by elements",
+            "Elements share the forces and moments at their nodes. Without the moments at joints that have "
+            "no drive, as many remain as there are equations of balance.",
+            "thesis, Eqs. (4.11)-(4.16)",
+            system,
+            tuple(m.name for m in system.matrices),
+        )
 
 
 def of_linkage(linkage: Linkage, system: System) -> Iterator[Step]:

@@ -23,6 +23,16 @@ def on_centre(force: Vector, point: Vector, centre: Vector) -> Vector:
     return (*force, cross_in_plane(tuple(p - c for p, c in zip(point, centre, strict=True)), force))
 
 
+def between(first: Vector, second: Vector, along: sp.Expr, across: sp.Expr) -> Vector:
+    """Return the value of a vector field of a rigid body, given at two nodes, at a third place.
+
+    The place is at parts of the distance of the nodes along it and to its left.
+    """
+    d = tuple(y - x for x, y in zip(first, second, strict=True))
+    turned = (-d[1], d[0])
+    return tuple(x + along * y + across * z for x, y, z in zip(first, d, turned, strict=True))
+
+
 def nodal_matrix(start: Vector, end: Vector, centre: Vector) -> sp.ImmutableMatrix:
     """Return [d] of Eq. (4.10), 3 x 6: the resultant of (F1 F2 F3 | F4 F5 F6) at the centre of mass.
 

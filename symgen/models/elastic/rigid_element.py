@@ -11,7 +11,9 @@ from symgen.symbolic.quantity import AXES, Quantity, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 REFERENCE = "The thesis on kineto-elastodynamics, Chapter IV, Eqs. (4.1)-(4.10)"
-_ROWS, _UNITS = ("x", "y", "moment"), "1, 1, m"
+#: Rows of the balance of an element.
+ROWS = ("x", "y", "moment")
+_UNITS = "1, 1, m"
 _MOTION = "x", "y", "turning", "weight"
 
 
@@ -41,30 +43,24 @@ def rigid_element_system() -> System:
     start, end, point = (_symbols(places[letter]) for letter in "ikp")
     first, second, gravity = (_symbols(moved[letter]) for letter in "ikg")
 
-    def between(a: tuple[sp.Symbol, ...], b: tuple[sp.Symbol, ...]) -> tuple[sp.Expr, ...]:
-        """Return the value at the centre of mass of a vector field given at both nodes."""
-        d = tuple(y - x for x, y in zip(a, b, strict=True))
-        turned = (-d[1], d[0])
-        parts = zip(a, d, turned, strict=True)
-        return tuple(x + along.symbol * y + across.symbol * z for x, y, z in parts)
-
-    centre = between(start, end)
+    at = along.symbol, across.symbol
+    centre = rigid_elements.between(start, end, *at)
     d, relative = (
         tuple(y - x for x, y in zip(*pair, strict=True)) for pair in ((start, end), (first, second))
     )
     turning = rigid_elements.angular_acceleration(d, relative)
-    acceleration = between(first, second)
+    acceleration = rigid_elements.between(first, second, *at)
     right = rigid_elements.inertia(mass.symbol, moment.symbol, acceleration, turning, gravity)
     at_nodes = tuple(f"{name} at {node}" for node in "ik" for name in NODAL)
     matrices = (
         NamedMatrix(
             "nodal_matrix", rigid_elements.nodal_matrix(start, end, centre), _UNITS,
-            "[d] of the forces and moments (F) at both nodes, as they act at the centre of mass", _ROWS,
+            "[d] of the forces and moments (F) at both nodes, as they act at the centre of mass", ROWS,
             at_nodes,
         ),
         NamedMatrix(
             "point_matrix", rigid_elements.point_matrix(point, centre), _UNITS,
-            "a force at the point p, as it acts at the centre of mass", _ROWS, plane,
+            "a force at the point p, as it acts at the centre of mass", ROWS, plane,
         ),
         NamedMatrix(
             "motion", sp.ImmutableMatrix([*acceleration, turning, -mass.symbol * gravity[1]]),
@@ -73,7 +69,7 @@ def rigid_element_system() -> System:
         ),
         NamedMatrix(
             "inertia", sp.ImmutableMatrix(3, 1, right), "N, N, N*m",
-            "mass times acceleration less gravity, and moment of inertia times angular acceleration", _ROWS,
+            "mass times acceleration less gravity, and moment of inertia times angular acceleration", ROWS,
         ),
     )  # fmt: skip
     return System(
