@@ -81,7 +81,6 @@ cdef extern from "core/loops.h" nogil:
         int (*close)(loop *, double, void *) noexcept nogil
         int (*assemble)(loop *, double, void *, long *) noexcept nogil
         double (*closed_screws)(loop *, double, const void *, void *) noexcept nogil
-        void (*in_table)(const loop *, const void *, void *) noexcept nogil
         int (*turn)(loop *, void *) noexcept nogil
         int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
         void (*undetermined)(loop *, const void *, const void *, long, long, double, double, unsigned char *) noexcept nogil
@@ -238,15 +237,6 @@ cdef class LoopEquations(Integrable):
         cdef double defect = self.api.closed_screws(<loop *>self.core, t, state.at, into.at)
         into.back()
         return screws, defect
-
-    def in_table(self, near, double[::1] q):
-        """Convert variables, in place, from the angles selected by the leading angles of balls to those of the table,
-        of equivalent angles those nearest to ``near``."""
-        at_least("variables", q.shape[0], self.n)
-        at_least("variables", len(near), self.n)
-        cdef Reals beside = Reals(self.of, near), state = Reals(self.of, q)
-        self.api.in_table(<loop *>self.core, beside.at, state.at)
-        state.back()
 
     def turn(self, q):
         """Return the variables q in the angles in use. Near poles of balls these are the alternative ones from now on,

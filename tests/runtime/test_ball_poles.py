@@ -51,6 +51,19 @@ def test_a_sample_at_the_pole_itself(model):
     assert any("pole" in note for note in run.notes) == bool(open_)
 
 
+def test_the_angles_of_balls_go_straight_on_through_a_pole(model):
+    """The rod's direction by its two angles, from the pin to the slider; no recorded angle jumps at the pole."""
+    run = model.with_parameters(offset=CRANK).simulate(rtol=1e-11, atol=1e-12, samples=401)
+    angle, theta, eta = (run[name].values for name in ("theta1", "theta2", "eta2"))
+    across, zero = angle + theta, np.zeros_like(angle)
+    direction = np.array([np.cos(across) * np.cos(eta), np.sin(across) * np.cos(eta), -np.sin(eta)])
+    pin = CRANK * np.array([np.cos(angle), np.sin(angle), zero])
+    end = np.array([zero - CRANK, zero, Straight(CRANK).slider(angle)[0]])
+    np.testing.assert_allclose(direction, (end - pin) / ROD, atol=1e-9)
+    for name in ("theta2", "eta2", "theta3", "eta3", "alpha3"):
+        assert np.max(np.abs(np.diff(run[name].values))) < 0.1, name
+
+
 def test_loads_by_the_angles_of_a_ball_take_those_of_the_table(tmp_path):
     """A torque by an angle of a ball, next to its pole: energy by the work of that torque over the crank's angle."""
     text = CASE.read_text().replace("[parameters]", '[parameters]\nc = "-2 N*m"')

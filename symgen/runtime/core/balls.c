@@ -104,9 +104,10 @@ static void relative(const real a[3][3], const real b[3][3], real c[3][3]) {
             c[i][j] = a[0][i] * b[0][j] + a[1][i] * b[1][j] + a[2][i] * b[2][j];
 }
 
-/* Convert variables from the angles of one choice to those of another. Behind a ball with a constant alpha the frame
-   between the two balls is `turned` by this, and the next ball takes that over. */
-static void write_angles(const struct loop *l, unsigned from, unsigned to, const real *near, real *q) {
+/* Convert variables from the angles of one choice to those of another, of equivalent angles those nearest to the usual
+   ones at the last accepted state. Behind a ball with a constant alpha the frame between the two balls is `turned` by
+   this, and the next ball takes that over. */
+static void write_angles(const struct loop *l, unsigned from, unsigned to, real *q) {
     real turned[3][3];
     int takes_over = 0;
     for (long k = 0; k < l->sizes.balls; k++) {
@@ -116,7 +117,7 @@ static void write_angles(const struct loop *l, unsigned from, unsigned to, const
         if (!takes_over && before == after)
             continue;
         get(b, q, x);
-        get(b, near, beside);
+        get(b, l->usual, beside);
         rotation_of(x, before, r);
         if (takes_over) {
             memcpy(old, r, sizeof old);
@@ -150,7 +151,7 @@ static unsigned choose(struct loop *l, const real *seen, int back) {
             continue;
         choice ^= 1u << k;
         memcpy(l->trial, seen, (size_t)l->sizes.n * sizeof(real));
-        write_angles(l, now, choice, l->usual, l->trial);
+        write_angles(l, now, choice, l->trial);
         q = l->trial;
     }
     return choice;
@@ -189,7 +190,7 @@ static void rewrite(struct loop *l, unsigned choice, real *y) {
             for (int i = 0; i < ROWS; i++)
                 motion[k][i] += u[numbers[j]] * matrix[i];
         }
-    write_angles(l, choice_of(l), choice, l->usual, y);
+    write_angles(l, choice_of(l), choice, y);
     take(l, choice);
     l->kernels.position(&t, y, u, l->base.p, l->work2, l->loads);
     for (long k = 0; k < l->sizes.balls; k += 1 + is_held(l->balls + k)) {
@@ -214,13 +215,18 @@ int loop_rewrite(struct equations *e, const real *seen, real *y, int back) {
     const unsigned choice = choose(l, seen, back);
     if (!back && choice == choice_of(l))
         return 0;
-    memcpy(l->trial, y, (size_t)l->sizes.n * sizeof(real));
-    loop_in_table(l, l->usual, l->trial);
+    loop_usual(e, y, l->trial);
     memcpy(l->usual, l->trial, (size_t)l->sizes.n * sizeof(real));
     if (choice == choice_of(l))
         return 0;
     rewrite(l, choice, y);
     return 1;
+}
+
+void loop_usual(const struct equations *e, const real *y, real *q) {
+    const struct loop *l = e->owner;
+    memcpy(q, y, (size_t)l->sizes.n * sizeof(real));
+    write_angles(l, choice_of(l), 0, q);
 }
 
 void loop_as_usual(struct equations *e, real *y, int release) {
@@ -229,8 +235,4 @@ void loop_as_usual(struct equations *e, real *y, int release) {
     rewrite(l, 0, y);
     if (!release)
         take(l, choice);
-}
-
-void loop_in_table(const struct loop *l, const real *near, real *q) {
-    write_angles(l, choice_of(l), 0, near, q);
 }

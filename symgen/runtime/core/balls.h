@@ -14,7 +14,6 @@
 #include "real.h"
 
 struct equations;
-struct loop;
 
 /* Numbers of the variables theta, eta, alpha. Alpha is constant if its number is -1: the next ball then follows in the
    list, and has all three angles. */
@@ -25,9 +24,7 @@ struct ball {
 
 /* See struct behaviour. */
 int loop_rewrite(struct equations *e, const real *seen, real *y, int back);
+void loop_usual(const struct equations *e, const real *y, real *q);
 void loop_as_usual(struct equations *e, real *y, int release);
-
-/* Convert variables from the angles in use to those of the table, of equivalent angles those nearest to `near`. */
-void loop_in_table(const struct loop *l, const real *near, real *q);
 
 #endif

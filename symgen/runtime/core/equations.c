@@ -12,7 +12,7 @@ int (*core_interrupted)(void) = NULL;
 
 const struct behaviour kernel_behaviour = {
     accelerate, derivative, position_error, velocity_error, factorise,
-    project, project_places, make_tangent, measure_energy, NULL, NULL, 0.1,
+    project, project_places, make_tangent, measure_energy, .rounding = 0.1,
 };
 
 /* Point all arrays into memory, or only count their bytes. */

@@ -61,7 +61,8 @@ struct sizes {
     long switches;         /* values for switching points, whose branches are the last parameters */
     long windings;         /* values for angles in loads, whose references are the parameters before these; or choices
                               */
-    long turns;            /* continuous angles of links: `events` writes them last, then their rates */
+    long turns;            /* continuous angles of links: `events` writes them last, then their rates; or the usual
+                              coordinates, if there are choices */
     long choices;          /* choices of coordinates, parameters in the place of references: see `rewrite` below */
     long tangent;          /* values that `tangent` writes */
     const long *tangent_places; /* row, column and place in `out` of each value, column by column */
@@ -122,6 +123,8 @@ struct behaviour {
     /* Change to alternative coordinates if the usual ones are near a pole at `seen`, rewrite y, and return whether
        they changed; with `back`, return to the usual ones away from poles. Called if sizes.choices is not zero. */
     int (*rewrite)(struct equations *e, const real *seen, real *y, int back);
+    /* Write the usual coordinates at a state since the last one that was rewritten. */
+    void (*usual)(const struct equations *e, const real *y, real *q);
     /* Convert y to the usual coordinates, which remain in use with `release`. */
     void (*as_usual)(struct equations *e, real *y, int release);
     /* Rounding errors of accelerations near a loss of rank, over epsilon times the magnified part of the motion. */

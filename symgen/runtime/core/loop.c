@@ -34,6 +34,7 @@ static struct sizes as_equations(const struct loop_sizes *s) {
     made.derived = s->derived;
     made.work = s->work;
     made.choices = made.windings = s->balls;
+    made.turns = s->balls ? s->n : 0;
     made.switches = s->switches;
     made.rank_tolerance = (double)RANK_TOLERANCE;
     return made;

@@ -264,6 +264,7 @@ const struct behaviour loop_behaviour = {
     .make_tangent = make_tangent_loop,
     .measure_energy = measure_energy_loop,
     .rewrite = loop_rewrite,
+    .usual = loop_usual,
     .as_usual = loop_as_usual,
     .rounding = 20.0, /* closure is met to FINE */
 };

@@ -20,10 +20,6 @@ static double closed_screws(struct loop *l, double t, const void *q, void *screw
     return (double)defect;
 }
 
-static void in_table(const struct loop *l, const void *near, void *q) {
-    loop_in_table(l, near, q);
-}
-
 static int turn(struct loop *l, void *y) {
     return loop_rewrite(&l->base, y, y, 1);
 }
@@ -49,7 +45,6 @@ const struct loops_api symgen_loops = {
     .close = close_at,
     .assemble = assemble,
     .closed_screws = closed_screws,
-    .in_table = in_table,
     .turn = turn,
     .follow = follow,
     .undetermined = undetermined,

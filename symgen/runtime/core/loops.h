@@ -14,7 +14,6 @@ struct loops_api {
     int (*assemble)(struct loop *l, double t, void *q, long *rank);
     /* Leave the screws of all variables (6 x n reals) at q; return the defect of closure. */
     double (*closed_screws)(struct loop *l, double t, const void *q, void *screws);
-    void (*in_table)(const struct loop *l, const void *near, void *q);
     /* Convert a state (q, u) near poles of balls to alternative angles, which remain in use; return whether any
        changed. */
     int (*turn)(struct loop *l, void *y);

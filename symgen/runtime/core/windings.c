@@ -5,7 +5,8 @@
  * This changes the angle by rounding only, if no step rotates by more than a quarter revolution.
  *
  * Recorded angles of links: from step to step, and from the step's start to a sample in it, an angle is continued by
- * the number of revolutions for which its change is nearest to the mean rate of both ends times the duration.
+ * the number of revolutions for which its change is nearest to the mean rate of both ends times the duration. With
+ * choices of coordinates, the usual ones are recorded in their place.
  */
 #include "run.h"
 
@@ -75,6 +76,10 @@ void keep_windings(struct run *run) {
                (size_t)sizes->windings * sizeof(real));
     if (sizes->turns == 0)
         return;
+    if (sizes->choices) {
+        run->e->of->usual(run->e, run->samples + s->recorded * run->dim, run->turns + s->recorded * sizes->turns);
+        return;
+    }
     look_at_events(run->e, run->times[s->recorded], run->samples + s->recorded * run->dim);
     for (long k = 0; k < sizes->turns; k++)
         run->turns[s->recorded * sizes->turns + k] = turned(run, k, run->times[s->recorded] - s->t);

@@ -112,7 +112,7 @@ def _recorded(
     d = kernels.description
     n, times = d.coordinates, stepper.sampled
     rows = np.column_stack([stepper.result, np.zeros(len(times))])
-    samples = LoopSamples(kernels, equations.rank, times, rows, stepper.references, begin.q)
+    samples = LoopSamples(kernels, equations.rank, times, rows, stepper.references, stepper.turns)
     recorded = tuple(variables(d, samples.outputs()))
     q, u = np.split(stepper.state[: 2 * n], 2)
     if len(times) and times[-1] == stepper.t:  # in the angles of the record, which passages of poles change

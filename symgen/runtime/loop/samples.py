@@ -12,6 +12,7 @@ from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.closure.redundancy import Mask, undetermined
 from symgen.runtime.loop.frames import product
 from symgen.runtime.loop.kernels import LoopKernels
+from symgen.runtime.result.recording import grouped
 
 #: Sine of the angle from a pole below which rates of the table's own angles have no digits.
 _AT_POLE = 1e-6
@@ -39,14 +40,14 @@ class LoopSamples:
         A row each, q and u first and one number more than the run has, in the angles in use.
     turns
         The turns in front of the balls at each sample.
-    start
-        The variables at the start, in the table's angles.
+    table
+        The variables at each sample in the angles of the table; empty without balls that have others.
     """
 
     def __init__(
-        self, kernels: LoopKernels, rank: int, times: Array, states: Array, turns: Array, start: Array
+        self, kernels: LoopKernels, rank: int, times: Array, states: Array, turns: Array, table: Array
     ) -> None:
-        self.kernels, self.times, self.states, self.turns, self.start = kernels, times, states, turns, start
+        self.kernels, self.times, self.states, self.turns, self.table = kernels, times, states, turns, table
         d = kernels.description
         # States are recorded as doubles, and outputs follow from them.
         self._solver = kernels.equations([*d.having("dependent"), *d.having("free")], rank)
@@ -54,30 +55,14 @@ class LoopSamples:
     @cached_property
     def parts(self) -> tuple[SampleGroup, ...]:
         """The samples by the angles they are recorded in."""
-        if not self.turns.any():
-            rows, solutions = np.arange(len(self.times)), self._solver.solutions(self.times, self.states)
-            whole = SampleGroup(rows, False, self.kernels, self.times, self.states, solutions)
-            return (whole,) if len(rows) else ()
-        parts = []
-        kinds, which = np.unique(self.turns, axis=0, return_inverse=True)
-        for kind, turns in enumerate(kinds):
-            rows = np.flatnonzero(which.ravel() == kind)
-            parameters = self._hold(turns)
-            kernels = LoopKernels(self.kernels.description, self.kernels.library, parameters.tolist())
+        parts, first = [], len(self.kernels.description.tunable)
+        for parameters, rows in grouped(self.kernels.parameter_values, first, self.turns):
+            self._solver.set_parameters(parameters)
             times, states = self.times[rows], self.states[rows]
-            part = SampleGroup(
-                rows, bool(turns.any()), kernels, times, states, self._solver.solutions(times, states)
-            )
-            parts.append(part)
-        self._hold(np.zeros(self.turns.shape[1]))
+            solutions = self._solver.solutions(times, states)
+            turned = bool(self.turns[rows].any())
+            parts.append(SampleGroup(rows, turned, self.kernels.at(parameters), times, states, solutions))
         return tuple(parts)
-
-    def _hold(self, turns: Array) -> Array:
-        parameters = self.kernels.parameter_values.copy()
-        end = len(self.kernels.description.tunable) + len(turns)
-        parameters[end - len(turns) : end] = turns
-        self._solver.set_parameters(parameters)
-        return parameters
 
     def outputs(self) -> Array:
         """Return the kernel 'outputs' at every sample, angles of balls as in the table."""
@@ -99,33 +84,8 @@ class LoopSamples:
         """Number, variables, rates and accelerations of samples in other angles, in those of the table."""
         if not self.turns.any():
             return []
-        table = self._table()
-        return sorted(
-            (x for part in self.parts if part.turned for x in self._moving(part, table[part.rows])),
-            key=lambda x: x[0],
-        )
-
-    def _table(self) -> Array:
-        """Return the variables at all samples in the angles of the table."""
-        n = self.kernels.description.coordinates
-        table = self.states[:, :n].copy()
-        signs = self._signs()
-        for i in np.flatnonzero(self.turns.any(axis=1)).tolist():
-            self._hold(self.turns[i])
-            near = (table[i - 1] if i else self.start).copy()
-            for _ in range(2):
-                q = self.states[i, :n].copy()
-                self._solver.in_table(near, q)
-                for ball, sign in zip(self.kernels.description.balls, signs[i], strict=True):
-                    if sign * np.cos(q[ball.angles[1]]) < 0.0:
-                        theta, eta, alpha = ball.angles
-                        whole = 2.0 * np.pi * np.round((2.0 * q[eta] - np.pi) / (2.0 * np.pi))
-                        near[theta], near[eta] = q[theta] + np.pi, np.pi - q[eta] + whole
-                        if alpha >= 0:
-                            near[alpha] += np.pi
-            table[i] = q
-        self._hold(np.zeros(self.turns.shape[1]))
-        return table
+        changed = (x for part in self.parts if part.turned for x in self._moving(part, self.table[part.rows]))
+        return sorted(changed, key=lambda x: x[0])
 
     def _moving(self, part: SampleGroup, table: Array) -> Iterator[tuple[int, Array, Array, Array]]:
         """Yield the same of the samples of a part: the motion across a ball is the same in all angles."""
@@ -151,28 +111,6 @@ class LoopSamples:
             if ball.angles[2] >= 0:
                 groups.append([])
         return groups[:-1]
-
-    def _signs(self) -> Indices:
-        """Return the sign of cos(eta) of every ball at every sample, zero where nothing tells.
-
-        Of the two ways to write a rotation, samples in other angles take that of the sample before, and
-        beyond the nearest one to the pole that of the sample behind.
-        """
-        balls = self.kernels.description.balls
-        signs = np.zeros((len(self.times), len(balls)), dtype=np.intp)
-        for k, ball in enumerate(balls):
-            theta, eta = self.states[:, ball.angles[0]], self.states[:, ball.angles[1]]
-            turned = self.turns[:, k] != 0.0
-            signs[:, k] = np.where(turned, 0, np.sign(np.cos(eta)))
-            off = np.hypot(np.cos(theta) * np.cos(eta), np.sin(eta))
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], turned, [False]])))
-            for first, end in edges.reshape(-1, 2):
-                before = signs[first - 1, k] if first else 0
-                behind = signs[end, k] if end < len(turned) else before
-                closest = first + int(np.argmin(off[first:end]))
-                signs[first:closest, k] = before or behind
-                signs[closest:end, k] = behind
-        return signs
 
     def _blind(self, q: Array) -> list[int]:
         """Return the variables whose rates have no digits in the table's own angles."""
