@@ -93,8 +93,7 @@ IN_C = {
     ("implicit_variations.c", "solve_step"),
     ("kinematic_steps.h", "closed"),
     ("lane_runs.c", "close_lanes"),
-    ("loop.c", "loop_close"),
-    ("loop_vectors.h", "closed_loops"),
+    ("loop_steps.h", "closed_by_newton"),
     ("radau.c", "solve_stages"),
     ("rattle.c", "meet_by_newton"),
     ("rattle.c", "meet_positions"),
@@ -148,7 +147,7 @@ def test_python_has_one_loop_of_corrections_but_for_known_ones():
 
 #: Constants that bound loops of the core: numbers of corrections; sizes of arrays and numbers of other attempts.
 BOUNDS = {
-    "ASSEMBLY_ITERATIONS", "FIXED_ITERATIONS", "ITERATIONS", "MOST_CORRECTIONS", "MOST_ITERATIONS", "NEWTON", "POLISHINGS",
+    "ASSEMBLY_ITERATIONS", "CLOSINGS", "FIXED_ITERATIONS", "ITERATIONS", "MOST_CORRECTIONS", "MOST_ITERATIONS", "NEWTON", "POLISHINGS",
     "PROJECTIONS", "RATES", "RELINEARISED", "SIMPLE", "STEPS",
 }  # fmt: skip
 OTHER_BOUNDS = {

@@ -183,7 +183,7 @@ static void rewrite(struct loop *l, unsigned choice, real *y) {
     struct qr factor;
     if (!changed)
         return;
-    l->kernels.position(&t, y, u, l->base.p, l->work2, l->loads);
+    l->kernels.position(&t, y, u, l->base.p, l->work, l->loads);
     for (long k = 0; k < l->sizes.balls; k += 1 + is_held(l->balls + k))
         for (long j = together(l, k, numbers) - 1; j >= 0; j--) {
             screw_of(l, numbers[j], matrix);
@@ -192,7 +192,7 @@ static void rewrite(struct loop *l, unsigned choice, real *y) {
         }
     write_angles(l, choice_of(l), choice, y);
     take(l, choice);
-    l->kernels.position(&t, y, u, l->base.p, l->work2, l->loads);
+    l->kernels.position(&t, y, u, l->base.p, l->work, l->loads);
     for (long k = 0; k < l->sizes.balls; k += 1 + is_held(l->balls + k)) {
         const long count = together(l, k, numbers);
         long rank = 0;

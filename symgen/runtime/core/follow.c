@@ -1,77 +1,31 @@
 /* A driven loop followed through values of its input on one assembly branch. */
 #include <string.h>
 
-#include "extrapolate.h"
-#include "linear.h"
 #include "loop.h"
-#include "loop_limits.h"
+
+#define LOOP struct loop
+#include "loop_branch.h"
 
 /* Every PACE attempts, following ends if the remaining range exceeds CREEP times the progress since the last check.
    */
 #define CREEP R(1e4)
 enum { PACE = 4096 };
 
-/* Predict the change over h into l->change; return the largest, in radians or sizes of the loop. */
-static real predict(struct loop *l, real h, const real *q, const real *u, const real *a) {
-    const long wide = l->sizes.n + 1;
-    const real g = R(l->seen->stride), *q0 = l->past, *u0 = q0 + wide, *a0 = u0 + wide;
-    real largest = 0;
-    for (long k = 0; k < l->sizes.solved; k++) {
-        const long j = l->solved[k];
-        l->change[k] = extrapolated(h, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]);
-        largest = real_fmax(largest, real_fabs(l->change[k]) / l->scale[j]);
-    }
-    return largest;
-}
-
 /* Try to close the loop at `next`, in l->q, predicted from (t, q); `last`: whether `next` is the target. */
 static int attempt(struct loop *l, real t, const real *q, real next, int last) {
-    const long n = l->sizes.n;
-    real *new = l->q;
-    memcpy(new, q, (size_t)n * sizeof(real));
-    const real moved = predict(l, next - t, q, l->u, l->base.work);
-    for (long k = 0; k < l->sizes.solved; k++)
-        new[l->solved[k]] += l->change[k];
+    const long row = l->sizes.n + 1;
+    const struct loop_state now = {q, l->u, l->base.work}, past = {l->past, l->past + row, l->past + 2 * row};
+    const real h = next - t, largest = predicted_change(l, h, R(l->seen->stride), now, past, l->q);
     l->follows = 1;
-    const int status = moved <= LOOP_LONGEST ? loop_close(l, next, new) : OPEN;
+    const int status = largest <= LOOP_LONGEST ? loop_close(l, next, l->q) : OPEN;
     l->follows = 0;
     if (status != DONE)
         return status;
-    real astray = 0;
-    for (long k = 0; k < l->sizes.solved; k++) {
-        const long j = l->solved[k];
-        astray = real_fmax(astray, real_fabs(new[j] - q[j] - l->change[k]) / l->scale[j]);
-    }
-    /* An input may reverse within a step: the rates at both ends do not show it. */
-    for (long k = 0; k < l->sizes.inputs; k++) {
-        const long j = l->driven[k];
-        const real h = next - t, way = h * (l->u[j] + R(0.5) * h * l->base.work[j]);
-        if (real_fabs(new[j] - q[j] - way) / l->scale[j] > LOOP_LONGEST)
-            return OPEN;
-    }
-    if (astray > LOOP_ASTRAY * moved + R(1e-9))
+    if (!any(as_predicted(l, h, largest, now, l->q)))
         return OPEN;
     if (last && !(R(l->base.account->soundness) > SIGHT))
         return BLIND;
     return l->base.account->soundness > l->base.sizes.rank_tolerance ? DONE : SINGULAR;
-}
-
-/* Whether the pose evaluated last is on the assembly branch of the last followed state: the screws of a branch have
-   determinants of one sign. For fewer than six screws A and B this is the sign of that of A^T B. */
-static int same_branch(const struct loop *l) {
-    const long rank = l->sizes.solved;
-    real product[ROWS * ROWS];
-    ptrdiff_t swaps[ROWS];
-    int opposite = 0;
-    if (rank > ROWS || rank != l->sizes.rank)
-        return 1;
-    for (long i = 0; i < rank; i++)
-        for (long j = 0; j < rank; j++)
-            product[rank * i + j] = qr_dot(l->followed + ROWS * i, l->columns + ROWS * j);
-    factor_dense(rank, product, swaps);
-    for (long i = 0; i < rank; i++)
-        opposite ^= (product[(rank + 1) * i] < 0) ^ (swaps[i] != i);
-    return !opposite;
 }
 
 static void keep_columns(struct loop *l) {
@@ -80,11 +34,11 @@ static void keep_columns(struct loop *l) {
 
 /* Accept the closed pose in l->q at t as the last followed state. */
 static int arrive(struct loop *l, real t, real *q, real next) {
-    const long n = l->sizes.n, wide = n + 1;
+    const long n = l->sizes.n;
     const size_t row = (size_t)n * sizeof(real);
     memcpy(l->past, q, row);
-    memcpy(l->past + wide, l->u, row);
-    memcpy(l->past + 2 * wide, l->base.work, row);
+    memcpy(l->past + n + 1, l->u, row);
+    memcpy(l->past + 2 * (n + 1), l->base.work, row);
     l->seen->stride = (double)(next - t);
     const int status = loop_move(l, next, l->q, l->u, l->base.work);
     if (status != DONE)
@@ -99,11 +53,11 @@ static int go(struct loop *l, real *t, real *q, real target, real longest, int s
 /* Whether the branch of the state (t, q) leads to `next`, which l->q reaches on another one. At a change point, where
    branches cross, it does not: the motion goes straight on. The state is the same afterwards. */
 static int leads(struct loop *l, real t, real *q, real next, real longest) {
-    const long n = l->sizes.n, wide = n + 1;
+    const long n = l->sizes.n, row = n + 1;
     struct {
         real *at;
         long count;
-    } parts[] = {{q, n}, {l->q, n}, {l->u, n}, {l->base.work, n}, {l->past, 3 * wide}, {l->followed, ROWS * n}};
+    } parts[] = {{q, n}, {l->q, n}, {l->u, n}, {l->base.work, n}, {l->past, 3 * row}, {l->followed, ROWS * n}};
     const double stride = l->seen->stride;
     const size_t count = sizeof parts / sizeof *parts;
     real *kept = l->scout;
@@ -148,7 +102,7 @@ static int go(struct loop *l, real *t, real *q, real target, real longest, int s
         int status = attempt(l, *t, q, next, next == target);
         if (status == BLIND)
             return BLIND;
-        if (status == DONE && !same_branch(l)) {
+        if (status == DONE && !any(same_branch_of(l))) {
             const int ahead = h > 0 ? led >= next : led <= next;
             if (scouts || ahead || leads(l, *t, q, next, longest)) {
                 led = ahead ? led : next;

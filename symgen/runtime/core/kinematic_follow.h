@@ -2,6 +2,7 @@
  * of WIDTH doubles: see lanes_of_width.h. */
 #include "arena.h"
 #include "kinematics.h"
+#include "wide.h"
 
 struct kinematics {
     struct kinematic_kernels kernels;
@@ -151,7 +152,7 @@ static void reduce(struct kinematics *k, const struct kinematic_task *task, mask
     call(k->kernels.points, &k->t, k->q, k->q + k->sizes.n, k->p, k->work, k->here);
     const mask little = turns_little(k, e, arrived);
     k->steady &= ~arrived | (k->passed != k->passed) | little;
-    k->steady &= ~arrived | finite(largest_in(k->out, count)); /* otherwise the caller decides from all values */
+    k->steady &= ~arrived | is_finite(largest_in(k->out, count)); /* otherwise the caller decides from all values */
     copy_where(arrived, k->here, places, k->before);
     k->passed = chosen(arrived, k->t, k->passed);
     arrived &= recorded(task);

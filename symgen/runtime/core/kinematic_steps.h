@@ -26,7 +26,7 @@ static inline mask factor_pair(wide *a, mask *swaps, wide *inverse) {
     a[3] -= a[2] * a[1];
     inverse[1] = 1 / a[3];
     swaps[0] = exchanged & 1, swaps[1] = (mask){0} + 1;
-    return (a[0] != 0) & (a[3] != 0) & finite(a[0]) & finite(a[3]);
+    return (a[0] != 0) & (a[3] != 0) & is_finite(a[0]) & is_finite(a[3]);
 }
 
 static inline void solve_pair(const wide *a, const mask *swaps, const wide *inverse, wide *b) {
@@ -229,10 +229,8 @@ static mask moved(struct kinematics *k, const wide *t, const wide *q, wide *u, w
         u[j] = -u[j];
     call(k->kernels.gamma, t, q, u, k->p, k->work, k->out);
     solve(k, k->out, a);
-    return good & (soundness(k->pivots, n) > SOUND) & finite(largest_in(u, n)) & finite(largest_in(a, n));
+    return good & (soundness(k->pivots, n) > SOUND) & is_finite(largest_in(u, n)) & is_finite(largest_in(a, n));
 }
-
-EXTRAPOLATION(wide, wide_parabola, wide_quintic)
 
 /* Keep the pose next to the last one as the start of the next step. */
 static void take_matrices(struct kinematics *k, mask which) {
@@ -263,10 +261,9 @@ static mask attempt(struct kinematics *k, mask which, wide next, mask *alive) {
     const wide h = next - k->t, g = k->stride, s = h / g, *q = k->q, *u = q + n, *a = u + n;
     const wide *q0 = k->past, *u0 = q0 + n, *a0 = u0 + n;
     wide *change = k->change, *predicted = k->next;
-    const mask near = (g * h > 0) & (magnitude(h) <= STRIDES * magnitude(g));
+    const mask near = near_stride(h, g);
     for (ptrdiff_t j = 0; j < n; j++) {
-        const wide along = wide_parabola(h, u[j], a[j]);
-        change[j] = chosen(near, along + wide_quintic(s, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]), along);
+        change[j] = extrapolated(near, h, s, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]);
         predicted[j] = q[j] + change[j];
         k->predicted[j] = all(REAL_INFINITY) - all(REAL_INFINITY);
     }

@@ -1,4 +1,1 @@
-#define WIDTH 1
-#include "single.h"
-
 #include "kinematic_follow.h"

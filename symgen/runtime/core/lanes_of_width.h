@@ -1,9 +1,6 @@
 /* The functions of lane_functions.h for vectors of WIDTH doubles, a constant that the including file defines. */
-#include "vectors.h"
-
-#include "lane_functions.h"
-
 #include "kinematic_follow.h"
+#include "lane_functions.h"
 #include "loop_vectors.h"
 #include "start_vectors.h"
 

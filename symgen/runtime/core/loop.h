@@ -67,8 +67,10 @@ struct loop {
     double soundest; /* largest least pivot over the first one so far in a run */
     const struct ball *balls;
     struct qr factor;
-    real *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work2;
-    real *q, *u, *trial, *step, *reduced, *basis, *gain, *past, *change;
+    wide closure, soundness, hold; /* of the last pose, before they enter the accounts */
+    long iterations, looks;
+    wide *p, *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work;
+    wide *q, *u, *trial, *step, *reduced, *basis, *gain, *past, *change;
     real *columns, *followed; /* the scaled screws of the solved variables, six numbers for each: evaluated last, and
                                  at the last followed state */
     real *scout;   /* a followed state, kept while steps ahead are tried */

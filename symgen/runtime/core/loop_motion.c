@@ -107,7 +107,7 @@ static void accelerate_loop(struct equations *e, real t, const real *y) {
     memcpy(u, y + n, (size_t)n * sizeof(real));
     for (long k = 0; k < l->sizes.inputs; k++)
         u[l->driven[k]] = l->prescribed[3 * k + 1];
-    l->kernels.motion(&t, q, u, e->p, l->work2, l->loads);
+    l->kernels.motion(&t, q, u, e->p, l->work, l->loads);
     loop_changes(l, 2, l->loads + ROWS * n, b, a);
     l->kernels.inverse(&t, q, u, e->p, a, l->loads);
     memset(l->efforts, 0, (size_t)n * sizeof(real));

@@ -70,7 +70,7 @@ static void begin(struct variations *v) {
 }
 
 /* Evaluate a kernel at the pose (v->q, v->u). */
-static void call(struct variations *v, kernel of_kernel, real t) {
+static void tangent_of(struct variations *v, kernel of_kernel, real t) {
     spread(v, &t, 1, v->t);
     of_kernel(v->t, v->q, v->u, v->p, v->work, v->out);
 }
@@ -87,7 +87,7 @@ static void take(struct variations *v, real t, const real *y) {
     }
     if (v->kernels.prescribed == NULL)
         return;
-    call(v, v->kernels.prescribed, t);
+    tangent_of(v, v->kernels.prescribed, t);
     for (long i = 0; i < 3 * l->sizes.inputs; i++)
         for (ptrdiff_t c = 0; c < k; c++) {
             const long by = v->sizes.directions[c];
@@ -111,7 +111,7 @@ static void weigh(struct variations *v, kernel of_kernel, real t, ptrdiff_t coun
             for (ptrdiff_t j = 0; j < count; j++)
                 weights[j * width + lane] = from[j];
         }
-        call(v, of_kernel, t);
+        tangent_of(v, of_kernel, t);
         for (ptrdiff_t lane = 0; lane < lanes; lane++) {
             real *to = slopes + row * l->solved[first + lane], *by = to + 2 * n;
             const real *out = v->out + lane, *by_p = out + (states + inputs) * width;

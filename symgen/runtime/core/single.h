@@ -25,11 +25,26 @@ static inline wide chosen(mask which, wide yes, wide no) {
     return which & 1 ? yes : no;
 }
 
+static inline mask chosen_index(mask which, mask yes, mask no) {
+    return which & 1 ? yes : no;
+}
+
+/* One of some values, by its index; and its change. */
+static inline wide value_at(mask index, const wide *values, ptrdiff_t count) {
+    (void)count;
+    return values[index];
+}
+
+static inline void set_at(mask index, wide value, ptrdiff_t count, wide *values) {
+    (void)count;
+    values[index] = value;
+}
+
 static inline wide magnitude(wide x) {
     return real_fabs(x);
 }
 
-static inline mask finite(wide x) {
+static inline mask is_finite(wide x) {
     return real_isfinite(x);
 }
 

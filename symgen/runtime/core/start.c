@@ -5,8 +5,8 @@
 #include "arena.h"
 #include "lanes.h"
 #include "linear.h"
-#include "single.h"
 #include "start_limits.h"
+#include "wide.h"
 
 /* Singular values below this part of the largest count as zero in the solution for velocities. */
 #define DEPENDENT R(1e-10)

@@ -1,6 +1,7 @@
 /* The functions of start_lanes.h for vectors of WIDTH doubles: see lanes_of_width.h. */
 #include "arena.h"
 #include "start_lanes.h"
+#include "wide.h"
 
 struct start_lanes {
     struct start_lane_kernels kernels;

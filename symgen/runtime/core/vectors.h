@@ -1,4 +1,7 @@
 /* Vectors of WIDTH doubles, a constant that the including file defines, and systems of equations in them. */
+#ifndef SYMGEN_VECTORS_H
+#define SYMGEN_VECTORS_H
+
 #include <string.h>
 
 #if defined(__x86_64__) && !defined(__clang__)
@@ -32,11 +35,28 @@ static inline wide chosen(mask which, wide yes, wide no) {
     return (wide)((which & (mask)yes) | (~which & (mask)no));
 }
 
+static inline mask chosen_index(mask which, mask yes, mask no) {
+    return (which & yes) | (~which & no);
+}
+
+/* One of some values in each lane, by its index; and its change. */
+static inline wide value_at(mask index, const wide *values, ptrdiff_t count) {
+    wide value = values[0];
+    for (ptrdiff_t i = 1; i < count; i++)
+        value = chosen(index == i, values[i], value);
+    return value;
+}
+
+static inline void set_at(mask index, wide value, ptrdiff_t count, wide *values) {
+    for (ptrdiff_t i = 0; i < count; i++)
+        values[i] = chosen(index == i, value, values[i]);
+}
+
 static inline wide magnitude(wide x) {
     return (wide)((mask)x & ((mask){0} + 0x7fffffffffffffffLL));
 }
 
-static inline mask finite(wide x) {
+static inline mask is_finite(wide x) {
     return magnitude(x) < all(REAL_INFINITY);
 }
 
@@ -139,7 +159,7 @@ static inline mask factor_dense(ptrdiff_t n, wide *a, mask *swaps) {
             best = (best & ~greater) | (greater & i);
         }
         swaps[k] = best;
-        regular &= (pivot != 0) & finite(pivot);
+        regular &= (pivot != 0) & is_finite(pivot);
         for (ptrdiff_t i = k + 1; i < n; i++)
             exchange(best == i, a + i * n, a + k * n, n);
         for (ptrdiff_t i = k + 1; i < n; i++) {
@@ -167,3 +187,5 @@ static inline void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask
         for (ptrdiff_t i = k + 1; i < n; i++)
             exchange(swaps[k] == i, b + k, b + i, 1);
 }
+
+#endif

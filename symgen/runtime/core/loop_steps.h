@@ -1,0 +1,229 @@
+/* Closure, rates and forces of a loop, or of one in each lane of vectors. The including file defines LOOP, the struct of
+ * the loop. Lanes have independent screws, six at most. */
+#include "loop_limits.h"
+
+/* Largest numbers of Newton's iterations to a closed pose, also in lanes, and of halvings of one of its steps. Lanes that
+   need a halving fail. */
+enum { CLOSINGS = 40, LANE_CLOSINGS = 12, HALVINGS = 8 };
+
+/* Write the twist that closes the loop to first order: minus the small rotation, and the displacement at O. */
+static void mismatch(const LOOP *l, wide *b) {
+    const wide *e = l->screws;
+    const wide x = R(0.5) * (e[9] - e[6]), y = R(0.5) * (e[2] - e[8]), z = R(0.5) * (e[4] - e[1]);
+    b[0] = -x;
+    b[1] = -y;
+    b[2] = -z;
+    b[3] = -e[3] + y * e[11] - z * e[7];
+    b[4] = -e[7] + z * e[3] - x * e[11];
+    b[5] = -e[11] + x * e[7] - y * e[3];
+}
+
+/* The reciprocal product of variable j's screw with a wrench (force, moment). */
+static wide power(const LOOP *l, long j, const wide *w) {
+    const long n = l->sizes.n;
+    wide total = {0};
+    for (int i = 0; i < 3; i++)
+        total += l->screws[12 + n * i + j] * w[3 + i] + l->screws[12 + n * (3 + i) + j] * w[i];
+    return total;
+}
+
+/* Evaluate value, rate and acceleration of every input, and write the values to q. */
+static void prescribe(LOOP *l, wide t, wide *q) {
+    if (l->sizes.inputs == 0)
+        return;
+    call(l->kernels.inputs, &t, q, q, l->p, l->work, l->prescribed);
+    for (long k = 0; k < l->sizes.inputs; k++)
+        q[l->driven[k]] = l->prescribed[3 * k];
+}
+
+/* Write the scaled screws of the solved variables, six numbers for each. */
+static void scaled_columns(const LOOP *l, wide *columns) {
+    for (long k = 0; k < l->sizes.solved; k++)
+        for (int i = 0; i < ROWS; i++) {
+            const wide entry = l->screws[12 + l->sizes.n * i + l->solved[k]] * l->scale[l->solved[k]];
+            columns[ROWS * k + i] = entry / (i < 3 ? 1 : l->size);
+        }
+}
+
+/* Evaluate closure and screws at q and factorise; return the largest defect, which is not finite if closure is not. */
+static wide look(LOOP *l, wide t, const wide *q) {
+    const long rank = l->sizes.rank;
+    wide defects[12];
+    call(l->kernels.position, &t, q, q, l->p, l->work, l->screws);
+    for (int i = 0; i < 12; i++)
+        defects[i] = l->screws[i] / (i % 4 == 3 ? l->size : 1);
+    l->closure = largest_in(defects, 12);
+    l->soundness = all(0);
+    if (!any(is_finite(l->closure)))
+        return l->closure;
+    l->looks++;
+    scaled_columns(l, l->columns);
+    memcpy(l->matrix, l->columns, (size_t)(ROWS * l->sizes.solved) * sizeof(wide));
+    qr_factorise(l->matrix, l->sizes.solved, &l->factor);
+    l->soundness = all(1);
+    if (rank > 0) {
+        const wide first = magnitude(l->factor.r[0]);
+        l->soundness = chosen(first > 0, magnitude(l->factor.r[(ROWS + 1) * (rank - 1)]) / first, all(0));
+    }
+    return l->closure;
+}
+
+/* Solve screws x = b for the changes x of the solved variables, in their own units; b is overwritten. */
+static void solve_screws(const LOOP *l, long rank, wide *b, wide *x) {
+    for (int k = 3; k < ROWS; k++)
+        b[k] /= l->size;
+    qr_solve(&l->factor, rank, b, x);
+    for (long k = 0; k < l->sizes.solved; k++)
+        x[k] *= l->scale[l->solved[k]];
+}
+
+/* In some lanes, set the solved variables of q to `trial` plus a part of `step`. */
+static void retry(const LOOP *l, mask which, wide part, wide *q) {
+    for (long k = 0; k < l->sizes.solved; k++) {
+        wide *variable = q + l->solved[k];
+        *variable = chosen(which, l->trial[k] + part * l->step[k], *variable);
+    }
+}
+
+/* Close the open lanes at t by Newton's method from q, in place; return the closed lanes. The factor of the solution is
+   kept. A loop that `follows` keeps a variable as predicted that the pose leaves undetermined. Lanes with corrections
+   that are not finite are removed from `regular`. */
+static mask closed_by_newton(LOOP *l, mask open, wide t, wide *q, int follows, mask *regular) {
+    int halved = 0;
+    wide before = all(REAL_INFINITY), part = all(1), fine = all(FINE), step = before, b[ROWS];
+    const wide tolerance = all(R(l->sizes.tolerance));
+    mask done = {0};
+    prescribe(l, t, q);
+    /* The resolution of an angle of many revolutions is its last digit. */
+    for (long k = 0; k < l->sizes.n; k++)
+        fine = larger(fine, 2 * REAL_EPSILON * magnitude(q[k]) / l->scale[k]);
+    const wide coarse = larger(all(COARSE), 8 * fine);
+    for (int turn = 0; turn < (WIDTH == 1 ? CLOSINGS : LANE_CLOSINGS); turn++) {
+        l->iterations = turn + 1;
+        const wide defect = look(l, t, q);
+        open &= is_finite(defect);
+        const mask fits = defect <= fine, worse = defect > before, coarser = defect > tolerance;
+        const mask rounding = ~fits & (defect > R(0.5) * before) & (larger(before, defect) <= coarse);
+        const mask back = open & rounding & worse;
+        if (any(back)) {
+            retry(l, back, all(0), q);
+            look(l, t, q);
+        }
+        const mask here = open & (fits | rounding | (~coarser & (step <= STILL)));
+        done |= here;
+        open &= ~here;
+        if (WIDTH == 1 && halved < HALVINGS && any(open & worse & coarser)) {
+            halved++;
+            part *= R(0.5);
+            retry(l, open, part, q);
+            continue;
+        }
+        long rank = l->sizes.rank;
+        if (WIDTH > 1)
+            open &= ~(worse & coarser) & (l->soundness > SIGHT);
+        else if (follows && rank > 0 && !(any(l->soundness > SIGHT)))
+            rank--;
+        if (!any(open))
+            break;
+        before = defect;
+        halved = 0;
+        step = all(0);
+        mismatch(l, b);
+        solve_screws(l, rank, b, l->step);
+        for (long k = 0; k < l->sizes.solved; k++) {
+            *regular &= is_finite(l->step[k]);
+            step = larger(step, magnitude(l->step[k]) / l->scale[l->solved[k]]);
+            l->trial[k] = q[l->solved[k]];
+        }
+        open &= *regular;
+        /* Beyond a radian the linear prediction of a step is not valid. */
+        part = 1 / larger(all(1), step);
+        retry(l, open, part, q);
+    }
+    if (WIDTH == 1)
+        done |= open & (l->closure <= coarse);
+    return done;
+}
+
+/* Solve for rates (which = 1) or accelerations (2) of all variables from those of the inputs and a drift, which may be
+   NULL. Return the part of the required change that no motion can supply. b is scratch of six numbers. */
+static wide changes(LOOP *l, int which, const wide *drift, wide *b, wide *v) {
+    const long n = l->sizes.n, rank = l->sizes.rank;
+    wide size = all(0), left = size, x[MOST];
+    for (int i = 0; i < ROWS; i++) {
+        b[i] = all(0);
+        if (drift)
+            b[i] = -drift[i];
+        size = larger(size, magnitude(b[i]) / (i < 3 ? 1 : l->size));
+    }
+    for (long k = 0; k < l->sizes.inputs; k++) {
+        const long j = l->driven[k];
+        const wide rate = l->prescribed[3 * k + which];
+        v[j] = rate;
+        size = larger(size, magnitude(rate) / l->scale[j]);
+        for (int i = 0; i < ROWS; i++)
+            b[i] -= l->screws[12 + n * i + j] * rate;
+    }
+    solve_screws(l, rank, b, x);
+    for (long k = 0; k < l->sizes.solved; k++)
+        v[l->solved[k]] = x[k];
+    for (long k = rank; k < ROWS; k++)
+        left = chosen(magnitude(b[k]) <= left, left, magnitude(b[k]));
+    return chosen(size > 0, left / size, all(0));
+}
+
+/* Write the minimum-norm wrench (force, moment) with these efforts at the solved variables. */
+static void held(const LOOP *l, const wide *efforts, wide *wrench) {
+    wide c[MOST], s[ROWS];
+    for (long k = 0; k < l->sizes.solved; k++)
+        c[k] = efforts[k] * l->scale[l->solved[k]];
+    qr_solve_transposed(&l->factor, l->sizes.rank, c, s);
+    for (int k = 0; k < 3; k++) {
+        wrench[k] = s[3 + k] / l->size;
+        wrench[3 + k] = s[k];
+    }
+}
+
+/* Write the closing wrench behind the accelerations in `work`; return the lanes with regular force transmission. */
+static mask forced(LOOP *l, wide t, const wide *q, const wide *u, wide *work) {
+    const long n = l->sizes.n, unknown = l->sizes.unknown, solved = l->sizes.solved;
+    mask swaps[MOST];
+    wide b[MOST], c[ROWS], x[MOST], needed[MOST];
+    l->hold = all(1);
+    if (l->kernels.inverse == NULL)
+        return ~(mask){0};
+    call(l->kernels.inverse, &t, q, u, l->p, work, l->loads);
+    memset(l->efforts, 0, (size_t)n * sizeof(wide));
+    if (l->kernels.given != NULL)
+        call(l->kernels.given, &t, q, u, l->p, work, l->efforts);
+    for (long k = 0; k < solved; k++)
+        b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
+    held(l, b, work + n);
+    if (unknown == 0)
+        return ~(mask){0};
+    /* gain[i, k]: rate of the variable of unknown effort k at unit rate of the input i of known effort. The unknown
+     * efforts E balance the efforts that the inputs need beyond their known ones: gain E = needed. */
+    for (long i = 0; i < unknown; i++) {
+        const long j = l->driven[l->known[i]];
+        for (int k = 0; k < ROWS; k++)
+            c[k] = -l->screws[12 + n * k + j];
+        solve_screws(l, l->sizes.rank, c, x);
+        for (long k = 0; k < unknown; k++)
+            l->gain[unknown * i + k] = x[l->found[k]];
+        needed[i] = l->loads[j] + power(l, j, work + n) - l->efforts[j];
+    }
+    const mask good = factor_dense(unknown, l->gain, swaps);
+    for (long k = 0; k < unknown; k++) {
+        l->hold = chosen(swaps[k] != k, -l->hold, l->hold);
+        l->hold *= l->gain[unknown * k + k] / l->scale[l->solved[l->found[k]]] * l->scale[l->driven[l->known[k]]];
+    }
+    l->hold = chosen(good, l->hold, all(0));
+    const mask regular = magnitude(l->hold) > NO_DRIVE;
+    if (!any(regular))
+        return regular;
+    solve_dense(unknown, l->gain, swaps, needed);
+    for (long k = 0; k < unknown; k++)
+        b[l->found[k]] += needed[k];
+    held(l, b, work + n);
+    return regular;
+}
