@@ -128,14 +128,15 @@ cdef extern from "core/core.h" nogil:
     cdef struct loop_lanes_api:
         pass
 
+    cdef struct lane_runs_api:
+        pass
+
     cdef struct lane_functions:
         Py_ssize_t width
         const start_lanes_api *starts
         const kinematics_api *kinematics
         const loop_lanes_api *loops
-
-    cdef struct lane_api:
-        pass
+        const lane_runs_api *runs
 
     cdef struct variation_api:
         pass
@@ -151,7 +152,6 @@ cdef extern from "core/core.h" nogil:
         const kinematics_api *kinematics
         const start_api *start
         const lane_functions *(*lanes)(Py_ssize_t) noexcept nogil
-        const lane_api *lane_runs
         const variation_api *variations
         const variation_api *loop_variations
         void (*widen)(long, const double *, const double *, void *) noexcept nogil

@@ -7,7 +7,7 @@ from libc.math cimport fabs, fmax
 from libc.string cimport memcpy, memset
 
 from symgen.runtime._core cimport (
-    Core, KernelEquations, Memory, Scheme, _DONE, _MORE, at_least, core_api, equations, interrupted, kernel_of,
+    Core, KernelEquations, Memory, Scheme, _DONE, _MORE, at_least, core_api, equations, functions_of, interrupted, kernel_of,
     kernel_t, kernels, memory_of, report, run, scheme as scheme_t, task,
 )
 from symgen.runtime._start cimport (
@@ -20,17 +20,17 @@ from symgen.runtime._core import DOUBLE
 
 cdef extern from "core/lane_runs.h" nogil:
     cdef struct lane_sizes:
-        Py_ssize_t lanes, n, m, extra, parameters, derived, work, first_pivot
+        Py_ssize_t n, m, extra, parameters, derived, work, first_pivot
         double rank_tolerance
 
     cdef struct lane_runs:
         pass
 
-    cdef struct lane_table "lane_api":
-        size_t lane_struct
+    cdef struct lane_table "lane_runs_api":
+        size_t lanes_struct
         size_t (*bytes)(const lane_sizes *, const scheme_t *) noexcept nogil
         void (*bind)(lane_runs *, const lane_sizes *, const kernels *, const scheme_t *, const task *, void *) noexcept nogil
-        void (*run)(lane_runs *, const void *, const void *, const void *, void *, void *, char *) noexcept nogil
+        void (*run)(lane_runs *, const double *, const double *, const double *, double *, double *, char *) noexcept nogil
 
 
 def over_variants(evaluator, str kernel, const double[:, ::1] variants, const double[::1] times, rows):
@@ -105,13 +105,13 @@ cdef class Lanes:
     def __init__(self, library, KernelEquations equations, Py_ssize_t lanes):
         addresses = library.addresses
         self.library, self.lanes = library, lanes
-        self.api = <const lane_table *>equations.of.api.lane_runs
+        self.api = <const lane_table *>functions_of(lanes).runs
         self.functions.accelerations, self.functions.factor = kernel_of(addresses, "accelerations"), kernel_of(addresses, "factor")
         self.functions.solve, self.functions.constraints = kernel_of(addresses, "solve"), kernel_of(addresses, "constraints")
         self.functions.velocity_constraints = kernel_of(addresses, "velocity_constraints")
         self.functions.energy, self.functions.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
         self.functions.setup = kernel_of(addresses, "setup")
-        self.sizes.lanes, self.sizes.n, self.sizes.m = lanes, equations.n, equations.m
+        self.sizes.n, self.sizes.m = equations.n, equations.m
         self.sizes.extra, self.sizes.parameters = equations.extra, equations.core.sizes.parameters
         self.sizes.derived, self.sizes.work = library.derived, equations.core.sizes.work
         self.sizes.first_pivot = equations.core.sizes.first_pivot
@@ -120,7 +120,7 @@ cdef class Lanes:
     cdef int bound(self, const scheme_t *method, const task *asked) except -1:
         """Allocate memory for runs by a method."""
         cdef Py_ssize_t w = self.lanes, dim = 2 * self.sizes.n + self.sizes.extra
-        self.memory = memory_of(self.api.lane_struct, self.api.bytes(&self.sizes, method))
+        self.memory = memory_of(self.api.lanes_struct, self.api.bytes(&self.sizes, method))
         self.core = <lane_runs *>self.memory.structure
         self.api.bind(self.core, &self.sizes, &self.functions, method, asked, self.memory.at)
         self.rows, self.states = np.zeros(w * self.sizes.parameters + 1), np.zeros(w * dim)

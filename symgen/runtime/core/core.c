@@ -161,7 +161,6 @@ const struct core_api symgen_core = {
     .kinematics = &symgen_kinematics,
     .start = &symgen_start,
     .lanes = lanes_of,
-    .lane_runs = &symgen_lane_runs,
     .variations = &symgen_variations,
     .loop_variations = &symgen_loop_variations,
     .widen = widen,

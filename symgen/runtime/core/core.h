@@ -10,7 +10,6 @@
 
 #include "elastic.h"
 #include "lane_functions.h"
-#include "lane_runs.h"
 #include "loops.h"
 #include "run.h"
 #include "start.h"
@@ -56,7 +55,6 @@ struct core_api {
     const struct kinematics_api *kinematics;
     const struct start_api *start;
     const struct lane_functions *(*lanes)(ptrdiff_t width);
-    const struct lane_api *lane_runs;
     const struct variation_api *variations, *loop_variations;
 
     /* Convert high + low to the core's type; low may be NULL. And back: low, if not NULL, receives the remainder. */

@@ -1,9 +1,10 @@
-/* The functions for vectors of one width: starts, driven linkages and driven loops, one with other parameters in each
-   lane. */
+/* The functions for vectors of one width: starts, driven linkages, driven loops and runs of fixed steps, one with other
+   parameters in each lane. */
 #ifndef SYMGEN_LANE_FUNCTIONS_H
 #define SYMGEN_LANE_FUNCTIONS_H
 
 #include "kinematics.h"
+#include "lane_runs.h"
 #include "loop_lanes.h"
 #include "start_lanes.h"
 
@@ -12,6 +13,7 @@ struct lane_functions {
     const struct start_lanes_api *starts;
     const struct kinematics_api *kinematics;
     const struct loop_lanes_api *loops;
+    const struct lane_runs_api *runs;
 };
 
 /* The functions for vectors of `width` doubles: 2, 4 or 8. NULL for another width, and without vectors. */

@@ -11,39 +11,24 @@
 #include "run.h"
 
 struct lane_sizes {
-    ptrdiff_t lanes;            /* numbers of a vector */
     ptrdiff_t n, m, extra;      /* as in struct sizes, like all below */
     ptrdiff_t parameters, derived, work, first_pivot;
     double rank_tolerance;
 };
 
-struct lane_runs {
-    struct kernels kernels;
-    struct lane_sizes sizes;
-    struct scheme scheme;
-    struct task task;
-    ptrdiff_t dim;
-    /* a vector for each entry */
-    real *p, *time, *y, *y_new, *stage, *own, *work, *factors, *out, *rhs, *rates, *scale, *energies, *before;
-    /* a number for each lane */
-    real *previous, *size, *position_drift, *energy_drift, *energy_start;
-    char *active, *failed;
-};
+struct lane_runs;
 
-/* Interface of runs in lanes: see core.h. */
-struct lane_api {
-    size_t lane_struct;
+struct lane_runs_api {
+    size_t lanes_struct;
     size_t (*bytes)(const struct lane_sizes *sizes, const struct scheme *scheme);
     /* The memory starts at a multiple of 64 bytes. */
     void (*bind)(struct lane_runs *l, const struct lane_sizes *sizes, const struct kernels *kernels,
                  const struct scheme *scheme, const struct task *task, void *memory);
-    /* Carry out one run per lane. `given` are rows of parameters, `y0` rows of states, `samples` receives
-     * task.samples rows of states for each lane, `drifts` the largest errors of constraints and of energy, `failed`
-     * whether the caller must repeat the run of a lane. */
-    void (*run)(struct lane_runs *l, const void *given, const void *y0, const void *times, void *samples, void *drifts,
-                char *failed);
+    /* Carry out one run per lane, from rows of parameters and of states y0. `samples` receives task.samples rows of
+     * states for each lane, `drifts` the largest errors of constraints and of energy, `failed` whether the caller must
+     * repeat the run of a lane. */
+    void (*run)(struct lane_runs *l, const real *parameter_rows, const real *y0, const real *times, real *samples,
+                real *drifts, char *failed);
 };
-
-extern const struct lane_api symgen_lane_runs;
 
 #endif

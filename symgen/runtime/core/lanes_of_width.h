@@ -2,9 +2,12 @@
 #include "kinematic_follow.h"
 #include "lane_functions.h"
 #include "loop_vectors.h"
+#include "run_vectors.h"
 #include "start_vectors.h"
 
 #define JOINED(name, width) name##width
 #define TABLE(width) JOINED(symgen_lanes_, width)
 
-const struct lane_functions TABLE(WIDTH) = {WIDTH, &start_functions, &kinematic_functions, &loop_functions};
+const struct lane_functions TABLE(WIDTH) = {
+    WIDTH, &start_functions, &kinematic_functions, &loop_functions, &run_functions,
+};

@@ -1,4 +1,4 @@
-/* Sums of the derivatives of stages, for one run or for runs in lanes. */
+/* Sums of the derivatives of stages. */
 #ifndef SYMGEN_STAGES_H
 #define SYMGEN_STAGES_H
 

@@ -131,6 +131,8 @@ def compiled_runs(
     batched = None
     if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model._typed, Typed):
         batched = model._typed.kernels(True)
+        if lanes_of(batched, d.name)[0] < 2:
+            batched = None
     return SimulatedRuns(
         evaluator, chosen, t0, times, parameter_rows, rows, single, batched, source.stepper.steps
     )

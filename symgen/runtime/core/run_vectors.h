@@ -1,0 +1,288 @@
+/* The functions of lane_runs.h for vectors of WIDTH doubles: see lanes_of_width.h. */
+#include "arena.h"
+#include "lane_runs.h"
+#include "tableau.h"
+#include "wide.h"
+
+struct lane_runs {
+    struct kernels kernels;
+    struct lane_sizes sizes;
+    struct scheme scheme;
+    struct task task;
+    ptrdiff_t dim;
+    wide *p, *y, *y_new, *stage, *own, *work, *factors, *out, *rhs, *rates, *scale, *before;
+    wide energies[3], position_drift, energy_drift, energy_start;
+    mask failed;
+};
+
+static size_t lane_run_place(struct lane_runs *l, const struct lane_sizes *s, const struct scheme *scheme, void *memory) {
+    const ptrdiff_t whole = s->n + s->m, dim = 2 * s->n + s->extra;
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(l->p, s->parameters + s->derived + 1),
+        ARENA_ARRAY(l->y, dim),
+        ARENA_ARRAY(l->y_new, dim),
+        ARENA_ARRAY(l->stage, dim),
+        ARENA_ARRAY(l->own, dim * (scheme->counts[ALL_STAGES] + 1)),
+        ARENA_ARRAY(l->work, s->work),
+        ARENA_ARRAY(l->factors, s->work),
+        ARENA_ARRAY(l->out, whole > 2 * s->m ? whole : 2 * s->m),
+        ARENA_ARRAY(l->rhs, whole),
+        ARENA_ARRAY(l->rates, s->m),
+        ARENA_ARRAY(l->scale, s->m),
+        ARENA_ARRAY(l->before, s->n),
+    };
+    return ARENA_PLACE(arrays, memory);
+}
+
+static size_t lane_run_bytes(const struct lane_sizes *sizes, const struct scheme *scheme) {
+    struct lane_runs counted;
+    return lane_run_place(&counted, sizes, scheme, NULL);
+}
+
+static void lane_run_bind(struct lane_runs *l, const struct lane_sizes *sizes, const struct kernels *kernels,
+                          const struct scheme *scheme, const struct task *task, void *memory) {
+    lane_run_place(l, sizes, scheme, memory);
+    l->sizes = *sizes, l->kernels = *kernels, l->scheme = *scheme, l->task = *task;
+    l->dim = 2 * sizes->n + sizes->extra;
+}
+
+/* Call a kernel at the states y and one time. */
+static void call_at(const struct lane_runs *l, kernel function, real t, const wide *y, wide *work, wide *out) {
+    const wide time = all(t);
+    call(function, &time, y, y + l->sizes.n, l->p, work, out);
+}
+
+static void fail_unless_finite(struct lane_runs *l, const wide *values) {
+    l->failed |= ~is_finite(largest_in(values, l->dim));
+}
+
+/* As `derivative` of equations. */
+static void lane_derivative(struct lane_runs *l, real t, const wide *y, wide *dy) {
+    const ptrdiff_t n = l->sizes.n, m = l->sizes.m;
+    memcpy(dy, y + n, (size_t)n * sizeof(wide));
+    call_at(l, l->kernels.accelerations, t, y, l->work, l->out);
+    for (int k = 0; k < REFINEMENTS && l->kernels.residual != NULL; k++) {
+        call_at(l, l->kernels.residual, t, y, l->out, l->rhs);
+        call_at(l, l->kernels.solve, t, y, l->work, l->rhs);
+        for (ptrdiff_t i = 0; i < n + m; i++)
+            l->out[i] += l->rhs[i];
+    }
+    memcpy(dy + n, l->out, (size_t)n * sizeof(wide));
+    if (l->sizes.extra) {
+        call_at(l, l->kernels.energy, t, y, l->out, l->energies);
+        dy[2 * n] = l->energies[2];
+    }
+}
+
+/* Factorise at y; mark lanes near a loss of rank as failed. */
+static void lane_factor(struct lane_runs *l, real t, const wide *y) {
+    const ptrdiff_t n = l->sizes.n;
+    call_at(l, l->kernels.factor, t, y, l->factors, l->out);
+    for (ptrdiff_t i = 0; i < n + l->sizes.m; i++) {
+        const wide *pivot = l->factors + l->sizes.first_pivot + 2 * i, terms = magnitude(pivot[1]);
+        const wide ratio = (i < n ? R(1) : R(-1)) * pivot[0] / terms;
+        const real least = i < n ? R(MASSLESS) : real_fmax(R(NEAR), R(l->sizes.rank_tolerance));
+        l->failed |= ~((terms != 0) & (ratio > least) & is_finite(ratio));
+    }
+}
+
+/* The largest row over its scale; NaN if one is NaN. */
+static wide worst_of(const struct lane_runs *l, const wide *rows, const wide *scales) {
+    wide worst = all(0);
+    for (ptrdiff_t i = 0; i < l->sizes.m; i++) {
+        const wide error = magnitude(rows[i]) / scales[i];
+        worst = chosen((error <= worst) | (worst != worst), worst, error);
+    }
+    return worst;
+}
+
+/* Solve for the negative rows with the last factor; add the solution to `to` in open lanes. */
+static void correct(struct lane_runs *l, mask open, real t, const wide *y, const wide *rows, wide *to) {
+    const ptrdiff_t n = l->sizes.n;
+    memset(l->rhs, 0, (size_t)n * sizeof(wide));
+    for (ptrdiff_t i = 0; i < l->sizes.m; i++)
+        l->rhs[n + i] = -rows[i];
+    call_at(l, l->kernels.solve, t, y, l->factors, l->rhs);
+    for (ptrdiff_t i = 0; i < n; i++)
+        to[i] = chosen(open, to[i] + l->rhs[i], to[i]);
+}
+
+/* As `project_positions` of equations. */
+static void close_lanes(struct lane_runs *l, real t, wide *y) {
+    const ptrdiff_t n = l->sizes.n, m = l->sizes.m;
+    wide previous = all(REAL_INFINITY), size = previous;
+    mask open = ~l->failed;
+    for (int k = 0; k < PROJECTIONS && any(open); k++) {
+        call_at(l, l->kernels.constraints, t, y, l->work, l->out);
+        const wide worst = worst_of(l, l->out, l->out + m);
+        if (k == 0)
+            size = larger(largest_in(y, n), largest_in(l->out + m, m));
+        l->failed |= open & ~is_finite(worst);
+        open &= is_finite(worst);
+        const mask rough = worst > REAL_EPSILON * size, stalled = open & rough & (worst > R(0.5) * previous);
+        const mask back = stalled & (worst > previous);
+        l->failed |= stalled & (worst > R(1e4) * REAL_EPSILON * size);
+        copy_where(back, l->before, n, y);
+        copy_where(open & ~back, l->out + m, m, l->scale);
+        open &= ~stalled;
+        copy_where(open, y, n, l->before);
+        previous = chosen(open, worst, previous);
+        open &= rough;
+        if (any(open))
+            correct(l, open, t, y, l->out, y);
+    }
+    l->failed |= open;
+}
+
+/* As `project_velocities` of equations, for a run without tolerance and up to a new factor. */
+static void settle_rates(struct lane_runs *l, real t, wide *y) {
+    wide *u = y + l->sizes.n, previous = all(REAL_INFINITY);
+    const wide speed = largest_in(u, l->sizes.n);
+    mask open = ~l->failed;
+    for (int k = 0; k < RATE_PROJECTIONS && any(open); k++) {
+        call_at(l, l->kernels.velocity_constraints, t, y, l->work, l->rates);
+        const wide worst = worst_of(l, l->rates, l->scale);
+        l->failed |= open & ~is_finite(worst);
+        open &= is_finite(worst) & (worst > 0) & (worst <= R(0.5) * previous);
+        previous = chosen(open, worst, previous);
+        if (any(open))
+            correct(l, open, t, y, l->rates, u);
+    }
+    const mask settled = previous <= R(1e4) * REAL_EPSILON * speed;
+    l->failed |= open & ~settled;
+}
+
+static void project_lanes(struct lane_runs *l, real t, wide *y, int places_only) {
+    if (l->sizes.m == 0)
+        return;
+    lane_factor(l, t, y);
+    close_lanes(l, t, y);
+    if (!places_only)
+        settle_rates(l, t, y);
+}
+
+/* Follow drift of constraints and energy, as the loop of a single run does. */
+static void monitor(struct lane_runs *l, real t) {
+    const ptrdiff_t n = l->sizes.n, m = l->sizes.m;
+    if (m) {
+        call_at(l, l->kernels.constraints, t, l->y, l->work, l->out);
+        call_at(l, l->kernels.velocity_constraints, t, l->y, l->work, l->rates);
+        const wide error = worst_of(l, l->out, l->out + m), rate = worst_of(l, l->rates, l->out + m);
+        l->position_drift = larger(l->position_drift, error);
+        l->failed |= ~(is_finite(error) & is_finite(rate)) | (l->position_drift > R(l->task.max_drift));
+    }
+    call_at(l, l->kernels.energy, t, l->y, l->work, l->energies);
+    wide total = l->energies[0] + l->energies[1];
+    if (l->sizes.extra)
+        total -= l->y[2 * n];
+    l->failed |= ~is_finite(total);
+    l->energy_start = chosen(l->energy_start == REAL_INFINITY, total, l->energy_start);
+    l->energy_drift = larger(l->energy_drift, magnitude(total - l->energy_start));
+}
+
+/* Copy the states of all lanes into their rows of samples. */
+static void record_sample(const struct lane_runs *l, const wide *y, ptrdiff_t sample, real *samples) {
+    for (int lane = 0; lane < WIDTH; lane++)
+        for (ptrdiff_t i = 0; i < l->dim; i++)
+            samples[(lane * l->task.samples + sample) * l->dim + i] = y[i][lane];
+}
+
+/* to = y + h times the sum of the first derivatives by their weights, one after the other. */
+static void add_derivatives(const struct lane_runs *l, const real *weights, long count, real h, wide *to) {
+    real factors[MOST_STAGES];
+    for (long j = 0; j < count; j++)
+        factors[j] = h * weights[j];
+    for (ptrdiff_t i = 0; i < l->dim; i++) {
+        wide sum = l->y[i];
+        for (long j = 0; j < count; j++)
+            sum += factors[j] * l->own[j * l->dim + i];
+        to[i] = sum;
+    }
+}
+
+/* Take a step to t_new, and leave the derivatives at its end behind those of the stages. */
+static void take_step(struct lane_runs *l, real t, real h, real t_new) {
+    const struct tableau x = tableau_of(&l->scheme);
+    for (ptrdiff_t s = 1; s < x.stages; s++) {
+        add_derivatives(l, x.a + s * x.all, s, h, l->stage);
+        lane_derivative(l, t + x.c[s] * h, l->stage, l->own + s * l->dim);
+    }
+    add_derivatives(l, x.b, x.stages, h, l->y_new);
+    fail_unless_finite(l, l->y_new);
+    project_lanes(l, t_new, l->y_new, 0);
+    lane_derivative(l, t_new, l->y_new, l->own + x.stages * l->dim);
+    fail_unless_finite(l, l->own + x.stages * l->dim);
+}
+
+static void begin_runs(struct lane_runs *l, const real *parameter_rows, const real *y0) {
+    const ptrdiff_t parameters = l->sizes.parameters;
+    load(parameter_rows, parameters, l->p);
+    load(y0, l->dim, l->y);
+    l->p[parameters + l->sizes.derived] = all(R(l->sizes.rank_tolerance));
+    l->position_drift = l->energy_drift = all(0);
+    l->energy_start = all(REAL_INFINITY);
+    l->failed = (mask){0};
+    if (l->kernels.setup != NULL)
+        call(l->kernels.setup, NULL, NULL, NULL, l->p, NULL, l->p + parameters);
+    project_lanes(l, R(l->task.t0), l->y, 0);
+    lane_derivative(l, R(l->task.t0), l->y, l->own);
+    fail_unless_finite(l, l->own);
+    monitor(l, R(l->task.t0));
+}
+
+/* Record the samples in a step of length h; return how many samples there are then. */
+static ptrdiff_t record_step(struct lane_runs *l, real t, real h, real t_new, const real *times, ptrdiff_t recorded,
+                             real *samples) {
+    const struct tableau x = tableau_of(&l->scheme);
+    real weights[MOST_STAGES];
+    for (; recorded < l->task.samples && times[recorded] <= t_new; recorded++) {
+        if (times[recorded] == t_new) {
+            record_sample(l, l->y_new, recorded, samples);
+            continue;
+        }
+        dense_weights(&x, h, (times[recorded] - t) / h, weights);
+        add_derivatives(l, weights, x.all, R(1), l->stage);
+        project_lanes(l, times[recorded], l->stage, (int)l->task.places_only);
+        record_sample(l, l->stage, recorded, samples);
+    }
+    return recorded;
+}
+
+static void run_lanes(struct lane_runs *l, const real *parameter_rows, const real *y0, const real *times, real *samples,
+                      real *drifts, char *failed) {
+    const size_t row = (size_t)l->dim * sizeof(wide);
+    const real t_end = R(l->task.t_end);
+    real t = R(l->task.t0), t_left = 0;
+    ptrdiff_t recorded = 0;
+    begin_runs(l, parameter_rows, y0);
+    for (; recorded < l->task.samples && times[recorded] <= t; recorded++)
+        record_sample(l, l->y, recorded, samples);
+    for (ptrdiff_t turn = 0; t < t_end && any(~l->failed) && !is_interrupted(turn); turn++) {
+        real h = R(l->task.step), t_new = t + (h + t_left);
+        if (!(h > R(10) * REAL_EPSILON * real_fmax(real_fabs(t), REAL_EPSILON * t_end)))
+            l->failed = ~(mask){0};
+        if (t_new >= t_end || t_end - t_new < R(1e-9) * h) {
+            t_new = t_end;
+            h = t_end - t;
+        }
+        take_step(l, t, h, t_new);
+        recorded = record_step(l, t, h, t_new, times, recorded, samples);
+        t_left = (h + t_left) - (t_new - t);
+        t = t_new;
+        memcpy(l->y, l->y_new, row);
+        memcpy(l->own, l->own + l->scheme.counts[SOLUTION_STAGES] * l->dim, row);
+        monitor(l, t);
+    }
+    for (int lane = 0; lane < WIDTH; lane++) {
+        drifts[2 * lane] = l->position_drift[lane];
+        drifts[2 * lane + 1] = l->energy_drift[lane];
+        failed[lane] = (char)(has(l->failed, lane) || recorded < l->task.samples);
+    }
+}
+
+static const struct lane_runs_api run_functions = {
+    .lanes_struct = sizeof(struct lane_runs),
+    .bytes = lane_run_bytes,
+    .bind = lane_run_bind,
+    .run = run_lanes,
+};
