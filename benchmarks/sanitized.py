@@ -256,7 +256,8 @@ def chain(name: str, text: str, library: Any, rng: np.random.Generator) -> int:
     """Call the kernels of chains of a few lengths, straight and branched, alone and in lanes."""
     lanes = int(re.search(rf"{name}_lanes = (\d+)", text)[1])  # type: ignore[index]
     dimension = int(re.search(r"force\[n \+ 1\]\[(\d)\]", text)[1])  # type: ignore[index]
-    per_rod, per_point = map(int, re.search(r"return (\d+)\*n \+ (\d+)\*\(n \+ 1\)", text).groups())  # type: ignore[union-attr]
+    sizes_of_work = re.search(r"return (\d+)\*n \+ (\d+)\*\(n \+ 1\) \+ (\d+)", text)
+    per_rod, per_point, further = map(int, sizes_of_work.groups())  # type: ignore[union-attr]
     calls = 0
     for n in (1, 2, 7):
         parent = np.array([rng.integers(0, k + 1) for k in range(n)], dtype=np.intp)
@@ -273,7 +274,7 @@ def chain(name: str, text: str, library: Any, rng: np.random.Generator) -> int:
                     points,
                     n,
                     dimension,
-                    per_rod * n + per_point * (n + 1),
+                    per_rod * n + per_point * (n + 1) + further,
                 ]
                 function = getattr(library, f"{name}_{kernel}{suffix}")
                 for row in zip(*(list(arrays(count * size, rng, 3)) for size in sizes), strict=True):
@@ -281,7 +282,8 @@ def chain(name: str, text: str, library: Any, rng: np.random.Generator) -> int:
                     for held, tree in ((0, None), (1, parent)):
                         at = None if tree is None else tree.ctypes.data_as(ctypes.c_void_p)
                         pointers = [ctypes.c_void_p(a.ctypes.data) for a in exact]
-                        function(ctypes.c_ssize_t(n), at, ctypes.c_int(held), *pointers)
+                        more = [ctypes.c_int(2)] if kernel == "solve" else []
+                        function(ctypes.c_ssize_t(n), at, ctypes.c_int(held), *pointers, *more)
                         calls += 1
     return calls
 

@@ -19,16 +19,20 @@ cdef extern from "chain_kernel.h" nogil:
         double *multiplier, double *reaction, double *work)
     void chain_solve(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
         const double *mass, const double *force, const double *along, const double *gamma, double *acceleration,
-        double *multiplier, double *reaction, double *work)
+        double *multiplier, double *reaction, double *work, int refinements)
     void chain_accelerations_lanes(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
         const double *mass, const double *force, const double *along, const double *rate, double *acceleration,
         double *multiplier, double *reaction, double *work)
     void chain_solve_lanes(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
         const double *mass, const double *force, const double *along, const double *gamma, double *acceleration,
-        double *multiplier, double *reaction, double *work)
-    void chain_rest(Py_ssize_t n, const Py_ssize_t *parent, int held, const double *coupling,
-        const double *mass, const double *force, const double *along, const double *gamma, const double *acceleration,
-        const double *multiplier, double *left, double *length_left)
+        double *multiplier, double *reaction, double *work, int refinements)
+    Py_ssize_t chain_run_work(Py_ssize_t n, Py_ssize_t groups, Py_ssize_t lanes)
+    void chain_run_accelerations(const double *, const double *, const double *, const double *, double *, double *)
+    void chain_run_factor(const double *, const double *, const double *, const double *, double *, double *)
+    void chain_run_solve(const double *, const double *, const double *, const double *, double *, double *)
+    void chain_run_constraints(const double *, const double *, const double *, const double *, double *, double *)
+    void chain_run_velocity_constraints(const double *, const double *, const double *, const double *, double *, double *)
+    void chain_run_energy(const double *, const double *, const double *, const double *, double *, double *)
 
 #: Hash of the equations this module was compiled from.
 EQUATIONS = (<bytes>chain_equations).decode("ascii")
@@ -42,7 +46,16 @@ ADDRESSES = {
     "accelerations_lanes": <uintptr_t>&chain_accelerations_lanes,
     "solve": <uintptr_t>&chain_solve,
     "solve_lanes": <uintptr_t>&chain_solve_lanes,
-    "rest": <uintptr_t>&chain_rest,
+}
+
+#: The same of the kernels that a step loop calls.
+RUN_ADDRESSES = {
+    "accelerations": <uintptr_t>&chain_run_accelerations,
+    "factor": <uintptr_t>&chain_run_factor,
+    "solve": <uintptr_t>&chain_run_solve,
+    "constraints": <uintptr_t>&chain_run_constraints,
+    "velocity_constraints": <uintptr_t>&chain_run_velocity_constraints,
+    "energy": <uintptr_t>&chain_run_energy,
 }
 
 
@@ -73,6 +86,11 @@ cdef const Py_ssize_t *_tree(const Py_ssize_t[::1] parent, Py_ssize_t n) except?
 def work_size(Py_ssize_t n):
     """Return the doubles of work memory for n rods; as many for each lane."""
     return chain_work(n)
+
+
+def run_work_size(Py_ssize_t n, Py_ssize_t groups, Py_ssize_t lanes):
+    """Return the doubles of work memory of a run of groups of chains of n rods, in lanes."""
+    return chain_run_work(n, groups, lanes)
 
 
 def ends(Py_ssize_t n, const double[::1] rod, double[::1] masses):
@@ -135,7 +153,7 @@ def accelerations_lanes(Py_ssize_t n, const Py_ssize_t[::1] parent, bint held, c
 
 def solve(Py_ssize_t n, const Py_ssize_t[::1] parent, bint held, const double[::1] coupling, const double[::1] mass,
         const double[::1] force, const double[::1] along, const double[::1] gamma, double[::1] acceleration,
-        double[::1] multiplier, double[::1] reaction, double[::1] work, Py_ssize_t times=1):
+        double[::1] multiplier, double[::1] reaction, double[::1] work, int refinements=0, Py_ssize_t times=1):
     """Solve one chain, ``times`` times over: for measuring it without Python around it."""
     cdef const Py_ssize_t *p = _tree(parent, n)
     cdef const double *c = _read("coupling", coupling, n)
@@ -150,13 +168,13 @@ def solve(Py_ssize_t n, const Py_ssize_t[::1] parent, bint held, const double[::
     cdef Py_ssize_t i
     with nogil:
         for i in range(times):
-            chain_solve(n, p, held, c, m, f, d, r, a, x, b, w)
+            chain_solve(n, p, held, c, m, f, d, r, a, x, b, w, refinements)
 
 
 def solve_lanes(Py_ssize_t n, const Py_ssize_t[::1] parent, bint held, const double[::1] coupling,
         const double[::1] mass, const double[::1] force, const double[::1] along, const double[::1] gamma,
         double[::1] acceleration, double[::1] multiplier, double[::1] reaction, double[::1] work,
-        Py_ssize_t first, Py_ssize_t last, bint common, Py_ssize_t times=1):
+        Py_ssize_t first, Py_ssize_t last, bint common, int refinements=0, Py_ssize_t times=1):
     """Solve groups ``first`` to ``last - 1`` of 8 chains each, ``times`` times over.
 
     ``common`` says that all groups share ``coupling`` and ``mass``. ``work`` serves one group at a time.
@@ -183,15 +201,4 @@ def solve_lanes(Py_ssize_t n, const Py_ssize_t[::1] parent, bint held, const dou
                     f + g*16*(n + 1), d + g*16*n,
                     r + g*8*n,
                     a + g*16*(n + 1), x + g*8*n,
-                    b + g*16, w)
-
-
-def rest(Py_ssize_t n, const Py_ssize_t[::1] parent, bint held, const double[::1] coupling, const double[::1] mass,
-        const double[::1] force, const double[::1] along, const double[::1] gamma, const double[::1] acceleration,
-        const double[::1] multiplier, double[::1] left, double[::1] length_left):
-    """Write the residuals of the equations of a chain."""
-    chain_rest(n, _tree(parent, n), held, _read("coupling", coupling, n), _read("mass", mass, n + 1),
-        _read("force", force, 2*(n + 1)), _read("along", along, 2*n),
-        _read("gamma", gamma, n), _read("acceleration", acceleration, 2*(n + 1)),
-        _read("multiplier", multiplier, n), _write("left", left, 2*(n + 1)),
-        _write("length_left", length_left, n))
+                    b + g*16, w, refinements)

@@ -6,11 +6,16 @@
  *
  * One rod in one evaluation of all accelerations: 173 operations (63 add, 109 mul, 1 div, 1 neg).
  */
+#include <math.h>
 #include <stddef.h>
 #include <string.h>
 #include "chain_spatial_kernel.h"
 
 #define LANES 8
+/* Cancellation from which a solution is refined by default, most refinements, and the relative change that ends them. */
+#define CANCELLED 1e2
+#define REFINEMENTS 4
+#define ROUNDING 1e-16
 #define SYMGEN_RESTRICT restrict
 #define SYMGEN_CHAIN \
     ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held, const double *SYMGEN_RESTRICT coupling, \
@@ -18,6 +23,9 @@
 #define SYMGEN_SOLUTION \
     double *SYMGEN_RESTRICT acceleration, double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, \
     double *SYMGEN_RESTRICT work
+
+#define SYMGEN_RUN const double *t, const double *q, const double *u, const double *p, double *work, double *out
+#define SYMGEN_UNUSED (void)t, (void)q, (void)u, (void)out
 
 /* Lanes never read what another lane wrote. */
 #if defined(__clang__)
@@ -46,7 +54,7 @@
 #define SYMGEN_WIDTHS
 #endif
 
-const char chain_spatial_equations[65] = "cb59af09ca88a55388530d1cf7bbc396ce43d2293c84d1765dc7e2575521259b";
+const char chain_spatial_equations[65] = "292c311d6420a2f91ca82fcf57d976c980ecbad75870a0850e43af8c5b07722a";
 
 /* end mass matrix [a11 a12; a12 a22] of a rod: 15 operations (4 add, 10 mul, 1 div) */
 SYMGEN_INLINE void ends_step(const double *SYMGEN_RESTRICT rod, double *SYMGEN_RESTRICT masses)
@@ -364,42 +372,200 @@ SYMGEN_INLINE void solve(const int lanes, const int by_rate, SYMGEN_CHAIN, const
     }
 }
 
-void chain_spatial_rest(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, const double *SYMGEN_RESTRICT acceleration,
-    const double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT left, double *SYMGEN_RESTRICT length_left)
+/* Residuals of a solution: of the forces, left[n + 1][3], and of the length rows, length_left[n]. */
+SYMGEN_INLINE void rest(const int lanes, SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma,
+    const double *SYMGEN_RESTRICT acceleration, const double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT left,
+    double *SYMGEN_RESTRICT length_left)
 {
-    for (ptrdiff_t k = 0; k <= n; k++)
-        unloaded_step(1, mass + k, force + 3*k, acceleration + 3*k, left + 3*k);
+    for (ptrdiff_t k = 0; k <= n; k++) {
+        const ptrdiff_t at = 3*lanes*k;
+        SYMGEN_EACH_LANE
+            unloaded_step(lanes, mass + lanes*k + lane, force + at + lane, acceleration + at + lane, left + at + lane);
+    }
     for (ptrdiff_t k = 0; k < n; k++) {
-        const ptrdiff_t inner = parent ? parent[k] : k;
-        rest_step(1, along + 3*k, coupling + k, gamma + k, acceleration + 3*inner, acceleration + 3*(k + 1),
-            multiplier + k, left + 3*inner, left + 3*(k + 1), length_left + k);
+        const ptrdiff_t inner = 3*lanes*(parent ? parent[k] : k), outer = 3*lanes*(k + 1);
+        SYMGEN_EACH_LANE
+            rest_step(lanes, along + 3*lanes*k + lane, coupling + lanes*k + lane, gamma + lanes*k + lane,
+                acceleration + inner + lane, acceleration + outer + lane, multiplier + lanes*k + lane, left + inner + lane,
+                left + outer + lane, length_left + lanes*k + lane);
     }
     if (held)
-        memset(left, 0, 3*sizeof(double));
+        memset(left, 0, 3*lanes*sizeof(double));
+}
+
+/* Add numbers to others, and return the largest sum. */
+SYMGEN_INLINE double add(const double *SYMGEN_RESTRICT more, ptrdiff_t count, double *SYMGEN_RESTRICT to)
+{
+    double largest = 0;
+    for (ptrdiff_t i = 0; i < count; i++) {
+        to[i] += more[i];
+        largest = fmax(largest, fabs(to[i]));
+    }
+    return largest;
+}
+
+/* Solve, and correct the solution by what its residuals solve for. */
+SYMGEN_INLINE void refine(const int lanes, SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, SYMGEN_SOLUTION, int refinements)
+{
+    const ptrdiff_t rods = lanes*n, points = 3*lanes*(n + 1);
+    double *left = work + 15*rods + 9*lanes*(n + 1), *length_left = left + points;
+    double *more = length_left + rods, *multipliers = more + points, *reactions = multipliers + rods;
+    double worst = 0, previous = INFINITY;
+    int most = refinements < 0 ? REFINEMENTS : refinements;
+    solve(lanes, 0, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, reaction, work);
+    for (ptrdiff_t k = 0; refinements < 0 && k < n; k++)
+        for (int lane = 0; lane < lanes; lane++)
+            worst = fmax(worst, work[(15*k + 14)*lanes + lane]);
+    if (refinements < 0 && !(worst > CANCELLED))
+        return;
+    for (int count = 0; count < most; count++) {
+        rest(lanes, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, left, length_left);
+        memset(more, 0, 3*lanes*sizeof(double));
+        solve(lanes, 0, n, parent, held, coupling, mass, left, along, length_left, more, multipliers, reactions, work);
+        double change = 0, size = add(more, points, acceleration);
+        for (ptrdiff_t i = 0; i < points; i++)
+            change = fmax(change, fabs(more[i]));
+        add(multipliers, rods, multiplier);
+        add(reactions, 3*lanes, reaction);
+        if (refinements < 0 && (change <= ROUNDING*size || !(change < previous/2)))
+            break;
+        previous = change;
+    }
 }
 
 void chain_spatial_accelerations(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT rate, SYMGEN_SOLUTION)
 {
-    solve(1, 1, n, parent, held, coupling, mass, force, along, rate, acceleration, multiplier, reaction,
-        work);
+    solve(1, 1, n, parent, held, coupling, mass, force, along, rate, acceleration, multiplier, reaction, work);
 }
 
-void chain_spatial_solve(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, SYMGEN_SOLUTION)
+void chain_spatial_solve(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, SYMGEN_SOLUTION, int refinements)
 {
-    solve(1, 0, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, reaction,
-        work);
+    refine(1, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, reaction, work, refinements);
 }
 
 SYMGEN_WIDTHS
 void chain_spatial_accelerations_lanes(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT rate, SYMGEN_SOLUTION)
 {
-    solve(LANES, 1, n, parent, held, coupling, mass, force, along, rate, acceleration, multiplier, reaction,
-        work);
+    solve(LANES, 1, n, parent, held, coupling, mass, force, along, rate, acceleration, multiplier, reaction, work);
 }
 
 SYMGEN_WIDTHS
-void chain_spatial_solve_lanes(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, SYMGEN_SOLUTION)
+void chain_spatial_solve_lanes(SYMGEN_CHAIN, const double *SYMGEN_RESTRICT gamma, SYMGEN_SOLUTION, int refinements)
 {
-    solve(LANES, 0, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, reaction,
-        work);
+    refine(LANES, n, parent, held, coupling, mass, force, along, gamma, acceleration, multiplier, reaction, work, refinements);
+}
+/* Chains of a run, from its parameters and work memory: every array is of one group, the first where groups differ. */
+struct chains {
+    ptrdiff_t n, groups, lanes, row, points, rods;
+    int held, branches;
+    const ptrdiff_t *parent;
+    const double *coupling, *mass, *length, *force;
+    double *pivots, *acceleration, *multiplier, *gamma, *reaction, *work;
+};
+
+static struct chains chains_of(const double *p, double *work)
+{
+    struct chains c = {.n = (ptrdiff_t)p[0], .groups = (ptrdiff_t)p[1], .lanes = (ptrdiff_t)p[2], .held = p[3] != 0};
+    ptrdiff_t *parent;
+    c.row = 3*c.lanes, c.points = c.row*(c.n + 1), c.rods = c.lanes*c.n;
+    c.coupling = p + 4 + c.n, c.mass = c.coupling + c.rods, c.length = c.mass + c.lanes*(c.n + 1);
+    c.force = c.length + c.rods;
+    c.pivots = work, parent = (ptrdiff_t *)(c.pivots + 2*c.groups*(c.points + c.rods));
+    for (ptrdiff_t k = 0; k < c.n; k++) {
+        parent[k] = (ptrdiff_t)p[4 + k];
+        c.branches |= parent[k] != k;
+    }
+    c.parent = parent;
+    c.acceleration = (double *)(parent + c.n), c.multiplier = c.acceleration + c.points;
+    c.gamma = c.multiplier + c.rods, c.reaction = c.gamma + c.rods, c.work = c.reaction + c.row;
+    return c;
+}
+
+/* Solve a group for the motion of its base and the motion of each rod's outer point less that of the inner. */
+static void solve_group(const struct chains *c, const double *force, const double *along, const double *gamma,
+    double *acceleration, double *multiplier, int refinements)
+{
+    memset(acceleration, 0, (size_t)c->row*sizeof(double));
+    (c->lanes == 1 ? chain_spatial_solve : chain_spatial_solve_lanes)(c->n, c->branches ? c->parent : NULL, c->held, c->coupling, c->mass,
+        force, along, gamma, acceleration, multiplier, c->reaction, c->work, refinements);
+    for (ptrdiff_t k = c->n; k-- > 0;)
+        for (ptrdiff_t i = 0; i < c->row; i++)
+            acceleration[(k + 1)*c->row + i] -= acceleration[c->parent[k]*c->row + i];
+}
+
+/* Write the products a . b of all rods to `to`, less half the squares of their lengths or not. */
+static void products(const struct chains *c, const double *a, const double *b, int less, double *to)
+{
+    for (ptrdiff_t g = 0; g < c->groups; g++) {
+        for (ptrdiff_t k = 0; k < c->n; k++) {
+            const double *x = a + g*c->points + (k + 1)*c->row, *y = b + g*c->points + (k + 1)*c->row;
+            for (ptrdiff_t lane = 0; lane < c->lanes; lane++) {
+                const double length = c->length[k*c->lanes + lane];
+                double sum = 0;
+                for (ptrdiff_t axis = lane; axis < c->row; axis += c->lanes)
+                    sum += x[axis]*y[axis];
+                *to++ = less ? (sum - length*length)/2 : sum;
+            }
+        }
+    }
+}
+
+void chain_spatial_run_accelerations(SYMGEN_RUN)
+{
+    struct chains c = chains_of(p, work);
+    SYMGEN_UNUSED;
+    for (ptrdiff_t g = 0; g < c.groups; g++) {
+        const ptrdiff_t at = g*c.points, rods = at + c.row;
+        for (ptrdiff_t k = 0; k < c.n; k++)
+            for (ptrdiff_t lane = 0; lane < c.lanes; lane++)
+                length_step((int)c.lanes, u + rods + c.row*k + lane, c.gamma + c.lanes*k + lane);
+        solve_group(&c, c.force + at, q + rods, c.gamma, out + at, out + c.groups*c.points + g*c.rods, -1);
+    }
+}
+
+void chain_spatial_run_factor(SYMGEN_RUN)
+{
+    struct chains c = chains_of(p, work);
+    const ptrdiff_t points = c.groups*c.points, all = points + c.groups*c.rods;
+    SYMGEN_UNUSED;
+    for (ptrdiff_t i = 0; i < all; i++)
+        c.pivots[2*i] = i < points ? 1 : -1, c.pivots[2*i + 1] = 1;
+}
+
+void chain_spatial_run_solve(SYMGEN_RUN)
+{
+    struct chains c = chains_of(p, work);
+    SYMGEN_UNUSED;
+    for (ptrdiff_t g = 0; g < c.groups; g++) {
+        double *force = out + g*c.points, *rows = out + c.groups*c.points + g*c.rods;
+        for (ptrdiff_t k = 0; k < c.n; k++)
+            for (ptrdiff_t i = 0; i < c.row; i++)
+                force[c.parent[k]*c.row + i] -= force[(k + 1)*c.row + i];
+        solve_group(&c, force, q + g*c.points + c.row, rows, c.acceleration, c.multiplier, 0);
+        memcpy(force, c.acceleration, (size_t)c.points*sizeof(double));
+        memcpy(rows, c.multiplier, (size_t)c.rods*sizeof(double));
+    }
+}
+
+void chain_spatial_run_constraints(SYMGEN_RUN)
+{
+    struct chains c = chains_of(p, work);
+    SYMGEN_UNUSED;
+    products(&c, q, q, 1, out);
+    for (ptrdiff_t g = 0; g < c.groups; g++)
+        memcpy(out + (c.groups + g)*c.rods, c.length, (size_t)c.rods*sizeof(double));
+}
+
+void chain_spatial_run_velocity_constraints(SYMGEN_RUN)
+{
+    struct chains c = chains_of(p, work);
+    SYMGEN_UNUSED;
+    products(&c, q, u, 0, out);
+}
+
+void chain_spatial_run_energy(SYMGEN_RUN)
+{
+    SYMGEN_UNUSED;
+    (void)p, (void)work;
+    memset(out, 0, 3*sizeof(double));
 }

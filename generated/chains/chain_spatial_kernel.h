@@ -19,7 +19,7 @@
  *   reaction[3]          force of the ground on a held base, else zero  [N]
  *   work[chain_spatial_work(n)]  written: the factors, 15 for each rod, of which the last is the product of the
  *                        diagonal of the rod's gathered mass matrix over its determinant (1 or more: digits that
- *                        cancellation cost); then what gathers at the points
+ *                        cancellation cost); then what gathers at the points, and residuals
  *
  * Functions whose names end in _lanes take 8 chains side by side: every entry above is 8 doubles, one of each
  * chain; parent and held are common. Each gives the bits that the single form gives, on any processor.
@@ -42,7 +42,10 @@ extern "C" {
 enum { chain_spatial_lanes = 8 };
 
 /* Doubles of work memory for n rods; as many for each lane. */
-static inline ptrdiff_t chain_spatial_work(ptrdiff_t n) { return 15*n + 9*(n + 1); }
+static inline ptrdiff_t chain_spatial_work(ptrdiff_t n) 
+{
+    return 17*n + 15*(n + 1) + 3;
+}
 
 /* Hash of the equations that this code computes. */
 extern const char chain_spatial_equations[65];
@@ -57,11 +60,12 @@ void chain_spatial_accelerations(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT p
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT rate, double *SYMGEN_RESTRICT acceleration,
     double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, double *SYMGEN_RESTRICT work);
 
-/* The same with any right-hand sides of the length rows, for refinement and projection. */
+/* The same with any right-hand sides of the length rows, and so many steps of iterative refinement; below zero: as
+ * many as cancellation asks for. */
 void chain_spatial_solve(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
     const double *SYMGEN_RESTRICT coupling, const double *SYMGEN_RESTRICT mass, const double *SYMGEN_RESTRICT force,
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT gamma, double *SYMGEN_RESTRICT acceleration,
-    double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, double *SYMGEN_RESTRICT work);
+    double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, double *SYMGEN_RESTRICT work, int refinements);
 
 /* Accelerations, multipliers and reaction of 8 chains. */
 void chain_spatial_accelerations_lanes(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
@@ -69,18 +73,34 @@ void chain_spatial_accelerations_lanes(ptrdiff_t n, const ptrdiff_t *SYMGEN_REST
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT rate, double *SYMGEN_RESTRICT acceleration,
     double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, double *SYMGEN_RESTRICT work);
 
-/* The same with any right-hand sides of the length rows, for refinement and projection. */
+/* The same with any right-hand sides of the length rows, and so many steps of iterative refinement; below zero: as
+ * many as cancellation asks for. */
 void chain_spatial_solve_lanes(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
     const double *SYMGEN_RESTRICT coupling, const double *SYMGEN_RESTRICT mass, const double *SYMGEN_RESTRICT force,
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT gamma, double *SYMGEN_RESTRICT acceleration,
-    double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, double *SYMGEN_RESTRICT work);
+    double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, double *SYMGEN_RESTRICT work, int refinements);
 
-/* Residuals of a solution: of the forces, left[n + 1][3] [N] (zero at a held base), and of the length rows,
- * length_left[n] [m^2/s^2]. */
-void chain_spatial_rest(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
-    const double *SYMGEN_RESTRICT coupling, const double *SYMGEN_RESTRICT mass, const double *SYMGEN_RESTRICT force,
-    const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT gamma, const double *SYMGEN_RESTRICT acceleration,
-    const double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT left, double *SYMGEN_RESTRICT length_left);
+/* Kernels of runs, as a step loop calls them, over groups of chains of one kind: 1 group of 1 lane, or of 8 lanes.
+ *
+ *   q[groups][n + 1][3][lanes]  position of the base, then the vectors of the rods; u their rates
+ *   p                  n, groups, lanes, held; parent[n]; coupling, mass, length[n] of one group; force of each
+ *   out                accelerations and solve: (q'', multipliers), of right-hand sides in the place of the solution;
+ *                      constraints: (along . along - length^2)/2 of each rod and its scale, the length; their rates
+ *   work[chain_spatial_run_work]  of factor: a pair (1, 1) for each number of q and (-1, 1) for each rod, as pivots that nothing
+ *                      cancels in; no call depends on what another left there
+ *
+ * energy writes zeros: a run of chains computes energies from its samples. */
+static inline ptrdiff_t chain_spatial_run_work(ptrdiff_t n, ptrdiff_t groups, ptrdiff_t lanes)
+{
+    const ptrdiff_t points = 3*lanes*(n + 1), rods = lanes*n;
+    return 2*groups*(points + rods) + n + points + 2*rods + lanes*(3 + chain_spatial_work(n));
+}
+void chain_spatial_run_accelerations(const double *t, const double *q, const double *u, const double *p, double *work, double *out);
+void chain_spatial_run_factor(const double *t, const double *q, const double *u, const double *p, double *work, double *out);
+void chain_spatial_run_solve(const double *t, const double *q, const double *u, const double *p, double *work, double *out);
+void chain_spatial_run_constraints(const double *t, const double *q, const double *u, const double *p, double *work, double *out);
+void chain_spatial_run_velocity_constraints(const double *t, const double *q, const double *u, const double *p, double *work, double *out);
+void chain_spatial_run_energy(const double *t, const double *q, const double *u, const double *p, double *work, double *out);
 
 #undef SYMGEN_RESTRICT
 #ifdef __cplusplus

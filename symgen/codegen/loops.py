@@ -22,6 +22,9 @@ TEMPLATES = (
     ("cython/chain.pyx.j2", "{}.pyx"),
 )
 
+#: Kernels that a step loop calls.
+RUN_KERNELS = ("accelerations", "factor", "solve", "constraints", "velocity_constraints", "energy")
+
 
 @dataclass(frozen=True, slots=True)
 class LoopStepView:
@@ -53,6 +56,7 @@ class LoopsView:
     flops: int
     per_rod: str
     steps: tuple[LoopStepView, ...]
+    run_kernels: tuple[str, ...] = RUN_KERNELS
 
 
 def loops_hash(loops: Loops) -> str:

@@ -11,7 +11,7 @@ from shared.full import full_unless
 from shared.golden import reference
 
 import symgen
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError, ResultError, SimulationError
 from symgen.runtime.kernels.library import shipped_module
 
 DIGITS, GUARD = 30, 30
@@ -262,7 +262,7 @@ def test_a_chain_is_the_tree_that_has_no_branch():
         found.append(np.concatenate([a, lam, reaction]))
     assert np.array_equal(*found)
     gamma = -np.sum(rates**2, axis=1)
-    kernels.solve(9, None, True, *arrays[:4], gamma, a, lam, reaction, np.zeros(kernels.work_size(9)))
+    kernels.solve(9, None, True, *arrays[:4], gamma, a, lam, reaction, np.zeros(kernels.work_size(9)), 0)
     assert np.allclose(found[0], np.concatenate([a, lam, reaction]), rtol=1e-13)
 
 
@@ -297,7 +297,7 @@ def test_whip():
     l = 1 / 25
     points = [(0, -k * l) for k in range(13)] + [(l, (k - 12) * l) for k in range(13)]
     chain = symgen.Chain(np.full(25, l), np.full(25, l))
-    run = chain.simulate(0.385, 2e-4, points)
+    run = chain.simulate(0.385, points, step=2e-4, samples=1926)
     speed = np.linalg.norm(run.velocities[:, -1], axis=1)
     assert speed.max() == pytest.approx(15.7056, abs=2e-3)
     assert run.times[speed.argmax()] == pytest.approx(0.3799, abs=2e-4)
@@ -308,10 +308,10 @@ def test_whip():
 def test_runs_converge_with_the_fourth_order_and_side_by_side():
     chain = symgen.Chain([0.8, 0.5], [1.2, 0.7], parents=[0, 1])
     start = np.array([[(0, 0), (0.8, 0), (0.8, 0.5)], [(0, 0), (0, 0.8), (0.5, 0.8)]])
-    ends = [chain.simulate(0.5, h, start, every=10**9).positions[-1] for h in (1 / 100, 1 / 200, 1 / 1600)]
+    ends = [chain.simulate(0.5, start, step=h, samples=2).positions[-1] for h in (1 / 100, 1 / 200, 1 / 1600)]
     ratio = np.abs(ends[0] - ends[2]).max() / np.abs(ends[1] - ends[2]).max()
     assert 12 < ratio < 20
-    alone = chain.simulate(0.5, 1 / 100, start[1], every=10**9)
+    alone = chain.simulate(0.5, start[1], step=1 / 100, samples=2)
     assert np.allclose(alone.positions[-1], ends[0][1], rtol=0, atol=1e-14)
     assert alone.times.tolist() == [0.0, 0.5]
 
@@ -322,7 +322,7 @@ def test_a_free_chain_keeps_its_momentum():
     p, v = np.zeros((2, 4, 3))
     for k, inner in enumerate(chain.parents):
         p[k + 1], v[k + 1] = p[inner] + along[k], v[inner] + rates[k]
-    run = chain.simulate(1.0, 5e-3, p, v)
+    run = chain.simulate(1.0, p, v, step=5e-3)
     momentum = [
         sum(
             m * (x[i] + x[k + 1]) / 2
@@ -337,7 +337,7 @@ def test_a_free_chain_keeps_its_momentum():
 def test_a_step_too_large_ends_the_run():
     chain = symgen.Chain(np.full(10, 0.01), np.ones(10))
     with pytest.raises(SimulationError, match="take a smaller step"):
-        chain.simulate(10, 0.5, np.outer(np.arange(11), (0.01, 0)), every=100)
+        chain.simulate(10, np.outer(np.arange(11), (0.01, 0)), step=0.5)
 
 
 @pytest.mark.parametrize(
@@ -388,7 +388,7 @@ def test_an_undetermined_motion_is_named():
 
 def test_starts_off_their_lengths_are_refused():
     with pytest.raises(ModelError, match="rod 0 is off its length"):
-        symgen.Chain([1], [1]).simulate(1, 0.1, [(0, 0), (2, 0)])
+        symgen.Chain([1], [1]).simulate(1, [(0, 0), (2, 0)])
 
 
 def test_the_kernels_count_at_most_what_was_promised():
@@ -404,3 +404,80 @@ def test_kernels_refuse_short_arrays_and_wrong_parents():
         kernels.accelerations(2, None, True, *arrays[:2], np.ones(5), *arrays[3:])
     with pytest.raises(ValueError, match=r"parent\[0\] is 1, expected a point from 0 to 0"):
         kernels.accelerations(2, np.array([1, 1]), True, *arrays)
+
+
+def folded(rods=6):
+    """Return a chain with a heavy tip, folded, and its points."""
+    chain = symgen.Chain(np.full(rods, 0.2), np.full(rods, 0.3), point_masses=[0.0] * rods + [0.5])
+    return chain, np.array([(0.1 * k, 0.2 * sqrt(0.75) * (k % 2)) for k in range(rods + 1)])
+
+
+def test_every_explicit_method_finds_the_same_motion():
+    chain, points = folded()
+    fine = chain.simulate(0.5, points, rtol=1e-12)
+    assert fine.times == pytest.approx(np.linspace(0, 0.5, 201)) and np.ptp(fine.energy) < 1e-10
+    for options in ({}, {"method": "dopri5"}, {"step": 2e-4}, {"method": "rattle", "step": 1e-4}):
+        found = chain.simulate(0.5, points, t_eval=[0.1, 0.4], **options)
+        tolerance = 1e-4 if options.get("method") == "rattle" else 1e-7
+        np.testing.assert_allclose(found.positions, fine.positions[[40, 160]], rtol=0, atol=tolerance)
+        assert found.length_drift < 1e-15
+    with pytest.raises(ModelError, match="radau5 needs slopes of the forces"):
+        chain.simulate(0.5, points, method="radau5")
+
+
+@pytest.mark.parametrize("batch", [(), (11,)])
+def test_weight_may_be_a_function_of_the_state(batch):
+    """Weights as forces, a function in one chain and numbers in another, and drag that no chain has."""
+    chain, points = folded()
+    start = np.broadcast_to(points, (*batch, *points.shape))
+    light = symgen.Chain(chain.lengths, chain.masses, point_masses=chain.point_masses, gravity=(0, 0))
+    halves = np.r_[chain.masses, 0.0] / 2 + np.r_[0.0, chain.masses] / 2 + chain.point_masses
+    weight = halves[:, None] * (0, -9.81)
+    given = chain.simulate(0.3, start, samples=3)
+    for forces in (weight, lambda t, p, v: weight + 0.0 * v):
+        found = light.simulate(0.3, start, forces=forces, samples=3)
+        np.testing.assert_allclose(found.positions, given.positions, rtol=0, atol=1e-9)
+    dragged = chain.simulate(0.3, start, forces=lambda t, p, v: -0.5 * v, samples=31)
+    power = 0.5 * np.sum(dragged.velocities**2, axis=(-2, -1))
+    lost = np.trapezoid(power, dragged.times, axis=0)
+    np.testing.assert_allclose(dragged.energy[0] - dragged.energy[-1], lost, rtol=2e-3)
+
+
+def test_errors_of_forces_reach_the_caller():
+    chain, points = folded()
+
+    def forces(t, p, v):
+        if t > 0.1:
+            raise ZeroDivisionError("far enough")
+        return np.zeros_like(p)
+
+    with pytest.raises(ZeroDivisionError, match="far enough"):
+        chain.simulate(0.3, points, forces=forces)
+    with pytest.raises(ModelError, match=r"forces have shape \(3, 2\)"):
+        chain.simulate(0.3, points, forces=lambda t, p, v: np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize("batch", [(), (3,)])
+def test_a_resumed_run_has_the_same_bits(tmp_path, batch):
+    chain, points = folded()
+    start = np.broadcast_to(points, (*batch, *points.shape))
+    file = tmp_path / "chain.npz"
+    whole = chain.simulate(0.5, start, step=1e-3)
+
+    def stop(part):
+        if part > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        chain.simulate(0.5, start, step=1e-3, checkpoint=file, checkpoint_every=0, progress=stop)
+    again = chain.simulate(0.5, start, step=1e-3, resume=file)
+    for name in ("times", "positions", "velocities", "energy"):
+        assert getattr(again, name).tobytes() == getattr(whole, name).tobytes()
+    with pytest.raises(ResultError, match="checkpoint of another run"):
+        chain.simulate(0.5, start, step=1e-3, resume=file, forces=np.ones_like(points))
+
+
+def test_a_start_that_nothing_determines_is_refused():
+    chain = symgen.Chain([1, 1, 1], [1, 0, 0], point_masses=[0, 0, 0, 2])
+    with pytest.raises(ModelError, match="motion of the outer point of rod 1"):
+        chain.simulate(1.0, [(0, 0), (1, 0), (2, 0), (2, 1)])

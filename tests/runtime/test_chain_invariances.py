@@ -89,7 +89,7 @@ def test_motions_return_when_time_is_reversed(dimension):
         chain, _ = solved(data, points, velocities)
         missed = []
         for step in (4e-4, 2e-4):
-            ahead = chain.simulate(0.02, step, points, velocities)
-            back = chain.simulate(0.02, step, ahead.positions[-1], -ahead.velocities[-1])
+            ahead = chain.simulate(0.02, points, velocities, step=step)
+            back = chain.simulate(0.02, ahead.positions[-1], -ahead.velocities[-1], step=step)
             missed.append(np.max(np.abs(back.positions[-1] - points)))
         assert missed[1] < max(missed[0] / 8, 1e-12)

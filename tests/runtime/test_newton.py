@@ -81,7 +81,6 @@ def test_a_correction_may_not_exist():
 #: Loops that correct unknowns until a nonlinear residual vanishes, by file and function. They may only become fewer.
 IN_PYTHON = {
     ("newton.py", "corrected"),
-    ("chain/run.py", "_project"),
     ("rods/search.py", "_least_squares"),  # with damping, to the least error
 }
 IN_C = {
@@ -103,7 +102,6 @@ IN_C = {
 }
 #: Loops of the same form that refine the solution of linear equations, or step along a damped motion.
 OTHERS = {
-    ("chain/elimination.py", "_refined"),
     ("rods/large_start.py", "least_velocities"),
     ("elastic/large/statics.py", "_settled"),
 }

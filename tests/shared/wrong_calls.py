@@ -160,7 +160,7 @@ def _objects(folder: Path) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         "load_scene": {"source": "four_bar"},
         "load_result": {"file": "result.nc"},
         "Chain": {"lengths": [1.0, 1.0], "masses": [1.0, 1.0]},
-        "Chain.simulate": {"t_end": 0.01, "step": 0.005, "positions": straight},
+        "Chain.simulate": {"t_end": 0.01, "positions": straight, "step": 0.005},
         "Chain.accelerations": {"positions": straight},
         "Chain.kinetic_energy": {"velocities": straight},
         "Chain.potential_energy": {"positions": straight},

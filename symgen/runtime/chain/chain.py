@@ -5,6 +5,7 @@ The kernels are the shipped loops ``chain`` and ``chain_spatial``: nothing is co
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -16,6 +17,8 @@ from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.chain.elimination import ChainMotion, Elimination
 from symgen.runtime.chain.inputs import refuse, tree, vector
 from symgen.runtime.chain.run import ChainRun, run
+from symgen.runtime.integrate.checkpoint import keeping
+from symgen.runtime.integrate.options import options, sample_count
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.library import shipped_module
 
@@ -141,7 +144,7 @@ class Chain(Elimination):
                 raise ModelError("base gives the acceleration of a held base, and this one is free")
             start += vector("base", base, self.dimension)
         gamma = -np.einsum("...i,...i->...", w, w)
-        solved = self._refined(d, gamma, force, start, refinements, threads)
+        solved = self._solve(d, gamma, force, start, -1 if refinements is None else refinements, threads)
         self._check(solved)
         return solved
 
@@ -156,38 +159,53 @@ class Chain(Elimination):
     def simulate(
         self,
         t_end: float,
-        step: float,
         positions: ArrayLike,
         velocities: ArrayLike | None = None,
         *,
         forces: ArrayLike | Callable[..., ArrayLike] | None = None,
-        every: int = 1,
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        samples: int | None = None,
+        t_eval: ArrayLike | None = None,
+        max_steps: int = 1_000_000_000,
         max_wall: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
+        progress: Callable[[float], None] | None = None,
     ) -> ChainRun:
-        """Step one chain, or many, with RK4, and project lengths and their rates after every step.
+        """Run one chain, or many, by the integrators of all models; every step ends with lengths to rounding.
 
         The projection is the smallest change in the metric of the mass matrix, by the same elimination. The
-        state is kept as rod vectors, so lengths keep their digits far from the origin.
+        state is kept as rod vectors, so lengths keep their digits far from the origin. Many chains take the
+        same steps, and the tolerance is that of their errors in the root mean square.
 
         Parameters
         ----------
-        t_end, step
-            Time to run [s] and size of a step [s]; the last step is as long as the others, to the nearest.
+        t_end
+            Time to run [s].
         positions, velocities
             Start (n + 1, axes) [m, m/s], many chains with an axis in front.
         forces
             Forces on the points [N], or a function of time, positions and velocities that returns them.
-        every
-            Steps from one sample to the next.
-        max_wall
-            Wall time [s] after which the run ends with an error that carries its samples so far.
+        method, rtol, atol, step, samples, t_eval, max_steps
+            As of :meth:`symgen.Model.simulate`: dop853 with rtol = 1e-9 by default, rk4 with a step [s].
+            Implicit methods do not apply.
+        max_wall, checkpoint, checkpoint_every, resume, progress
+            As there. A run with a function for its forces is resumed with the same function.
 
         Raises
         ------
         ModelError
-            For a start of wrong shape or lengths.
+            For a start of wrong shape or lengths, and options out of range.
         SimulationError
-            When the step is too large for the motion, or the wall time is spent.
+            When the run cannot continue, or the wall time is spent; it carries the samples so far.
         """
+        count = sample_count(samples, t_eval, 201)
+        chosen = options(t_end, method, rtol, atol, step, count, max_steps)
+        keep = keeping(checkpoint, checkpoint_every, resume)
         with limited(max_wall):
-            return run(self, t_end, step, positions, velocities, forces, every)
+            self.accelerations(positions, velocities, forces=None if callable(forces) else forces)  # checks
+            return run(self, positions, velocities, forces, chosen, t_eval, keep, progress)

@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.chain.inputs import aligned, on_length, repeated, shaped
+from symgen.runtime.chain.inputs import aligned, apart, on_length, repeated, shaped, side_by_side
 
-#: Digits that cancellation may cost before a solution is refined, and beyond which it is refused.
-_REFINE, _REFUSE = 1e2, 1e14
-_REFINEMENTS = 4
+#: Cancellation beyond which a solution is refused.
+_REFUSE = 1e14
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,113 +81,58 @@ class Elimination:
     def _potential(self, p: Array) -> Array:
         return -np.einsum("...pi,pi->...", p, self._weight)
 
-    def _refined(
-        self, d: Array, gamma: Array, force: Array, start: Array, refinements: int | None, threads: int | None
-    ) -> ChainMotion:
-        a, lam, reaction, loss = self._solve(d, gamma, force, start, threads)
-        most = _REFINEMENTS if refinements is None else refinements
-        worst = float(np.max(loss, initial=0.0))
-        if refinements is None and not worst > _REFINE:
-            most = 0
-        previous = np.inf
-        for _ in range(most):
-            left, length_left = self._rest(d, gamma, force, a, lam)
-            more = self._solve(d, length_left, left, np.zeros_like(start), threads)
-            a, lam, reaction = a + more[0], lam + more[1], reaction + more[2]
-            size = np.max(np.abs(more[0]), initial=0.0) / (np.max(np.abs(a), initial=0.0) or 1.0)
-            if refinements is None and (size <= 1e-16 or not size < previous / 2):
-                break
-            previous = float(size)
-        return ChainMotion(a, lam, lam * self.lengths, reaction, loss)
-
     def _solve(
-        self, d: Array, gamma: Array, force: Array, start: Array, threads: int | None = None
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return accelerations, multipliers, reaction and cancellation, for one chain or many."""
+        self, d: Array, gamma: Array, force: Array, start: Array, refinements: int, threads: int | None
+    ) -> ChainMotion:
+        """Return the motion of one chain or many; ``refinements`` below zero: as cancellation asks for."""
         n, k = self.rods, self._kernels
-        batch = d.shape[:-2]
-        if batch:
-            return self._solve_many(d, gamma, force, start, threads)
+        if d.ndim > 2:
+            return self._solve_many(d, gamma, force, start, refinements, threads)
         a, lam, reaction = np.empty((n + 1, self.dimension)), np.empty(n), np.empty(self.dimension)
         a[0] = start
         work = np.empty(k.work_size(n))
         right = (np.ascontiguousarray(x).reshape(-1) for x in (force, d, gamma))
         k.solve(
-            n,
-            self._parents,
-            self.pinned,
-            self._coupling,
-            self._mass,
-            *right,
-            a.reshape(-1),
-            lam,
-            reaction,
-            work,
-        )
-        return a, lam, reaction, work[: n * k.FACTORS].reshape(n, k.FACTORS)[:, -1].copy()
+            n, self._parents, self.pinned, self._coupling, self._mass, *right,
+            a.reshape(-1), lam, reaction, work, refinements,
+        )  # fmt: skip
+        loss = work[: n * k.FACTORS].reshape(n, k.FACTORS)[:, -1].copy()
+        return ChainMotion(a, lam, lam * self.lengths, reaction, loss)
 
     def _solve_many(
-        self, d: Array, gamma: Array, force: Array, start: Array, threads: int | None
-    ) -> tuple[Array, Array, Array, Array]:
+        self, d: Array, gamma: Array, force: Array, start: Array, refinements: int, threads: int | None
+    ) -> ChainMotion:
         n, k = self.rods, self._kernels
         batch, lanes = d.shape[:-2], k.LANES
-        count = int(np.prod(batch))
-        groups = -(-count // lanes)
-
-        def side_by_side(values: Array) -> Array:
-            """Bring the chains of a group into lanes; the last chain fills up the last group."""
-            flat = values.reshape(count, -1)
-            padded = flat[np.minimum(np.arange(groups * lanes), count - 1)]
-            lanes_of_rows = aligned((groups, flat.shape[1], lanes))
-            lanes_of_rows[...] = padded.reshape(groups, lanes, -1).transpose(0, 2, 1)
-            return lanes_of_rows
-
-        def back(values: Array, shape: tuple[int, ...]) -> Array:
-            flat = values.transpose(0, 2, 1).reshape(groups * lanes, -1)[:count]
-            return np.ascontiguousarray(flat).reshape(*batch, *shape)
-
-        if not count:
-            empty = np.empty
-            return (empty((*batch, n + 1, self.dimension)), empty((*batch, n)),
-                    empty((*batch, self.dimension)), empty((*batch, n)))  # fmt: skip
+        groups = -(-int(np.prod(batch)) // lanes)
         coupling, mass = (repeated(x, lanes) for x in (self._coupling, self._mass))
         a = aligned((groups, (n + 1) * self.dimension, lanes))
-        a[:, : self.dimension] = side_by_side(start)
+        a[:, : self.dimension] = side_by_side(start, 1, lanes)
         lam, reaction = aligned((groups, n, lanes)), aligned((groups, self.dimension, lanes))
         loss = np.empty((groups, n, lanes))
-        inputs = [side_by_side(x).reshape(-1) for x in (force, d, gamma)]
+        inputs = [side_by_side(x, y, lanes).reshape(-1) for x, y in ((force, 2), (d, 2), (gamma, 1))]
 
         def some(first: int, last: int) -> None:
             work = aligned((k.work_size(n) * lanes,))
             for g in range(first, last):
                 k.solve_lanes(
                     n, self._parents, self.pinned, coupling, mass, *inputs,
-                    a.reshape(-1), lam.reshape(-1), reaction.reshape(-1), work, g, g + 1, True,
+                    a.reshape(-1), lam.reshape(-1), reaction.reshape(-1), work, g, g + 1, True, refinements,
                 )  # fmt: skip
                 loss[g] = work[: n * k.FACTORS * lanes].reshape(n, k.FACTORS, lanes)[:, -1]
 
         workers = min(threads or os.cpu_count() or 1, groups)
-        if workers == 1:
+        if workers <= 1:
             some(0, groups)
         else:
             edges = np.linspace(0, groups, workers + 1).astype(int).tolist()
             with ThreadPoolExecutor(workers) as pool:
                 list(pool.map(some, edges[:-1], edges[1:]))
-        return (
-            back(a, (n + 1, self.dimension)), back(lam, (n,)),
-            back(reaction, (self.dimension,)), back(loss, (n,)),
+        multipliers = apart(lam, batch, (n,))
+        return ChainMotion(
+            apart(a, batch, (n + 1, self.dimension)), multipliers, multipliers * self.lengths,
+            apart(reaction, batch, (self.dimension,)), apart(loss, batch, (n,)),
         )  # fmt: skip
-
-    def _rest(self, d: Array, gamma: Array, force: Array, a: Array, lam: Array) -> tuple[Array, Array]:
-        """Return the residuals of a solution in the forces and in the length rows."""
-        n = self.rods
-        left, length_left = np.empty_like(a), np.empty_like(lam)
-        for i in np.ndindex(d.shape[:-2]):
-            inputs = (np.ascontiguousarray(x[i]).reshape(-1) for x in (force, d, gamma, a, lam))
-            rest, rows = np.empty((n + 1) * self.dimension), np.empty(n)
-            self._kernels.rest(n, self._parents, self.pinned, self._coupling, self._mass, *inputs, rest, rows)
-            left[i], length_left[i] = rest.reshape(n + 1, self.dimension), rows
-        return left, length_left
 
     def _check(self, solved: ChainMotion) -> None:
         worst = np.abs(solved.cancellation).reshape(-1, self.rods)

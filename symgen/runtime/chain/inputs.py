@@ -96,3 +96,23 @@ def repeated(values: Array, lanes: int) -> Array:
     array = aligned((len(values), lanes))
     array[...] = values[:, None]
     return array.reshape(-1)
+
+
+def side_by_side(values: Array, axes: int, lanes: int) -> Array:
+    """Return chains in lanes, (groups, entries, lanes); the last chain fills up the last group.
+
+    The last ``axes`` axes of the values belong to one chain, those in front are many chains.
+    """
+    count = int(np.prod(values.shape[: values.ndim - axes]))
+    flat, groups = values.reshape(count, int(np.prod(values.shape[values.ndim - axes :]))), -(-count // lanes)
+    padded = flat[np.minimum(np.arange(groups * lanes), count - 1)]
+    array = aligned((groups, flat.shape[1], lanes))
+    array[...] = padded.reshape(groups, lanes, flat.shape[1]).transpose(0, 2, 1)
+    return array
+
+
+def apart(values: Array, batch: tuple[int, ...], shape: tuple[int, ...]) -> Array:
+    """Return chains from lanes, with the axes of many in front: the inverse of :func:`side_by_side`."""
+    groups, entries, lanes = values.shape
+    flat = values.transpose(0, 2, 1).reshape(groups * lanes, entries)[: int(np.prod(batch))]
+    return np.ascontiguousarray(flat).reshape(*batch, *shape)

@@ -1,151 +1,170 @@
-"""Runs of a chain: RK4 on rod vectors, lengths and their rates projected after every step."""
+"""Runs of a chain, or of many, by the step loop of all runs, which calls the kernels of the recursion."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from symgen.calls import raise_failure
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.chain.elimination import Elimination
-from symgen.runtime.integrate.pace import is_spent, out_of_time
+from symgen.runtime.chain.inputs import apart, repeated, side_by_side
+from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
+from symgen.runtime.integrate.failures import unfinished
+from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
+from symgen.runtime.integrate.simulate import drive, sample_times, stepper_of
+from symgen.runtime.kernels.evaluate import Kernels
+from symgen.runtime.kernels.library import Library, address_of, callback
+from symgen.runtime.kernels.system_description import SystemDescription
+from symgen.runtime.result.recording import counts_of
 
 Forces = ArrayLike | Callable[[float, Array, Array], ArrayLike]
-
-_ROUND_OFF = 4e-16
-_PROJECTIONS = 8
-#: Steps of a run at most: each is a sample that is kept, unless ``every`` says otherwise.
-_STEPS = 1e9
 
 
 @dataclass(frozen=True, slots=True)
 class ChainRun:
-    """Samples of a run: ``times`` [s], ``positions`` [m] and ``velocities`` [m/s] of the points over time."""
+    """Samples of a run: ``times`` [s], ``positions`` [m] and ``velocities`` [m/s] of the points over time.
+
+    ``energy`` [J] is that of motion and gravity, of each chain; ``length_drift`` [m] the largest error of a
+    length after a step; ``statistics`` counts steps and evaluations.
+    """
 
     times: Array
     positions: Array
     velocities: Array
     energy: Array
     length_drift: float
+    statistics: Mapping[str, float]
 
 
-class _State:
-    """Base position and velocity, and vector and rate of every rod."""
+class _System:
+    """A chain, or many side by side in lanes, as equations of the step loop.
 
-    def __init__(self, base: Array, speed: Array, along: Array, rate: Array) -> None:
-        self.parts = (base, speed, along, rate)
+    Coordinates are the position of the base and the vectors of the rods.
+    """
 
-    def moved(self, by: float, change: tuple[Array, ...]) -> _State:
-        return _State(*(x + by * y for x, y in zip(self.parts, change, strict=True)))
+    def __init__(self, chain: Elimination, batch: tuple[int, ...], forces: Forces | None) -> None:
+        n, kernels = chain.rods, chain._kernels
+        self.chain, self.batch = chain, batch
+        self._lanes = kernels.LANES if batch else 1
+        self._groups = -(-int(np.prod(batch)) // self._lanes)
+        self.constraints = self._groups * self._lanes * n
+        self.size = self._groups * self._lanes * (n + 1) * chain.dimension
+        of_rods = (repeated(x, self._lanes) for x in (chain._coupling, chain._mass, chain.lengths))
+        given = None if callable(forces) else forces
+        load = self.laid_out(chain._force(given, batch))
+        head = (n, self._groups, self._lanes, chain.pinned)
+        self._parameters = np.concatenate([head, chain.parents, *of_rods, load])
+        addresses, owner = dict(kernels.RUN_ADDRESSES), None
+        work = kernels.run_work_size(n, self._groups, self._lanes)
+        if callable(forces):
+            own = addresses["accelerations"]
+            sizes = (1, self.size, self.size, len(self._parameters), work, self.size + self.constraints)
+            owner = callback(partial(self._forced, forces, own, sizes), sizes, np.dtype(float))
+            addresses["accelerations"] = address_of(owner)
+        self.library = Library("shipped", addresses, owner)
+        self.equations = _core.KernelEquations(
+            self.library, self.size, self.constraints, 0, self._parameters, work, 0, 0.0, 0, np.inf
+        )
+
+    def _forced(self, forces: Callable[..., ArrayLike], kernel: int, sizes: Any, *arrays: Array) -> None:
+        """Evaluate accelerations under the forces at a state, which replace those in the parameters."""
+        t, q, u, p, *_ = arrays
+        applied = forces(float(t[0]), *self.points(q, u))
+        p[-self.size :] = self.laid_out(self.chain._force(applied, self.batch))
+        _core.call(kernel, sizes, *arrays)
+
+    def laid_out(self, points: Array) -> Array:
+        """Return numbers of points or rods of all chains in the order of the kernels."""
+        return side_by_side(points, 2, self._lanes).ravel() if self.batch else points.ravel()
+
+    def coordinates(self, points: Array) -> Array:
+        """Return coordinates, or their rates, at positions or velocities (..., points, axes)."""
+        along = points[..., 1:, :] - points[..., self.chain.parents, :]
+        return self.laid_out(np.concatenate([points[..., :1, :], along], axis=-2))
+
+    def points(self, *coordinates: Array) -> list[Array]:
+        """Return positions and velocities (..., points, axes) at coordinates and rates."""
+        shape = (self.chain.rods + 1, self.chain.dimension)
+        found = []
+        for numbers in coordinates:
+            sums = numbers.reshape(self._groups, -1, self._lanes)
+            sums = apart(sums, self.batch, shape) if self.batch else sums.reshape(shape).copy()
+            if self.chain._parents is None:
+                sums = np.cumsum(sums, axis=-2)
+            else:
+                for k, inner in enumerate(self.chain.parents):
+                    sums[..., k + 1, :] += sums[..., inner, :]
+            found.append(sums)
+        return found
+
+    def mark(self, chosen: Options, y: Array, times: Array) -> str:
+        """Return the hash of a run for its checkpoints; forces that are a function are not in it."""
+        kernels = self.chain._kernels
+        described = SystemDescription("chain", "", "", {}, kernels.EQUATIONS, (), (), (), (), {})
+        of = Kernels(described, self.library, self._parameters)
+        return mark_of(of, self.library, self.equations, chosen, 0.0, y, times.tolist())
 
 
 def run(
     chain: Elimination,
-    t_end: float,
-    step: float,
     positions: ArrayLike,
     velocities: ArrayLike | None,
     forces: Forces | None,
-    every: int,
+    chosen: Options,
+    t_eval: ArrayLike | None,
+    keeping: Keeping | None,
+    progress: Progress | None,
 ) -> ChainRun:
-    """Step a chain; arguments as of :meth:`symgen.runtime.chain.chain.Chain.simulate`."""
-    for name, value in (("t_end", t_end), ("step", step)):
-        if not (np.isfinite(value) and value > 0):
-            raise ModelError(f"{name} is {value}, expected a time in seconds, more than zero")
-    if every < 1:
-        raise ModelError(f"every is {every}, expected one step or more")
+    """Step a chain; checked arguments of :meth:`symgen.runtime.chain.chain.Chain.simulate`."""
     p = chain._points("positions", positions)
     v = np.zeros_like(p) if velocities is None else chain._points("velocities", velocities)
-    if p.shape != v.shape:
-        raise ModelError(f"positions and velocities differ in shape: {p.shape} and {v.shape}")
-    along = chain._vectors("positions", p, "along", None)
+    if not p.size:
+        raise ModelError(f"expected one chain or more, got positions of the shape {p.shape}")
     if chain.pinned and np.any(v[..., 0, :]):
         raise ModelError(f"velocities: the base is pinned, expected zero there, got {v[..., 0, :]!r:.80}")
-    state = _State(p[..., 0, :], v[..., 0, :], along, chain._vectors("velocities", v, "rates", None))
-    drift = _project(chain, state, 0.0)
-    if t_end / step > _STEPS:
-        raise ModelError(f"expected at most {_STEPS:g} steps, got t_end = {t_end:g} s and step = {step:g} s")
-    steps = max(1, round(t_end / step))
-    h = t_end / steps
-    samples = [(0.0, *_points(chain, state))]
-    for i in range(steps):
-        t = i * h
-        k1 = _rates(chain, t, state, forces)
-        k2 = _rates(chain, t + h / 2, state.moved(h / 2, k1), forces)
-        k3 = _rates(chain, t + h / 2, state.moved(h / 2, k2), forces)
-        k4 = _rates(chain, t + h, state.moved(h, k3), forces)
-        mean = tuple((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(k1, k2, k3, k4, strict=True))
-        state = state.moved(h, mean)
-        drift = max(drift, _project(chain, state, t + h))
-        if (i + 1) % every == 0 or i + 1 == steps:
-            samples.append(((i + 1) * h, *_points(chain, state)))
-        if i + 1 < steps and is_spent():
-            partial = _result(chain, samples, drift)
-            raise SimulationError(out_of_time(t + h, t_end), time=t + h, partial=partial)
-    return _result(chain, samples, drift)
+    if chosen.method.needs_tangent:
+        raise ModelError(f"{chosen.method.name} needs slopes of the forces, which a chain has not")
+    system = _System(chain, p.shape[:-2], forces)
+    y, times = (
+        np.concatenate([system.coordinates(p), system.coordinates(v)]),
+        sample_times(0.0, chosen, t_eval),
+    )
+    stepper = stepper_of(system.equations, chosen, 0.0, y, times)
+    checkpoints = None
+    if keeping is not None:
+        checkpoints = RunCheckpoints(stepper, system.mark(chosen, y, times), keeping)
+    status, wall = drive(stepper, 0.0, chosen, progress, checkpoints)
+    raise_failure()
+    result = _result(system, stepper, wall)
+    if status != _core.DONE:
+        raise SimulationError(_problem(status, stepper, system, chosen), time=stepper.t, partial=result)
+    return result
 
 
-def _result(chain: Elimination, samples: list[tuple[float, Array, Array]], drift: float) -> ChainRun:
-    times, places, speeds = (np.array(x) for x in zip(*samples, strict=True))
-    energy = chain._kinetic(speeds) + chain._potential(places)
-    return ChainRun(times, places, speeds, energy, drift)
+def _result(system: _System, stepper: _core.Run, wall: float) -> ChainRun:
+    states = (system.points(*np.split(y, 2)) for y in stepper.result)
+    shape = (-1, 2, *system.batch, system.chain.rods + 1, system.chain.dimension)
+    positions, velocities = np.moveaxis(np.array([*states]).reshape(shape), 1, 0)
+    energy = system.chain._kinetic(velocities) + system.chain._potential(positions)
+    statistics = {**counts_of(stepper, system.equations), "wall_s": wall}
+    return ChainRun(stepper.sampled.copy(), positions, velocities, energy, stepper.position_drift, statistics)
 
 
-def _rates(chain: Elimination, t: float, state: _State, forces: Forces | None) -> tuple[Array, ...]:
-    base, speed, along, rate = state.parts
-    applied = forces(t, *_points(chain, state)) if callable(forces) else forces
-    force = chain._force(applied, along.shape[:-2])
-    gamma = -np.einsum("...i,...i->...", rate, rate)
-    with np.errstate(all="ignore"):
-        accelerations = chain._refined(along, gamma, force, np.zeros_like(base), None, None)
-    a = accelerations.accelerations
-    if not np.isfinite(a).all():
-        raise SimulationError(f"the motion blew up at t = {t:.9g} s: take a smaller step", time=t)
-    return speed, a[..., 0, :], rate, a[..., 1:, :] - a[..., chain.parents, :]
-
-
-def _project(chain: Elimination, state: _State, t: float) -> float:
-    """Bring lengths and their rates back, in place; return the largest relative error of a length left."""
-    base, speed, along, rate = state.parts
-    none = np.zeros((*along.shape[:-2], chain.rods + 1, chain.dimension))
-    zeros = np.zeros_like(base)
-    squares = chain.lengths**2
-    previous = np.inf
-    for _ in range(_PROJECTIONS):
-        miss = (np.einsum("...i,...i->...", along, along) - squares) / 2
-        worst = float(np.max(np.abs(miss) / squares, initial=0.0))
-        if worst <= _ROUND_OFF or not worst < previous / 2:
-            break
-        previous = worst
-        move = chain._solve(along, -miss, none, zeros)[0]
-        base += move[..., 0, :]
-        along += move[..., 1:, :] - move[..., chain.parents, :]
-    if not worst <= 1e-12:
-        raise SimulationError(
-            f"the lengths cannot be brought back at t = {t:.9g} s: take a smaller step", time=t
-        )
-    slip = np.einsum("...i,...i->...", along, rate)
-    move = chain._solve(along, -slip, none, zeros)[0]
-    speed += move[..., 0, :]
-    rate += move[..., 1:, :] - move[..., chain.parents, :]
-    return worst
-
-
-def _points(chain: Elimination, state: _State) -> tuple[Array, Array]:
-    """Return positions and velocities of the points."""
-    base, speed, along, rate = state.parts
-    return _outward(chain, base, along), _outward(chain, speed, rate)
-
-
-def _outward(chain: Elimination, base: Array, vectors: Array) -> Array:
-    if chain._parents is None:
-        first = base[..., None, :]
-        return np.concatenate([first, first + np.cumsum(vectors, axis=-2)], axis=-2)
-    sums = np.empty((*vectors.shape[:-2], chain.rods + 1, chain.dimension))
-    sums[..., 0, :] = base
-    for k, inner in enumerate(chain.parents):
-        sums[..., k + 1, :] = sums[..., inner, :] + vectors[..., k, :]
-    return sums
+def _problem(status: int, stepper: _core.Run, system: _System, chosen: Options) -> str:
+    """Return the message for a run that ended with this status."""
+    at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
+    if status == OUT_OF_TIME:
+        return out_of_time(stepper.t, chosen.t_end)
+    if status == _core.MORE:
+        return unfinished(stepper, chosen, at)
+    remedy = "take a smaller step" if chosen.step else "forces or masses may be too large for their scales"
+    return f"the motion cannot be continued {at}: {remedy}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import importlib.util
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -73,7 +73,7 @@ def open_library(path: Path, description: Described) -> Library:
     except (OSError, ValueError, AttributeError) as error:
         raise StaleBinaryError(f"cannot use the compiled kernels {path}: {error}\n{COMPILE_AGAIN}") from None
     _check_tag(tag, description.equations, str(path))
-    addresses = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
+    addresses = {name: address_of(f) for name, f in functions.items()}
     return Library("c", addresses, library, description.derived)
 
 
@@ -207,21 +207,31 @@ def _quietly(function: Callable[..., None]) -> Callable[..., None]:
 def _in_python(
     backend: str, functions: Mapping[str, Callable[..., None]], description: Described, dtype: Any
 ) -> Library:
-    callbacks = {}
-    for kernel in description.kernels:
-        entries = (*description.sizes, kernel.work_size, kernel.out_size)
-        sizes = tuple(dtype.itemsize * k for k in entries)
-        callbacks[kernel.name] = _KERNEL(_over_pointers(functions[kernel.name], sizes, dtype))
-    addresses = {name: ctypes.cast(c, ctypes.c_void_p).value or 0 for name, c in callbacks.items()}
+    callbacks = {
+        k.name: callback(functions[k.name], description.sizes_of(k.name), dtype) for k in description.kernels
+    }
+    addresses = {name: address_of(c) for name, c in callbacks.items()}
     return Library(backend, addresses, callbacks, description.derived, functions)
 
 
-def _over_pointers(function: Callable[..., None], sizes: tuple[int, ...], dtype: Any) -> Callable[..., None]:
+def address_of(function: Any) -> int:
+    """Return the address of a function of a library, or of a callback."""
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
+def callback(function: Callable[..., None], entries: Sequence[int], dtype: Any) -> Any:
+    """Return a Python function as a kernel for compiled callers, which must keep it.
+
+    It takes the arrays t, q, u, p, work and out, with ``entries`` numbers of a type each. Its exception makes
+    ``out`` NaN, and ``symgen.calls.raise_failure`` raises it.
+    """
+    sizes = tuple(dtype.itemsize * k for k in entries)
+
     def kernel(*pointers: int | None) -> None:
         arrays: list[Any] = []
         try:
             arrays += (
-                np.frombuffer((ctypes.c_char * n).from_address(p), dtype) if p and n else None  # type: ignore[call-overload]
+                np.frombuffer((ctypes.c_char * n).from_address(p), dtype) if p and n else None
                 for p, n in zip(pointers, sizes, strict=True)
             )
             if not FAILURES.errors:
@@ -231,4 +241,4 @@ def _over_pointers(function: Callable[..., None], sizes: tuple[int, ...], dtype:
         if FAILURES.errors and arrays and arrays[-1] is not None:
             arrays[-1][:] = np.nan  # ends the run
 
-    return kernel
+    return _KERNEL(kernel)
