@@ -8,6 +8,8 @@ smoothly, and angles that go straight on describe the same closure on the far si
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,8 +31,22 @@ _ONWARD = np.array([5.0, -24.0, 45.0, -40.0, 15.0])
 _LINKS, _CLOSED = 1e-4, 1e-11
 #: Poles that are stepped over at most.
 _MOST = 10_000
+#: Steps to poses on either side of a time; weights of interpolation halfway, of all and of all but the last.
+_STEPS = np.array([-4, -3, -2, -1, 1, 2, 3, 4])
+FINE = np.array([-1, 8, -28, 56, 56, -28, 8, -1]) / 70.0
+COARSE = np.array([0, 1, -6, 15, 15, -6, 1, 0]) / 20.0
 #: First part of the way to a time next to a pole, tries to get there, and the largest turn at a time [rad].
 _FIRST, _TRIES, _TURN = 1.0 / 64.0, 300, 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedSamples:
+    """Samples of a followed loop: times, states, outputs and diagnosis, row by row."""
+
+    times: Array
+    states: Array
+    out: Array
+    diagnosis: Array
 
 
 def follow_over(
@@ -121,6 +137,23 @@ def follow_about(
         for whole, part_rows in zip(all_rows, rows, strict=True):
             whole[part] = part_rows
     return all_rows
+
+
+def around(
+    kernels: LoopKernels, equations: _loop.LoopEquations, start: tuple[float, Array], t: float, apart: float
+) -> FollowedSamples | None:
+    """Return poses on both sides of a time; None where the input rests or they cannot be reached.
+
+    They are ``apart`` [rad, or sizes of the loop] of the input.
+    """
+    rate = kernels.lead_at(t)[1]
+    if rate == 0.0:
+        return None
+    times = t + _STEPS * apart * kernels.lead_scale / abs(rate)
+    rows = follow_about(kernels, partial(follow_over, kernels, equations), start, times)
+    if rows is None or np.any(rows[2][:, _loop.STATUS] != _core.DONE):
+        return None
+    return FollowedSamples(times, *rows)
 
 
 def _inside(

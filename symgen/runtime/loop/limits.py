@@ -8,8 +8,6 @@ point: near it they follow from poses on both sides that are well conditioned, b
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -17,7 +15,7 @@ from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.ball_poles import ball_pole
-from symgen.runtime.loop.following import follow_about, follow_over
+from symgen.runtime.loop.following import COARSE, FINE, FollowedSamples, around
 from symgen.runtime.loop.frames import standing
 from symgen.runtime.loop.kernels import LoopKernels
 
@@ -25,10 +23,6 @@ from symgen.runtime.loop.kernels import LoopKernels
 WEAK = 3e-3
 #: Distance of the poses on either side from one another [rad, or sizes of the loop], of the input.
 _APART = 0.02
-#: Their distances, and the weights of interpolation halfway, of all of them and of all but the farthest.
-_STEPS = np.array([-4, -3, -2, -1, 1, 2, 3, 4])
-_FINE = np.array([-1, 8, -28, 56, 56, -28, 8, -1]) / 70.0
-_COARSE = np.array([0, 1, -6, 15, 15, -6, 1, 0]) / 20.0
 #: Error of the finer interpolation over its difference from the coarser one, at most.
 _NEXT = 0.1
 #: Factor by which they must be better conditioned than the pose between them.
@@ -42,16 +36,6 @@ _LINKS, _SMOOTH, _NOISE = 1e-5, 1e-4, 1e-9
 #: Rounding, and the largest part of a force that its rounding near a pole of angles explains.
 _EPS, _PART = float(np.finfo(float).eps), 1e-2
 _SHOWN = 6
-
-
-@dataclass(frozen=True, slots=True)
-class FollowedSamples:
-    """Samples of a followed loop: times, states, outputs and diagnosis, row by row."""
-
-    times: Array
-    states: Array
-    out: Array
-    diagnosis: Array
 
 
 def refine(
@@ -121,15 +105,15 @@ def _continued(
     """
     d, t = kernels.description, float(samples.times[i])
     n, info = d.coordinates, d.kernel("outputs")
-    around = _around(kernels, equations, start, t)
-    if around is None or info is None:
+    beside = around(kernels, equations, start, t, _APART)
+    if beside is None or info is None:
         return None
-    links = standing(kernels, around.times, around.states[:, :n])
+    links = standing(kernels, beside.times, beside.states[:, :n])
     here = standing(kernels, samples.times[i : i + 1], samples.states[i : i + 1, :n])
-    if not np.max(np.abs(_FINE @ links - here)) < _LINKS:
+    if not np.max(np.abs(FINE @ links - here)) < _LINKS:
         return None
-    limit, coarse = _FINE @ around.out, _COARSE @ around.out
-    size = np.max(np.abs(around.out), axis=0)
+    limit, coarse = FINE @ beside.out, COARSE @ beside.out
+    size = np.max(np.abs(beside.out), axis=0)
     size = np.maximum(size, _NOISE * np.max(size))  # of outputs that are zero but for rounding
     rough = np.abs(limit - coarse) > _SMOOTH * size
     at_pole = samples.diagnosis[i, _loop.STATUS] == _loop.BLIND
@@ -149,24 +133,6 @@ def _continued(
     return left
 
 
-def _around(
-    kernels: LoopKernels,
-    equations: _loop.LoopEquations,
-    start: tuple[float, Array],
-    t: float,
-) -> FollowedSamples | None:
-    """Return poses on both sides of a time; None where the input rests or they cannot be reached."""
-    rate = kernels.lead_at(t)[1]
-    if rate == 0.0:
-        return None
-    reach = _APART * kernels.lead_scale / abs(rate)
-    times = t + reach * _STEPS
-    rows = follow_about(kernels, partial(follow_over, kernels, equations), start, times)
-    if rows is None or np.any(rows[2][:, _loop.STATUS] != _core.DONE):
-        return None
-    return FollowedSamples(times, *rows)
-
-
 def _refined(
     kernels: LoopKernels,
     equations: _loop.LoopEquations,
@@ -176,17 +142,17 @@ def _refined(
 ) -> bool:
     """Replace the outputs of a sample by interpolation; return True if its branch is smooth there."""
     t, n = float(samples.times[i]), kernels.description.coordinates
-    around = _around(kernels, equations, start, t)
-    if around is None:
+    beside = around(kernels, equations, start, t, _APART)
+    if beside is None:
         return False
     sound = float(samples.diagnosis[i, _loop.SOUNDNESS])
-    if not np.min(around.diagnosis[:, _loop.SOUNDNESS]) > _BETTER * sound:
+    if not np.min(beside.diagnosis[:, _loop.SOUNDNESS]) > _BETTER * sound:
         return False
-    pose = np.abs(_FINE @ around.states[:, :n] - samples.states[i, :n]) / kernels.scale
+    pose = np.abs(FINE @ beside.states[:, :n] - samples.states[i, :n]) / kernels.scale
     if not np.max(pose) < _POSE + _MARGIN * CLOSED / sound:
         return False
-    limit, coarse = _FINE @ around.out, _COARSE @ around.out
-    size = np.maximum(np.max(np.abs(around.out), axis=0), 1e-300)
+    limit, coarse = FINE @ beside.out, COARSE @ beside.out
+    size = np.maximum(np.max(np.abs(beside.out), axis=0), 1e-300)
     change = np.abs(limit - samples.out[i])
     better = (_NEXT * np.abs(limit - coarse) < change) & (change < _MARGIN * size * CLOSED / sound**3)
     samples.out[i, better] = limit[better]

@@ -16,15 +16,12 @@ from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import part
 from symgen.runtime.loop.ball_poles import ball_pole
-from symgen.runtime.loop.following import follow_over
+from symgen.runtime.loop.following import FINE, around, follow_over
 from symgen.runtime.loop.kernels import LoopKernels
 
 _RANK = 1e-8
-#: Steps [rad, or sizes of the loop] of the input in which a limit at a pole is approached.
-_BESIDE = 0.01
-#: Three such steps on either side, and the weights of interpolation halfway between values there.
-_PLACES = np.array([-1.0, -2.0, -3.0, 1.0, 2.0, 3.0])
-_HALFWAY = np.array([15.0, -6.0, 1.0, 15.0, -6.0, 1.0]) / 20.0
+#: Steps [rad, or sizes of the loop] of the input in which a limit at a pole is approached, four on a side.
+_APART = 0.0075
 #: Part of an output near a pole of efforts, over its time from there, below which it has no pole.
 _SMOOTH = 1e-6
 #: Units of outputs of the motion alone; directions have no unit.
@@ -101,30 +98,13 @@ def beside_pole(
     """Return the outputs at a pole: those that have none there are the limit from both sides.
 
     The wrenches solved for at the pole balance the loads but not the given drives, so only the motions in
-    ``out`` are right. The limit is the even polynomial through three values on either side.
+    ``out`` are right. The limit is the polynomial through four values on either side.
     """
-    around = _around(kernels, equations, t, (t, q))
-    if around is None:
+    beside = around(kernels, equations, (t, q), t, _APART)
+    if beside is None:
         return np.full_like(out, np.nan)
-    limit = _HALFWAY @ around[1][:, : len(out)]
+    limit = FINE @ beside.out
     return np.where(np.abs(limit - out) <= 1e-9 * np.maximum(1.0, np.abs(out)), out, limit)
-
-
-def _around(
-    kernels: LoopKernels, equations: _loop.LoopEquations, t: float, start: tuple[float, Array]
-) -> tuple[Array, Array] | None:
-    """Return times from a pole, three on either side, and the outputs; None where it cannot be followed."""
-    rate = kernels.lead_at(t)[1]
-    if rate == 0.0:
-        return None
-    step = _BESIDE * kernels.lead_scale / rate
-    times, rows, follower = step * _PLACES, [], _Follower(kernels, equations, *start)
-    for after in times.tolist():
-        follower(t + after)
-        if not np.isfinite(follower.hold) or follower.hold == 0.0:
-            return None
-        rows.append(follower.out[0].copy())
-    return times, np.array(rows)
 
 
 def at_state(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> tuple[Array, Array]:
@@ -181,12 +161,11 @@ def _limit(
     kernels: LoopKernels, equations: _loop.LoopEquations, t: float, start: tuple[float, Array]
 ) -> dict[str, Array]:
     """Return the same at a pole of the angles of a ball joint too, where rates of screws do not give it."""
-    around, info = _around(kernels, equations, t, start), kernels.description.kernel("outputs")
-    if around is None or info is None:
+    beside, info = around(kernels, equations, start, t, _APART), kernels.description.kernel("outputs")
+    if beside is None or info is None:
         return {}
-    times, rows = around
-    parts = times[:, None] * rows
-    limit = _HALFWAY @ parts
+    parts = (beside.times - t)[:, None] * beside.out
+    limit = FINE @ parts
     limit[np.abs(limit) < _SMOOTH * np.max(np.abs(parts), axis=0)] = 0.0
     # Efforts have poles, motions have none, although the angles of a ball change fast there.
     return {b.name: part(limit, b) * (b.unit not in OF_MOTION) for b in info.blocks}

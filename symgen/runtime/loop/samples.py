@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.closure.redundancy import Mask, undetermined
-from symgen.runtime.loop.frames import product
+from symgen.runtime.loop.frames import product, transforms
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.recording import grouped
 
@@ -75,20 +76,30 @@ class LoopSamples:
             work = np.zeros((len(part.rows), self.kernels.work_size + 1))
             work[:, : n + 6] = part.solutions[:, : n + 6]
             out[part.rows] = part.kernels.rows("outputs", part.times, part.states, work)
-        for i, q, u, a in self._in_table:
-            self._write(i, out[i], q, u, a)
+            if part.turned:
+                self._rewrite(part, out)
         return out
 
-    @cached_property
-    def _in_table(self) -> list[tuple[int, Array, Array, Array]]:
-        """Number, variables, rates and accelerations of samples in other angles, in those of the table."""
-        if not self.turns.any():
-            return []
-        changed = (x for part in self.parts if part.turned for x in self._moving(part, self.table[part.rows]))
-        return sorted(changed, key=lambda x: x[0])
+    def _rewrite(self, part: SampleGroup, out: Array) -> None:
+        """Write angles of balls, their rates, and wrenches in frames that spin idly, as in the table."""
+        d, table = self.kernels.description, self.table[part.rows]
+        u, a = self._moving(part, table)
+        blind = self._blind(table)
+        u[blind] = a[blind] = np.nan
+        values, frames = {"": table, "rate": u, "acceleration": a}, self._frames(part, table)
+        numbers = {d.variables[j].name: j for ball in d.balls for j in ball.angles if j >= 0}
+        info = d.kernel("outputs")
+        for block in info.blocks if info else ():
+            name, _, word = block.name.partition(".")
+            if name in numbers:
+                out[part.rows, block.offset] = values[word][:, numbers[name]] if word in values else np.nan
+            for at, turned in frames.items():
+                if block.name.endswith((f".{at}.force", f".{at}.moment")):
+                    entries = slice(block.offset, block.offset + 3)
+                    out[part.rows, entries] = np.einsum("sij,sj->si", turned, out[part.rows, entries])
 
-    def _moving(self, part: SampleGroup, table: Array) -> Iterator[tuple[int, Array, Array, Array]]:
-        """Yield the same of the samples of a part: the motion across a ball is the same in all angles."""
+    def _moving(self, part: SampleGroup, table: Array) -> tuple[Array, Array]:
+        """Return rates and accelerations in the table's angles: the motion across a ball is the same."""
         n = self.kernels.description.coordinates
         q, old_u, old_a = part.states[:, :n], part.states[:, n : 2 * n], part.solutions[:, :n]
         u, a = old_u.copy(), old_a.copy()
@@ -100,7 +111,7 @@ class LoopSamples:
             u[:, g] = np.sum(inverse * np.sum(motion[:, :, g], axis=2)[:, None], axis=2)
             rest = second - _screw_rates(new, u) * u[:, None]
             a[:, g] = np.sum(inverse * np.sum(rest[:, :, g], axis=2)[:, None], axis=2)
-        yield from zip(part.rows.tolist(), table, u, a, strict=True)
+        return u, a
 
     @cached_property
     def _joined(self) -> list[list[int]]:
@@ -112,58 +123,37 @@ class LoopSamples:
                 groups.append([])
         return groups[:-1]
 
-    def _blind(self, q: Array) -> list[int]:
-        """Return the variables whose rates have no digits in the table's own angles."""
-        balls = self.kernels.description.balls
-        at_pole: set[int] = set()
+    def _blind(self, table: Array) -> NDArray[np.bool_]:
+        """Return whether the rate of a variable has no digits in the table's own angles, shaped as these."""
+        balls, blind = self.kernels.description.balls, np.zeros(table.shape, dtype=bool)
         for k, ball in enumerate(balls):
-            if abs(np.cos(q[ball.angles[1]])) < _AT_POLE:
-                at_pole.update(ball.angles, () if ball.angles[2] >= 0 else balls[k + 1].angles)
-        return sorted(at_pole - {-1})
+            numbers = ball.angles if ball.angles[2] >= 0 else (*ball.angles[:2], *balls[k + 1].angles)
+            blind[:, numbers] |= (np.abs(np.cos(table[:, ball.angles[1]])) < _AT_POLE)[:, None]
+        return blind
 
-    def _frames(self, i: int, q: Array) -> dict[str, Array]:
-        """Return by joint how the frame of a link that spins idly stands, in that of the table's own angles.
+    def _frames(self, part: SampleGroup, table: Array) -> dict[str, Array]:
+        """Return by joint how the frames of a link that spins idly stand, in those of the table's own angles.
 
         The wrench of the ball behind that link is given in its frame.
         """
-        by_ball = {}
-        balls = zip(self.kernels.description.balls, self.kernels.balls, self.turns[i], strict=True)
-        for ball, (_, alpha), turn in balls:
+        by_ball, balls, turns = {}, self.kernels.description.balls, self.turns[part.rows[0]]
+        for ball, (_, alpha), turn in zip(balls, self.kernels.balls, turns, strict=True):
             if turn and ball.angles[2] < 0:
-                at = ball.angles[:2]
-                in_table, used = (
-                    np.array([x[at[0]], 0.0, x[at[1]], alpha, 0.0]) for x in (q, self.states[i])
-                )
-                ahead = np.array([0.0, 0.0, 0.0, turn, 0.0])
-                by_ball[f"joint{ball.row + 2}"] = (
-                    product([in_table])[:3, :3].T @ product([ahead, used])[:3, :3]
-                )
+                rows = np.zeros((2, len(table), 5))
+                rows[..., (0, 2)], rows[..., 3] = [x[:, ball.angles[:2]] for x in (table, part.states)], alpha
+                in_table, used = transforms(rows)[..., :3, :3]
+                ahead = product([np.array([0.0, 0.0, 0.0, turn, 0.0])])[:3, :3]
+                by_ball[f"joint{ball.row + 2}"] = np.swapaxes(in_table, 1, 2) @ ahead @ used
         return by_ball
-
-    def _write(self, i: int, row: Array, q: Array, u: Array, a: Array) -> None:
-        d, blind, frames = self.kernels.description, self._blind(q), self._frames(i, q)
-        info = d.kernel("outputs")
-        ball_variables = {j for b in d.balls for j in b.angles if j >= 0}
-        for block in info.blocks if info else ():
-            name, _, word = block.name.partition(".")
-            for j in ball_variables:
-                if d.variables[j].name == name:
-                    values = {"": q, "rate": u, "acceleration": a}
-                    known = word in values and not (word and j in blind)
-                    row[block.offset] = values[word][j] if known else np.nan
-            for at, turned in frames.items():
-                if block.name.endswith((f".{at}.force", f".{at}.moment")):
-                    entries = slice(block.offset, block.offset + 3)
-                    row[entries] = turned @ row[entries]
 
     def notes(self) -> Iterator[str]:
         """Say at which samples angles have a pole."""
-        at = [(self.times[i], self._blind(q)) for i, q, _, _ in self._in_table if self._blind(q)]
-        if at:
-            names = ", ".join(
-                dict.fromkeys(self.kernels.description.variables[j].name for _, js in at for j in js)
-            )
-            times = ", ".join(f"{t:.9g}" for t, _ in at[:_SHOWN]) + (", ..." if len(at) > _SHOWN else "")
+        blind = self._blind(self.table) & np.any(self.turns, axis=1, keepdims=True)
+        at = self.times[np.any(blind, axis=1)]
+        if len(at):
+            variables = self.kernels.description.variables
+            names = ", ".join(variables[j].name for j in np.flatnonzero(np.any(blind, axis=0)))
+            times = ", ".join(f"{t:.9g}" for t in at[:_SHOWN]) + (", ..." if len(at) > _SHOWN else "")
             yield (
                 f"at the samples t = {times} s the angles of a ball joint have a pole, which is no "
                 f"singularity of the loop: {names} are split there as before, and their rates and "
