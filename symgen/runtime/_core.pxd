@@ -153,7 +153,6 @@ cdef extern from "core/core.h" nogil:
         const start_api *start
         const lane_functions *(*lanes)(Py_ssize_t) noexcept nogil
         const variation_api *variations
-        const variation_api *loop_variations
         void (*widen)(long, const double *, const double *, void *) noexcept nogil
         void (*narrow)(long, const void *, double *, double *) noexcept nogil
         void (*call_rows)(kernel_t, long, const void *, const void *, long, long, const void *, void *, long, void *, long) noexcept nogil

@@ -32,10 +32,15 @@ cdef extern from "core/variations.h" nogil:
         double *weights
         double *gradient
 
+    cdef struct variation_behaviour:
+        pass
+
     cdef struct variation_table "variation_api":
         size_t variations_struct
-        size_t (*bytes)(const equations *, const scheme_t *, const variation_sizes *) noexcept nogil
-        void (*bind)(variations *, equations *, const scheme_t *, const variation_sizes *, const variation_kernels *, void *) noexcept nogil
+        const variation_behaviour *rods
+        const variation_behaviour *loops
+        size_t (*bytes)(const variation_behaviour *, const equations *, const scheme_t *, const variation_sizes *) noexcept nogil
+        void (*bind)(variations *, const variation_behaviour *, equations *, const scheme_t *, const variation_sizes *, const variation_kernels *, void *) noexcept nogil
         int (*forward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
         int (*backward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
 
@@ -73,14 +78,16 @@ cdef class Variations:
             self.sizes.out = max(self.sizes.out, info.out_size)
         return 0
 
-    cdef int made(self, const variation_table *api) except -1:
+    cdef int made(self, bint loop) except -1:
         """Set up the core."""
+        cdef const variation_table *api = <const variation_table *>self.equations.of.api.variations
+        cdef const variation_behaviour *of = api.loops if loop else api.rods
         self.api = api
         self.memory = memory_of(
-            api.variations_struct, api.bytes(self.equations.core, &self.scheme.filled, &self.sizes)
+            api.variations_struct, api.bytes(of, self.equations.core, &self.scheme.filled, &self.sizes)
         )
         self.core = <variations *>self.memory.structure
-        api.bind(self.core, self.equations.core, &self.scheme.filled, &self.sizes, &self.functions, self.memory.at)
+        api.bind(self.core, of, self.equations.core, &self.scheme.filled, &self.sizes, &self.functions, self.memory.at)
         return 0
 
     cdef object array(self, double *at, shape):
@@ -189,7 +196,7 @@ cdef class LinkageVariations(Variations):
                 raise ValueError(f"expected (row, column, place) below {limits} for each slope")
             self.sizes.entries[i] = of.shape[0]
             self.sizes.places[i] = &of[0, 0] if of.shape[0] else NULL
-        self.made(<const variation_table *>equations.of.api.variations)
+        self.made(False)
 
 
 cdef class LoopVariations(Variations):
@@ -219,4 +226,4 @@ cdef class LoopVariations(Variations):
         if any(not -1 <= i < self.sizes.parameters for i in directions):
             raise ValueError(f"expected numbers of parameters below {self.sizes.parameters}, got {[*directions]}")
         self.kept, self.sizes.directions, self.sizes.width = of, &of[0], width
-        self.made(<const variation_table *>equations.of.api.loop_variations)
+        self.made(True)

@@ -162,7 +162,6 @@ const struct core_api symgen_core = {
     .start = &symgen_start,
     .lanes = lanes_of,
     .variations = &symgen_variations,
-    .loop_variations = &symgen_loop_variations,
     .widen = widen,
     .narrow = narrow,
     .call_rows = call_rows,

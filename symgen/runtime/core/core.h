@@ -55,7 +55,7 @@ struct core_api {
     const struct kinematics_api *kinematics;
     const struct start_api *start;
     const struct lane_functions *(*lanes)(ptrdiff_t width);
-    const struct variation_api *variations, *loop_variations;
+    const struct variation_api *variations;
 
     /* Convert high + low to the core's type; low may be NULL. And back: low, if not NULL, receives the remainder. */
     void (*widen)(long count, const double *high, const double *low, void *reals);

@@ -30,15 +30,11 @@ size_t implicit_place(struct variations *v, const struct equations *e, void *mem
 
 /* Evaluate dy/dt of stage s at a state, and its slopes by all directions. */
 static void look(struct variations *v, long s, real t, const real *state) {
-    struct equations *e = v->e;
-    const ptrdiff_t n = e->n, k = v->sizes.columns, first = k - 2 * n;
-    real *rate = v->rates + s * 2 * n;
+    const ptrdiff_t n = v->e->n, k = v->sizes.columns, first = k - 2 * n;
     memset(v->by_stage, 0, (size_t)(2 * n * k) * sizeof(real));
     for (ptrdiff_t i = 0; i < 2 * n; i++)
         v->by_stage[i * k + first + i] = 1;
-    e->of->accelerate(e, t, state);
-    memcpy(rate, state + n, (size_t)n * sizeof(real));
-    memcpy(rate + n, e->out, (size_t)n * sizeof(real));
+    variations_evaluate(v, s, t, state);
     v->of->stage(v, t, state);
     memcpy(v->slopes + s * n * k, v->solved, (size_t)(n * k) * sizeof(real));
 }
@@ -191,17 +187,9 @@ static int alpha(struct variations *v, real t, real h, const real *y) {
 }
 
 int implicit_step(struct variations *v, int begins, real t, real h, const real *y, const real *y_new) {
-    int status;
-    if (v->scheme.kind == find_kind("radau")) {
-        status = radau(v, t, h, y, y_new);
-    } else {
-        if (begins)
-            begin_alpha(v, t, y);
-        status = alpha(v, t, h, y);
-    }
-    if (status == DONE && v->e->m)
-        status = v->of->close(v, t + h, y_new);
-    if (status != DONE)
-        return status;
-    return all_finite(v->moved, 2 * v->e->n * v->sizes.columns) ? DONE : NOT_FINITE;
+    if (v->scheme.kind == find_kind("radau"))
+        return radau(v, t, h, y, y_new);
+    if (begins)
+        begin_alpha(v, t, y);
+    return alpha(v, t, h, y);
 }

@@ -14,8 +14,6 @@
 #include "tableau.h"
 #include "variations.h"
 
-extern const struct variation_behaviour loop_variations;
-
 static struct loop *of(const struct variations *v) {
     return (struct loop *)v->e->owner;
 }
@@ -41,19 +39,7 @@ static size_t place(struct variations *v, const struct equations *e, void *memor
         ARENA_ARRAY(v->prescribed, 3 * l->sizes.inputs * s->columns + 1),
         ARENA_ARRAY(v->factors, stages_of(v) * slopes),
     };
-    const size_t own = ARENA_PLACE(arrays, memory);
-    return own + variations_place(v, e, memory == NULL ? NULL : (char *)memory + own);
-}
-
-static size_t bytes_of(const struct equations *e, const struct scheme *scheme, const struct variation_sizes *sizes) {
-    struct variations counted = {.e = (struct equations *)e, .scheme = *scheme, .sizes = *sizes};
-    return place(&counted, e, NULL);
-}
-
-static void bind(struct variations *v, struct equations *e, const struct scheme *scheme,
-                 const struct variation_sizes *sizes, const struct variation_kernels *kernels, void *memory) {
-    v->of = &loop_variations, v->e = e, v->scheme = *scheme, v->sizes = *sizes, v->kernels = *kernels;
-    place(v, e, memory);
+    return ARENA_PLACE(arrays, memory);
 }
 
 /* Write the same numbers into all lanes. */
@@ -253,14 +239,11 @@ static int open_seed(struct variations *v, real t, const real *y) {
 }
 
 const struct variation_behaviour loop_variations = {
+    .place = place,
     .begin = begin,
     .stage = stage,
     .close = close_tangents,
     .keep = keep,
     .stage_back = stage_back,
     .open = open_seed,
-};
-
-const struct variation_api symgen_loop_variations = {
-    sizeof(struct variations), bytes_of, bind, variations_forward, variations_backward,
 };

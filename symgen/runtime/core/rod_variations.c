@@ -13,8 +13,6 @@
 #include "tableau.h"
 #include "variations.h"
 
-extern const struct variation_behaviour rod_variations;
-
 static size_t place(struct variations *v, const struct equations *e, void *memory) {
     const struct variation_sizes *s = &v->sizes;
     const ptrdiff_t whole = e->n + e->m, stages = stages_of(v), k = s->columns;
@@ -28,19 +26,7 @@ static size_t place(struct variations *v, const struct equations *e, void *memor
         ARENA_ARRAY(v->solutions, stages * whole),
         ARENA_ARRAY(v->factors, stages * (e->sizes.work + 1)),
     };
-    const size_t own = ARENA_PLACE(arrays, memory);
-    return own + variations_place(v, e, memory == NULL ? NULL : (char *)memory + own);
-}
-
-static size_t bytes_of(const struct equations *e, const struct scheme *scheme, const struct variation_sizes *sizes) {
-    struct variations counted = {.scheme = *scheme, .sizes = *sizes};
-    return place(&counted, e, NULL);
-}
-
-static void bind(struct variations *v, struct equations *e, const struct scheme *scheme,
-                 const struct variation_sizes *sizes, const struct variation_kernels *kernels, void *memory) {
-    v->of = &rod_variations, v->e = e, v->scheme = *scheme, v->sizes = *sizes, v->kernels = *kernels;
-    place(v, e, memory);
+    return ARENA_PLACE(arrays, memory);
 }
 
 static void begin(struct variations *v) {
@@ -207,6 +193,7 @@ static void stage_back(struct variations *v, long s, real t, const real *seed, r
 }
 
 const struct variation_behaviour rod_variations = {
+    .place = place,
     .begin = begin,
     .stage = stage,
     .integrate = integrate,
@@ -214,8 +201,4 @@ const struct variation_behaviour rod_variations = {
     .keep = keep,
     .stage_back = stage_back,
     .open = open_seed,
-};
-
-const struct variation_api symgen_variations = {
-    sizeof(struct variations), bytes_of, bind, variations_forward, variations_backward,
 };

@@ -6,7 +6,9 @@
 #include "linear.h"
 #include "tableau.h"
 
-size_t variations_place(struct variations *v, const struct equations *e, void *memory) {
+extern const struct variation_behaviour rod_variations, loop_variations;
+
+static size_t place(struct variations *v, const struct equations *e, void *memory) {
     const struct variation_sizes *s = &v->sizes;
     const ptrdiff_t n = e->n, stages = stages_of(v), k = s->columns;
     const struct arena_array arrays[] = {
@@ -24,8 +26,23 @@ size_t variations_place(struct variations *v, const struct equations *e, void *m
         ARENA_ARRAY(v->states, stages * 2 * n),
         ARENA_ARRAY(v->back, stages * 2 * n),
     };
-    const size_t own = ARENA_PLACE(arrays, memory);
-    return is_explicit(v) ? own : own + implicit_place(v, e, memory == NULL ? NULL : (char *)memory + own);
+    char *at = memory;
+    size_t bytes = ARENA_PLACE(arrays, at);
+    bytes += v->of->place(v, e, at == NULL ? NULL : at + bytes);
+    return is_explicit(v) ? bytes : bytes + implicit_place(v, e, at == NULL ? NULL : at + bytes);
+}
+
+static size_t bytes_of(const struct variation_behaviour *of, const struct equations *e, const struct scheme *scheme,
+                       const struct variation_sizes *sizes) {
+    struct variations counted = {.of = of, .e = (struct equations *)e, .scheme = *scheme, .sizes = *sizes};
+    return place(&counted, e, NULL);
+}
+
+static void bind(struct variations *v, const struct variation_behaviour *of, struct equations *e,
+                 const struct scheme *scheme, const struct variation_sizes *sizes,
+                 const struct variation_kernels *kernels, void *memory) {
+    v->of = of, v->e = e, v->scheme = *scheme, v->sizes = *sizes, v->kernels = *kernels;
+    place(v, e, memory);
 }
 
 /* Set the parameters, with the references and branches of a step. */
@@ -48,8 +65,7 @@ static void add_stages(const struct tableau *x, long s, real h, const real *base
             add_multiple(dim, h * x->a[s * x->all + j], rows + j * dim, out);
 }
 
-/* Evaluate a stage: its dy/dt in v->rates, w in e->out, and its factorisation. */
-static void evaluate(struct variations *v, long s, real t, const real *state) {
+void variations_evaluate(struct variations *v, long s, real t, const real *state) {
     struct equations *e = v->e;
     real *rate = v->rates + s * 2 * e->n;
     e->of->accelerate(e, t, state);
@@ -57,7 +73,7 @@ static void evaluate(struct variations *v, long s, real t, const real *state) {
     memcpy(rate + e->n, e->out, (size_t)e->n * sizeof(real));
 }
 
-static int forward_step(struct variations *v, real t, real h, const real *y, const real *y_new) {
+static void explicit_step(struct variations *v, real t, real h, const real *y) {
     const struct tableau x = tableau_of(&v->scheme);
     const ptrdiff_t n = v->e->n, k = v->sizes.columns, row = 2 * n * k;
     for (long s = 0; s < x.stages; s++) {
@@ -65,7 +81,7 @@ static int forward_step(struct variations *v, real t, real h, const real *y, con
         real *turned = v->turned + s * row;
         add_stages(&x, s, h, y, v->rates, 2 * n, v->state);
         add_stages(&x, s, h, v->moved, v->turned, row, v->by_stage);
-        evaluate(v, s, t_s, v->state);
+        variations_evaluate(v, s, t_s, v->state);
         v->of->stage(v, t_s, v->state);
         memcpy(turned, v->by_stage + n * k, (size_t)(n * k) * sizeof(real));
         memcpy(turned + n * k, v->solved, (size_t)(n * k) * sizeof(real));
@@ -75,11 +91,20 @@ static int forward_step(struct variations *v, real t, real h, const real *y, con
     for (long s = 0; s < x.stages; s++)
         if (x.b[s] != 0)
             add_multiple(row, h * x.b[s], v->turned + s * row, v->moved);
-    int status = v->e->m ? v->of->close(v, t + h, y_new) : DONE;
+}
+
+static int forward_step(struct variations *v, int begins, real t, real h, const real *y, const real *y_new) {
+    const ptrdiff_t k = v->sizes.columns, integrals = v->sizes.integrals;
+    int status = DONE;
+    if (is_explicit(v))
+        explicit_step(v, t, h, y);
+    else
+        status = implicit_step(v, begins, t, h, y, y_new);
+    if (status == DONE && v->e->m)
+        status = v->of->close(v, t + h, y_new);
     if (status != DONE)
         return status;
-    const ptrdiff_t integrals = v->sizes.integrals;
-    return all_finite(v->moved, row) && all_finite(v->sums, integrals) && all_finite(v->summed, integrals * k)
+    return all_finite(v->moved, 2 * v->e->n * k) && all_finite(v->sums, integrals) && all_finite(v->summed, integrals * k)
                ? DONE
                : NOT_FINITE;
 }
@@ -93,7 +118,7 @@ static int backward_step(struct variations *v, real t, real h, const real *y, co
     for (long s = 0; s < x.stages; s++) {
         real *state = v->states + s * states;
         add_stages(&x, s, h, y, v->rates, states, state);
-        evaluate(v, s, t + x.c[s] * h, state);
+        variations_evaluate(v, s, t + x.c[s] * h, state);
         v->of->keep(v, s, t + x.c[s] * h, state);
     }
     for (long s = x.stages - 1; s >= 0; s--) {
@@ -112,21 +137,20 @@ static int backward_step(struct variations *v, real t, real h, const real *y, co
     return all_finite(v->seed, states) && all_finite(v->gradient, v->sizes.columns) ? DONE : NOT_FINITE;
 }
 
-int variations_forward(struct variations *v, long steps, const double *t, const void *y, const double *references,
+static int forward(struct variations *v, long steps, const double *t, const void *y, const double *references,
                    long *taken) {
     const real *row = y;
     int status = DONE;
     for (*taken = 0; *taken < steps && status == DONE; ++*taken, row += 2 * v->e->n) {
         const double *now = t + *taken;
-        const real h = R(now[1]) - R(now[0]), *end = row + 2 * v->e->n;
+        const real h = R(now[1]) - R(now[0]);
         begin_step(v, references + *taken * held_parameters(&v->e->sizes));
-        status = is_explicit(v) ? forward_step(v, R(now[0]), h, row, end)
-                                : implicit_step(v, *taken == 0, R(now[0]), h, row, end);
+        status = forward_step(v, *taken == 0, R(now[0]), h, row, row + 2 * v->e->n);
     }
     return status;
 }
 
-int variations_backward(struct variations *v, long steps, const double *t, const void *y, const double *references,
+static int backward(struct variations *v, long steps, const double *t, const void *y, const double *references,
                     long *taken) {
     int status = DONE;
     for (*taken = 0; *taken < steps && status == DONE; ++*taken) {
@@ -137,3 +161,7 @@ int variations_backward(struct variations *v, long steps, const double *t, const
     }
     return status;
 }
+
+const struct variation_api symgen_variations = {
+    sizeof(struct variations), &rod_variations, &loop_variations, bytes_of, bind, forward, backward,
+};

@@ -44,6 +44,8 @@ struct variations;
 
 /* Implicit differentiation of the equations of one kind. */
 struct variation_behaviour {
+    /* Place the arrays that this kind has alone; return their bytes. */
+    size_t (*place)(struct variations *v, const struct equations *e, void *memory);
     /* Set the parameters from those of the equations, with the references and branches of a step. */
     void (*begin)(struct variations *v);
     /* After the accelerations at a state: write their tangents along v->by_stage to the first rows of v->solved. */
@@ -108,21 +110,20 @@ static inline ptrdiff_t stages_of(const struct variations *v) {
 size_t implicit_place(struct variations *v, const struct equations *e, void *memory);
 int implicit_step(struct variations *v, int begins, real t, real h, const real *y, const real *y_new);
 
-/* Place the arrays that all kinds have; return their bytes. */
-size_t variations_place(struct variations *v, const struct equations *e, void *memory);
-int variations_forward(struct variations *v, long steps, const double *t, const void *y, const double *references,
-                       long *taken);
-int variations_backward(struct variations *v, long steps, const double *t, const void *y, const double *references,
-                        long *taken);
+/* Evaluate stage s at a state: its dy/dt in v->rates, w in e->out, and its factorisation. */
+void variations_evaluate(struct variations *v, long s, real t, const real *state);
 
 /* Interface of variations: see core.h. Both functions take `steps` steps between steps + 1 times and states, rows of
    2n reals. `references` has, for each step, a row of the references of angles in loads and the branches of loads.
    Both return DONE, NOT_FINITE or SINGULAR, and the number of steps taken in `taken`. */
 struct variation_api {
     size_t variations_struct;
-    size_t (*bytes)(const struct equations *e, const struct scheme *scheme, const struct variation_sizes *sizes);
-    void (*bind)(struct variations *v, struct equations *e, const struct scheme *scheme,
-                 const struct variation_sizes *sizes, const struct variation_kernels *kernels, void *memory);
+    const struct variation_behaviour *rods, *loops;
+    size_t (*bytes)(const struct variation_behaviour *of, const struct equations *e, const struct scheme *scheme,
+                    const struct variation_sizes *sizes);
+    void (*bind)(struct variations *v, const struct variation_behaviour *of, struct equations *e,
+                 const struct scheme *scheme, const struct variation_sizes *sizes,
+                 const struct variation_kernels *kernels, void *memory);
     /* Carry v->moved, v->sums and v->summed along the steps. */
     int (*forward)(struct variations *v, long steps, const double *t, const void *y, const double *references,
                    long *taken);
@@ -131,6 +132,6 @@ struct variation_api {
                     long *taken);
 };
 
-extern const struct variation_api symgen_variations, symgen_loop_variations;
+extern const struct variation_api symgen_variations;
 
 #endif

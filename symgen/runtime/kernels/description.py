@@ -34,11 +34,16 @@ class BlockInfo:
     rows: tuple[str, ...]
     columns: tuple[str, ...]
 
-    def places(self, rows: Sequence[str], columns: Sequence[str]) -> list[tuple[int, int, int]]:
-        """Return row, column and place in ``out`` of each entry of a matrix; its rows read ``ROW COLUMN``."""
+    def places(
+        self, rows: Sequence[str], columns: Sequence[str], partly: bool = False
+    ) -> list[tuple[int, int, int]]:
+        """Return row, column and place in ``out`` of each entry of a matrix; its rows read ``ROW COLUMN``.
+
+        ``partly``: without those of other columns.
+        """
         number, along = ({name: i for i, name in enumerate(names)} for names in (rows, columns))
-        entries = (label.split() for label in self.rows)
-        return [(number[row], along[column], self.offset + k) for k, (row, column) in enumerate(entries)]
+        entries = enumerate(map(str.split, self.rows), self.offset)
+        return [(number[r], along[c], place) for place, (r, c) in entries if c in along or not partly]
 
 
 @dataclass(frozen=True, slots=True)

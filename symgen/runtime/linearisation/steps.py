@@ -104,20 +104,15 @@ class LinkageSteps:
 def _places(kernels: Evaluator, integrands: Sequence[str], by: Sequence[str]) -> list[NDArray[np.int_]]:
     """Return row, column and place of the slopes of residual, Phi, dPhi/dt and integrands."""
     d = kernels.description
-    state, bound = [*d.of_coordinates(), *d.of_coordinates("v")], [f"{c}_lambda" for c in d.constraints]
+    bound = [f"{c}_lambda" for c in d.constraints]
     unknowns = [*d.of_coordinates("a"), *bound]
-    first = len(state) + len(unknowns)
-    columns = {name: first + i for i, name in enumerate(by)}
-    columns |= {name: i for i, name in enumerate([*state, *unknowns])}
+    known = [*d.of_coordinates(), *d.of_coordinates("v"), *unknowns]
+    columns = [*known, *("" if name in known else name for name in by)]  # a start value may have that name
     rows = {"residual": unknowns, "constraints": bound, "rates": bound, "outputs": integrands}
     entries: dict[str, list[tuple[int, int, int]]] = {name: [] for name in rows}
     for kernel in ("stage", "closing", "integrand_slopes"):
         for block in kernels.info(kernel).blocks if kernels.has(kernel) else ():
-            labels = {label: i for i, label in enumerate(rows[block.name])}
-            for k, label in enumerate(block.rows):
-                row, column = label.split()
-                if column in columns:  # other parameters may not be requested
-                    entries[block.name].append((labels[row], columns[column], block.offset + k))
+            entries[block.name] += block.places(rows[block.name], columns, partly=True)
     return [np.array(each, dtype=np.int_).reshape(-1, 3) for each in entries.values()]
 
 

@@ -11,8 +11,10 @@ where P' and J' follow the equilibrium as it moves, at constant s.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
@@ -20,10 +22,58 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.eigenvalues import eigenvalues, in_order, oscillating
 from symgen.runtime.linearisation.tangents import Tangents
 
-#: The matrices of small vibrations.
+#: M, K, C of small vibrations, and the constraint Jacobian J.
+Matrices = Sequence[NDArray[Any]]
+#: Names of the first three.
 _SYSTEM = ("mass_matrix", "stiffness", "damping")
 #: The part of their size by which eigenvalues must differ.
 _APART = 1e-6
+
+
+def eigenvalue_slopes(
+    what: str,
+    values: NDArray[Any],
+    shapes: Sequence[tuple[NDArray[Any], NDArray[Any]]],
+    matrices: Matrices,
+    held: Array,
+    along: Sequence[Matrices],
+    first: int = 1,
+) -> NDArray[np.complex128]:
+    """Return the derivatives of eigenvalues s [1/s] along directions, (values, directions).
+
+    Parameters
+    ----------
+    what
+        The values in messages; their numbers begin with ``first``.
+    shapes
+        The motions phi and psi of each.
+    matrices, along
+        M, K, C and J, and their derivatives along each direction, with the motion of the equilibrium.
+    held
+        The matrix of mu by J^T mu.
+
+    Raises
+    ------
+    ModelError
+        When two values are equal, since they have no individual derivatives.
+    """
+    slopes = np.zeros((len(values), len(along)), dtype=complex)
+    mass, stiffness, damping, _ = matrices
+    for i, (s, (phi, psi)) in enumerate(zip(values, shapes, strict=True)):
+        close = np.flatnonzero(np.abs(values[:i] - s) <= _APART * np.abs(s))
+        if len(close):
+            kind, _, of = what.partition(" ")
+            raise ModelError(
+                f"{kind} {close[0] + first} and {i + first} {of} are equal, so that they have no derivatives "
+                "one by one"
+            )
+        whole = s**2 * mass + s * damping + stiffness
+        mu, nu = (-held @ b for b in (whole @ phi, whole.T @ psi))
+        below = psi @ (2 * s * mass + damping) @ phi
+        for k, (by_mass, by_stiffness, by_damping, turned) in enumerate(along):
+            change = psi @ (s**2 * by_mass + s * by_damping + by_stiffness) @ phi
+            slopes[i, k] = -(change + psi @ (turned.T @ mu) + nu @ (turned @ phi)) / below
+    return slopes
 
 
 def spectrum(
@@ -64,28 +114,18 @@ def spectrum(
     elif not np.any(damping):  # of each pair s, -s there is one
         values = np.append(values, -values[values.imag == 0.0])
         values = values[in_order(values)]
-    for i, s in enumerate(values):
-        close = np.flatnonzero(np.abs(values[:i] - s) <= _APART * np.abs(s))
-        if len(close):
-            raise ModelError(
-                f"{spectrum_name} {close[0] + 1} and {i + 1} of {title} are equal, so that they have no "
-                "derivatives "
-                "one by one"
-            )
-    changes = _changes(tangents, kernels, moved, parameters)
-    derivatives = np.zeros((len(values), len(parameters)), dtype=complex)
-    for i, s in enumerate(values):
-        whole = s**2 * mass + s * damping + stiffness
-        left, _, right = np.linalg.svd(free.T @ whole @ free)
-        phi, psi = free @ right[-1].conj(), free @ left[:, -1].conj()
-        mu, nu = (-(tangents.bound.T @ b) / tangents.scale for b in (whole @ phi, whole.T @ psi))
-        below = psi @ (2 * s * mass + damping) @ phi
-        for k in range(len(parameters)):
-            by_mass, by_stiffness, by_damping = (changes[name][k] for name in _SYSTEM)
-            turned = changes["constraint_slopes"][k]
-            change = psi @ (s**2 * by_mass + s * by_damping + by_stiffness) @ phi
-            change += psi @ (turned.T @ mu) + nu @ (turned @ phi)
-            derivatives[i, k] = -change / below
+    shapes = []
+    for s in values:
+        left, _, right = np.linalg.svd(free.T @ (s**2 * mass + s * damping + stiffness) @ free)
+        shapes.append((free @ right[-1].conj(), free @ left[:, -1].conj()))
+    derivatives = eigenvalue_slopes(
+        f"{spectrum_name} of {title}",
+        values,
+        shapes,
+        (mass, stiffness, damping, tangents.jacobian),
+        (tangents.bound / tangents.scale).T,
+        _changes(tangents, kernels, moved, parameters),
+    )
     if spectrum_name == "frequencies":
         names = [f"frequency.{i}" for i in range(1, len(values) + 1)]
         return names, values.imag / (2 * np.pi), derivatives.imag / (2 * np.pi)
@@ -109,8 +149,8 @@ def _matrices(tangents: Tangents, kernels: Evaluator) -> dict[str, Array]:
 
 def _changes(
     tangents: Tangents, kernels: Evaluator, moved: Array, parameters: Sequence[str]
-) -> dict[str, Array]:
-    """Return the derivatives of M, K, C and J by each parameter, (parameters, rows, columns)."""
+) -> list[Matrices]:
+    """Return the derivatives of M, K, C and J by each parameter."""
     d = tangents.description
     columns = {name: i for i, name in enumerate(d.of_coordinates())}
     constraints = {name: i for i, name in enumerate(d.constraints)}
@@ -120,16 +160,15 @@ def _changes(
     directions |= dict(zip(parameters, np.eye(len(parameters)), strict=True))
     changes = {name: np.zeros((len(parameters), n, n)) for name in _SYSTEM}
     changes["constraint_slopes"] = np.zeros((len(parameters), m, n))
-    if not kernels.has("slopes"):
-        return changes
-    (block,) = kernels.info("slopes").blocks
-    values = kernels("slopes", *_at(tangents, kernels))
-    for label, value in zip(block.rows, values, strict=False):
-        matrix, row, column, argument = label.split()
-        if argument in directions:  # other parameters may not be requested
-            place = constraints[row] if matrix == "constraint_slopes" else columns[row]
-            changes[matrix][:, place, columns[column]] += value * directions[argument]
-    return changes
+    if kernels.has("slopes"):
+        (block,) = kernels.info("slopes").blocks
+        values = kernels("slopes", *_at(tangents, kernels))
+        for label, value in zip(block.rows, values, strict=False):
+            matrix, row, column, argument = label.split()
+            if argument in directions:  # other parameters may not be requested
+                place = constraints[row] if matrix == "constraint_slopes" else columns[row]
+                changes[matrix][:, place, columns[column]] += value * directions[argument]
+    return [*zip(*changes.values(), strict=True)]
 
 
 def _at(tangents: Tangents, kernels: Evaluator) -> tuple[float, Array, Array, Array]:

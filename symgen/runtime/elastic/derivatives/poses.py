@@ -28,14 +28,15 @@ from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.elastic.static import quasi_static
-from symgen.runtime.kernels.evaluate import UNIT
+from symgen.runtime.kernels.evaluate import UNIT, Duals
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, with_outputs
 from symgen.runtime.linearisation.sensitivity import moved_motion
 from symgen.runtime.linearisation.tangents import Tangents
+from symgen.runtime.linearisation.vibration import eigenvalue_slopes
 from symgen.runtime.result.records import Variable, columns, of_names, unknown
 
-#: The part of their size by which frequencies must differ, and by which places along a link may move over it.
-_APART, _MOVED = 1e-6, 1e-12
+#: The part of its length by which places along a link may move over it.
+_MOVED = 1e-12
 #: Analyses of the kernels of motion and joints; that with tangents has the ending.
 _KINDS, _TANGENTS = ("elastic_motion", "elastic_joints"), "_tangents"
 
@@ -107,16 +108,12 @@ class Pose:
 
     def duals(self, kind: str, kernel: str, j: int, resting: bool = False) -> dict[str, Dual]:
         """Return the results of a kernel by name, with tangents along parameter j."""
-        values, tangents = self.kernels[kind]
         q, u, p, w = (moved[:, j] for moved in self.moved)
-        rates, work = self.u, self.work
+        state = [x + 1j * UNIT * dx for x, dx in ((self.q, q), (self.u, u), (self.work, w))]
         if resting:
-            rates, work, u, w = (np.zeros_like(x) for x in (rates, work, u, w))
-        at = self.t, self.q, rates
-        blocks = values.blocks(kernel, *at, np.append(work, 0.0))
-        direction = np.concatenate([work, q, u, p, w, work, [0.0]])
-        slopes = tangents.blocks(f"{kernel}_tangent", *at, direction)
-        return {name: value + 1j * UNIT * slopes[f"{name}_tangent"] for name, value in blocks.items()}
+            state[1:] = (np.zeros_like(x) for x in state[1:])
+        blocks = Duals(*self.kernels[kind], p)(kernel, np.array([self.t]), *(x[None] for x in state))
+        return {name: x[0] for name, x in blocks.items()}
 
     def linkage(self, j: int) -> ElasticMotion:
         """Return the motion with links and tables that have tangents along parameter j."""
@@ -219,22 +216,13 @@ def frequency_slopes(
     ModelError
         For equal frequencies.
     """
-    close = np.diff(frequencies) < _APART * frequencies[1:]
-    if np.any(close):
-        first = rigid + int(np.argmax(close)) + 1
-        raise ModelError(
-            f"frequencies {first} and {first + 1} of {name} are equal, so that they have no derivatives one "
-            "by one"
-        )
-    slopes = np.zeros((len(frequencies), len(matrices)))
-    for j, (mass, stiffness, bound) in enumerate(matrices):
-        for i, square in enumerate((2 * np.pi * frequencies) ** 2):
-            phi = shapes[:, i]
-            residual = (stiffness + stiffness.T) / 2 - square * mass
-            mu = np.linalg.lstsq(bound.real.T, -residual.real @ phi, rcond=None)[0]
-            change = phi @ residual.imag @ phi + 2 * mu @ bound.imag @ phi
-            slopes[i, j] = change / UNIT / (phi @ mass.real @ phi)
-    return slopes / (8 * np.pi**2 * frequencies[:, None])
+    values, both = 2j * np.pi * frequencies, [(phi, phi) for phi in shapes.T]
+    pencils = [(m, (k + k.T) / 2, np.zeros_like(m), bound) for m, k, bound in matrices]
+    at = tuple(x.real for x in pencils[0])
+    along = [tuple(x.imag / UNIT for x in of) for of in pencils]
+    held = np.linalg.pinv(at[-1].T)
+    slopes = eigenvalue_slopes(f"frequencies of {name}", values, both, at, held, along, rigid + 1)
+    return slopes.imag / (2 * np.pi)
 
 
 def derived(

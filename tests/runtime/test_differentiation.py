@@ -1,0 +1,63 @@
+"""Mechanisms of differentiation, by the files that solve for differentials of unknowns or carry them along."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import symgen
+
+RUNTIME = Path(symgen.__file__).parent / "runtime"
+
+STATE = "implicit functions at a state: poses, motions, equilibria, frequencies, of all mechanisms"
+STEPS = "tangents and transposes of compiled steps"
+ELASTIC_STEPS = "tangents of steps of elastic links, in NumPy"
+IN_SPACE = "tangents of steps of elastic links in space, in NumPy"
+ORBIT = "the implicit function of a steady state over a revolution"
+#: Files of Python that know tangents and solve equations, and their mechanism. Both may only become fewer.
+IN_PYTHON = {
+    "linearisation/tangents.py": STATE,
+    "linearisation/sensitivity.py": STATE,
+    "linearisation/vibration.py": STATE,
+    "loop/derivatives/tangents.py": STATE,
+    "elastic/derivatives/poses.py": STATE,
+    "elastic/space/sensitivity.py": STATE,
+    "elastic/derivatives/course.py": ELASTIC_STEPS,
+    "elastic/derivatives/runs.py": ELASTIC_STEPS,
+    "elastic/derivatives/periodic.py": ORBIT,
+    "elastic/space/tangents.py": IN_SPACE,
+}
+#: Files that choose coordinates, or solve for places and rates, beside slopes or tangents.
+OTHERS = {"linearisation/state_space.py", "rods/following/placing.py", "elastic/space/linkage.py"}
+#: Files of the core that implement the interface of ``variations.h``.
+IN_C = {"implicit_variations.c", "loop_variations.c", "rod_variations.c", "variations.c"}
+
+#: Names of the package that tangents are made of, and functions that solve equations.
+TANGENTS = {"UNIT", "Tangents", "LinkageTangents", "sensitivity_of", "Course"}
+SOLVERS = {
+    "factorised", "inv", "lstsq", "lu_factor", "lu_solve", "pinv", "qr", "solve", "solve_triangular", "splu", "spsolve",
+    "svd",
+}  # fmt: skip
+
+
+def differentiates(path: Path) -> bool:
+    """Return whether a file imports or defines a name of tangents, and calls a function that solves equations."""
+    nodes = [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+    known = {a.name for n in nodes if isinstance(n, ast.ImportFrom) for a in n.names}
+    known |= {n.name for n in nodes if isinstance(n, ast.ClassDef | ast.FunctionDef)}
+    called = {ast.unparse(n.func).split(".")[-1] for n in nodes if isinstance(n, ast.Call)}
+    return bool(known & TANGENTS and called & SOLVERS)
+
+
+def test_files_of_python_that_solve_for_differentials_are_known():
+    found = {str(p.relative_to(RUNTIME)) for p in RUNTIME.rglob("*.py") if differentiates(p)}
+    assert found == {*IN_PYTHON} | OTHERS
+
+
+def test_files_of_the_core_with_tangents_of_steps_are_known():
+    found = {p.name for p in (RUNTIME / "core").glob("*.c") if "struct variations *" in p.read_text()}
+    assert found == IN_C
+
+
+def test_mechanisms_of_differentiation_become_fewer():
+    assert len({STEPS, *IN_PYTHON.values()}) <= 5
