@@ -12,15 +12,14 @@
  */
 #include "arena.h"
 #include "linear.h"
+#include "newton.h"
 #include "run.h"
 #include "slopes.h"
 
 #include <string.h>
 
-/* Largest number of iterations with one Jacobian. Stalled iterations have converged at an error of ROUND_OFF
-   roundings. */
+/* Largest number of iterations with one Jacobian. */
 enum { ITERATIONS = 20 };
-#define ROUND_OFF 1e4
 
 struct alpha {
     real *f, *f_new;                        /* dy/dt at both ends */
@@ -120,43 +119,56 @@ static void move(struct run *run, const struct alpha *x, real h) {
     }
 }
 
+/* The step whose accelerations a_new are corrected. */
+struct stage {
+    struct run *run;
+    const struct alpha *x;
+    real h, t_new, slowest, rounding; /* velocities contain the rounding of positions over h */
+    int attempt;
+};
+
+static real correct(void *of, struct newton *w) {
+    const struct stage *s = of;
+    const struct alpha *x = s->x;
+    struct run *run = s->run;
+    const real *number = run->scheme.numbers, h = s->h;
+    const long n = run->e->n;
+    move(run, x, h);
+    if (s->attempt == EVERY && !make_matrix(run, x, s->t_new, run->y_new, h, s->attempt))
+        return REAL_INFINITY;
+    if (s->attempt == ALONG)
+        derivative_along(run, s->t_new, run->y_new, x->f_new);
+    else
+        run->e->of->derivative(run->e, s->t_new, run->y_new, x->f_new);
+    for (long i = 0; i < n; i++)
+        x->change[i] = (1 - number[1]) * x->f_new[n + i] + number[1] * x->motion[i] - (1 - number[0]) * x->a_new[i]
+                       - number[0] * x->a[i];
+    solve_dense(n, x->matrix, x->swaps, x->change);
+    real largest = 0;
+    w->size = s->slowest;
+    for (long i = 0; i < n; i++) {
+        x->a_new[i] += x->change[i];
+        largest = real_fmax(largest, real_fabs(x->change[i]));
+        w->size = real_fmax(w->size, h * real_fabs(x->a_new[i]));
+    }
+    if (s->attempt != ALONG)
+        w->rounded = real_fmax(ROUND_OFF, s->rounding / w->size);
+    return h * largest;
+}
+
 /* Iterate to a_new with the present matrix; return 0 without convergence. */
 static int solve_step(struct run *run, const struct alpha *x, real h, real t_new, int attempt) {
-    const real *of = run->scheme.numbers;
-    long n = run->e->n;
-    real previous = REAL_INFINITY, slowest = real_fmax(largest_of(run->y + n, n), h * largest_of(x->a, n));
+    const long n = run->e->n;
+    const real slowest = real_fmax(largest_of(run->y + n, n), h * largest_of(x->a, n));
+    struct stage s = {run, x, h, t_new, slowest, ROUND_OFF * largest_of(run->y, n) / h, attempt};
+    struct newton w = {.most = ITERATIONS, .close = 4 * REAL_EPSILON, .rounded = real_sqrt(REAL_EPSILON),
+                       .grows = attempt == EVERY ? REAL_INFINITY : R(1)};
     memcpy(x->a_new, x->a, (size_t)n * sizeof(real));
-    for (int k = 0; k < ITERATIONS; k++) {
-        move(run, x, h);
-        if (attempt == EVERY && !make_matrix(run, x, t_new, run->y_new, h, attempt))
-            return 0;
-        if (attempt == ALONG)
-            derivative_along(run, t_new, run->y_new, x->f_new);
-        else
-            run->e->of->derivative(run->e, t_new, run->y_new, x->f_new);
-        for (long i = 0; i < n; i++)
-            x->change[i] = (1 - of[1]) * x->f_new[n + i] + of[1] * x->motion[i] - (1 - of[0]) * x->a_new[i]
-                           - of[0] * x->a[i];
-        solve_dense(n, x->matrix, x->swaps, x->change);
-        for (long i = 0; i < n; i++)
-            x->a_new[i] += x->change[i];
-        real rates = h * largest_of(x->change, n), size = real_fmax(slowest, h * largest_of(x->a_new, n));
-        if (!real_isfinite(rates))
-            return 0;
-        int stalled = k > 0 && rates > R(0.5) * previous;
-        /* velocities contain the rounding of the positions over h */
-        real rounding = REAL_EPSILON * real_fmax(size, largest_of(run->y, n) / h);
-        real enough = attempt == ALONG ? real_sqrt(REAL_EPSILON) * size : R(ROUND_OFF) * rounding;
-        if (rates <= R(4) * REAL_EPSILON * size || (stalled && rates <= enough)) {
-            memcpy(x->motion_new, x->f_new + n, (size_t)n * sizeof(real));
-            move(run, x, h);
-            return 1;
-        }
-        if (stalled && rates > previous && attempt != EVERY)
-            return 0;
-        previous = rates;
-    }
-    return 0;
+    if (!newton_solve(&w, 1, correct, &s))
+        return 0;
+    memcpy(x->motion_new, x->f_new + n, (size_t)n * sizeof(real));
+    move(run, x, h);
+    return 1;
 }
 
 static int step(struct run *run, real t, real h, real t_new) {

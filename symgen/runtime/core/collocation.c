@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "arena.h"
+#include "newton.h"
 #include "run.h"
 #include "system.h"
 
@@ -174,43 +175,42 @@ static real size_of_changes(const struct collocation *c, real fastest) {
     return size;
 }
 
-/* Correct second rates and multipliers of the stages; false if corrections do not converge. */
-static int correct(struct collocation *c, const struct states *s) {
+/* Second rates and multipliers of the stages, and the fastest rate over its size. */
+struct stages {
+    struct collocation *c;
+    const struct states *s;
+    real fastest;
+};
+
+static real correct(void *of, struct newton *w) {
+    struct stages *stages = of;
+    struct collocation *c = stages->c;
     const ptrdiff_t n = c->of->unknowns, m = c->of->multipliers, both = n + m;
-    /* Of this step alone: a resumed run has the same bits. */
-    real fastest = SPACING / (c->close * c->h), earlier = 0, before = 0, rate = 1;
-    for (int count = 0; count < MOST_CORRECTIONS; count++) {
-        move_stages(c);
-        for (ptrdiff_t i = 0; i < c->stages; i++)
-            for (ptrdiff_t k = 0; k < n; k++)
-                fastest = real_fmax(fastest, real_fabs(c->rates[i * n + k]) / c->motion->scale[k]);
-        memset(c->forces, 0, (size_t)(c->stages * n) * sizeof(real));
-        memset(c->errors, 0, (size_t)(c->stages * m) * sizeof(real));
-        system_evaluate(c->of, s, c->forces, NULL, c->errors);
-        solve_stages(c);
-        const real size = size_of_changes(c, fastest);
-        if (!real_isfinite(size))
-            return 0;
-        for (ptrdiff_t i = 0; i < c->stages; i++) {
-            for (ptrdiff_t k = 0; k < n; k++)
-                c->a_of[i * n + k] += c->changes[i * both + k];
-            for (ptrdiff_t k = 0; k < m; k++)
-                c->lambda_of[i * m + k] += c->changes[i * both + n + k];
-        }
-        c->run->e->account->evaluations++;
-        if (count) {
-            rate = before > 0 ? size / before : 0;
-            if (before < ROUNDING && rate > R(0.5))
-                return 1;
-            /* Corrections by slopes in the middle of the step alternate. */
-            if (size > DIVERGING * real_fmax(before, earlier) && count > 3)
-                return 0;
-        }
-        if (size == 0 || size <= c->close * real_fmax(R(1), 1 / rate - 1))
-            return 1;
-        earlier = before, before = size;
+    move_stages(c);
+    for (ptrdiff_t i = 0; i < c->stages; i++)
+        for (ptrdiff_t k = 0; k < n; k++)
+            stages->fastest = real_fmax(stages->fastest, real_fabs(c->rates[i * n + k]) / c->motion->scale[k]);
+    memset(c->forces, 0, (size_t)(c->stages * n) * sizeof(real));
+    memset(c->errors, 0, (size_t)(c->stages * m) * sizeof(real));
+    system_evaluate(c->of, stages->s, c->forces, NULL, c->errors);
+    c->run->e->account->evaluations++;
+    solve_stages(c);
+    for (ptrdiff_t i = 0; i < c->stages; i++) {
+        for (ptrdiff_t k = 0; k < n; k++)
+            c->a_of[i * n + k] += c->changes[i * both + k];
+        for (ptrdiff_t k = 0; k < m; k++)
+            c->lambda_of[i * m + k] += c->changes[i * both + n + k];
     }
-    return 0;
+    (void)w;
+    return size_of_changes(c, stages->fastest);
+}
+
+/* Until corrections vanish, or their rate of convergence shows that the next one would. Those by slopes in the middle of
+   the step alternate. */
+static int converge(const struct collocation *c, newton_step *step, void *of) {
+    struct newton w = {.most = MOST_CORRECTIONS, .close = c->close, .left = c->close, .rounded = ROUNDING,
+                       .grows = DIVERGING, .alternate = 1};
+    return (int)newton_solve(&w, 1, step, of);
 }
 
 /* Subtract from values the least change, in the metric of the mass matrix, that satisfies the constraints with these
@@ -227,6 +227,21 @@ static real project_on(const struct collocation *c, const real *errors, real *va
         size = real_fmax(size, real_fabs(of->x[of->position[k]]) / c->motion->scale[k]);
     }
     return size;
+}
+
+/* The end of a step, whose places are projected. */
+struct end {
+    const struct collocation *c;
+    const struct states *s;
+    real *q;
+};
+
+static real correct_end(void *of, struct newton *w) {
+    const struct end *end = of;
+    (void)w;
+    memset(end->c->errors, 0, (size_t)end->c->of->multipliers * sizeof(real));
+    system_evaluate(end->c->of, end->s, NULL, end->c->errors, NULL);
+    return project_on(end->c, end->c->errors, end->q);
 }
 
 /* Work of inertia at moving ground by a change of the rates at the end of a step [J]: power is linear in second
@@ -257,12 +272,8 @@ static int project_end(struct collocation *c, const struct states *s, real *work
     system_refresh(of, &end);
     if (!system_factor(of, 0, 0, c->metric, NULL))
         return 0;
-    for (int k = 0; k < MOST_CORRECTIONS; k++) {
-        memset(c->errors, 0, row);
-        system_evaluate(of, &end, NULL, c->errors, NULL);
-        if (!(project_on(c, c->errors, q) > c->close))
-            break;
-    }
+    if (!converge(c, correct_end, &(struct end){c, &end, q}))
+        return 0;
     /* Rates of the constraints at rest, by motions of the ground, at the stages and at the end. */
     struct states still = *s;
     still.count = last + 1, still.v = c->still;
@@ -326,7 +337,9 @@ static int step(struct run *run, real t, real h, real t_new) {
     c->times[last] = t_new;
     const struct states s = {last, n, m, of->known, c->times, c->places, c->rates, c->a_of, c->lambda_of,
                              z + of->known, z_rates + of->known};
-    if (!correct(c, &s))
+    /* Of this step alone: a resumed run has the same bits. */
+    struct stages stages = {c, &s, SPACING / (c->close * c->h)};
+    if (!converge(c, correct, &stages))
         return UNSOLVED;
     real work = 0, *q = c->places + last * n, *v = c->rates + last * n;
     for (ptrdiff_t i = 0; i < last; i++)

@@ -1,7 +1,7 @@
 #include "equations.h"
 
 #include "arena.h"
-#include "lanes.h"
+#include "newton.h"
 
 #include <string.h>
 
@@ -200,35 +200,33 @@ real size_of(const struct equations *e, const real *y) {
     return size;
 }
 
-int project_positions(struct equations *e, real t, real *y) {
-    long n = e->n;
-    real previous = REAL_INFINITY, size = 0;
-    int k = 0;
-    for (; k < PROJECTIONS; k++) {
-        real worst = position_error(e, t, y);
-        if (!real_isfinite(worst))
-            return NOT_FINITE;
-        if (k == 0)
-            size = size_of(e, y);
-        if (worst <= REAL_EPSILON * size)
-            break;
-        if (k && worst > R(0.5) * previous) {
-            if (worst > R(1e4) * REAL_EPSILON * size)
-                return PROJECTION_FAILED;
-            if (worst > previous) {
-                memcpy(y, e->before, (size_t)n * sizeof(real));
-                position_error(e, t, y);
-            }
-            break;
-        }
-        previous = worst;
-        memcpy(e->before, y, (size_t)n * sizeof(real));
-        solve_factored(e, t, y, e->rhs);
+real correct_positions(void *of, struct newton *w) {
+    const struct correction *c = of;
+    struct equations *e = c->e;
+    const long n = e->n;
+    if (w->count) {
+        copy(c->y, n, e->before);
+        solve_factored(e, c->t_factor, c->y_factor, e->rhs);
         for (long i = 0; i < n; i++)
-            y[i] += e->rhs[i];
+            c->y[i] += e->rhs[i];
+        for (long i = 0; i < n && c->h != 0; i++)
+            c->y[n + i] += e->rhs[i] / c->h;
     }
-    if (k == PROJECTIONS)
-        return PROJECTION_FAILED;
+    const real worst = position_error(e, c->t, c->y);
+    if (!w->count)
+        w->size = size_of(e, c->y);
+    return worst;
+}
+
+int project_positions(struct equations *e, real t, real *y) {
+    struct correction c = {.e = e, .t_factor = t, .y_factor = y, .t = t, .y = y};
+    struct newton w = {.most = PROJECTIONS, .close = REAL_EPSILON, .rounded = ROUND_OFF, .grows = R(0.5)};
+    if (!newton_solve(&w, 1, correct_positions, &c))
+        return real_isfinite(w.error) ? PROJECTION_FAILED : NOT_FINITE;
+    if (w.error > w.before) {
+        memcpy(y, e->before, (size_t)e->n * sizeof(real));
+        position_error(e, t, y);
+    }
     return e->sizes.redundant && !(e->account->missed <= e->sizes.slack) ? CONTRADICTED : DONE;
 }
 
@@ -261,7 +259,7 @@ int project_velocities(struct equations *e, real t, real *y) {
     for (int k = 0; k < 2 * RATE_PROJECTIONS; k++) {
         if (k == RATE_PROJECTIONS) {
             /* the factor belongs to a distant state: factorise again */
-            if (previous <= R(1e4) * REAL_EPSILON * speed)
+            if (previous <= ROUND_OFF * speed)
                 break;
             int status = factorise(e, t, y);
             if (status != DONE)

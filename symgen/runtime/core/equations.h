@@ -100,6 +100,8 @@ struct account {
 /* Iterations of the projections. With one factor the error falls linearly, by a factor proportional to the step's
    error. Iterations that do not halve the error end, so this number reaches rounding from any error. */
 #define PROJECTIONS 80
+/* Errors over the size of the unknowns that are rounding if they no longer fall to half. */
+#define ROUND_OFF (R(1e4) * REAL_EPSILON)
 #define RATE_PROJECTIONS 3
 
 /* Below this part of a pivot, near a loss of rank, errors transverse to the constraints are magnified too much. */
@@ -201,6 +203,17 @@ int project(struct equations *e, real t, real *y);
 int project_places(struct equations *e, real t, real *y);
 int project_positions(struct equations *e, real t, real *y);
 int project_velocities(struct equations *e, real t, real *y);
+
+/* A correction of the positions of y at t by the factor of (t_factor, y_factor), and of velocities over a part of length
+   h of a step unless h is zero: a step of Newton's method, see newton.h. Positions before it are left in e->before. */
+struct correction {
+    struct equations *e;
+    real t_factor;
+    const real *y_factor;
+    real t, h, *y;
+};
+struct newton;
+real correct_positions(void *of, struct newton *w);
 
 /* Project `change`, of q or of u at y, onto the tangent space of the constraints, with the last factor. */
 void make_tangent(struct equations *e, real t, const real *y, real *change);

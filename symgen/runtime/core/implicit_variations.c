@@ -7,6 +7,7 @@
 
 #include "arena.h"
 #include "linear.h"
+#include "newton.h"
 #include "slopes.h"
 #include "variations.h"
 
@@ -43,27 +44,31 @@ static void look(struct variations *v, long s, real t, const real *state) {
    there, what is left; returns the size of the unknowns. */
 typedef real equations_of_step(struct variations *v, real t, real h, const real *y);
 
-/* Solve the equations of a step for `count` unknowns x by Newton's method; `left` is what is left of them. */
-static int solve_step(struct variations *v, equations_of_step *equations, real t, real h, const real *y,
-                      ptrdiff_t count, real *x, real *left) {
-    real before = REAL_INFINITY;
-    for (int k = 0; k < ITERATIONS; k++) {
-        real change = 0, size = equations(v, t, h, y);
-        if (!factor_dense(count, v->matrix, v->swaps))
-            return NOT_FINITE;
-        solve_dense(count, v->matrix, v->swaps, left);
-        for (ptrdiff_t i = 0; i < count; i++) {
-            x[i] += left[i];
-            change = real_fmax(change, real_fabs(left[i]));
-        }
-        size = real_fmax(size, largest_or_nan(x, count));
-        if (!real_isfinite(change))
-            return NOT_FINITE;
-        if (change <= R(4) * REAL_EPSILON * size || (change >= R(0.5) * before && change <= STALLED * size))
-            return DONE;
-        before = change;
-    }
-    return NOT_FINITE;
+/* The unknowns x of a step from y, and what is left of its equations. */
+struct unknowns {
+    struct variations *v;
+    equations_of_step *equations;
+    real t, h;
+    const real *y;
+    ptrdiff_t count;
+    real *x, *left;
+};
+
+static real correct(void *of, struct newton *w) {
+    const struct unknowns *s = of;
+    const real size = s->equations(s->v, s->t, s->h, s->y);
+    if (!factor_dense(s->count, s->v->matrix, s->v->swaps))
+        return REAL_INFINITY;
+    solve_dense(s->count, s->v->matrix, s->v->swaps, s->left);
+    add_multiple(s->count, 1, s->left, s->x);
+    w->size = real_fmax(size, largest_or_nan(s->x, s->count));
+    return largest_or_nan(s->left, s->count);
+}
+
+/* Solve the equations of a step. */
+static int solve_step(struct unknowns s) {
+    struct newton w = {.most = ITERATIONS, .close = 4 * REAL_EPSILON, .rounded = STALLED, .grows = REAL_INFINITY};
+    return newton_solve(&w, 1, correct, &s) ? DONE : NOT_FINITE;
 }
 
 /* The unknowns are the states of the stages. */
@@ -98,7 +103,7 @@ static int radau(struct variations *v, real t, real h, const real *y, const real
     for (long s = 0; s < STAGES; s++)
         for (ptrdiff_t i = 0; i < two; i++)
             v->states[s * two + i] = y[i] + c[s] * (y_new[i] - y[i]);
-    const int status = solve_step(v, radau_equations, t, h, y, all, v->states, v->changes);
+    const int status = solve_step((struct unknowns){v, radau_equations, t, h, y, all, v->states, v->changes});
     if (status != DONE)
         return status;
     for (long s = 0; s < STAGES; s++)
@@ -161,7 +166,7 @@ static int alpha(struct variations *v, real t, real h, const real *y) {
     real *own = v->carried, *motion = own + n, *moved = v->carried_moved, *motion_moved = moved + n * k;
     real *next = v->changes;
     memcpy(next, own, (size_t)n * sizeof(real));
-    const int status = solve_step(v, alpha_equations, t, h, y, n, next, next + n);
+    const int status = solve_step((struct unknowns){v, alpha_equations, t, h, y, n, next, next + n});
     if (status != DONE)
         return status;
     memcpy(motion, v->rates + n, (size_t)n * sizeof(real));

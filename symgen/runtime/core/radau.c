@@ -10,6 +10,7 @@
  */
 #include "arena.h"
 #include "linear.h"
+#include "newton.h"
 #include "run.h"
 #include "slopes.h"
 
@@ -235,37 +236,41 @@ static real change_stages(struct run *run, const struct radau *x, const struct c
     return real_sqrt(total / R(2 * n * STAGES));
 }
 
+/* The stages of a step, and the largest error of a solution over the scale. */
+struct stages {
+    struct run *run;
+    const struct radau *x;
+    const struct coefficients *m;
+    real t, h, tolerance;
+    int magnified;
+};
+
+static real correct(void *of, struct newton *w) {
+    const struct stages *s = of;
+    if (!find_residual(s->run, s->x, s->m, s->t, s->h))
+        return REAL_INFINITY;
+    const real size = change_stages(s->run, s->x, s->m, s->h), rate = w->count ? size / w->before : R(0);
+    /* with projected stages the first ratio is no rate of convergence: positions follow the rates one iteration later;
+       accelerations are at the limit of rounding, and the error estimate judges the step */
+    if (s->magnified)
+        w->rounded = w->count > 1 ? REAL_INFINITY : w->rounded;
+    else if (size > w->rounded && rate < 1 && real_pow(rate, R(w->most - w->count)) / (1 - rate) * size > s->tolerance)
+        return REAL_INFINITY;
+    s->x->memo[STALE] = w->count > 1 && rate > R(FAST) && rate <= R(0.5);
+    return size;
+}
+
 /* Iterate to the stages of the step; return 0 without convergence. */
 static int solve_stages(struct run *run, const struct radau *x, const struct coefficients *m, real t, real h) {
-    int most = run->scheme.adaptive ? ITERATIONS : FIXED_ITERATIONS;
-    real rtol = R(run->task.rtol), last = 0, rate = 0, tolerance = 1;
-    if (run->scheme.adaptive)
-        tolerance = real_fmax(R(10) * REAL_EPSILON / rtol, real_fmin(R(0.03), real_sqrt(rtol)));
-    int magnified = is_magnified(run);
+    const real rtol = R(run->task.rtol), rounding = R(10) * REAL_EPSILON / rtol;
+    const int adaptive = run->scheme.adaptive, magnified = is_magnified(run);
+    const real tolerance = adaptive ? real_fmax(rounding, real_fmin(R(0.03), real_sqrt(rtol))) : R(1);
+    struct stages s = {run, x, m, t, h, tolerance, magnified};
+    struct newton w = {.most = adaptive ? ITERATIONS : FIXED_ITERATIONS, .close = tolerance * R(0.01),
+                       .rounded = real_fmax(R(STALLED), tolerance), .left = tolerance,
+                       .grows = magnified ? REAL_INFINITY : R(1)};
     predict(run, x, m, h);
-    for (int k = 0; k < most; k++) {
-        if (!find_residual(run, x, m, t, h))
-            return 0;
-        real size = change_stages(run, x, m, h);
-        if (!real_isfinite(size))
-            return 0;
-        if (k > 0) {
-            rate = size / last;
-            /* accelerations at the limit of rounding: the error estimate judges the step */
-            if (rate > R(0.5) && ((magnified && k > 1) || size <= R(STALLED)))
-                return 1;
-            /* with projected stages the first ratio is no rate of convergence: positions follow the rates one
-               iteration later */
-            if (!magnified && size > tolerance && (rate >= 1 || real_pow(rate, R(most - k)) / (1 - rate) * size > tolerance))
-                return 0;
-        }
-        if (size <= tolerance * R(0.01) || (k > 0 && (rate >= 1 || rate / (1 - rate) * size < tolerance))) {
-            x->memo[STALE] = k > 1 && rate > R(FAST);
-            return 1;
-        }
-        last = size;
-    }
-    return magnified;
+    return newton_solve(&w, 1, correct, &s) || (magnified && real_isfinite(w.error));
 }
 
 /* Write to run->error the error estimate of order 4, filtered by the real system [IV.8.19]; `at` is dy/dt. */

@@ -15,16 +15,14 @@
  */
 #include "arena.h"
 #include "linear.h"
+#include "newton.h"
 #include "run.h"
 
 #include <string.h>
 
-/* Largest numbers of iterations: of position constraints with the factor at the start, of these with a new Jacobian
-   each, and of velocities on which forces depend. */
-enum { SIMPLE = 60, RELINEARISED = 60, RATES = 60 };
-/* Errors below this number of roundings are accepted if iterations stall. */
-#define ROUND_OFF 1e4
-
+/* Largest number of corrections: of positions with the factor at the start, of these with a new Jacobian each, and of
+   velocities on which forces depend. */
+enum { CORRECTIONS = 60 };
 /* Content of `own`: rates at both ends, the state and its acceleration after the finished parts, the start of the
    iterations of a part, the factorisation at y, and the Jacobian of the position constraints along the directions
    M^-1 J^T. */
@@ -99,7 +97,7 @@ static void find_motions(struct equations *e, const struct rattle *x, real t, co
 
 /* Write to x->change the amounts of these motions that bring Phi (e->rhs is -Phi) to zero: Newton's step with the
    Jacobian at y. Return 0 if it is singular. */
-static int newton_step(struct equations *e, const struct rattle *x, real t, const real *y) {
+static int jacobian_step(struct equations *e, const struct rattle *x, real t, const real *y) {
     long n = e->n, m = e->m;
     memcpy(x->change, e->rhs + n, (size_t)m * sizeof(real));
     e->kernels.velocity_constraints(&t, y, e->zero, e->p, e->work, e->rates);
@@ -129,34 +127,31 @@ static void shift(const struct equations *e, const real *dq, real amount, real h
     }
 }
 
-/* Whether an error of positions is within rounding, or, for stalled iterations, within ROUND_OFF roundings. */
-static int met(real worst, real size, int stalled) {
-    return worst <= (stalled ? R(ROUND_OFF) : R(1)) * REAL_EPSILON * size;
-}
+/* A correction of positions with a new Jacobian. */
+struct relinearised {
+    struct run *run;
+    const struct rattle *x;
+    struct correction c;
+};
 
-/* Newton's iterations from `y` with a new Jacobian at every iterate; steps that increase the error are halved. */
-static int meet_by_newton(struct run *run, const struct rattle *x, real h, real t_1, real *y) {
-    struct equations *e = run->e;
-    real *dq = run->error, previous = REAL_INFINITY, part = 1;
-    for (int k = 0; k < RELINEARISED; k++) {
-        real worst = e->of->position_error(e, t_1, y);
-        if (met(worst, size_of(e, y), !(worst <= R(0.5) * previous)))
-            return DONE;
-        if (k > 0 && !(worst < previous)) {
-            shift(e, dq, -part / 2, h, y);
-            part /= 2;
-            continue;
-        }
-        if (!newton_step(e, x, t_1, y))
-            return PROJECTION_FAILED;
+static real relinearise(void *of, struct newton *w) {
+    const struct relinearised *r = of;
+    const struct rattle *x = r->x;
+    struct equations *e = r->run->e;
+    real *dq = r->run->error, *y = r->c.y;
+    if (w->halved) {
+        shift(e, dq, -real_pow(R(0.5), R(w->halved)), r->c.h, y);
+    } else if (w->count) {
+        if (!jacobian_step(e, x, r->c.t, y))
+            return REAL_INFINITY;
         memset(dq, 0, (size_t)e->n * sizeof(real));
         for (long j = 0; j < e->m; j++)
-            for (long i = 0; i < e->n; i++)
-                dq[i] += x->change[j] * x->motions[j * e->n + i];
-        shift(e, dq, 1, h, y);
-        previous = worst, part = 1;
+            add_multiple(e->n, x->change[j], x->motions + j * e->n, dq);
+        shift(e, dq, 1, r->c.h, y);
     }
-    return PROJECTION_FAILED;
+    const real worst = e->of->position_error(e, r->c.t, y);
+    w->size = size_of(e, y);
+    return worst;
 }
 
 /* Correct positions and velocities of `y`, a part of length h after (t, start), so that the positions satisfy the
@@ -164,25 +159,18 @@ static int meet_by_newton(struct run *run, const struct rattle *x, real h, real 
    */
 static int meet_positions(struct run *run, const struct rattle *x, real t, const real *start, real h, real t_1,
                           real *y) {
-    struct equations *e = run->e;
-    real size = largest_of(y, e->n), previous = REAL_INFINITY;
+    struct relinearised r = {run, x, {run->e, t, start, t_1, h, y}};
+    struct newton w = {.most = CORRECTIONS, .close = REAL_EPSILON, .rounded = ROUND_OFF, .grows = R(0.5)};
+    /* near a loss of rank, iterations with the factor at the start stall early: new Jacobians reduce the error further */
+    if (run->state->sound < NEAR)
+        w.rounded = REAL_EPSILON;
     memcpy(x->begun, y, (size_t)run->dim * sizeof(real));
-    for (int k = 0; k < SIMPLE; k++) {
-        real worst = e->of->position_error(e, t_1, y);
-        int stalled = k > 0 && !(worst <= R(0.5) * previous);
-        /* near a loss of rank, iterations with the factor at the start stall early: new Jacobians reduce the error
-           further */
-        if (met(worst, size, stalled && run->state->sound >= NEAR))
-            return DONE;
-        if (stalled)
-            break;
-        previous = worst;
-        solve_factored(e, t, start, e->rhs);
-        shift(e, e->rhs, 1, h, y);
-    }
+    if (newton_solve(&w, 1, correct_positions, &r.c))
+        return DONE;
     memcpy(y, x->begun, (size_t)run->dim * sizeof(real));
-    find_motions(e, x, t, start);
-    return meet_by_newton(run, x, h, t_1, y);
+    find_motions(run->e, x, t, start);
+    w.rounded = ROUND_OFF, w.grows = 1, w.halvings = CORRECTIONS;
+    return newton_solve(&w, 1, relinearise, &r) ? DONE : PROJECTION_FAILED;
 }
 
 /* Write the rates of y = (q_1, u, work) to x->rate, and the factorisation there to e->factors. */
@@ -204,36 +192,46 @@ static int kick(struct run *run, const struct rattle *x, const real *half, real 
     return project_velocities(e, t_1, y);
 }
 
+/* A correction of the velocities of y = (q_1, u', work): a new evaluation of forces that depend on them. */
+struct kicks {
+    struct run *run;
+    const struct rattle *x;
+    real h, t_1, *y;
+    int status;
+};
+
+static real correct_velocities(void *of, struct newton *w) {
+    struct kicks *k = of;
+    struct equations *e = k->run->e;
+    const long n = e->n;
+    real *half = k->run->error, *last = half + n, *u = k->y + n, change = 0;
+    memcpy(last, u, (size_t)n * sizeof(real));
+    look(k->run, k->x, k->t_1, k->y);
+    k->status = kick(k->run, k->x, half, k->h, k->t_1, k->y);
+    if (k->status != DONE)
+        return REAL_INFINITY;
+    w->size = real_fmax(largest_of(u, n), k->h * largest_of(k->x->rate + n, n));
+    for (long i = 0; i < n; i++)
+        change = real_fmax(change, real_fabs(u[i] - last[i]));
+    return change;
+}
+
 /* Bring y = (q_1, u', work) to the end of the part. */
 static int meet_velocities(struct run *run, const struct rattle *x, real h, real t_1, real *y) {
     struct equations *e = run->e;
-    long n = e->n;
-    real *half = run->error, *last = run->error + n, previous = REAL_INFINITY;
-    real power = e->extra ? x->rate[2 * n] : R(0);
-    memcpy(half, y + n, (size_t)n * sizeof(real));
-    for (long i = 0; i < n; i++)
-        y[n + i] += h / 2 * x->rate[n + i];
-    for (int k = 0; k < RATES; k++) {
-        memcpy(last, y + n, (size_t)n * sizeof(real));
-        look(run, x, t_1, y);
-        int status = kick(run, x, half, h, t_1, y);
-        if (status != DONE)
-            return status;
-        if (!e->extra) /* no force depends on velocities: the work of such a force would be integrated */
-            return DONE;
-        real change = 0, size = real_fmax(largest_of(y + n, n), h * largest_of(x->rate + n, n));
-        for (long i = 0; i < n; i++)
-            change = real_fmax(change, real_fabs(y[n + i] - last[i]));
-        if (!real_isfinite(change))
-            return NOT_FINITE;
-        int stalled = k > 0 && change > R(0.5) * previous;
-        if (change <= R(4) * REAL_EPSILON * size || (stalled && change <= R(ROUND_OFF) * REAL_EPSILON * size)) {
-            y[2 * n] += h / 2 * (power + x->rate[2 * n]);
-            return DONE;
-        }
-        previous = change;
-    }
-    return UNSOLVED;
+    const long n = e->n;
+    const real power = e->extra ? x->rate[2 * n] : R(0);
+    struct kicks k = {run, x, h, t_1, y, UNSOLVED};
+    struct newton w = {.most = CORRECTIONS, .close = 4 * REAL_EPSILON, .rounded = ROUND_OFF, .grows = REAL_INFINITY};
+    if (!e->extra) /* no force depends on velocities: the work of such a force would be integrated */
+        w.close = REAL_INFINITY;
+    memcpy(run->error, y + n, (size_t)n * sizeof(real));
+    add_multiple(n, h / 2, x->rate + n, y + n);
+    if (!newton_solve(&w, 1, correct_velocities, &k))
+        return k.status != DONE ? k.status : real_isfinite(w.error) ? UNSOLVED : NOT_FINITE;
+    if (e->extra)
+        y[2 * n] += h / 2 * (power + x->rate[2 * n]);
+    return DONE;
 }
 
 /* One part of a step: advance x->y, with its rates x->rate and the factor in e->factors, by h to t_1. */

@@ -3,8 +3,6 @@
 #include <string.h>
 
 #include "arena.h"
-#include "lanes.h"
-#include "linear.h"
 #include "start_limits.h"
 #include "wide.h"
 
@@ -138,7 +136,7 @@ static int advance(struct start *s) {
     const real width = extent(s, s->q);
     if (tolerance(s, width) > R(MOST_TOLERANCE) * width)
         return TOO_TOLERANT;
-    if (any(newton(s, 1, target, width, s->trial))) {
+    if (any(assemble_at(s, 1, target, width, s->trial))) {
         copy(s->trial, s->sizes.n, s->q);
         s->at = target;
         s->step = real_fmin(2 * s->step, LONGEST_STEP);

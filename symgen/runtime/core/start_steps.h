@@ -4,6 +4,7 @@
  * returns the lanes that have a solution. */
 #include <string.h>
 
+#include "newton.h"
 #include "start_limits.h"
 
 /* Twice the largest distance of points from their mean, which no rotation changes. */
@@ -37,39 +38,47 @@ static wide tolerance(const START *s, wide width) {
     return larger(R(s->sizes.share) * width, all(R(s->sizes.tolerance)));
 }
 
-/* Solve the rows of the assembly for q, of some size, at a fraction of the path, by Newton's method in the open lanes:
-   within the tolerance, and to round-off at the end of the path. Return the lanes that converged. */
-static mask newton(START *s, mask open, real at, wide width, wide *q) {
+/* Coordinates q at a fraction of the path, their size, that of the linkage, and the accepted error. */
+struct assembly {
+    START *s;
+    real at;
+    wide width, size, accepted, *q;
+};
+
+static wide correct_assembly(void *of, struct newton *w) {
+    const struct assembly *a = of;
+    START *s = a->s;
     const ptrdiff_t n = s->sizes.n, rows = s->sizes.rows;
-    const wide size = larger(width, largest_in(q, n)), accepted = tolerance(s, width);
-    wide previous = all(REAL_INFINITY);
-    mask done = {0};
-    for (int tries = 0; tries < ASSEMBLY_ITERATIONS && any(open); tries++) {
-        memset(s->change, 0, (size_t)(n + 1) * sizeof(wide));
-        s->change[0] = all(at);
-        evaluate(s, s->kernels.assembly, q, s->change);
-        const wide worst = largest_in(s->out, rows);
-        const mask settled = open & (at < 1 ? worst <= accepted
-                                            : (worst <= ROUNDING * size) & (worst > R(0.5) * previous));
-        done |= settled;
-        open &= ~settled & (worst < 2 * previous);
-        if (!any(open))
-            break;
-        previous = worst;
+    mask moves = w->open, closed = {0};
+    if (w->count) {
         for (ptrdiff_t i = 0; i < rows; i++) {
             s->right[i] = -s->out[i];
             for (ptrdiff_t j = 0; j < n; j++)
                 s->matrix[rows * j + i] = s->out[rows + n * i + j];
         }
         /* below the assembly error singular values are numerically zero */
-        open &= solve_rows(s, R(10) * accepted / width);
+        moves &= solve_rows(s, R(10) * a->accepted / a->width);
         const wide moved = largest_in(s->change, n);
-        open &= moved <= size;
+        moves &= moved <= a->size;
         for (ptrdiff_t j = 0; j < n; j++)
-            q[j] = chosen(open, q[j] + s->change[j], q[j]);
-        const mask closed = open & ((worst == 0) | ((worst <= accepted) & (moved <= ROUNDING * size)));
-        done |= closed;
-        open &= ~closed;
+            a->q[j] = chosen(moves, a->q[j] + s->change[j], a->q[j]);
+        closed = (w->before <= a->accepted) & (moved <= ROUNDING * a->size);
     }
-    return done | (open & (previous <= ROUNDING * size));
+    memset(s->change, 0, (size_t)(n + 1) * sizeof(wide));
+    s->change[0] = all(a->at);
+    evaluate(s, s->kernels.assembly, a->q, s->change);
+    return chosen(moves, chosen(closed, all(0), largest_in(s->out, rows)), all(REAL_INFINITY));
+}
+
+/* Solve the rows of the assembly for q, of some size, at a fraction of the path, by Newton's method in the open lanes:
+   within the tolerance, and to round-off at the end of the path. Return the lanes that converged. */
+static mask assemble_at(START *s, mask open, real at, wide width, wide *q) {
+    const wide size = larger(width, largest_in(q, s->sizes.n)), accepted = tolerance(s, width);
+    struct assembly a = {s, at, width, size, accepted, q};
+    struct newton w = {.most = ASSEMBLY_ITERATIONS, .grows = 2};
+    if (at < 1)
+        w.close = accepted;
+    else
+        w.rounded = ROUNDING * size;
+    return newton_solve(&w, open, correct_assembly, &a);
 }

@@ -122,7 +122,7 @@ static void assemble(struct start_lanes *s, const real *parameters, real *q, uns
     for (real at = 0; at < 1 && any(alive);) {
         at = real_fmin(R(1), at + LONGEST_STEP);
         const wide width = extent(s, s->q);
-        alive &= newton(s, alive & ~(tolerance(s, width) > R(MOST_TOLERANCE) * width), at, width, s->q);
+        alive &= assemble_at(s, alive & ~(tolerance(s, width) > R(MOST_TOLERANCE) * width), at, width, s->q);
     }
     for (int lane = 0; lane < WIDTH; lane++) {
         assembled[lane] = alive[lane] != 0;

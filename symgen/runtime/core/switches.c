@@ -7,12 +7,13 @@
  * Arguments are evaluated at both ends of a step and at GLANCES - 1 instants in between. Unequal spacing avoids
  * aliasing with a periodic load. Two crossings between neighbouring instants are not detected.
  */
+#include "newton.h"
 #include "run.h"
 
 #include <string.h>
 
-/* Largest numbers of Newton steps to the switching point, of passes over one step, and of halvings. */
-enum { POLISHINGS = 4, PASSES = 64, HALVINGS = 40 };
+/* Largest numbers of looks at the switching point after a step to it, of passes over one step, and of halvings. */
+enum { POLISHINGS = 5, PASSES = 64, HALVINGS = 40 };
 /* The test for stiffness due to a switching point applies to distances below this part of the largest so far. */
 #define CLOSE R(1e-6)
 /* Tolerance of coordinates and rates for fixed steps. */
@@ -178,23 +179,38 @@ static int retaken(struct run *run, real h, real t_new) {
     return status == DONE && !all_finite(run->f_new, run->dim) ? NOT_FINITE : status;
 }
 
+/* The end of a step that moves onto a switching point, the longest step, and the status of the last one. */
+struct polish {
+    struct run *run;
+    long k;
+    real most, *t_new, *h, at;
+    int status;
+};
+
+static real polish(void *of, struct newton *w) {
+    struct polish *p = of;
+    struct run *run = p->run;
+    struct state *s = run->state;
+    if (w->count) {
+        const real change = -p->at / rate_of(run, p->k, *p->t_new, run->y_new, run->f_new, *p->h);
+        if (!real_isfinite(change) || real_fabs(change) > R(0.1) * *p->h || *p->h + change > p->most)
+            return REAL_INFINITY;
+        *p->h += change, *p->t_new = s->t + (*p->h + s->t_left);
+        p->status = retaken(run, *p->h, *p->t_new);
+        if (p->status != DONE)
+            return REAL_INFINITY;
+    }
+    p->at = distances(run, *p->t_new, run->y_new)[p->k];
+    w->size = blur(run, p->k, *p->t_new, run->y_new);
+    return real_fabs(p->at);
+}
+
 /* Move the end of a step onto a near switching point. */
 static int polished(struct run *run, long k, real most, real *t_new, real *h) {
-    struct state *s = run->state;
-    for (int i = 0; i < POLISHINGS; i++) {
-        real at = distances(run, *t_new, run->y_new)[k], rate, change;
-        if (real_fabs(at) <= R(1e-3) * blur(run, k, *t_new, run->y_new))
-            break;
-        rate = rate_of(run, k, *t_new, run->y_new, run->f_new, *h);
-        change = -at / rate;
-        if (!real_isfinite(change) || real_fabs(change) > R(0.1) * *h || *h + change > most)
-            break;
-        *h += change, *t_new = s->t + (*h + s->t_left);
-        int status = retaken(run, *h, *t_new);
-        if (status != DONE)
-            return status;
-    }
-    return DONE;
+    struct polish p = {run, k, most, t_new, h, 0, DONE};
+    struct newton w = {.most = POLISHINGS, .close = R(1e-3), .grows = REAL_INFINITY};
+    newton_solve(&w, 1, polish, &p);
+    return p.status;
 }
 
 int end_at_switch(struct run *run, real *t_new, real *h, long *crossed) {
