@@ -1,6 +1,7 @@
 #include "linear.h"
 
 #include "lanes.h"
+#include "wide.h"
 
 real largest_or_nan(const real *values, ptrdiff_t count) {
     real largest = 0;
@@ -29,50 +30,8 @@ LANES void multiply_dense(ptrdiff_t rows, ptrdiff_t inner, ptrdiff_t columns, co
 
 /* -- LU factorisation ------------------------------------------------------------------------------------ */
 
-static void exchange(real *a, real *b, ptrdiff_t count) {
-    for (ptrdiff_t i = 0; i < count; i++) {
-        real kept = a[i];
-        a[i] = b[i], b[i] = kept;
-    }
-}
-
-int factor_dense(ptrdiff_t n, real *a, ptrdiff_t *swaps) {
-    for (ptrdiff_t k = 0; k < n; k++) {
-        ptrdiff_t best = k;
-        for (ptrdiff_t i = k + 1; i < n; i++)
-            if (real_fabs(a[i * n + k]) > real_fabs(a[best * n + k]))
-                best = i;
-        swaps[k] = best;
-        real pivot = a[best * n + k];
-        if (pivot == 0 || !real_isfinite(pivot))
-            return 0;
-        if (best != k)
-            exchange(a + best * n, a + k * n, n);
-        for (ptrdiff_t i = k + 1; i < n; i++) {
-            real factor = a[i * n + k] /= pivot;
-            if (factor == 0)
-                continue;
-            for (ptrdiff_t j = k + 1; j < n; j++)
-                a[i * n + j] -= factor * a[k * n + j];
-        }
-    }
-    return 1;
-}
-
-#define NUMBER real
-#include "substitution.h"
-
-void solve_dense(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b) {
-    for (ptrdiff_t k = 0; k < n; k++)
-        exchange(b + k, b + swaps[k], 1);
-    substitute(n, a, b);
-}
-
-void solve_dense_transposed(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b) {
-    substitute_transposed(n, a, b);
-    for (ptrdiff_t k = n - 1; k >= 0; k--)
-        exchange(b + k, b + swaps[k], 1);
-}
+#define DENSE
+#include "dense.h"
 
 /* to -= factor * from, for a row of right-hand sides. */
 static void subtract_row(real *restrict to, const real *restrict from, real factor, ptrdiff_t wide) {
@@ -82,8 +41,7 @@ static void subtract_row(real *restrict to, const real *restrict from, real fact
 
 void solve_dense_wide(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, ptrdiff_t wide, real *b) {
     for (ptrdiff_t k = 0; k < n; k++)
-        if (swaps[k] != k)
-            exchange(b + k * wide, b + swaps[k] * wide, wide);
+        exchange_rows(swaps[k], k, n, wide, b);
     for (ptrdiff_t i = 1; i < n; i++)
         for (ptrdiff_t j = 0; j < i; j++)
             subtract_row(b + i * wide, b + j * wide, a[i * n + j], wide);
@@ -123,7 +81,7 @@ int factor_complex(ptrdiff_t n, real *a, ptrdiff_t *swaps) {
         if (size == 0 || !real_isfinite(size))
             return 0;
         if (best != k)
-            exchange(a + 2 * best * n, a + 2 * k * n, 2 * n);
+            exchange_rows(best, k, n, 2 * n, a);
         for (ptrdiff_t i = k + 1; i < n; i++) {
             real *factor = a + 2 * (i * n + k);
             divide(factor, a + 2 * (k * n + k));
@@ -136,7 +94,7 @@ int factor_complex(ptrdiff_t n, real *a, ptrdiff_t *swaps) {
 
 void solve_complex(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b) {
     for (ptrdiff_t k = 0; k < n; k++)
-        exchange(b + 2 * k, b + 2 * swaps[k], 2);
+        exchange_rows(swaps[k], k, n, 2, b);
     for (ptrdiff_t i = 1; i < n; i++)
         for (ptrdiff_t j = 0; j < i; j++)
             subtract_product(b + 2 * i, a + 2 * (i * n + j), b + 2 * j);
@@ -181,107 +139,6 @@ void solve_positive(ptrdiff_t n, const real *a, real *b) {
     }
 }
 
-/* -- least squares --------------------------------------------------------------------------------------- */
-
-static real dot(ptrdiff_t count, const real *a, const real *b) {
-    real total = 0;
-    for (ptrdiff_t i = 0; i < count; i++)
-        total += a[i] * b[i];
-    return total;
-}
-
-/* Reflect (first, rest) to (returned value, 0) by 1 - beta v v^T, v = (1, rest); v is written to rest. Entries of
-   rest are `stride` apart. */
-static real reflect(real first, real *rest, ptrdiff_t count, ptrdiff_t stride, real *beta) {
-    real total = first * first;
-    for (ptrdiff_t i = 0; i < count; i++)
-        total += rest[i * stride] * rest[i * stride];
-    real norm = real_sqrt(total);
-    *beta = 0;
-    if (norm == 0)
-        return 0;
-    if (first > 0)
-        norm = -norm;
-    for (ptrdiff_t i = 0; i < count; i++)
-        rest[i * stride] /= first - norm;
-    *beta = (norm - first) / norm;
-    return norm;
-}
-
-/* Swap the column of largest norm below row k to place k; return the square of that norm. */
-static real pivot_column(ptrdiff_t rows, ptrdiff_t columns, real *a, ptrdiff_t k, ptrdiff_t *order) {
-    ptrdiff_t best = k;
-    real largest = -1;
-    for (ptrdiff_t j = k; j < columns; j++) {
-        const real total = dot(rows - k, a + rows * j + k, a + rows * j + k);
-        if (total > largest)
-            best = j, largest = total;
-    }
-    if (best != k) {
-        const ptrdiff_t kept = order[k];
-        order[k] = order[best], order[best] = kept;
-        exchange(a + rows * k, a + rows * best, rows);
-    }
-    return largest;
-}
-
-void solve_least(ptrdiff_t rows, ptrdiff_t columns, real *a, real *b, real part, real *x, ptrdiff_t *order, real *beta) {
-    const ptrdiff_t most = rows < columns ? rows : columns;
-    ptrdiff_t rank = 0;
-    for (ptrdiff_t j = 0; j < columns; j++)
-        order[j] = j;
-    for (real first = 0; rank < most; rank++) {
-        const real largest = real_sqrt(pivot_column(rows, columns, a, rank, order));
-        if (rank == 0)
-            first = largest;
-        if (!(largest > part * first))
-            break;
-        real *own = a + rows * rank + rank, reflected;
-        *own = reflect(*own, own + 1, rows - rank - 1, 1, &reflected);
-        for (ptrdiff_t j = rank + 1; j <= columns; j++) {
-            real *other = j < columns ? a + rows * j + rank : b + rank;
-            const real along = reflected * (*other + dot(rows - rank - 1, own + 1, other + 1));
-            *other -= along;
-            for (ptrdiff_t i = 1; i < rows - rank; i++)
-                other[i] -= along * own[i];
-        }
-    }
-    /* R = (T 0) Z: reflections from the right, the last row first */
-    const ptrdiff_t beyond = columns - rank;
-    for (ptrdiff_t k = rank - 1; k >= 0 && beyond; k--) {
-        real *rest = a + rows * rank + k;
-        a[rows * k + k] = reflect(a[rows * k + k], rest, beyond, rows, &beta[k]);
-        for (ptrdiff_t i = 0; i < k; i++) {
-            real along = a[rows * k + i];
-            for (ptrdiff_t j = 0; j < beyond; j++)
-                along += a[rows * (rank + j) + i] * rest[rows * j];
-            along *= beta[k];
-            a[rows * k + i] -= along;
-            for (ptrdiff_t j = 0; j < beyond; j++)
-                a[rows * (rank + j) + i] -= along * rest[rows * j];
-        }
-    }
-    for (ptrdiff_t k = rank - 1; k >= 0; k--) {
-        b[k] /= a[rows * k + k];
-        for (ptrdiff_t i = 0; i < k; i++)
-            b[i] -= a[rows * k + i] * b[k];
-    }
-    for (ptrdiff_t k = 0; k < rank; k++)
-        x[order[k]] = b[k];
-    for (ptrdiff_t j = rank; j < columns; j++)
-        x[order[j]] = 0;
-    for (ptrdiff_t k = 0; k < rank && beyond; k++) {
-        const real *rest = a + rows * rank + k;
-        real along = x[order[k]];
-        for (ptrdiff_t j = 0; j < beyond; j++)
-            along += x[order[rank + j]] * rest[rows * j];
-        along *= beta[k];
-        x[order[k]] -= along;
-        for (ptrdiff_t j = 0; j < beyond; j++)
-            x[order[rank + j]] -= along * rest[rows * j];
-    }
-}
-
 /* -- complete pivoting ----------------------------------------------------------------------------------- */
 
 /* Find the largest entry below row k in the remaining columns; return its magnitude. */
@@ -317,7 +174,7 @@ int choose_columns(ptrdiff_t rows, ptrdiff_t columns, real *a, ptrdiff_t *chosen
         chosen[k] = column;
         others[column] = 0;
         if (row != k)
-            exchange(a + columns * row, a + columns * k, columns);
+            exchange_rows(row, k, rows, columns, a);
         for (ptrdiff_t i = k + 1; i < rows; i++) {
             const real factor = a[columns * i + column] / a[columns * k + column];
             for (ptrdiff_t j = 0; j < columns; j++)

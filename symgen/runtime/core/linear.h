@@ -22,7 +22,7 @@ void multiply_dense(ptrdiff_t rows, ptrdiff_t inner, ptrdiff_t columns, const re
 
 /* LU factorisation of a, n by n, in place, with partial pivoting; swaps (n) receives the row exchanged at each step.
  * Returns 0 where a pivot is zero or not finite, else 1. */
-int factor_dense(ptrdiff_t n, real *a, ptrdiff_t *swaps);
+ptrdiff_t factor_dense(ptrdiff_t n, real *a, ptrdiff_t *swaps);
 
 /* Solve in place with that factorisation: one right-hand side; with the transpose of a; or `wide` right-hand sides, a row
  * of b for each unknown. */
@@ -41,9 +41,10 @@ void solve_positive(ptrdiff_t n, const real *a, real *b);
 
 /* Write the minimum-norm x that minimises |A x - b|: Householder QR with column pivoting, and reflections from the
  * right if columns are dependent. A has `rows` by `columns` numbers, column by column; pivots of at most `part` of
- * the first count as zero. A and b are overwritten; order and beta have room for a number per column. Source: G. H.
- * Golub and C. F. Van Loan, Matrix Computations, 5.4 and 5.5. */
-void solve_least(ptrdiff_t rows, ptrdiff_t columns, real *a, real *b, real part, real *x, ptrdiff_t *order, real *beta);
+ * the first count as zero. A and b are overwritten; order and beta have room for a number per column. Returns 0 where
+ * columns are dependent. Source: G. H. Golub and C. F. Van Loan, Matrix Computations, 5.4 and 5.5. */
+ptrdiff_t solve_least(ptrdiff_t rows, ptrdiff_t columns, real *a, real *b, real part, real *x, ptrdiff_t *order,
+                      real *beta);
 
 /* The least pivot over the first pivot of an elimination with complete pivoting, and its row. */
 struct least_pivot {

@@ -43,15 +43,9 @@ static inline void qr_factorise(wide *a, ptrdiff_t columns, struct qr *f) {
             best = chosen_index(greater, (mask){0} + j, best);
             largest = chosen(greater, total, largest);
         }
-        for (ptrdiff_t j = k + 1; j < columns; j++) {
-            const mask here = best == j, kept = f->order[k];
-            if (!any(here))
-                continue;
-            f->order[k] = chosen_index(here, f->order[j], kept);
-            f->order[j] = chosen_index(here, kept, f->order[j]);
-            exchange(here, a + ROWS * k, a + ROWS * j, ROWS);
-            exchange(here, f->r + ROWS * k, f->r + ROWS * j, ROWS);
-        }
+        exchange_indices(best, k, columns, f->order);
+        exchange_rows(best, k, columns, ROWS, a);
+        exchange_rows(best, k, columns, ROWS, f->r);
         /* v = x - norm e_k, scaled to v_k = 1; beta = 2/(v.v) = (norm - x_k)/norm. Columns of zeros stay. */
         wide *v = f->vectors + ROWS * k, norm = root(largest);
         norm = chosen(a[ROWS * k + k] > 0, -norm, norm);

@@ -15,7 +15,8 @@ struct lane_runs {
     mask failed;
 };
 
-static size_t lane_run_place(struct lane_runs *l, const struct lane_sizes *s, const struct scheme *scheme, void *memory) {
+static size_t lane_run_place(struct lane_runs *l, const struct lane_sizes *s, const struct scheme *scheme,
+                             void *memory) {
     const ptrdiff_t whole = s->n + s->m, dim = 2 * s->n + s->extra;
     const struct arena_array arrays[] = {
         ARENA_ARRAY(l->p, s->parameters + s->derived + 1),

@@ -40,6 +40,21 @@ static inline void set_at(mask index, wide value, ptrdiff_t count, wide *values)
     values[index] = value;
 }
 
+/* Exchange a row with the one of an index, which is not less; numbers or indices. */
+static inline void exchange_rows(mask index, ptrdiff_t row, ptrdiff_t rows, ptrdiff_t columns, wide *a) {
+    (void)rows;
+    for (ptrdiff_t i = 0; i < columns && index != row; i++) {
+        const wide kept = a[row * columns + i];
+        a[row * columns + i] = a[index * columns + i], a[index * columns + i] = kept;
+    }
+}
+
+static inline void exchange_indices(mask index, ptrdiff_t row, ptrdiff_t rows, mask *a) {
+    const mask kept = a[row];
+    (void)rows;
+    a[row] = a[index], a[index] = kept;
+}
+
 static inline wide magnitude(wide x) {
     return real_fabs(x);
 }

@@ -7,7 +7,7 @@ struct start_lanes {
     struct start_lane_kernels kernels;
     struct start_sizes sizes;
     ptrdiff_t parameters;
-    wide *p, *q, *still, *change, *matrix, *right, *work, *out;
+    wide *p, *q, *still, *change, *matrix, *right, *beta, *work, *out;
     mask *order;
 };
 
@@ -19,6 +19,7 @@ static size_t start_place(struct start_lanes *s, const struct start_sizes *z, pt
         ARENA_ARRAY(s->change, z->n + 1),
         ARENA_ARRAY(s->matrix, z->rows * z->n),
         ARENA_ARRAY(s->right, z->rows),
+        ARENA_ARRAY(s->beta, z->n),
         ARENA_ARRAY(s->work, z->work + 1),
         ARENA_ARRAY(s->out, z->out + 1),
         ARENA_ARRAY(s->order, z->n),
@@ -42,69 +43,9 @@ static void evaluate(struct start_lanes *s, kernel function, const wide *q, cons
     call(function, &t, q, u, s->p, s->work, s->out);
 }
 
-static inline wide dot(ptrdiff_t count, const wide *a, const wide *b) {
-    wide total = all(0);
-    for (ptrdiff_t i = 0; i < count; i++)
-        total += a[i] * b[i];
-    return total;
-}
-
-/* Solve a x = b as solve_least does, for x in s->change; returns the lanes with independent columns. */
+/* Solve the rows of the assembly for s->change; return the lanes with independent columns. */
 static mask solve_rows(struct start_lanes *s, wide part) {
-    const ptrdiff_t rows = s->sizes.rows, columns = s->sizes.n;
-    wide *a = s->matrix, *b = s->right, first = all(0);
-    mask *order = s->order, independent = ~(mask){0};
-    for (ptrdiff_t j = 0; j < columns; j++)
-        order[j] = (mask){0} + j;
-    for (ptrdiff_t k = 0; k < columns; k++) {
-        mask best = (mask){0} + k;
-        wide largest = all(-1);
-        for (ptrdiff_t j = k; j < columns; j++) {
-            const wide total = dot(rows - k, a + rows * j + k, a + rows * j + k);
-            const mask greater = total > largest;
-            best = (best & ~greater) | (greater & j);
-            largest = chosen(greater, total, largest);
-        }
-        for (ptrdiff_t j = k + 1; j < columns; j++) {
-            const mask here = best == j;
-            if (!any(here))
-                continue;
-            exchange(here, a + rows * j, a + rows * k, rows);
-            exchange(here, (wide *)(order + j), (wide *)(order + k), 1);
-        }
-        largest = root(largest);
-        if (k == 0)
-            first = largest;
-        independent &= largest > part * first;
-        wide *own = a + rows * k + k, norm = own[0] * own[0];
-        for (ptrdiff_t i = 1; i < rows - k; i++)
-            norm += own[i] * own[i];
-        norm = root(norm);
-        norm = chosen(own[0] > 0, -norm, norm);
-        for (ptrdiff_t i = 1; i < rows - k; i++)
-            own[i] /= own[0] - norm;
-        const wide reflected = (norm - own[0]) / norm;
-        own[0] = norm;
-        for (ptrdiff_t j = k + 1; j <= columns; j++) {
-            wide *other = j < columns ? a + rows * j + k : b + k;
-            const wide along = reflected * (other[0] + dot(rows - k - 1, own + 1, other + 1));
-            other[0] -= along;
-            for (ptrdiff_t i = 1; i < rows - k; i++)
-                other[i] -= along * own[i];
-        }
-    }
-    for (ptrdiff_t k = columns - 1; k >= 0; k--) {
-        b[k] /= a[rows * k + k];
-        for (ptrdiff_t i = 0; i < k; i++)
-            b[i] -= a[rows * k + i] * b[k];
-    }
-    for (ptrdiff_t c = 0; c < columns; c++) {
-        wide value = b[0];
-        for (ptrdiff_t k = 1; k < columns; k++)
-            value = chosen(order[k] == c, b[k], value);
-        s->change[c] = value;
-    }
-    return independent;
+    return solve_least(s->sizes.rows, s->sizes.n, s->matrix, s->right, part, s->change, s->order, s->beta);
 }
 
 #define START struct start_lanes

@@ -146,46 +146,20 @@ static inline void load(const real *rows, ptrdiff_t count, wide *to) {
             to[i][lane] = rows[lane * count + i];
 }
 
-/* -- systems of equations: as in linear.c --------------------------------------------------------------- */
-
-static inline mask factor_dense(ptrdiff_t n, wide *a, mask *swaps) {
-    mask regular = ~(mask){0};
-    for (ptrdiff_t k = 0; k < n; k++) {
-        mask best = (mask){0} + k;
-        wide pivot = a[k * n + k];
-        for (ptrdiff_t i = k + 1; i < n; i++) {
-            const mask greater = magnitude(a[i * n + k]) > magnitude(pivot);
-            pivot = chosen(greater, a[i * n + k], pivot);
-            best = (best & ~greater) | (greater & i);
-        }
-        swaps[k] = best;
-        regular &= (pivot != 0) & is_finite(pivot);
-        for (ptrdiff_t i = k + 1; i < n; i++)
-            exchange(best == i, a + i * n, a + k * n, n);
-        for (ptrdiff_t i = k + 1; i < n; i++) {
-            const wide factor = a[i * n + k] /= pivot;
-            for (ptrdiff_t j = k + 1; j < n; j++)
-                a[i * n + j] -= factor * a[k * n + j];
-        }
+/* Exchange a row with the one of an index, which is not less; numbers or indices. */
+static inline void exchange_rows(mask index, ptrdiff_t row, ptrdiff_t rows, ptrdiff_t columns, wide *a) {
+    for (ptrdiff_t i = row + 1; i < rows; i++) {
+        const mask here = index == i;
+        if (any(here))
+            exchange(here, a + i * columns, a + row * columns, columns);
     }
-    return regular;
 }
 
-#define NUMBER wide
-#include "substitution.h"
-
-static inline void solve_dense(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
-    for (ptrdiff_t k = 0; k < n; k++)
-        for (ptrdiff_t i = k + 1; i < n; i++)
-            exchange(swaps[k] == i, b + k, b + i, 1);
-    substitute(n, a, b);
+static inline void exchange_indices(mask index, ptrdiff_t row, ptrdiff_t rows, mask *a) {
+    exchange_rows(index, row, rows, 1, (wide *)a);
 }
 
-static inline void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
-    substitute_transposed(n, a, b);
-    for (ptrdiff_t k = n - 1; k >= 0; k--)
-        for (ptrdiff_t i = k + 1; i < n; i++)
-            exchange(swaps[k] == i, b + k, b + i, 1);
-}
+#define DENSE static inline
+#include "dense.h"
 
 #endif
