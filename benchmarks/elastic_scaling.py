@@ -22,10 +22,10 @@ import numpy as np
 from harness import Case, Measurement, Required, arguments, measure, report_repeats
 
 import symgen
-from symgen.runtime._beams import BeamSteps
-from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS8
+from symgen.runtime.beams.methods import GAUSS, GAUSS8
 from symgen.runtime.elastic.large.collocation import SystemRun
 from symgen.runtime.elastic.large.linkage import LargeLinkage
+from symgen.runtime.elastic.steps import stepped
 from symgen.scene.loading import read_scene
 
 ELEMENTS, STEPS, ROUNDS, EXPONENT = (5, 10, 20, 50, 100, 200), 3, 4, 1.2
@@ -86,10 +86,8 @@ def step(name: str, elements: int) -> Case:
         system, end = LargeLinkage(motion, elements), STEPS * h
         return Case(lambda: SystemRun(system, GAUSS8, np.array([0.0, end]), STEPS).run().moments(), STEPS)
     equations = motion.equations(stepping=True)
-    stepper = BeamSteps(equations, BEAM_METHODS["gauss"], 1)
-    rest = np.zeros((motion.layout.unknowns, 1))
-    motion.check(equations, stepper.start(0.0, rest, rest), 0.0)
-    return Case(lambda: motion.check(equations, stepper.advance(0.0, STEPS * h, STEPS), 0.0), STEPS)
+    times, counts = np.array([STEPS * h]), np.array([STEPS])
+    return Case(lambda: stepped(motion, equations, GAUSS, times, counts), STEPS)
 
 
 def exponent(costs: dict[int, float]) -> float:

@@ -25,8 +25,8 @@ import numpy as np
 
 import symgen
 from symgen.errors import SymgenError
-from symgen.runtime import _beams, _core
-from symgen.runtime.beams.methods import BEAM_METHODS
+from symgen.runtime import _core
+from symgen.runtime.beams.methods import BEAM_METHODS, integrator_of
 from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.integrate.integrators import INTEGRATORS
@@ -181,9 +181,13 @@ def elastic(model: ElasticModel, rng: np.random.Generator) -> int:
         done += run_from(made, starts, rng, explicit=True, ends=(1e-3, 0.01, np.nan))
     for method in BEAM_METHODS.values():
         for y in (np.zeros(2 * n), *arrays(2 * n, rng, 1)):
-            steps = _beams.BeamSteps(motion.equations(), method, 1)
-            if steps.start(0.0, y[:n].reshape(n, 1), y[n:].reshape(n, 1)) == _core.DONE:
-                steps.advance(0.0, float(rng.choice([1e-3, 1e300, np.nan])), 4)
+            for end in (1e-3, 1e300):
+                run = _core.Run(
+                    motion.equations(), integrator_of(method), 0.0, y, end, 0.0, 0.0, 0.0, np.array([end]),
+                    stabilisation=2, nodes=np.array([0.0, end]), ends=np.array([0, 4]),
+                )  # fmt: skip
+                if run.begin() == _core.MORE:
+                    run.advance(STEPS)
             done += 1
     model.simulate(method="gauss", steps=64, samples=5)
     return done

@@ -115,7 +115,7 @@ def files_of(x: Exported) -> Iterator[SourceFile]:
     names = "".join(
         (CORE_FOLDER / name).read_text(encoding="utf-8") for name in x.core if name.endswith(".h")
     )
-    names_in_core = sorted({*_DECLARED.findall(names), "core_interrupted", "explicit_kind"})
+    names_in_core = sorted({*_DECLARED.findall(names), "core_interrupted", "explicit_kind", "beam_kind"})
     text = environment().get_template("export/names.h.j2").render(x=x, names=names_in_core)
     yield SourceFile(_NAMES, text)
     for name in x.core:

@@ -26,13 +26,13 @@ from symgen.export.view import (
     number,
 )
 from symgen.lowering.kernel import Program, Slot
-from symgen.runtime import _beams
+from symgen.runtime import _core
 from symgen.runtime.beams.layout import BeamLayout
-from symgen.runtime.beams.methods import GAUSS
+from symgen.runtime.beams.methods import GAUSS, integrator_of
 from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.steps import turn
+from symgen.runtime.elastic.steps import stepped, turn
 
 #: Core files for elastic links, in addition to those of runs.
 CORE = (
@@ -73,7 +73,7 @@ def elastic(
         sources,
         CORE,
         family="elastic",
-        core_headers=("beam_steps.h", "run.h"),
+        core_headers=("beams.h", "run.h"),
         coordinates=n,
         state=_state(x),
         start=braces(np.zeros(2 * n), 1),
@@ -84,7 +84,7 @@ def elastic(
             *shape.tables,
             ConstantArray("double", "RIGID_START", braces([*rigid.q, *rigid.u, *np.zeros(extra)], 1)),
             ConstantArray("double", "RIGID_PARAMETERS", braces(model.rigid.parameter_values)),
-            *(doubles(f"GAUSS_{name.upper()}", values) for name, values in GAUSS.arrays.items()),
+            *method_tables(integrator_of(GAUSS)),
             *method_tables(),
         ),
         records=(
@@ -98,11 +98,6 @@ def elastic(
                 members(
                     **{f"counts.{n}": k for n, k in x.counts.items()}, **{n: n.upper() for n in _INDEXED}
                 ),
-            ),
-            ConstantStruct(
-                "beam_scheme",
-                "GAUSS",
-                members(stages=len(GAUSS.c), **{n: f"GAUSS_{n.upper()}" for n in GAUSS.arrays}),
             ),
         ),
         expected=(*_expected(motion), *shape.expected),
@@ -175,13 +170,10 @@ def _expected(motion: ElasticMotion) -> tuple[ConstantArray, ...]:
     """Integrate a few steps; return reference values for the test of the export."""
     equations, n = motion.equations(), motion.layout.unknowns
     derivative = equations.derivative(0.0, np.zeros(2 * n + 1))
-    steps = _beams.BeamSteps(equations, GAUSS, 1)
     until = turn(motion) / _PART
-    status = steps.start(0.0, np.zeros((n, 1)), np.zeros((n, 1)))
-    motion.check(equations, status, 0.0)
-    status = steps.advance(0.0, until, _STEPS)
-    state = [*steps.displacements[:, 0], *steps.rates[:, 0]]
-    return doubles("DERIVATIVE", derivative), doubles("ENDS", [status, until]), doubles("STATE", state)
+    both = stepped(motion, equations, GAUSS, np.array([until]), np.array([_STEPS]))
+    ends = doubles("ENDS", [_core.DONE, until])
+    return doubles("DERIVATIVE", derivative), ends, doubles("STATE", np.ravel(both))
 
 
 def _notes(motion: ElasticMotion) -> tuple[str, ...]:

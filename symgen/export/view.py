@@ -15,6 +15,7 @@ from symgen.codegen.emit import SourceFile
 from symgen.lowering.kernel import Slot
 from symgen.runtime import _core
 from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators.method import Integrator
 
 #: Latest end [s] of the run that is compared with the stored results.
 COMPARED = 1.0
@@ -212,7 +213,7 @@ def functions(prefix: str, known: Iterable[str], there: Iterable[str]) -> dict[s
     return {name: f"{prefix}_{name}" for name in known if name in defined}
 
 
-def method_tables() -> tuple[ConstantArray, ConstantArray]:
-    """Return the coefficients of the integration method in the layout of the core."""
-    counts, numbers = _core.scheme_of(INTEGRATORS["dop853"])
-    return ConstantArray("long", "DOP853_COUNTS", braces(counts)), doubles("DOP853_NUMBERS", numbers)
+def method_tables(method: Integrator = INTEGRATORS["dop853"]) -> tuple[ConstantArray, ConstantArray]:
+    """Return the coefficients of an integration method in the layout of the core."""
+    (counts, numbers), name = _core.scheme_of(method), method.name.upper()
+    return ConstantArray("long", f"{name}_COUNTS", braces(counts)), doubles(f"{name}_NUMBERS", numbers)

@@ -1,11 +1,14 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The binding of elastic links in the core: their rigid reference motion, equations and fixed steps."""
+"""The binding of elastic links in the core: their rigid reference motion and equations."""
 
 import numpy as np
 
+from libc.string cimport memset
+
 from symgen.calls import raise_failure
 from symgen.runtime._core cimport (
-    Core, Integrable, Memory, Reals, _DONE, at_least, equations, kernel_of, kernel_t, memory_of,
+    Core, Integrable, Memory, Reals, _DONE, at_least, equations, kernel_of, kernel_t, kernels, memory_of,
+    sizes as equation_sizes,
 )
 
 cdef extern from "core/elastic.h" nogil:
@@ -88,23 +91,8 @@ cdef extern from "core/elastic.h" nogil:
         const void *forces
         const void *full_forces
 
-    cdef struct beam_scheme:
-        long stages
-        double at, gamma, beta
-        double[2] inertia
-        double[2] rate
-        double[2] place
-        const double *a
-        const double *aa
-        const double *b
-        const double *ba
-        const double *c
-
-    cdef struct beam_steps:
-        pass
-
     cdef struct elastic_table "elastic_api":
-        size_t motion_struct, beams_struct, steps_struct
+        size_t motion_struct, beams_struct
         size_t (*motion_bytes)(const equations *, const motion_sizes *) noexcept nogil
         void (*motion_bind)(rigid_motion *, equations *, const motion_kernels *, const motion_sizes *, double, void *) noexcept nogil
         void (*motion_start)(rigid_motion *, double, const void *) noexcept nogil
@@ -118,14 +106,7 @@ cdef extern from "core/elastic.h" nogil:
         int (*beams_assemble)(beams *, double, int) noexcept nogil
         void (*beams_view)(const beams *, matrices_view *) noexcept nogil
         int (*beams_valid)(const beams *) noexcept nogil
-        int (*steps_valid)(const beam_steps *) noexcept nogil
         void (*beams_unbalanced)(beams *, int, const void *, void *) noexcept nogil
-        size_t (*steps_bytes)(const beams *, const beam_scheme *, long) noexcept nogil
-        void (*steps_bind)(beam_steps *, beams *, const beam_scheme *, long, void *) noexcept nogil
-        int (*steps_start)(beam_steps *, double) noexcept nogil
-        int (*steps_part)(beam_steps *, double, double, long, long, long, long *) noexcept nogil
-        void *(*steps_displacements)(beam_steps *) noexcept nogil
-        void *(*steps_rates)(beam_steps *) noexcept nogil
 
 
 cdef tuple _names(const char *listed):
@@ -520,85 +501,32 @@ cdef class BeamEquations(Integrable):
         return status, found, rows
 
 
-cdef class BeamSteps:
-    """Fixed steps by collocation, or by a method with accelerations at both ends, for a batch of states.
+cdef class BeamBatch(Integrable):
+    """The equations of a batch of states that move together: S of all columns, then S', in rows of ``columns``.
 
-    Parameters
-    ----------
-    equations
-        The equations to step.
-    method
-        A :class:`symgen.runtime.beams.methods.BeamMethod`.
-    columns
-        Number of states in the batch; the load acts on the first only.
+    The load acts on the first column only.
     """
 
-    cdef BeamEquations equations
-    cdef beam_steps *core
-    cdef Memory memory
-    cdef Py_ssize_t columns
-    cdef readonly long steps
+    cdef readonly BeamEquations single
 
-    def __init__(self, BeamEquations equations, method, Py_ssize_t columns):
-        cdef beam_scheme scheme
-        arrays = method.arrays
-        cdef double[:, ::1] a = arrays["a"], aa = arrays["aa"]
-        cdef double[::1] b = arrays["b"], ba = arrays["ba"], c = arrays["c"]
+    def __init__(self, BeamEquations equations, Py_ssize_t columns):
+        cdef equation_sizes wanted = equations.core.sizes
+        cdef kernels none
         if columns < 1:
             raise ValueError(f"expected at least one column of states, got {columns}")
-        self.equations, self.columns, self.steps = equations, columns, 0
-        scheme.stages = len(method.c) if method.collocated else 0
-        scheme.at, scheme.gamma, scheme.beta = method.at, method.gamma, method.beta
-        for i in range(2):
-            scheme.inertia[i], scheme.rate[i], scheme.place[i] = method.inertia[i], method.rate[i], method.place[i]
-        scheme.a, scheme.aa, scheme.b, scheme.ba, scheme.c = &a[0, 0], &aa[0, 0], &b[0], &ba[0], &c[0]
-        self.memory = memory_of(
-            equations.api.steps_struct, equations.api.steps_bytes(<beams *>equations.core, &scheme, columns)
-        )
-        self.core = <beam_steps *>self.memory.structure
-        equations.api.steps_bind(self.core, <beams *>equations.core, &scheme, columns, self.memory.at)
-
-    def start(self, double t, s, v):
-        """Start from states (S, S'), each (unknowns, columns), at a time; return a status."""
-        cdef const elastic_table *api = self.equations.api
-        for values, to in ((s, <size_t>api.steps_displacements(self.core)), (v, <size_t>api.steps_rates(self.core))):
-            self._set(np.ascontiguousarray(values, dtype=float).reshape(self.equations.whole, self.columns), to)
-        return api.steps_start(self.core, t)
-
-    cdef int _set(self, values, size_t to) except -1:
-        cdef const double[::1] given = values.reshape(-1)
-        if given.shape[0]:
-            self.equations.of.api.widen(given.shape[0], &given[0], NULL, <void *>to)
-        return 0
-
-    def advance(self, double t0, double t1, Py_ssize_t steps, first=0, last=None):
-        """Step from t0 to t1, or take a part of these steps, from number ``first`` to before ``last``; return a
-        status."""
-        cdef int status
-        cdef long begin = first, end = steps if last is None else last
-        with nogil:
-            status = self.equations.api.steps_part(self.core, t0, t1, steps, begin, end, &self.steps)
-        return status
+        memset(&none, 0, sizeof(none))
+        wanted.n *= columns
+        wanted.work *= columns
+        self.single, self.of = equations, equations.of
+        self.make(&wanted, &none)
+        self.core.of, self.core.owner = equations.core.of, equations.core.owner
+        self.bound(np.zeros(1))
 
     def save(self):
-        """Return the bytes of its memory, and of that of its equations."""
-        return self.memory.saved() + self.equations.save()
+        """Return the bytes of its memory, and of that of the equations."""
+        return self.memory.saved() + self.single.save()
 
     def restore(self, const unsigned char[::1] memory):
-        """Restore the bytes of :meth:`save` for the same steps."""
+        """Restore the bytes of :meth:`save` for the same equations."""
         self.memory.restore(memory)
-        self.equations.restore(memory[self.memory.bytes:])
-        if not self.equations.api.steps_valid(self.core):
-            raise ValueError("expected indices of steps within their arrays")
-
-    @property
-    def displacements(self):
-        """S of all unknowns, (unknowns, columns)."""
-        shape = (self.equations.whole, self.columns)
-        return _doubles(self.equations.of, self.equations.api.steps_displacements(self.core), shape)
-
-    @property
-    def rates(self):
-        """S' of all unknowns, (unknowns, columns)."""
-        shape = (self.equations.whole, self.columns)
-        return _doubles(self.equations.of, self.equations.api.steps_rates(self.core), shape)
+        self.single.restore(memory[self.memory.bytes:])

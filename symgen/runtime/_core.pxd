@@ -82,7 +82,7 @@ cdef extern from "core/core.h" nogil:
 
     cdef struct task:
         double t0, t_end, rtol, atol, step, max_drift, max_step
-        long stabilisation, samples, places_only, found
+        long stabilisation, samples, places_only, found, nodes
 
     cdef struct run:
         size_t bytes
@@ -171,6 +171,7 @@ cdef extern from "core/core.h" nogil:
         size_t (*run_bytes)(const equations *, const scheme *, const task *) noexcept nogil
         void (*run_bind)(run *, equations *, const scheme *, const task *, void *) noexcept nogil
         void (*run_start)(run *, const double *, const double *, const double *, const signed char *, const char *) noexcept nogil
+        void (*run_set_nodes)(run *, const double *, const long *) noexcept nogil
         int (*run_valid)(const run *) noexcept nogil
         int (*run_begin)(run *) noexcept nogil
         int (*run_advance)(run *, long) noexcept nogil

@@ -166,6 +166,8 @@ class Run:
         places_only: bool = ...,
         directions: Sequence[int] = (),
         terminal: Sequence[int] = (),
+        nodes: Array | None = None,
+        counts: ArrayLike = (),
     ) -> None: ...
     result: Array
     references: Array

@@ -552,6 +552,16 @@ cdef class KernelEquations(Integrable):
         self.bound(p)
 
 
+cdef int _check_nodes(nodes, counts, double t0, double t_end) except -1:
+    """Raise ValueError where steps between nodes would not lead from the start of a run to its end."""
+    times, numbers = np.asarray(nodes), np.asarray(counts)
+    if len(times) < 2 or len(numbers) != len(times) or not (np.diff(times) > 0).all() or (numbers < -1).any():
+        raise ValueError("expected increasing times of nodes, at least two, and numbers of steps")
+    if (times.min(), times.max()) != (t0, t_end) or counts[0] or not counts[len(times) - 1]:
+        raise ValueError("expected nodes from start to end, without steps to the first and with some to the last")
+    return 0
+
+
 cdef class Run:
     """A run from t0 to t_end by any method; no Python code runs inside a step.
 
@@ -580,6 +590,10 @@ cdef class Run:
         interpolation.
     directions, terminal
         Of each event: 1 rising, -1 falling, 0 both; and whether it ends the run.
+    nodes, counts
+        Times at which steps end, increasing from t0 to t_end, and the number of equal steps to each from the one before
+        it: 0 to the first, and where the state is kept up to a node, at which the method starts anew; -1 for steps of
+        the method's own choice.
     """
 
     cdef Integrable equations
@@ -600,14 +614,15 @@ cdef class Run:
     def __init__(self, Integrable equations, method, double t0, const double[::1] y0, double t_end, double rtol,
                  double atol, double step, const double[::1] times, *, long stabilisation=0, double max_drift=INFINITY,
                  double max_step=0.0,
-                 bint places_only=False, directions=(), terminal=()):
-        cdef const signed char[::1] ways, ends
+                 bint places_only=False, directions=(), terminal=(), const double[::1] nodes=None,
+                 counts=()):
+        cdef const signed char[::1] ways, effects
         cdef const signed char *way = NULL
         cdef const char *end = NULL
         self.ways = tuple(directions)
         if directions:
-            ways, ends = np.array(directions, dtype=np.int8), np.array(terminal, dtype=np.int8)
-            way, end = &ways[0], <const char *>&ends[0]
+            ways, effects = np.array(directions, dtype=np.int8), np.array(terminal, dtype=np.int8)
+            way, end = &ways[0], <const char *>&effects[0]
         self.equations, self.of = equations, equations.of
         if y0.shape[0] != equations.dim:
             raise ValueError(f"expected a state of {equations.dim} numbers, got {y0.shape[0]}")
@@ -618,7 +633,10 @@ cdef class Run:
         self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
         self.asked.max_step = max_step
         self.asked.samples, self.asked.found = times.shape[0], REMEMBERED * len(directions)
-        self.asked.places_only = places_only
+        self.asked.places_only, self.asked.nodes = places_only, 0 if nodes is None else nodes.shape[0]
+        cdef const long[::1] counted = np.array(counts, "l")
+        if self.asked.nodes:
+            _check_nodes(nodes, counted, t0, t_end)
         self.memory = memory_of(
             self.of.api.run_struct, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked)
         )
@@ -626,6 +644,8 @@ cdef class Run:
         self.of.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory.at)
         self.dim = y0.shape[0]
         self.of.api.run_start(self.core, &y0[0], NULL, &times[0], way, end)
+        if self.asked.nodes:
+            self.of.api.run_set_nodes(self.core, &nodes[0], &counted[0])
         self.passages, self.events = [], []
         self._look()
 

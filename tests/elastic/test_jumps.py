@@ -227,6 +227,31 @@ def test_too_many_steps_are_refused_before_jumps_are_looked_for(method, options,
         pushed(tmp_path, RECTANGLE).simulate(method=method, **options)
 
 
+def test_explicit_runs_with_jumps_resume_to_the_bit(tmp_path, monkeypatch):
+    """From a checkpoint before the force, and from one behind both of its jumps."""
+    from symgen.runtime.integrate import checkpoint
+
+    model, file = pushed(tmp_path, RECTANGLE), tmp_path / "kept"
+    options = {"method": "dop853", "rtol": 1e-5, "samples": 9}
+    whole, store = model.simulate(**options), checkpoint.store
+    for stop in (0.2 * BEGIN, BEGIN + 2 * LASTS):
+
+        def stopping(path, mark, t, *content, stop=stop):
+            store(path, mark, t, *content)
+            if t > stop:
+                raise KeyboardInterrupt
+
+        with monkeypatch.context() as patch:
+            patch.setattr(checkpoint, "store", stopping)
+            patch.setattr("symgen.runtime.integrate.pace._LOOK", 0.0)
+            with pytest.raises(KeyboardInterrupt):
+                model.simulate(**options, checkpoint=file, checkpoint_every=0)
+        resumed = model.simulate(**options, resume=file)
+        for before, after in zip(whole.variables, resumed.variables, strict=True):
+            assert np.array_equal(before.values, after.values)
+        assert resumed.statistics["steps"] == whole.statistics["steps"]
+
+
 def test_steps_to_a_time_limit_are_counted_in_the_order_in_which_they_are_taken():
     from symgen.runtime.beams.methods import GAUSS
     from symgen.runtime.elastic.steps import stepped
@@ -244,7 +269,7 @@ def test_steps_to_a_time_limit_are_counted_in_the_order_in_which_they_are_taken(
     with pytest.raises(OutOfTime) as stop:
         stepped(motion, motion.equations(), GAUSS, times, counts, pace=Short(0.0, 0.04))
     assert stop.value.reached.tolist() == [0, 2]
-    assert stop.value.states.steps == 1 + 2
+    assert stop.value.states.steps == 1 + 2 + 3
 
 
 def test_jumps_at_angles_beyond_a_revolution():

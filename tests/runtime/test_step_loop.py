@@ -202,3 +202,78 @@ def test_the_tightest_tolerance_is_met(scene, method):
     for variable in other.variables:
         size = max(1.0, float(np.max(np.abs(variable.values))))
         assert run[variable.name].values == pytest.approx(variable.values, abs=1e-9 * size), variable.name
+
+
+# -- nodes ---------------------------------------------------------------------------------------------------
+
+
+def run_of(model, name, t0, y0, t_end, step, times, **more):
+    """Return the recorded states and the number of steps of a run."""
+    tolerance = 1e-9 if INTEGRATORS[name].adaptive else 0.0
+    run = _core.Run(
+        model.evaluator.equations(),
+        INTEGRATORS[name],
+        t0,
+        y0,
+        t_end,
+        tolerance,
+        tolerance,
+        step,
+        times,
+        **more,
+    )
+    assert run.begin() == _core.MORE
+    assert run.advance(1000) == _core.DONE
+    return run.result, run.steps
+
+
+@pytest.mark.parametrize("name", ["rk4", "dop853", "rattle"])
+def test_steps_end_at_nodes_and_a_gap_keeps_the_state(four_bar, name):
+    """The same as two runs: one to the gap, and one behind it from the same state."""
+    start = four_bar.initial_state()
+    y0 = np.concatenate([start.q, start.u])
+    times = np.array([0.0, 0.1, 0.15, 0.2, 0.25])
+    nodes, counts = np.array([0.0, 0.06, 0.1, 0.2, 0.25]), np.array([0, -1, -1, 0, -1])
+    found, steps = run_of(four_bar, name, 0.0, y0, 0.25, 0.02, times, nodes=nodes, counts=counts)
+    first, to_gap = run_of(four_bar, name, 0.0, y0, 0.1, 0.02, times[:2])
+    last, behind = run_of(four_bar, name, 0.2, first[-1], 0.25, 0.02, times[-2:])
+    assert np.array_equal(found[1], found[2]) and np.array_equal(found[1], found[3])
+    close = 1e-12 if name != "dop853" else 1e-8  # a node inside divides a step
+    assert found[1] == pytest.approx(first[-1], abs=close)
+    assert found[4] == pytest.approx(last[-1], abs=close)
+    assert steps >= to_gap + behind
+
+
+def test_counted_steps_are_equal_between_nodes(four_bar):
+    start = four_bar.initial_state()
+    y0, times = np.concatenate([start.q, start.u]), np.array([0.1, 0.16])
+    nodes, counts = np.array([0.0, 0.1, 0.16]), np.array([0, 4, 3])
+    found, steps = run_of(four_bar, "rk4", 0.0, y0, 0.16, 0.0, times, nodes=nodes, counts=counts)
+    first, _ = run_of(four_bar, "rk4", 0.0, y0, 0.1, 0.1 / 4, times[:1])
+    last, _ = run_of(four_bar, "rk4", 0.1, first[0], 0.16, 0.06 / 3, times[1:])
+    assert steps == 4 + 3
+    assert found == pytest.approx(np.vstack([first, last]), rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "counts"),
+    [
+        ([0.0, 1.0], [0]),
+        ([0.0], [0]),
+        ([0.0, 0.5, 0.5, 1.0], [0, 1, 1, 1]),
+        ([0.0, 1.0], [0, -2]),
+        ([0.1, 1.0], [0, 3]),
+        ([0.0, 0.9], [0, 3]),
+        ([0.0, 1.0], [1, 3]),
+        ([0.0, 0.5, 1.0], [0, 3, 0]),
+        ([0.0, np.nan, 1.0], [0, 3, 1]),
+    ],
+)
+def test_nodes_that_do_not_lead_to_the_end_are_refused(four_bar, nodes, counts):
+    start = four_bar.initial_state()
+    y0, equations = np.concatenate([start.q, start.u]), four_bar.evaluator.equations()
+    with pytest.raises(ValueError, match="expected .*nodes"):
+        _core.Run(
+            equations, INTEGRATORS["rk4"], 0.0, y0, 1.0, 0.0, 0.0, 0.1, np.array([1.0]), nodes=np.array(nodes),
+            counts=counts,
+        )  # fmt: skip

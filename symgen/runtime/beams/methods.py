@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.integrators.method import Integrator
 
 #: Weights of the accelerations at the start and at the end of a step.
 Pair = tuple[float, float]
@@ -28,10 +30,9 @@ class BeamMethod:
 
     name: str
     order: int
-    a: Array = field(default_factory=lambda: np.zeros((1, 1)))
-    b: Array = field(default_factory=lambda: np.zeros(1))
-    c: Array = field(default_factory=lambda: np.zeros(1))
-    collocated: bool = False
+    a: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    b: Array = field(default_factory=lambda: np.zeros(0))
+    c: Array = field(default_factory=lambda: np.zeros(0))
     at: float = 1.0
     inertia: Pair = (0.0, 1.0)
     rate: Pair = (0.5, 0.5)
@@ -40,9 +41,24 @@ class BeamMethod:
     beta: float = 0.25
 
     @property
+    def collocated(self) -> bool:
+        """Whether it has stages."""
+        return len(self.c) > 0
+
+    @property
     def arrays(self) -> dict[str, Array]:
-        """Coefficients of a collocated method by their names in ``struct beam_scheme`` of the core."""
+        """Coefficients of the stages by their names in the core."""
         return {"a": self.a, "aa": self.a @ self.a, "b": self.b, "ba": self.b @ self.a, "c": self.c}
+
+
+@cache
+def integrator_of(method: BeamMethod) -> Integrator:
+    """Return a method for the step loop: see ``core/beam_steps.c``."""
+    ends = {name: getattr(method, name) for name in ("at", "gamma", "beta", "inertia", "rate", "place")}
+    coefficients = {"stages": len(method.c), **ends, **method.arrays}
+    return Integrator(
+        method.name, "fixed steps of elastic links", "beam_steps", method.order, 3, 0, coefficients
+    )
 
 
 def _generalized_alpha(radius: float) -> BeamMethod:
@@ -87,7 +103,7 @@ def gauss(name: str, stages: int) -> BeamMethod:
     """
     nodes, weights = np.polynomial.legendre.leggauss(stages)
     c = (nodes + 1) / 2
-    return BeamMethod(name, 2 * stages, _integrals(c), weights / 2, np.array(c), collocated=True)
+    return BeamMethod(name, 2 * stages, _integrals(c), weights / 2, np.array(c))
 
 
 def _radau(name: str, stages: int) -> BeamMethod:
@@ -100,7 +116,7 @@ def _radau(name: str, stages: int) -> BeamMethod:
     nodes = np.sort(np.polynomial.legendre.legroots(np.subtract(last, [*before, 0.0])).real)
     c = np.append((nodes[:-1] + 1) / 2, 1.0)
     a = _integrals(c)
-    return BeamMethod(name, 2 * stages - 1, a, a[-1].copy(), c, collocated=True)
+    return BeamMethod(name, 2 * stages - 1, a, a[-1].copy(), c)
 
 
 def _integrals(c: Array) -> Array:

@@ -14,6 +14,12 @@ int beams_factor_mass(struct beams *b) {
     return factor_bordered(&b->system);
 }
 
+void beams_take(const struct beams *b, const real *all, long columns, real *free) {
+    const size_t row = (size_t)columns * sizeof(real);
+    for (ptrdiff_t i = 0; i < b->free; i++)
+        memcpy(free + i * columns, all + independent_unknown(b, i) * columns, row);
+}
+
 static struct beams *of(struct equations *e) {
     return e->owner;
 }
@@ -21,22 +27,28 @@ static struct beams *of(struct equations *e) {
 /* Write S'' to e->out; its first entry is infinite if the rigid motion fails or the mass matrix is singular. */
 static void accelerate_beams(struct equations *e, real t, const real *y) {
     struct beams *b = of(e);
-    real *p = b->state, *v = p + b->free;
+    const long columns = columns_of(e, b);
+    const ptrdiff_t free = b->free;
+    real *p = e->work, *v = p + free * columns, *a = v + free * columns, *rhs = a + free * columns;
     if (beams_assemble(b, t, 1) != DONE || !beams_factor_mass(b)) {
         e->out[0] = REAL_INFINITY;
         return;
     }
-    for (ptrdiff_t i = 0; i < b->free; i++) {
-        const ptrdiff_t k = independent_unknown(b, i);
-        p[i] = y[k];
-        v[i] = y[b->whole + k];
-        b->solution[i] = b->load[i];
-    }
+    beams_take(b, y, columns, p);
+    beams_take(b, y + e->n, columns, v);
+    memset(rhs, 0, (size_t)(free * columns) * sizeof(real));
+    memcpy(rhs, b->load, (size_t)free * sizeof(real));
     for (ptrdiff_t k = 0; k < b->entries; k++)
-        b->solution[b->rows[k]] -= b->damping[k] * v[b->columns[k]] + b->stiffness[k] * p[b->columns[k]];
-    subtract_forces_of_modes(b, 1, p, v, b->free, b->solution);
-    solve_bordered(&b->system, 1, b->solution);
-    beams_expand(b, 2, p, v, b->solution, 1, e->out);
+        for (long c = 0; c < columns; c++) {
+            const ptrdiff_t at = b->columns[k] * columns + c;
+            rhs[c * free + b->rows[k]] -= b->damping[k] * v[at] + b->stiffness[k] * p[at];
+        }
+    subtract_forces_of_modes(b, columns, p, v, free, rhs);
+    solve_bordered(&b->system, columns, rhs);
+    for (ptrdiff_t r = 0; r < free; r++)
+        for (long c = 0; c < columns; c++)
+            a[r * columns + c] = rhs[c * free + r];
+    beams_expand(b, 2, p, v, a, columns, e->out);
 }
 
 static void derivative_beams(struct equations *e, real t, const real *y, real *dy) {
@@ -63,18 +75,17 @@ static int factorise_beams(struct equations *e, real t, const real *y) {
 /* Set the dependent unknowns from the independent ones by the constraints. */
 static int project_beams(struct equations *e, real t, real *y) {
     struct beams *b = of(e);
-    real *p = b->state, *v = p + b->free;
+    const long columns = columns_of(e, b);
+    real *p = e->work, *v = p + b->free * columns;
     if (b->layout.counts.constraints == 0)
         return DONE;
     const int status = factorise_beams(e, t, y);
     if (status != DONE)
         return status;
-    for (ptrdiff_t i = 0; i < b->free; i++) {
-        p[i] = y[independent_unknown(b, i)];
-        v[i] = y[b->whole + independent_unknown(b, i)];
-    }
-    beams_expand(b, 0, p, v, NULL, 1, y);
-    beams_expand(b, 1, p, v, NULL, 1, y + b->whole);
+    beams_take(b, y, columns, p);
+    beams_take(b, y + e->n, columns, v);
+    beams_expand(b, 0, p, v, NULL, columns, y);
+    beams_expand(b, 1, p, v, NULL, columns, y + e->n);
     return DONE;
 }
 
@@ -85,9 +96,8 @@ static void make_tangent_beams(struct equations *e, real t, const real *y, real 
     (void)y;
     if (b->layout.counts.constraints == 0)
         return;
-    for (ptrdiff_t i = 0; i < b->free; i++)
-        b->state[i] = change[independent_unknown(b, i)];
-    beams_expand(b, 0, b->state, NULL, NULL, 1, change);
+    beams_take(b, change, columns_of(e, b), e->work);
+    beams_expand(b, 0, e->work, NULL, NULL, columns_of(e, b), change);
 }
 
 /* A motion that is partly prescribed does not conserve energy. */

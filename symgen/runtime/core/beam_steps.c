@@ -1,21 +1,46 @@
-#include "beam_steps.h"
-
+/* Fixed implicit steps of elastic links: a kind of runs of `beam_behaviour`, with one linear system per step for all
+ * columns of the state.
+ *
+ * Collocation has `stages`, with a and a a (stages squared), the weights b and b a, and the nodes c. Without stages, the
+ * equation holds at the fraction `at` of the step, where S'' = inertia . (S''_0, S''_1), S' = S'_0 + h rate . (S''_0,
+ * S''_1) and S = S_0 + at h S'_0 + h^2 place . (S''_0, S''_1); the step ends by Newmark's formulas with gamma and beta.
+ */
 #include <string.h>
 
 #include "arena.h"
+#include "beams.h"
 #include "lanes.h"
 #include "run.h"
 
-/* Point all arrays into memory, or only count their bytes. */
-static size_t place(struct beam_steps *x, void *memory) {
-    const ptrdiff_t k = x->stages, columns = x->columns;
-    const ptrdiff_t free = x->b->free, whole = x->b->whole, entries = x->b->entries;
+struct beam_steps {
+    struct beams *b;
+    long columns, stages; /* states of the batch, of which the first is loaded; stored stages, one or more */
+    int collocated;
+    real at, gamma, beta;
+    const real *inertia, *rate, *place;
+    const real *a, *aa, *weights, *weights_a, *nodes;
+    real *by_rate, *by_place; /* weights of the accelerations at all stages in S' and S, a row for each stage */
+    real *of_entry;           /* one entry of the matrices at all stages */
+    real *mass, *damping, *stiffness, *load, *forces; /* one row per stage */
+    /* The system of all stages: within each unknown, one entry per stage. Each damped mode adds an unknown, the rate
+       f S' + g S. */
+    struct bordered system;
+    real *rhs;
+    real *p, *pv, *pa; /* S, S', S'' of the independent unknowns, rows of `columns` */
+    real *f, *f_new;   /* S' and S'' of all unknowns at both ends; of collocation, S'' is the mean of the step */
+};
+
+/* The steps of equations by a scheme, with arrays in memory; with NULL their bytes are counted in `total`. */
+static struct beam_steps place(const struct equations *e, const long *counts, const real *numbers, void *memory,
+                               size_t *total) {
+    struct beams *b = e->owner;
+    struct beam_steps steps = {.b = b, .columns = columns_of(e, b), .collocated = counts[0] > 0}, *x = &steps;
+    const ptrdiff_t k = x->stages = x->collocated ? counts[0] : 1;
+    const ptrdiff_t columns = x->columns, free = b->free, entries = b->entries;
+    x->system.inner = b->inner * k;
+    x->system.border = (b->border + b->modes) * k;
+    x->system.band = b->system.band * k + k - 1;
     const struct arena_array arrays[] = {
-        ARENA_ARRAY(x->a, k * k),
-        ARENA_ARRAY(x->aa, k * k),
-        ARENA_ARRAY(x->weights, k),
-        ARENA_ARRAY(x->weights_a, k),
-        ARENA_ARRAY(x->nodes, k),
         ARENA_ARRAY(x->by_rate, k * k),
         ARENA_ARRAY(x->by_place, k * k),
         ARENA_ARRAY(x->of_entry, 3 * k),
@@ -23,87 +48,64 @@ static size_t place(struct beam_steps *x, void *memory) {
         ARENA_ARRAY(x->damping, k * (entries + 1)),
         ARENA_ARRAY(x->stiffness, k * (entries + 1)),
         ARENA_ARRAY(x->load, k * (free + 1)),
-        ARENA_ARRAY(x->forces, k * 2 * free * x->b->modes),
+        ARENA_ARRAY(x->forces, k * 2 * free * b->modes),
         ARENA_ARRAY(x->system.banded, (3 * x->system.band + 1) * x->system.inner),
         ARENA_ARRAY(x->system.right, x->system.inner * x->system.border),
         ARENA_ARRAY(x->system.below, x->system.inner * x->system.border),
         ARENA_ARRAY(x->system.corner, x->system.border * x->system.border),
         ARENA_ARRAY(x->system.panel, panel_size(x->system.border, x->system.band)),
-        ARENA_ARRAY(x->rhs, (free + x->b->modes) * k * columns),
-        ARENA_ARRAY(x->s, whole * columns),
-        ARENA_ARRAY(x->v, whole * columns),
-        ARENA_ARRAY(x->acc, whole * columns),
+        ARENA_ARRAY(x->rhs, (free + b->modes) * k * columns),
         ARENA_ARRAY(x->p, free * columns),
         ARENA_ARRAY(x->pv, free * columns),
         ARENA_ARRAY(x->pa, free * columns),
+        ARENA_ARRAY(x->f, e->dim),
+        ARENA_ARRAY(x->f_new, e->dim),
         ARENA_ARRAY(x->system.pivots, x->system.inner),
         ARENA_ARRAY(x->system.swaps, x->system.border),
     };
-    return ARENA_PLACE(arrays, memory);
+    *total = ARENA_PLACE(arrays, memory);
+    if (numbers == NULL)
+        return steps;
+    x->at = numbers[0], x->gamma = numbers[1], x->beta = numbers[2];
+    x->inertia = numbers + 3, x->rate = x->inertia + 2, x->place = x->rate + 2;
+    x->a = x->place + 2, x->aa = x->a + k * k, x->weights = x->aa + k * k, x->weights_a = x->weights + k;
+    x->nodes = x->weights_a + k;
+    return steps;
 }
 
-static void fill(struct beam_steps *x, struct beams *b, const struct beam_scheme *scheme, long columns) {
-    x->b = b;
-    x->scheme = *scheme;
-    x->columns = columns;
-    x->stages = scheme->stages > 0 ? scheme->stages : 1;
-    x->system.inner = b->inner * x->stages;
-    x->system.border = (b->border + b->modes) * x->stages;
-    x->system.band = b->system.band * x->stages + x->stages - 1;
+static struct beam_steps steps_of(const struct run *run) {
+    size_t total;
+    return place(run->e, run->scheme.counts, run->scheme.numbers, run->own, &total);
 }
 
-size_t beam_steps_bytes(const struct beams *b, const struct beam_scheme *scheme, long columns) {
-    struct beam_steps counted;
-    fill(&counted, (struct beams *)b, scheme, columns);
-    return place(&counted, NULL);
+static size_t bytes(const struct equations *e, const long *counts) {
+    size_t total;
+    place(e, counts, NULL, NULL, &total);
+    return total;
 }
 
-void beam_steps_bind(struct beam_steps *x, struct beams *b, const struct beam_scheme *scheme, long columns,
-                     void *memory) {
-    const long k = scheme->stages;
-    const double *const from[] = {scheme->a, scheme->aa, scheme->b, scheme->ba, scheme->c};
-    fill(x, b, scheme, columns);
-    place(x, memory);
-    real *to[] = {x->a, x->aa, x->weights, x->weights_a, x->nodes};
-    const long counts[] = {k * k, k * k, k, k, k};
-    for (int i = 0; i < 5; i++)
-        for (long j = 0; j < counts[i]; j++)
-            to[i][j] = R(from[i][j]);
+static ptrdiff_t numbers(const long *counts) {
+    const long k = counts[0];
+    return k < 0 || k > MOST_STAGES ? -1 : 9 + 2 * k * k + 3 * k;
 }
 
-/* Copy the independent unknowns of the present choice from S and S'. */
-static void take_free(struct beam_steps *x) {
-    for (ptrdiff_t i = 0; i < x->b->free; i++) {
-        const ptrdiff_t k = independent_unknown(x->b, i);
-        const size_t row = (size_t)x->columns * sizeof(real);
-        memcpy(x->p + i * x->columns, x->s + k * x->columns, row);
-        memcpy(x->pv + i * x->columns, x->v + k * x->columns, row);
-        memcpy(x->pa + i * x->columns, x->acc + k * x->columns, row);
+static void bind(struct run *run) {
+    const struct beam_steps x = steps_of(run);
+    run->f = x.f, run->f_new = x.f_new;
+}
+
+/* Select the independent unknowns; without stages find S''. */
+static int begin(struct run *run) {
+    const struct beam_steps x = steps_of(run);
+    struct equations *e = run->e;
+    const size_t half = (size_t)e->n * sizeof(real);
+    if (!x.collocated) {
+        e->of->derivative(e, run->state->t, run->y, x.f);
+        return real_isfinite(x.f[e->n]) ? DONE : SINGULAR;
     }
-}
-
-/* Write S, S' and S'' from the independent unknowns, then select the independent unknowns for the next step. */
-static int finish(struct beam_steps *x, real t) {
-    struct beams *b = x->b;
-    const int bound = b->layout.counts.constraints != 0;
-    if (bound) {
-        const int status = beams_assemble(b, t, 0);
-        if (status != DONE)
-            return status;
-    }
-    beams_expand(b, 0, x->p, x->pv, x->pa, x->columns, x->s);
-    beams_expand(b, 1, x->p, x->pv, x->pa, x->columns, x->v);
-    if (!x->scheme.stages)
-        beams_expand(b, 2, x->p, x->pv, x->pa, x->columns, x->acc);
-    if (!all_finite(x->s, (long)b->layout.counts.unknowns * x->columns))
-        return NOT_FINITE;
-    if (bound) {
-        const int status = beams_choose(b);
-        if (status != DONE)
-            return status;
-        take_free(x);
-    }
-    return DONE;
+    memcpy(x.f, run->y + e->n, half);
+    memset(x.f + e->n, 0, half);
+    return e->of->factorise(e, run->state->t, run->y);
 }
 
 /* Assemble at a time and store the matrices as a stage. */
@@ -229,7 +231,7 @@ static void collocation_system(struct beam_steps *x, real h) {
     }
 }
 
-/* One step of Gauss collocation: accelerations at all stages from one system. */
+/* One step of collocation: accelerations at all stages from one system. */
 static int collocate(struct beam_steps *x, real t, real h) {
     const long k = x->stages, columns = x->columns;
     const ptrdiff_t size = (x->b->free + x->b->modes) * k;
@@ -252,20 +254,18 @@ static int collocate(struct beam_steps *x, real t, real h) {
                 *v += h * x->weights[j] * found[j];
             }
         }
-    return finish(x, t + h);
+    return DONE;
 }
 
 /* One step of a method with accelerations at both ends: Newmark's, generalized-alpha, Wilson's. */
 static int step_once(struct beam_steps *x, real t, real h) {
     const struct beams *b = x->b;
-    const struct beam_scheme *s = &x->scheme;
     const long columns = x->columns;
     const ptrdiff_t free = b->free, size = free + b->modes;
     const struct band_store in = band_store(x->system.inner, x->system.band);
-    const real at = R(s->at), gamma = R(s->gamma), beta = R(s->beta), half = R(0.5);
-    const real inertia[] = {R(s->inertia[0]), R(s->inertia[1])};
-    const real rate[] = {h * R(s->rate[0]), h * R(s->rate[1])};
-    const real place[] = {h * h * R(s->place[0]), h * h * R(s->place[1])};
+    const real at = x->at, gamma = x->gamma, beta = x->beta, half = R(0.5), *inertia = x->inertia;
+    const real rate[] = {h * x->rate[0], h * x->rate[1]};
+    const real place[] = {h * h * x->place[0], h * h * x->place[1]};
     int status = keep_stage(x, 0, t + at * h);
     if (status != DONE)
         return status;
@@ -304,52 +304,53 @@ static int step_once(struct beam_steps *x, real t, real h) {
             x->pv[k] += h * ((1 - gamma) * old + gamma * new);
             x->pa[k] = new;
         }
-    return finish(x, t + h);
-}
-
-/* Solve the equations assembled at the start for S''. */
-static int start_accelerations(struct beam_steps *x) {
-    struct beams *b = x->b;
-    const long columns = x->columns;
-    const ptrdiff_t free = b->free;
-    if (!beams_factor_mass(b))
-        return SINGULAR;
-    memset(x->rhs, 0, (size_t)(free * columns) * sizeof(real));
-    memcpy(x->rhs, b->load, (size_t)free * sizeof(real));
-    for (ptrdiff_t e = 0; e < b->entries; e++)
-        for (long c = 0; c < columns; c++) {
-            const ptrdiff_t at = b->columns[e] * columns + c;
-            x->rhs[c * free + b->rows[e]] -= b->damping[e] * x->pv[at] + b->stiffness[e] * x->p[at];
-        }
-    subtract_forces_of_modes(b, columns, x->p, x->pv, free, x->rhs);
-    solve_bordered(&b->system, columns, x->rhs);
-    for (ptrdiff_t r = 0; r < free; r++)
-        for (long c = 0; c < columns; c++)
-            x->pa[r * columns + c] = x->rhs[c * free + r];
-    beams_expand(b, 2, x->p, x->pv, x->pa, columns, x->acc);
     return DONE;
 }
 
-int beam_steps_start(struct beam_steps *x, real t) {
-    const int status = beams_assemble(x->b, t, 1);
+static int step(struct run *run, real t, real h, real t_new) {
+    struct beam_steps x = steps_of(run);
+    struct beams *b = x.b;
+    const long n = run->e->n;
+    beams_take(b, run->y, x.columns, x.p);
+    beams_take(b, run->y + n, x.columns, x.pv);
+    beams_take(b, x.f + n, x.columns, x.pa);
+    int status = x.collocated ? collocate(&x, t, h) : step_once(&x, t, h);
+    if (status == DONE && b->layout.counts.constraints)
+        status = beams_assemble(b, t_new, 0);
     if (status != DONE)
         return status;
-    take_free(x);
-    return x->scheme.stages ? DONE : start_accelerations(x);
-}
-
-int beam_steps_part(struct beam_steps *x, real t0, real t1, long count, long from, long to, long *done) {
-    const real h = (t1 - t0) / count;
-    for (long k = from; k < to; k++) {
-        const real t = t0 + k * h;
-        const int status = x->scheme.stages ? collocate(x, t, h) : step_once(x, t, h);
-        if (status != DONE)
-            return status;
-        ++*done;
-    }
+    beams_expand(b, 0, x.p, x.pv, x.pa, x.columns, run->y_new);
+    beams_expand(b, 1, x.p, x.pv, x.pa, x.columns, run->y_new + n);
+    if (!x.collocated)
+        beams_expand(b, 2, x.p, x.pv, x.pa, x.columns, x.f_new + n);
+    run->state->settled = 1, run->state->correction = 0;
     return DONE;
 }
 
-int beam_steps_advance(struct beam_steps *x, real t0, real t1, long count, long *done) {
-    return beam_steps_part(x, t0, t1, count, 0, count, done);
+/* Select the independent unknowns of the next step. */
+static int finish(struct run *run, real h, real t_new) {
+    const struct beam_steps x = steps_of(run);
+    const long n = run->e->n;
+    (void)t_new;
+    memcpy(x.f_new, run->y_new + n, (size_t)n * sizeof(real));
+    for (long i = 0; x.collocated && i < n; i++)
+        x.f_new[n + i] = (run->y_new[n + i] - run->y[n + i]) / h;
+    return x.b->layout.counts.constraints ? beams_choose(x.b) : DONE;
 }
+
+static void prepare(struct run *run, real h) {
+    (void)run, (void)h;
+}
+
+static void interpolate(struct run *run, real h, real theta, real *y) {
+    roughly(run, h, theta, y);
+}
+
+static void accept(struct run *run) {
+    memcpy(run->f, run->f_new, (size_t)run->dim * sizeof(real));
+}
+
+const struct kind beam_kind = {
+    "beam_steps", "stages", "at gamma beta inertia rate place a aa b ba c", 1, bytes, numbers, bind, begin, step, finish,
+    prepare, interpolate, accept, NULL,
+};

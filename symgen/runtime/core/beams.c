@@ -11,7 +11,7 @@ static struct sizes as_equations(const struct beam_layout *x) {
     struct sizes made = {0};
     made.n = (long)x->counts.unknowns;
     made.m = (long)x->counts.constraints;
-    made.work = 1;
+    made.work = 4 * made.n; /* of accelerations */
     made.rank_tolerance = (double)RANK_TOLERANCE;
     return made;
 }
@@ -63,8 +63,6 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
         ARENA_ARRAY(b->system.below, b->inner * b->border),
         ARENA_ARRAY(b->system.corner, b->border * b->border),
         ARENA_ARRAY(b->system.panel, panel_size(b->border, x->counts.band)),
-        ARENA_ARRAY(b->solution, n + 1),
-        ARENA_ARRAY(b->state, 2 * n + 1),
         ARENA_ARRAY(b->dependent, m + 1),
         ARENA_ARRAY(b->independent, joints + 1),
         ARENA_ARRAY(b->swaps, m),

@@ -71,9 +71,13 @@ struct beams {
     real *bound, *pivoted, *basis, *product;
     ptrdiff_t *dependent, *independent, *swaps;
     struct bordered system; /* the factorised mass matrix */
-    real *solution, *state;
     ptrdiff_t *own_rows, *own_columns;
 };
+
+/* Number of states of equations of `beam_behaviour`. */
+static inline long columns_of(const struct equations *e, const struct beams *b) {
+    return e->n / (long)b->whole;
+}
 
 /* Set the numbers of unknowns and entries, on which the memory of steps depends. */
 void beams_count(struct beams *b, const struct beam_layout *layout);
@@ -116,7 +120,11 @@ int beams_factor_mass(struct beams *b);
 void beams_expand(const struct beams *b, int derivative, const real *p, const real *v, const real *a, long columns,
                   real *out);
 
-/* Behaviour of elastic links in a run, see struct behaviour. */
+/* Copy the independent unknowns from all, rows of `columns`. */
+void beams_take(const struct beams *b, const real *all, long columns, real *free);
+
+/* Behaviour of elastic links in a run, see struct behaviour: of one state, or of a batch of states in rows of `columns`,
+   of which the first is loaded. */
 extern const struct behaviour beam_behaviour;
 
 #endif

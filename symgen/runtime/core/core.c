@@ -181,6 +181,7 @@ const struct core_api symgen_core = {
     .run_bytes = run_bytes,
     .run_bind = run_bind,
     .run_start = run_start,
+    .run_set_nodes = run_set_nodes,
     .run_valid = run_valid,
     .run_begin = run_begin,
     .run_advance = run_advance,

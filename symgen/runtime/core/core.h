@@ -88,6 +88,7 @@ struct core_api {
     /* Set the start: y0 and times in doubles (low parts or NULL), directions and terminal of the events. */
     void (*run_start)(struct run *run, const double *y0, const double *y0_low, const double *times,
                       const signed char *directions, const char *terminal);
+    void (*run_set_nodes)(struct run *run, const double *nodes, const long *counts);
     int (*run_valid)(const struct run *run);
     int (*run_begin)(struct run *run);
     int (*run_advance)(struct run *run, long most);

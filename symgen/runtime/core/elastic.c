@@ -76,43 +76,14 @@ static void unbalanced(struct beams *b, int analysis, const void *s, void *out) 
     b->analysis = IN_MOTION;
 }
 
-static int start_steps(struct beam_steps *steps, double t) {
-    return beam_steps_start(steps, R(t));
-}
-
-static int part_of_steps(struct beam_steps *steps, double t0, double t1, long count, long from, long to, long *done) {
-    return beam_steps_part(steps, R(t0), R(t1), count, from, to, done);
-}
-
-static void *displacements_of(struct beam_steps *steps) {
-    return steps->s;
-}
-
-static void *rates_of(struct beam_steps *steps) {
-    return steps->v;
-}
-
-static int ordered(const struct bordered *of) {
-    for (ptrdiff_t i = 0; i < of->inner; i++)
-        if (of->pivots[i] < 0 || of->pivots[i] >= of->inner)
-            return 0;
-    return all_below(of->border, of->swaps, of->border);
-}
-
 static int beams_valid(const struct beams *b) {
     const ptrdiff_t m = b->layout.counts.constraints, joints = b->whole - b->inner, own = m ? b->entries : 0;
-    return ordered(&b->system) && all_below(m, b->dependent, joints) && all_below(joints, b->independent, joints) &&
-           all_below(m, b->swaps, m) && all_below(own, b->own_rows, b->free) && all_below(own, b->own_columns, b->free);
-}
-
-static int steps_valid(const struct beam_steps *steps) {
-    return ordered(&steps->system);
+    return all_below(m, b->dependent, joints) && all_below(joints, b->independent, joints) && all_below(m, b->swaps, m) && all_below(own, b->own_rows, b->free) && all_below(own, b->own_columns, b->free);
 }
 
 const struct elastic_api symgen_elastic = {
     .motion_struct = sizeof(struct rigid_motion),
     .beams_struct = sizeof(struct beams),
-    .steps_struct = sizeof(struct beam_steps),
     .motion_bytes = motion_bytes,
     .motion_bind = motion_bind,
     .motion_start = start_motion,
@@ -126,12 +97,5 @@ const struct elastic_api symgen_elastic = {
     .beams_assemble = assemble_at,
     .beams_view = view_matrices,
     .beams_unbalanced = unbalanced,
-    .steps_bytes = beam_steps_bytes,
-    .steps_bind = beam_steps_bind,
-    .steps_start = start_steps,
-    .steps_part = part_of_steps,
     .beams_valid = beams_valid,
-    .steps_valid = steps_valid,
-    .steps_displacements = displacements_of,
-    .steps_rates = rates_of,
 };

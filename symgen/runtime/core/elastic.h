@@ -2,7 +2,7 @@
 #ifndef SYMGEN_ELASTIC_H
 #define SYMGEN_ELASTIC_H
 
-#include "beam_steps.h"
+#include "beams.h"
 
 /* Views of arrays of the motion, valid as long as the motion. */
 struct motion_view {
@@ -22,7 +22,7 @@ struct matrices_view {
 };
 
 struct elastic_api {
-    size_t motion_struct, beams_struct, steps_struct;
+    size_t motion_struct, beams_struct;
 
     size_t (*motion_bytes)(const struct equations *e, const struct motion_sizes *sizes);
     void (*motion_bind)(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels,
@@ -42,16 +42,7 @@ struct elastic_api {
     void (*beams_view)(const struct beams *b, struct matrices_view *view);
     /* Whether the indices in a restored memory are within their arrays. */
     int (*beams_valid)(const struct beams *b);
-    int (*steps_valid)(const struct beam_steps *steps);
     void (*beams_unbalanced)(struct beams *b, int analysis, const void *s, void *out);
-
-    size_t (*steps_bytes)(const struct beams *b, const struct beam_scheme *scheme, long columns);
-    void (*steps_bind)(struct beam_steps *steps, struct beams *b, const struct beam_scheme *scheme, long columns,
-                       void *memory);
-    int (*steps_start)(struct beam_steps *steps, double t);
-    int (*steps_part)(struct beam_steps *steps, double t0, double t1, long count, long from, long to, long *done);
-    void *(*steps_displacements)(struct beam_steps *steps); /* one row of `columns` reals per unknown */
-    void *(*steps_rates)(struct beam_steps *steps);
 };
 
 extern const struct elastic_api symgen_elastic;

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-extern const struct kind explicit_kind, rattle_kind, radau_kind, alpha_kind, collocation_kind;
+extern const struct kind explicit_kind, rattle_kind, radau_kind, alpha_kind, collocation_kind, beam_kind;
 
 static const struct kind *const KINDS[] = {
     &explicit_kind,
@@ -11,6 +11,7 @@ static const struct kind *const KINDS[] = {
     &radau_kind,
     &alpha_kind,
     &collocation_kind,
+    &beam_kind,
 };
 
 const struct kind *find_kind(const char *name) {

@@ -34,6 +34,8 @@ static size_t place(struct run *run, void *memory) {
         ARENA_ARRAY(run->gaps, (LOOKS + 1) * events),
         ARENA_ARRAY(run->times, samples),
         ARENA_ARRAY(run->samples, samples * dim),
+        ARENA_ARRAY(run->nodes, run->task.nodes + 1),
+        ARENA_ARRAY(run->counts, run->task.nodes + 1),
         ARENA_ARRAY(run->references, samples * sizes->windings),
         ARENA_ARRAY(run->turned, 2 * sizes->turns),
         ARENA_ARRAY(run->turns, samples * sizes->turns),
@@ -79,6 +81,10 @@ int run_valid(const struct run *run) {
     if (!(begin <= s->t && s->t <= end && 0 <= s->h && s->h < REAL_INFINITY &&
           real_fabs(s->t_left) <= REAL_EPSILON * range))
         return 0;
+    const long last_node = run->task.nodes, since = s->steps - s->steps_before;
+    if (!(0 <= s->node && s->node <= last_node && run->nodes[last_node] == end && run->counts[last_node] < 0
+          && run->counts[0] <= 0 && 0 <= since && (run->counts[s->node] < 0 || since <= run->counts[s->node])))
+        return 0;
     return 0 <= s->recorded && s->recorded <= run->task.samples && s->passages == 0 && s->events == 0 &&
            0 <= s->events_before && s->events_before <= run->task.found && s->steps >= 0 &&
            run->times[run->task.samples] == REAL_INFINITY &&
@@ -90,11 +96,17 @@ void run_reset(struct run *run) {
     memset(s, 0, sizeof *s);
     s->t = s->t_old = s->t_look = s->t_before = R(run->task.t0);
     s->h = R(run->task.step);
+    run->nodes[run->task.nodes] = R(run->task.t_end), run->counts[run->task.nodes] = -1;
     s->ended_by = s->worst = s->blind = s->slid = -1;
     s->sound = s->at_look = s->at_before = s->looked = INFINITY;
     s->t_looked = s->t;
     s->kinetic_min = s->potential_min = s->energy_start = REAL_INFINITY;
     s->kinetic_max = s->potential_max = -REAL_INFINITY;
+}
+
+void run_set_nodes(struct run *run, const double *nodes, const long *counts) {
+    for (long k = 0; k < run->task.nodes; k++)
+        run->nodes[k] = R(nodes[k]), run->counts[k] = counts[k];
 }
 
 /* -- size of errors and steps ------------------------------------------------------------------------------ */
@@ -222,6 +234,16 @@ static int monitor(struct run *run) {
     return (double)s->position_drift > run->task.max_drift ? DRIFTED : MORE;
 }
 
+/* Record the present state at all sample times up to the present one. */
+static void record_present(struct run *run) {
+    struct state *s = run->state;
+    while (run->times[s->recorded] <= s->t) {
+        memcpy(run->samples + s->recorded * run->dim, run->y, (size_t)run->dim * sizeof(real));
+        keep_windings(run);
+        s->recorded++;
+    }
+}
+
 int run_begin(struct run *run) {
     struct state *s = run->state;
     struct equations *e = run->e;
@@ -241,11 +263,7 @@ int run_begin(struct run *run) {
         return NOT_FINITE;
     begin_events(run);
     status = monitor(run);
-    while (run->times[s->recorded] <= s->t) {
-        memcpy(run->samples + s->recorded * run->dim, run->y, (size_t)run->dim * sizeof(real));
-        keep_windings(run);
-        s->recorded++;
-    }
+    record_present(run);
     if (run->scheme.adaptive && run->task.step == 0.0)
         s->h = first_step(run);
     return status;
@@ -295,6 +313,51 @@ static real next_over_last(const struct run *run, real largest) {
     return real_fmin(largest, real_fmax(R(SHRINK), grown));
 }
 
+static int is_counted(const struct run *run) {
+    return run->counts[run->state->node] > 0;
+}
+
+/* Whether the interval that ends at the present node is complete. */
+static int is_complete(const struct run *run) {
+    const struct state *s = run->state;
+    const long count = run->counts[s->node];
+    return count < 0 ? s->t >= run->nodes[s->node] : s->steps == s->steps_before + count;
+}
+
+/* Enter the interval between two nodes of the next step, and set the length of counted steps. */
+static int enter_interval(struct run *run) {
+    struct state *s = run->state;
+    for (; is_complete(run); s->node++, s->steps_before = s->steps)
+        if (s->t < run->nodes[s->node]) {
+            s->t = run->nodes[s->node], s->t_left = 0;
+            s->h = R(run->task.step);
+            record_present(run);
+            const int status = run->scheme.kind->begin(run);
+            if (status != DONE)
+                return status;
+        }
+    const long k = s->node;
+    if (run->counts[k] > 0)
+        s->h = (run->nodes[k] - run->nodes[k - 1]) / R(run->counts[k]);
+    return DONE;
+}
+
+/* Write the end of a step of length h, which ends at the next node at the latest; return its length. */
+static real end_of_step(const struct run *run, real h, real *t_new) {
+    const struct state *s = run->state;
+    const long k = s->node, next = s->steps + 1 - s->steps_before;
+    const real until = run->nodes[k];
+    if (is_counted(run)) {
+        *t_new = next < run->counts[k] ? run->nodes[k - 1] + R(next) * h : until;
+        return h;
+    }
+    *t_new = s->t + (h + s->t_left);
+    if (*t_new < until && until - *t_new >= R(1e-9) * h)
+        return h;
+    *t_new = until;
+    return until - s->t;
+}
+
 /* Take a step within the tolerance: write its projected end to y_new, and its time and length. */
 static int accepted_step(struct run *run, real *t_new, real *length) {
     struct state *s = run->state;
@@ -306,11 +369,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         h = part * s->h;
         if (!(h > R(10) * REAL_EPSILON * real_fmax(real_fabs(s->t), REAL_EPSILON * t_end)))
             return failed;
-        *t_new = s->t + (h + s->t_left);
-        if (*t_new >= t_end || t_end - *t_new < R(1e-9) * h) {
-            *t_new = t_end;
-            h = t_end - s->t;
-        }
+        h = end_of_step(run, h, t_new);
         int status = try_step(run, h, *t_new);
         if (status == DONE)
             break;
@@ -322,7 +381,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         /* Shorten a step slightly if its end or a stage hits an instantaneous loss of rank. */
         part *= R(0.7);
         int near = s->sound < NEAR && (status == PROJECTION_FAILED || status == UNSOLVED);
-        if (status != SINGULAR && !near) {
+        if (is_counted(run) || (status != SINGULAR && !near)) {
             s->rejected--;
             return status;
         }
@@ -365,6 +424,8 @@ static int one_step(struct run *run) {
         return ENDED;
     if (s->t >= R(run->task.t_end))
         return DONE;
+    if ((status = enter_interval(run)) != DONE)
+        return status;
     do {
         status = accepted_step(run, &t_new, &h);
         if (status != DONE)
@@ -398,7 +459,7 @@ static int one_step(struct run *run) {
     s->t_old = s->t, s->sound = sound;
     memcpy(run->y, run->y_new, bytes);
     kind->accept(run);
-    if (!run->scheme.adaptive)
+    if (!run->scheme.adaptive && !is_counted(run))
         s->t_left = (h + s->t_left) - (t_new - s->t);
     s->t = t_new;
     s->steps++;

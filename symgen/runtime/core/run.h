@@ -35,6 +35,7 @@ struct task {
     long places_only;    /* velocities of samples are not requested: they may remain interpolated, without projection
                             */
     long found;          /* capacity of the record of events; at least LOOKS of each kind */
+    long nodes;          /* number of times at which steps end before the end of the run, see run->nodes */
 };
 
 /* Least change of the step. */
@@ -99,6 +100,7 @@ struct state {
     long settled;                   /* y_new is on the constraints already */
     real correction;                /* change by this projection, over the tolerance like norm */
     real t_left;                    /* rounding error of the time of fixed steps, which would add up */
+    long node, steps_before;        /* the node that ends the present interval, and steps before its begin */
     /* rank */
     real t_old, t_look, t_before;
     double sound, at_look, at_before;
@@ -148,6 +150,9 @@ struct run {
     real *y_old;                 /* the step before, for the rank */
     real *gaps;                  /* values of the events at y, at looks in between, and at y_new: one row each */
     real *times, *samples;       /* task.samples + 1 times, the last infinite, and rows of dim */
+    real *nodes;                 /* task.nodes + 1 times at which steps end, the last that of the end */
+    long *counts;                /* of equal steps from the node before to each; 0: the state is kept up to it, and the
+                                    method starts anew there; -1: steps of the method's own choice */
     real *references;            /* references of angles in loads, one row per sample */
     real *turned, *turns;        /* continuous angles of links and their rates at y; these angles at samples */
     void *own;                   /* data of the method */
@@ -175,6 +180,10 @@ int run_valid(const struct run *run);
 
 /* Set the state of a bound run to its start; y, times, directions and terminal are set by the caller. */
 void run_reset(struct run *run);
+
+/* Set the nodes of a reset run, otherwise the end alone: increasing times in doubles from the start to the end, and counts
+   of steps. Those to the start are 0. */
+void run_set_nodes(struct run *run, const double *nodes, const long *counts);
 
 /* Project and record the start, estimate the first step; return MORE or the status of the failure. */
 int run_begin(struct run *run);

@@ -1,24 +1,19 @@
-"""Loads of elastic links along the rigid motion: jumps, explicit methods, which stop at each, repetition."""
+"""Loads of elastic links along the rigid motion: the times of their jumps, and their repetition."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 
 import numpy as np
 
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import Errors, Solution
-from symgen.runtime.elastic.steps import Progress, Start, Task, turn
-from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
-from symgen.runtime.integrate.options import TIGHTEST
-from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, check_wall, wall_left
-from symgen.runtime.kernels.typed import library_of_runs
+from symgen.runtime.elastic.steps import turn
+from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.result.recording import wound
 
 #: Least number of evaluations per revolution, and the angle by which references of angles move.
@@ -29,14 +24,9 @@ _BLOCK = 4096
 _BLUR = 64
 #: Halvings of the time from the end of a run to the middle of a smooth pulse, at each of which a step ends.
 _GRADED = 40
-#: Part of a revolution that an adaptive run tries as its first step.
-_FIRST_TRIED = 4096
 #: Poses of a revolution that are compared with those of the next, the part of its largest value by which a
 #: number may differ, and the part of the largest number that is none.
 _POSES, _PERIODIC, _NOTHING = 7, 1e-6, 1e-12
-#: Steps of methods with a fixed step per revolution, by default; tolerances of the run that gives the error
-#: of an adaptive one, over its own: the second where the first is too tight for round-off.
-_FIXED, _OTHER = 2048, (0.01, 10.0)
 
 
 @dataclass(slots=True)
@@ -173,120 +163,6 @@ def _merged(pairs: list[tuple[float, float]], blur: float, end: float) -> Array:
         elif after < end:
             merged.append((before, after))
     return np.array(merged).reshape(-1, 2)
-
-
-def explicit(
-    motion: ElasticMotion,
-    equations: _beams.BeamEquations,
-    task: Task,
-    times: Array,
-    progress: Progress | None,
-    keeping: Keeping | None = None,
-    start: Start = None,
-) -> Solution:
-    """Step from jump to jump of the loads, each a run of its own.
-
-    Raises
-    ------
-    OutOfTime
-        When the wall time is spent.
-    ModelError
-        For checkpoints of such runs.
-    SimulationError
-        When the linkage cannot turn.
-    ResultError
-        When a checkpoint cannot be written, or is of another run.
-    """
-    from symgen.runtime.integrate.options import options
-    from symgen.runtime.integrate.simulate import drive
-
-    n = motion.layout.unknowns
-    end = float(np.max(times))
-    fixed = task.method == "rk4"
-    step = turn(motion) / (task.steps or _FIXED) if fixed else None
-    typed = motion.rigid.typed
-    kind = typed.precision if typed else FLOAT64
-    rtol = None if fixed else task.rtol
-    limits = {"precision": kind, "max_step": task.max_step}
-    chosen = options(end, task.method, rtol, None, step, 2, 1_000_000_000, **limits)
-    if keeping is not None and len(motion.jumps):
-        raise ModelError(
-            f"{motion.rigid.name}: expected no checkpoint, since {task.method} stops at jumps of the loads\n"
-            "  Take the method gauss, or leave the checkpoint out."
-        )
-    order = np.argsort(times, kind="stable")
-    states = np.zeros((len(times), 2 * n))
-    state = np.zeros(2 * n) if start is None else np.concatenate(start)[:, 0]
-    begin, taken_steps, steps, spent = 0.0, 0, 0, 0.0
-    for until, after in [*motion.jumps.tolist(), (end, end)]:
-        last = int(np.searchsorted(times[order], until, side="right"))
-        stepper = _core.Run(
-            equations,
-            chosen.method,
-            begin,
-            state,
-            until,
-            chosen.rtol,
-            chosen.atol,
-            # A first step guessed from rest would look ahead to the end of the run, along the rigid motion.
-            chosen.step or turn(motion) / _FIRST_TRIED,
-            np.maximum(times[order[taken_steps:last]], begin),
-            max_step=chosen.max_step,
-        )
-        checkpoints = None
-        if keeping is not None:
-            identity = (repr(task), times.tobytes().hex(), *motion.identity)
-            library = library_of_runs(motion.rigid.evaluator.library, typed)
-            mark = mark_of(
-                motion.rigid.evaluator, library, equations, chosen, 0.0, np.zeros(2 * n), *identity
-            )
-            checkpoints = RunCheckpoints(stepper, mark, keeping)
-        status, _ = drive(stepper, 0.0, chosen, progress, checkpoints)
-        spent = checkpoints.spent if checkpoints else 0.0
-        steps += stepper.steps
-        if status == _core.NOT_FINITE:
-            return Solution(np.full((len(times), n), np.nan), None, steps)
-        motion.check(equations, _core.DONE if status == OUT_OF_TIME else status, stepper.t)
-        reached = order[: taken_steps + stepper.recorded]
-        states[reached[taken_steps:]] = stepper.result[:, : 2 * n]
-        if status == OUT_OF_TIME:
-            states, reached = states[np.sort(reached)], np.sort(reached)
-            raise OutOfTime(stepper.t, Solution(states[:, :n], states[:, n:], steps, spent=spent), reached)
-        state, begin, taken_steps = states[order[last - 1]], after, last
-    return Solution(states[:, :n], states[:, n:], steps, spent=spent)
-
-
-def with_error(
-    motion: ElasticMotion, task: Task, times: Array, solution: Solution, start: Start = None
-) -> Solution:
-    """Return an explicit run with its error, computed when it is read; at once if the wall time is limited.
-
-    It is the change of stresses in another run: with half the step, or a hundredth of the tolerance.
-
-    Raises
-    ------
-    OutOfTime
-        When the wall time is spent.
-    """
-
-    @cache
-    def errors() -> tuple[float | None, float | None]:
-        finer = replace(task, steps=2 * (task.steps or _FIXED))
-        if task.method != "rk4":
-            tight, looser = (task.rtol * factor for factor in _OTHER)
-            finer = replace(task, rtol=tight if tight >= TIGHTEST * FLOAT64.epsilon else looser)
-        # Each pose is found from the one before: equations of its own give the same bits at any time.
-        equations = motion.equations(task.form == "thesis", stepping=True)
-        try:
-            other = explicit(motion, equations, finer, times, None, start=start)
-        except SimulationError:  # shorter steps than round-off allows
-            return None, None
-        of = Errors(motion, equations, times, 1)
-        return float(np.max(of.of(solution.displacements, other.displacements, safety=1.0))), None
-
-    if wall_left() is not None:
-        errors()
-    return replace(solution, errors=errors)
 
 
 def check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:

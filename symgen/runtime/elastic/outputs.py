@@ -254,8 +254,8 @@ class Solution:
     """Displacements and their rates (times, unknowns) at the recorded times, and their cost.
 
     ``rates`` is None where the elastic motion itself adds nothing: quasi-static. ``errors`` returns the error
-    over the peak stress and that of the largest multiplier, ``spent`` is the wall time [s] taken before the
-    run was resumed, ``counts`` the steps to each time from the one before.
+    over the peak stress and that of the largest multiplier, ``counts`` are the steps to each time from the
+    one before.
     """
 
     displacements: Array
@@ -263,7 +263,6 @@ class Solution:
     steps: int
     errors: Callable[[], tuple[float | None, float | None]] = lambda: (None, None)
     floquet: tuple[complex, ...] = ()
-    spent: float = 0.0
     counts: Counts | None = None
 
     def at(self, places: Indices) -> Solution:

@@ -26,14 +26,24 @@ from symgen.runtime.beams.energies import Energies, energies, of_angles
 from symgen.runtime.beams.forces import ElasticForces, RunMotion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.beams.modal.structure import UnstableError
-from symgen.runtime.elastic.jumps import explicit, jump_times, with_error
+from symgen.runtime.elastic.checkpoint import stages_of
+from symgen.runtime.elastic.jumps import jump_times
 from symgen.runtime.elastic.large.shaking import in_linear_theory
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Once, Solution, coordinate_of, outputs, recovered, selected
 from symgen.runtime.elastic.static import held, initial
 from symgen.runtime.elastic.steady.periodic import again, periodic
-from symgen.runtime.elastic.steps import Task, adapted, first_steps, recorded_times, step_counts, stepped
+from symgen.runtime.elastic.steps import (
+    Task,
+    check_thesis,
+    explicit,
+    first_steps,
+    recorded_times,
+    step_counts,
+    stepped,
+)  # fmt: skip
+from symgen.runtime.elastic.tolerance import adapted, with_error
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.pace import (
     OutOfTime,
@@ -92,8 +102,9 @@ def run(
         times = np.concatenate([times, motion.jumps[:, 0]])
     equations = _equations(motion, task)
     if task.form == "thesis":
-        _check_thesis(motion)
+        check_thesis(motion)
     check_wall("preparing the elastic links")
+    stages = stages_of(motion, equations, keeping, repr(task), times.tobytes().hex()) if keeping else None
     pace, passes = Pace(0.0, end), list[Solution]()
     try:
         if task.method == "quasi-static":
@@ -103,9 +114,9 @@ def run(
         else:
             begun = initial(motion, equations, task)
             if task.method in BEAM_METHODS:
-                states = adapted(motion, equations, task, times, progress, keeping, pace, passes, begun)
+                states = adapted(motion, equations, task, times, progress, stages, pace, passes, begun)
             else:
-                passes.append(explicit(motion, equations, task, times, progress, keeping, begun))
+                passes.append(explicit(motion, equations, task, times, progress, stages, begun))
                 states = with_error(motion, task, times, passes[0], begun)
     except OutOfTime as stop:
         raise _out_of_time(motion, task, times[:count], stop, passes, pace) from None
@@ -115,7 +126,8 @@ def run(
             f"{task.method}, or the motion is unstable\n"
             "  Take more steps, or check the Floquet multipliers (symgen periodic, model.periodic())."
         )
-    result = _result(motion, task, times[:count], states, states.spent + pace.wall)
+    spent = stages.spent if stages else 0.0
+    result = _result(motion, task, times[:count], states, spent + pace.wall)
     result._estimate_later(partial(_mesh_error, motion, task, times, states, wall_left()))
     return result
 
@@ -188,18 +200,6 @@ def _with_motor(motion: ElasticMotion, task: Task) -> ElasticMotion:
     if task.at is not None:
         return motion.about(motion.machine.revolutions(math.ceil(task.revolutions)))
     return motion.about(motion.machine.path(motion.period * task.revolutions))
-
-
-def _check_thesis(motion: ElasticMotion) -> None:
-    """Refuse the thesis' form for free motions that rotate with rigid links: it is not unique without R'."""
-    status, *_, basis = motion.equations().matrices(0.0)
-    motion.check(motion.equations(), status, 0.0)
-    if basis is not None and np.any(basis[1]):
-        raise ModelError(
-            f"{motion.rigid.name}: where links keep their length, the thesis' form depends on the "
-            "coordinates\n"
-            "  Let them stretch: axial = true under elastic, on every link that moves and is not the crank."
-        )
 
 
 def _result(

@@ -140,13 +140,15 @@ def drive(
     chosen: Options,
     progress: Progress | None,
     checkpoints: Checkpoints | None = None,
+    pace: Pace | None = None,
 ) -> tuple[int, float]:
     """Step to the end in chunks of time; return the last status and the wall time [s].
 
-    The status is MORE if ``max_steps`` were too few, or are too few at the pace of the last steps, and
-    OUT_OF_TIME if ``max_wall`` is spent. A resumed run continues from its checkpoint.
+    ``pace`` is that of runs one after the other. The status is MORE if ``max_steps`` were too few, or are too
+    few at the pace of the last steps, and OUT_OF_TIME if ``max_wall`` is spent. A resumed run continues from
+    its checkpoint.
     """
-    pace = Pace(stepper.t, chosen.t_end)
+    pace = pace or Pace(stepper.t, chosen.t_end)
     spent = checkpoints.spent if checkpoints else 0.0
     status = _core.MORE if stepper.steps or stepper.recorded else stepper.begin()
     judged = stepper.steps, stepper.t

@@ -27,7 +27,7 @@ from symgen.runtime.elastic.steady.floquet import (
     without,
 )
 from symgen.runtime.elastic.steps import Task, first_steps, step_counts, stepped
-from symgen.runtime.integrate.pace import OutOfTime, Pace, Progress, is_spent, wall_left
+from symgen.runtime.integrate.pace import Pace, Progress, is_spent, wall_left
 from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond_linear_theory
 from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.speed_response import SpeedResponse
@@ -256,14 +256,15 @@ def _shot(
     shapes, sizes = (held.shapes, held.frequencies) if held else (np.eye(free), np.ones(free))
     s = np.hstack([np.zeros((n, 1)), columns[0] @ shapes / sizes, np.zeros((n, free))])
     v = np.hstack([np.zeros((n, 1)), columns[1] @ shapes / sizes, columns[0] @ shapes])
-    steps = _beams.BeamSteps(equations, RADAU, 2 * free + 1)
-    motion.check(equations, steps.start(0.0, s, v), 0.0)
-    _turn(motion, equations, steps, step_counts(motion, _ends(motion), per_turn), pace)
-    ends_s, ends_v = steps.displacements, steps.rates
+    ends = np.append(motion.jumps[motion.jumps[:, 0] > 0.0, 0], motion.period)
+    counts = step_counts(motion, ends, per_turn)
+    (end_s,), (end_v,) = stepped(
+        motion, equations, RADAU, ends, counts, (s, v), pace=pace, recorded=ends[-1:]
+    )
     # The free unknowns are those that R copies: one row of R is a unit row for each.
     rows = [int(np.flatnonzero(np.all(columns[0] == np.eye(free)[k], axis=1))[0]) for k in range(free)]
     end = np.vstack(
-        [sizes[:, None] * np.linalg.solve(shapes, ends_s[rows]), np.linalg.solve(shapes, ends_v[rows])]
+        [sizes[:, None] * np.linalg.solve(shapes, end_s[rows]), np.linalg.solve(shapes, end_v[rows])]
     )
     if not np.all(np.isfinite(end)):
         raise SimulationError(f"{motion.rigid.name}: the motion grows without bound within one revolution")
@@ -290,33 +291,8 @@ def _shot(
             "  Change the speed, or give the links damping: elastic.damping."
         )
     y = np.asarray(np.linalg.solve(np.eye(2 * free) - transition, forced), dtype=float)
-    shot = _Shot(state(y), by_size(multipliers), per_turn, steps.steps, error)
+    shot = _Shot(state(y), by_size(multipliers), per_turn, int(np.sum(counts)), error)
     return shot if open_phase is None else replace(shot, phase=state(right), unit=unit, lag=lag)
-
-
-def _ends(motion: ElasticMotion) -> Array:
-    """Return the times [s] of jumps of the loads in a revolution, and of its end."""
-    return np.append(motion.jumps[motion.jumps[:, 0] > 0.0, 0], motion.period)
-
-
-def _turn(
-    motion: ElasticMotion, equations: _beams.BeamEquations, steps: _beams.BeamSteps, turns: Counts, pace: Pace
-) -> None:
-    """Step all states together over one revolution, from jump to jump of the loads."""
-    begin = 0.0
-    pace.restart(0.0)
-    for end, count in zip(_ends(motion).tolist(), turns.tolist(), strict=True):
-        steps_done = 0
-        while steps_done < count:
-            to = min(steps_done + pace.chunk(), count)
-            motion.check(equations, steps.advance(begin, end, count, steps_done, to), end)
-            steps_done = to
-            at = begin + (end - begin) * steps_done / count
-            if pace.spent(at, f", with {int(np.sum(turns))} steps per revolution"):
-                none: Counts = np.zeros(0, dtype=np.intp)
-                empty = np.zeros((0, motion.layout.unknowns))
-                raise OutOfTime(at, Solution(empty, empty, steps.steps), none)
-        begin = end
 
 
 def speed_response(
