@@ -520,6 +520,7 @@ cdef class BeamBatch(Integrable):
         self.single, self.of = equations, equations.of
         self.make(&wanted, &none)
         self.core.of, self.core.owner = equations.core.of, equations.core.owner
+        self.core.account = equations.core.account
         self.bound(np.zeros(1))
 
     def save(self):

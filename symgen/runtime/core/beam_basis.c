@@ -10,7 +10,7 @@ int beams_choose(struct beams *b) {
     memcpy(b->pivoted, b->bound, (size_t)(m * joints) * sizeof(real));
     const int chosen = choose_columns(m, joints, b->pivoted, b->dependent, b->independent, &least);
     account->weakest = least.row;
-    account->soundness = least.part;
+    account->soundness = chosen ? 1.0 : least.part; /* a run has nothing to follow where constraints are eliminated */
     return chosen ? DONE : SINGULAR;
 }
 

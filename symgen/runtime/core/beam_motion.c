@@ -16,12 +16,27 @@ int beams_factor_mass(struct beams *b) {
 
 void beams_take(const struct beams *b, const real *all, long columns, real *free) {
     const size_t row = (size_t)columns * sizeof(real);
-    for (ptrdiff_t i = 0; i < b->free; i++)
+    memcpy(free, all, (size_t)b->inner * row);
+    for (ptrdiff_t i = b->inner; i < b->free; i++)
         memcpy(free + i * columns, all + independent_unknown(b, i) * columns, row);
 }
 
 static struct beams *of(struct equations *e) {
     return e->owner;
+}
+
+/* Write load less damping and stiffness forces of all states, a column of `free` numbers each; inlined where the compiler
+   knows their number. */
+static inline void forces_of_states(const struct beams *b, const long columns, const real *p, const real *v, real *rhs) {
+    const ptrdiff_t free = b->free;
+    memset(rhs, 0, (size_t)(free * columns) * sizeof(real));
+    memcpy(rhs, b->load, (size_t)free * sizeof(real));
+    for (ptrdiff_t k = 0; k < b->entries; k++)
+        for (long c = 0; c < columns; c++) {
+            const ptrdiff_t at = b->columns[k] * columns + c;
+            rhs[c * free + b->rows[k]] -= b->damping[k] * v[at] + b->stiffness[k] * p[at];
+        }
+    subtract_forces_of_modes(b, columns, p, v, free, rhs);
 }
 
 /* Write S'' to e->out; its first entry is infinite if the rigid motion fails or the mass matrix is singular. */
@@ -36,14 +51,10 @@ static void accelerate_beams(struct equations *e, real t, const real *y) {
     }
     beams_take(b, y, columns, p);
     beams_take(b, y + e->n, columns, v);
-    memset(rhs, 0, (size_t)(free * columns) * sizeof(real));
-    memcpy(rhs, b->load, (size_t)free * sizeof(real));
-    for (ptrdiff_t k = 0; k < b->entries; k++)
-        for (long c = 0; c < columns; c++) {
-            const ptrdiff_t at = b->columns[k] * columns + c;
-            rhs[c * free + b->rows[k]] -= b->damping[k] * v[at] + b->stiffness[k] * p[at];
-        }
-    subtract_forces_of_modes(b, columns, p, v, free, rhs);
+    if (columns == 1)
+        forces_of_states(b, 1, p, v, rhs);
+    else
+        forces_of_states(b, columns, p, v, rhs);
     solve_bordered(&b->system, columns, rhs);
     for (ptrdiff_t r = 0; r < free; r++)
         for (long c = 0; c < columns; c++)

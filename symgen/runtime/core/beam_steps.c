@@ -329,13 +329,13 @@ static int step(struct run *run, real t, real h, real t_new) {
 
 /* Select the independent unknowns of the next step. */
 static int finish(struct run *run, real h, real t_new) {
-    const struct beam_steps x = steps_of(run);
-    const long n = run->e->n;
+    struct beams *b = run->e->owner;
+    const long n = run->e->n, stages = run->scheme.counts[0];
     (void)t_new;
-    memcpy(x.f_new, run->y_new + n, (size_t)n * sizeof(real));
-    for (long i = 0; x.collocated && i < n; i++)
-        x.f_new[n + i] = (run->y_new[n + i] - run->y[n + i]) / h;
-    return x.b->layout.counts.constraints ? beams_choose(x.b) : DONE;
+    memcpy(run->f_new, run->y_new + n, (size_t)n * sizeof(real));
+    for (long i = 0; stages && i < n; i++)
+        run->f_new[n + i] = (run->y_new[n + i] - run->y[n + i]) / h;
+    return b->layout.counts.constraints ? beams_choose(b) : DONE;
 }
 
 static void prepare(struct run *run, real h) {
