@@ -25,7 +25,7 @@
 #endif
 
 /* The binding refuses a compiled core with another version. */
-#define CORE_VERSION 21L
+#define CORE_VERSION 22L
 
 /* A run in doubles. */
 struct report {
