@@ -339,6 +339,32 @@ def test_a_bushing_beside_an_elastic_link_is_the_same_as_two_springs(verb):
         assert bushing == pytest.approx(spring, rel=1e-9, abs=1e-9 * np.max(np.abs(spring)))
 
 
+def test_derivatives_of_an_elastic_linkage_with_a_bushing_are_those_with_two_springs():
+    """The stiffness of the spring is that of the bushing along both axes."""
+    tunable = {
+        name: {"value": x, "tunable": True}
+        for name, x in {"k": "4e4 N/m", "across": "4e4 N/m", "kr": "60 N*m"}.items()
+    }
+    of_springs = {
+        "springs": [SAME["springs"][0] | {"stiffness": "k"}],
+        "torsion_springs": [SAME["torsion_springs"][0] | {"stiffness": "kr"}],
+    }
+    bushing = BUSHED[0] | {"stiffness": ["k", "across"], "angular_stiffness": "kr"}
+    spring, bushed = (
+        symgen.build(elastic_four_bar(parameters=tunable, **loads))
+        for loads in (of_springs, {"bushings": [bushing]})
+    )
+    outputs = ["C.displacement", "coupler.C.curvature"]
+    for find in (
+        lambda model, by: model.sensitivity(["frequencies"], by, at=0.05).derivatives,
+        lambda model, by: model.simulate(samples=5).gradient(outputs, by).derivatives,
+        lambda model, by: model.periodic(samples=5).gradient(outputs, by).derivatives,
+    ):
+        expected, found = find(spring, ["k", "kr"]), find(bushed, ["k", "across", "kr"])
+        both = np.stack([found[..., 0] + found[..., 1], found[..., 2]], axis=-1)
+        assert both == pytest.approx(expected, rel=1e-9, abs=1e-10 * np.max(np.abs(expected[..., 0])))
+
+
 def test_a_bushing_on_the_section_of_an_elastic_link():
     """It is a spring of length zero and a torsion spring on the section."""
     tables = {
@@ -370,15 +396,21 @@ def test_a_bushing_at_the_tip_of_an_elastic_link_in_space():
         },
         "welds": [{"point": "A", "links": ["beam"]}],
         "analysis": {"t_end": "0.01 s", "outputs": ["B.position"]},
+        "parameters": {"k": {"value": "3e3 N/m", "tunable": True}},
     }
     loads = (
-        {"springs": [{"between": ["G", "B"], "stiffness": "3e3 N/m", "length": 0}]},
-        {"bushings": [{"between": ["G", "B"], "link": "beam", "stiffness": ["3e3 N/m"] * 3}]},
+        {"springs": [{"between": ["G", "B"], "stiffness": "k", "length": 0}]},
+        {"bushings": [{"between": ["G", "B"], "link": "beam", "stiffness": ["k"] * 3}]},
     )
-    spring, bushed = (
-        np.asarray(symgen.build(symgen.Scene(**tables, **x)).simulate(samples=3)["B.position"]) for x in loads
-    )
+    models = [symgen.build(symgen.Scene(**tables, **x)) for x in loads]
+    runs = [model.simulate(samples=3) for model in models]
+    spring, bushed = (np.asarray(run["B.position"]) for run in runs)
     assert bushed == pytest.approx(spring, rel=1e-12, abs=1e-12)
+    held = {"coordinates": ["B.position.y", "B.position.z"]}
+    spring, bushed = (run.gradient(["B.position"], ["k"], **held).derivatives for run in runs)
+    assert bushed == pytest.approx(spring, rel=1e-9, abs=1e-9 * np.max(np.abs(spring)))
+    spring, bushed = (model.sensitivity(["frequencies"], ["k"], **held).derivatives for model in models)
+    assert bushed == pytest.approx(spring, rel=1e-9, abs=1e-9 * np.max(np.abs(spring)))
 
 
 @pytest.mark.parametrize(

@@ -330,7 +330,7 @@ def test_momentum_rows_give_the_accelerations_of_the_equations_of_motion(tables)
         assert of_rows == pytest.approx(expected.points[point], rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("verb", ["simulate", "large_rotation", "modes"])
+@pytest.mark.parametrize("verb", ["simulate", "large_rotation", "modes", "gradient"])
 def test_a_wheel_geared_to_the_rocker_of_an_elastic_linkage_is_inertia_of_the_rocker(verb):
     """I (n_rocker/n_wheel)^2; its weight is borne by the ground."""
     points = {
@@ -343,17 +343,25 @@ def test_a_wheel_geared_to_the_rocker_of_an_elastic_linkage_is_inertia_of_the_ro
         "coupler": {"points": ["B", "C"], **steel, "elastic": {"E": "200 GPa", "elements": 3}},
     }
     tables = {
+        "parameters": {"rest": "0.004 kg*m^2", "more": {"value": "0.0009 kg*m^2", "tunable": True}},
         "crank": {"link": "crank", "speed": "200 rpm"},
         "analysis": {"outputs": ["C.position", "coupler.C.force", "crank.torque"]},
     }
-    geared = {"rocker": wheel(["D", "C"], 0.2, 0.004), "wheel": wheel(["E", "F"], 1, 0.0009)}
-    alone = {"rocker": wheel(["D", "C"], 0.2, 0.004 + 0.0009 * 1.5**2)}
+    geared = {"rocker": wheel(["D", "C"], 0.2, 0.004), "wheel": wheel(["E", "F"], 1, 0) | {"inertia": "more"}}
+    alone = {"rocker": wheel(["D", "C"], 0.2, 0) | {"inertia": "rest + more*1.5**2"}}
     gears = [{"links": ["rocker", "wheel"], "teeth": [45, 30]}]
     without = {k: v for k, v in points.items() if k not in "EF"}
     models = [
         symgen.build(symgen.Scene(points=points, links=links | geared, gears=gears, **tables)),
         symgen.build(symgen.Scene(points=without, links=links | alone, **tables)),
     ]
+    if verb == "gradient":  # of runs, and of frequencies in a pose
+        outputs = ["C.displacement", "coupler.C.curvature"]
+        found, expected = (m.simulate(samples=5).gradient(outputs, ["more"]).derivatives for m in models)
+        assert found == pytest.approx(expected, rel=1e-8, abs=1e-9 * np.max(np.abs(expected)))
+        found, expected = (m.sensitivity(["frequencies"], ["more"], at=0.0).derivatives for m in models)
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.max(np.abs(expected)))
+        return
     if verb == "modes":
         found, expected = (model.modes(0.0).frequencies for model in models)
         assert found == pytest.approx(expected, rel=1e-9)
