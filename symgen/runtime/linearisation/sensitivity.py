@@ -37,7 +37,8 @@ def at_pose(
     Raises
     ------
     ModelError
-        As :meth:`Tangents.independent`; for a parameter that breaks redundant constraints.
+        As :meth:`Tangents.directions`; for a state that violates the constraints; for a parameter that
+        breaks redundant constraints.
     SimulationError
         When a derivative is not finite.
     """
@@ -77,23 +78,27 @@ def _moved(
     slopes, direct = tangents.slopes, tangents.direct
     unit = tangents.free @ np.linalg.inv(tangents.directions(coordinates))
     places, rates = slopes.rows(coordinates), slopes.rows([f"{name}'" for name in coordinates])
+
+    def varied(mark: str) -> Array:
+        """Return the changes of coordinates, or of their rates, along the directions."""
+        each = [[float(x == name + mark) for x in by] for name in coordinates]
+        return np.reshape(each, (len(coordinates), len(by)))
+
     # Directions of short links follow from small differences of displacements of long ones.
-    dq = _closing(tangents, by).astype(np.longdouble)
+    dq = np.zeros((tangents.n, len(by)), np.longdouble)
+    if set(by).intersection(tangents.parameters):
+        dq += _closing(tangents, by)
     du = np.zeros_like(dq)
     for again in range(_REFINED):
         if again:
             opened = slopes.constraints[:, tangents.by_q] @ dq + direct(slopes.constraints, by)
             dq = dq - tangents.bound @ (opened / tangents.scale[:, None])
-        dq = dq - unit @ (places[:, tangents.by_q] @ dq + direct(places, by))
+        dq = dq - unit @ (places[:, tangents.by_q] @ dq + direct(places, by) - varied(""))
     for _ in range(_REFINED):
         moved = slopes.rates[:, tangents.by_q] @ dq + direct(slopes.rates, by) + tangents.jacobian @ du
         du = du - tangents.bound @ (moved / tangents.scale[:, None])
         left = rates[:, tangents.by_q] @ dq + rates[:, tangents.by_u] @ du
-        du = du - unit @ (left + direct(rates, by))
-    initial = [*coordinates, *(f"{name}'" for name in coordinates)]
-    if varied := {k: initial.index(x) for k, x in enumerate(by) if x not in tangents.parameters}:
-        by_z, columns = tangents.independent(coordinates), [*varied.values()]
-        dq[:, [*varied]], du[:, [*varied]] = (x[:, columns] for x in by_z)
+        du = du - unit @ (left + direct(rates, by) - varied("'"))
     return dq, du
 
 

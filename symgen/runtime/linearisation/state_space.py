@@ -17,6 +17,7 @@ from symgen.errors import ModelError, check_known
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.linearisation.record import Linearisation
+from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.tangents import Tangents
 
 #: Sets of angles that are tried as independent coordinates.
@@ -44,8 +45,8 @@ def state_space(
     Raises
     ------
     ModelError
-        As :meth:`Tangents.independent`; for forces that redundant constraints leave open; for Cartesian
-        coordinates of redundant constraints.
+        As :meth:`Tangents.directions`; for a state that violates the constraints; for forces that
+        redundant constraints leave open; for Cartesian coordinates of redundant constraints.
     """
     slopes, d, n = tangents.slopes, tangents.description, tangents.n
     if tangents.redundant and not independent:
@@ -53,7 +54,11 @@ def state_space(
             f"the constraints of {d.name} are redundant, so that they contradict each other where Cartesian "
             "coordinates deviate one by one\n  Give independent coordinates."
         )
-    dq, du = tangents.independent(coordinates) if independent else (np.eye(n, 2 * n), np.eye(n, 2 * n, n))
+    dq, du = np.eye(n, 2 * n), np.eye(n, 2 * n, n)
+    if independent:
+        tangents.check_closed()
+        by = [*coordinates, *(f"{name}'" for name in coordinates)]
+        dq, du = moved_pose(tangents, by, coordinates)
     moved = slopes.residual[:, tangents.by_q] @ dq + slopes.residual[:, tangents.by_u] @ du
     dw, driven = tangents.solved(moved), tangents.solved(tangents.direct(slopes.residual, [*inputs]))
     k = len(coordinates)

@@ -195,23 +195,6 @@ class Tangents:
             )
         return on_free
 
-    def independent(self, coordinates: Sequence[str]) -> tuple[Array, Array]:
-        """Return dq and du by (z, z'), each (n, 2 coordinates); errors as of :meth:`directions`.
-
-        Raises
-        ------
-        ModelError
-            When the state violates the constraints.
-        """
-        self.check_closed()
-        inverse = np.linalg.inv(self.directions(coordinates))
-        unit = self.free @ inverse
-        places, rates = self.slopes.rows(coordinates), self.slopes.rows([f"{x}'" for x in coordinates])
-        forced = self.bound @ (-self.slopes.rates[:, self.by_q] @ unit / self.scale[:, None])
-        left = -rates[:, self.by_q] @ unit - places[:, self.by_q] @ forced
-        turned = forced + unit @ left
-        return np.hstack([unit, np.zeros_like(unit)]), np.hstack([turned, unit])
-
     def mass_matrix(self, coordinates: Sequence[str]) -> Array:
         """Return the mass matrix of independent coordinates; errors as of :meth:`directions`."""
         unit = self.free @ np.linalg.inv(self.directions(coordinates))
