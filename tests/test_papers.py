@@ -21,6 +21,7 @@ from shared.thesis_assembly import BOUNDARY, HELD, assembled
 from symgen.cli.common import changes
 from symgen.errors import ModelError
 from symgen.mechanics import sources
+from symgen.pipeline.citations import elsewhere
 from symgen.pipeline.subject import Subject
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -203,6 +204,20 @@ def test_every_equation_of_the_thesis_is_found_by_its_number(name):
                 except ModelError:
                     lost.append((row.place, number))
     assert not lost
+
+
+def test_errors_name_commands_other_than_show():
+    """Where a row has a command but none of `symgen show`, the error for its numbers names a command."""
+    checked = 0
+    for row in rows():
+        if row.commands and not any(c.startswith("symgen show") for c in row.commands):
+            for first, last in equations(row.place):
+                chapter = f"{first[0]}." if first[0] else ""
+                for number in spelled(first, last):
+                    asked = f"{row.paper}({chapter}{number[1:]}"
+                    assert "symgen " in elsewhere(asked.replace("(", " (")), asked
+                    checked += 1
+    assert checked > 50
 
 
 def spelled(first: Equation, last: Equation) -> list[str]:

@@ -131,6 +131,7 @@ def show(
     if model is None:
         _list_models()
         return
+    _check_model(model, matrix)
     from symgen.report.mathematics.equations import check_form
 
     check_form(form)
@@ -171,6 +172,15 @@ def show(
                     values = of_symbols(with_ or (), part.system.symbols())
                     chosen = part.valued(values, constants=numeric)
                 print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
+
+
+def _check_model(model: str, matrix: str | None) -> None:
+    """Raise ModelError for the number of an equation in the place of a model, with commands that show it."""
+    from symgen.pipeline.citations import PAPERS, as_equation, elsewhere
+
+    number = f"{model} {matrix}" if model in PAPERS and matrix else "" if matrix else model
+    if (equation := as_equation(number)) and not Path(model).exists():
+        raise ModelError(f"{equation} is an equation: name a model that has it\n  {elsewhere(equation)}")
 
 
 def _list_models() -> None:

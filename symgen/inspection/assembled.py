@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 from symgen.errors import ModelError
 from symgen.inspection.values import crank_or_time
 from symgen.mechanics.sources import ASSEMBLY
+from symgen.models.assembled.condensed import REDUCED
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.pipeline.build import build_scene
 from symgen.report.mathematics.numbers import table_of_numbers
@@ -73,6 +74,6 @@ def assembled_names(subject: Subject) -> list[tuple[str, ...]]:
     sources = dict(ASSEMBLY)
     return [
         (name, *about, sources.get(name, NO_SOURCE))
-        for name, about in (ASSEMBLED | CONDENSED | LARGE).items()
-        if bound or not ("condensation" in name or name in CONDENSED)
+        for name, about in (ASSEMBLED | REDUCED | CONDENSED | LARGE).items()
+        if bound or not ("condensation" in name or name in REDUCED | CONDENSED)
     ]

@@ -224,13 +224,12 @@ PRINTED_ELEMENT: Sources = (
     ("constant_load_turn", "thesis (B.7), (B.19), times m: integral of x [D]^T (X)"),
     (
         "shape",
-        "thesis (5.3), (5.7), (5.16)-(5.18), (5.23), (B.8), corrected; "
-        "u (5.20), (5.22), (6.16), (6.19); "
-        "u (5.2), (5.5), (5.6), (5.8), (5.12), (C.1)-(C.12): steps to row u; "
-        "u:u1 (6.17); u:u2 (6.18), (C.13); "
-        "w (5.19), (5.21), (6.22), (D.1); w (5.1), (5.4), (5.9), (5.13), (C.14), (C.15): steps to row w; "
-        "w:w1 (6.23), (C.16); w:theta1 (6.24), (C.17); w:kappa1 (6.25), (C.18); w:w2 (6.26), (C.19); "
-        "w:theta2 (6.27), (C.20); w:kappa2 (6.28), (C.21); slope (D.2); "
+        "thesis (5.3), (5.7), (5.16)-(5.18), (B.8); (5.23), corrected; "
+        "u (5.20), (6.16), (6.19); u (5.2), (5.5), (5.6), (5.8), (5.12): steps to row u; "
+        "u:u1 (6.17), corrected, (C.8); u:u2 (6.18), (C.13); "
+        "w (5.19), (6.22), (D.1); w (5.1), (5.4), (5.9), (5.13): steps to row w; "
+        "w:w1 (6.23), (C.16); w:theta1 (6.24), (C.17); w:kappa1 (6.25), corrected, (C.18); "
+        "w:w2 (6.26), (C.19); w:theta2 (6.27), (C.20); w:kappa2 (6.28), corrected, (C.21); slope (D.2); "
         "slope (5.10), (5.14): steps to row w; curvature (D.3), (D.4); "
         "curvature (5.11), (5.15): steps to row w",
     ),
@@ -242,10 +241,20 @@ PRINTED_ELEMENT: Sources = (
     ("thesis_mass", "thesis (E.8)-(E.12), (F.2)"),
     ("thesis_damping", "thesis (F.4), times -2 omega"),
     ("thesis_stiffness", "thesis (E.13)-(E.17), (F.6), corrected"),
-    ("thesis_load", "thesis (E.18)-(E.20), (F.8)"),
+    ("thesis_load", "thesis (E.18)-(E.20), (F.8), tapered"),
+    ("global_mass", "as thesis_mass: a T that turns makes no difference"),
+    ("global_load", "as thesis_load: a T that turns makes no difference"),
     ("global_*", "not in the source: the exact equation in fixed axes, where T turns"),
 )
-#: Of the assembled equations of elastic links.
+#: Of the assembled equations of elastic links: those of independent unknowns, and all.
+CONDENSATION: Sources = (
+    ("condensation", "thesis (E.21), (E.43)-(E.47)"),
+    ("free_vibration", "thesis (E.22)-(E.25)"),
+    ("reduced_stiffness", "thesis (E.26)"),
+    ("reduced_mass", "thesis (E.27)"),
+    ("reduced_gyroscopic", "thesis (E.28), times -2 omega, with rates of T"),
+    ("reduced_load", "thesis (E.29)"),
+)
 ASSEMBLY: Sources = (
     ("elastic_mass", "thesis (F.2), (8.1)"),
     ("elastic_gyroscopic", "thesis (F.4), (8.1), with rates of T"),
@@ -254,7 +263,7 @@ ASSEMBLY: Sources = (
     ("elastic_load", "thesis (F.8), (8.1)"),
     ("assembly", "thesis (8.1)"),
     ("boundary", "thesis Fig. 22, (8.2)"),
-    ("condensation", "thesis (E.21)-(E.25), (E.43)-(E.47); (E.26)-(E.29) are numbers: condensed_mass, ..."),
+    *CONDENSATION,
     ("strain_recovery", "thesis (8.3)-(8.7)"),
     ("stress_recovery", "thesis (8.3)-(8.8)"),
     ("*.mass", "thesis (7.24), (F.1)"),
@@ -281,7 +290,7 @@ def named_joints(rows: Iterable[str]) -> Sources:
 
 
 NAMED_CONDENSATION = (
-    f"{dict(ASSEMBLY)['condensation']}; A.x (E.43), (E.46); A.y (E.43)-(E.46); B.x (E.44), (E.46); "
+    f"{dict(CONDENSATION)['condensation']}; A.x (E.43), (E.46); A.y (E.43)-(E.46); B.x (E.44), (E.46); "
     "B.y (E.45), (E.46)"
 )
 RIGID_ELEMENT: Sources = (
@@ -330,10 +339,12 @@ FOUR_BAR: Sources = (
 LIMITS: Sources = (
     (
         "residual",
-        "thesis (3.3)-(3.17), corrected; extended_along (3.7), (3.9), (3.16); extended_across (3.6), (3.15); "
-        "extended_angles (3.5), (3.12); folded_along (3.7); folded_across (3.14), (3.15), (3.17); "
+        "thesis (3.3)-(3.17); extended_along (3.7), (3.9), (3.16); extended_across (3.6); "
+        "extended_angles (3.5), corrected: -180 deg; extended_angles (3.12); folded_along (3.7); "
+        "folded_across (3.14), (3.17); "
         "folded_angles (3.13); swing (3.4), (3.11); least (3.8)",
     ),
+    ("coupler_length", "thesis (3.15)"),
 )
 #: Of systems that have no counterpart in the sources.
 NONE: Sources = (("", ""),)

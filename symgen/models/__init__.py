@@ -142,7 +142,10 @@ _COMMITTED = {
 SHIPPED_BLOCKS = {name: folder for folder, names in _COMMITTED.items() for name in names}
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.
-DERIVATIONS: dict[str, Callable[[], System]] = {f"element_{x}": partial(derivation, x) for x in ELEMENTS}
+DERIVATIONS: dict[str, Callable[[], System]] = {
+    **{f"element_{x}": partial(derivation, x) for x in ELEMENTS},
+    "synthesis_limits": partial(_call_entry, "models.synthesis:synthesis_limits_derived"),
+}
 
 #: Recursions over rods, shipped as loops with the number of rods as an argument, by name.
 RECURSIONS: dict[str, Callable[[], Recursion]] = {

@@ -270,12 +270,15 @@ def _equilibrium(loop: Loop) -> Step:
     )
 
 
-def elastic_record() -> tuple[Step, ...]:
-    """Return Hamilton's principle for an elastic link; each matrix names its source equation."""
+def elastic_record(of_element: System | None = None) -> tuple[Step, ...]:
+    """Return Hamilton's principle for an elastic link; each matrix names its source equation.
+
+    The last step has the further matrices of an element, if its system is given.
+    """
     from symgen.models.elastic.derivation import elastic_derivation_system
 
-    system = elastic_derivation_system()
-    return tuple(
+    system = of_element or elastic_derivation_system()
+    steps = tuple(
         Step(title, about, source, system, names)
         for title, about, source, names in (
             (
@@ -298,6 +301,8 @@ def elastic_record() -> tuple[Step, ...]:
                     "axial_force",
                     "geometric_energy",
                     "gravity_work",
+                    "applied_work",
+                    "follower_force",
                 ),
             ),
             (
@@ -316,3 +321,10 @@ def elastic_record() -> tuple[Step, ...]:
             ),
         )
     )
+    known = {name for step in steps for name in step.names}
+    further = tuple(m.name for m in system.matrices if m.name not in known)
+    if not further:
+        return steps
+    about = "The fields by the unknowns of an element, and integrals of their products along it."
+    source = "thesis, Chapter VI, Appendices A to E"
+    return (*steps, Step("Elastic link: fields of an element", about, source, system, further))

@@ -23,16 +23,37 @@ LIMITS_ROWS = (
     "time_ratio",
 )
 
+_CHAPTER = "The thesis on kineto-elastodynamics, Chapter III"
+
 
 def synthesis_limits_system() -> System:
     """Return the conditions on limit positions and transmission angles of a crank-rocker."""
     quantities = tuple(quantity(*row) for row in limits.QUANTITIES)
     residual = limits.conditions({x.name: x.symbol for x in quantities})
     units = "m, m, rad, m, m, rad, rad, m^2, m^2, rad"
-    reference = "The thesis on kineto-elastodynamics, Chapter III"
     title = "Limit positions of a crank-rocker"
     return _conditions(
-        "synthesis_limits", title, quantities, residual, units, rows=LIMITS_ROWS, reference=reference
+        "synthesis_limits", title, quantities, residual, units, rows=LIMITS_ROWS, reference=_CHAPTER
+    )
+
+
+def synthesis_limits_derived() -> System:
+    """Return what follows from several conditions on a crank-rocker, for inspection."""
+    quantities = tuple(quantity(*row) for row in limits.QUANTITIES)
+    x = {q.name: q.symbol for q in quantities}
+    names = [row.partition(" ")[0] for row in LIMITS_ROWS]
+    rows = dict(zip(names, limits.conditions(x), strict=True))
+    quotients = (rows[f"{pose}_across"] / sp.sin(x[f"crank_{pose}"]) for pose in ("extended", "folded"))
+    length = sp.ImmutableMatrix([sp.expand(sp.Add(*quotients) / 2)])
+    about = "half the sum of the rows extended_across and folded_across of residual, each over its sine"
+    return System(
+        "synthesis_limits_derived",
+        "The coupler of a crank-rocker by both limit positions",
+        (Group("q", "prescribed and unknown quantities", quantities),),
+        (NamedMatrix("coupler_length", length, "m", about, ("G5",)),),
+        (),
+        references=(_CHAPTER,),
+        sources=LIMITS,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import sympy as sp
 
 from symgen.mechanics.rods.condensation import BASIS
+from symgen.models.assembled.condensed import REDUCED
 from symgen.models.assembled.mesh import ElasticStructure, Mesh, MeshElement
 from symgen.models.assembled.system import CONSTANTS_SHOWN, MATRICES, assembled_system
 from symgen.models.elastic.joints import joints_system
@@ -105,9 +106,10 @@ def assembled_record(linkage: Linkage, system: System) -> Iterator[Step]:
         ),
         (
             "Elastic linkage: condensation",
-            "Constraints of inextensible and rigid links and guides leave independent unknowns p: S = R p.",
-            "thesis, Eqs. (E.40)-(E.47), with rates",
-            known(*(name for name, _ in BASIS)),
+            "Constraints of inextensible and rigid links and guides leave independent unknowns p: S = R p. "
+            "Free vibrations in a pose have constant R; in motion R has rates.",
+            "thesis, Eqs. (E.21)-(E.29), (E.40)-(E.47), with rates",
+            known(*(name for name, _ in BASIS), *REDUCED),
         ),
         (
             "Elastic linkage: strain and stress",

@@ -2,7 +2,8 @@
 
 A source such as ``Rahman (62), corrected: -f1; fx (62a), (69i)-(69k); fy (62c)`` cites equations of the
 whole matrix, and behind semicolons those of rows: a name, a range ``p12-p23`` or a pattern ``guide_*``; or of
-an entry ``w:theta1``. A row called by a number, as ``A.8 E``, is that of this equation.
+an entry ``w:theta1``. A row may be ``a term of`` an equation. A row called by a number, as ``A.8 E``, is that
+of this equation. Where rows have numbers, ``corrected`` stands next to those that have an erratum.
 """
 
 from __future__ import annotations
@@ -34,12 +35,20 @@ PAPERS: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "Rahman": (("slider_crank", ()),),
     "thesis": (*((name, ()) for name in _THESIS), ("thesis_four_bar", _INEXTENSIBLE)),
 }
+#: What other commands print, which read a scene.
+COMMANDS: dict[str, tuple[tuple[str, str], ...]] = {
+    "thesis": (
+        ("symgen quasi-static thesis_four_bar --at 60", "thesis (8.9), (8.10)"),
+        ("symgen synthesise TASK, a file as in docs/papers.md", "thesis (3.1), (3.2), not as printed"),
+    )
+}
 #: The generated file of what these models cite, by paper and command: sources, with the rows that they name.
 STORED = Path(__file__).with_name("citations.json")
 
 _NUMBER = r"\(((?:[A-Z]|\d+)\.)?(\d+)([a-z]?)\)"
 _ASKED = re.compile(rf"(?:(\w+) )?{_NUMBER}")
 _WRITTEN = re.compile(r"(\w+ )?(\()?((?:[A-Za-z]|\d+)\.)?(\d+[a-z]?)(?(2)\))")
+_TERM = re.compile(r" (is a term|are terms) of$")
 _CITED = re.compile(rf"{_NUMBER}(?:-{_NUMBER})?")
 #: How precisely an equation is cited: by a range of lettered ones, of groups, by one of its letters, by a
 #: range of letters, by its own number. One with a letter is cited by its letter alone.
@@ -99,16 +108,19 @@ class _Cited:
 def _cited(number: Sequence[str], source: str, rows: Sequence[str]) -> _Cited:
     """Return how the source of a matrix with these rows cites an equation."""
     own = "".join(number)
-    if named := [row for row in rows if row.partition(" ")[0] == own]:
-        return _Cited(_ITSELF, source, named)
     whole, *others = (text.strip() for text in source.split(";"))
+    if named := [row for row in rows if row.partition(" ")[0] == own]:
+        of_rows = [x for x in others if (at := _place(x, rows)) is None or {*at[0]} & {*named}]
+        return _Cited(_ITSELF, "; ".join([whole, *of_rows]), named)
     best, found, columns = _precision(number, whole), list[str](), list[str]()
     general, cited = [whole], list[str]()
     for text in others:
         at = _place(text, rows)
         if at is None:
-            general.append(text)
-            best = max(best, _precision(number, text))
+            precision = _precision(number, text)
+            best = max(best, precision)
+            if precision or not _CITED.search(text):
+                general.append(text)
         elif (precision := _precision(number, text)) in (_RANGE, _LETTERS, _ITSELF):
             found += at[0]
             columns += at[1]
@@ -140,7 +152,7 @@ def elsewhere(equation: str) -> str:
 
 def _place(text: str, rows: Sequence[str]) -> tuple[list[str], list[str]] | None:
     """Return the rows and columns named before the first number of a citation; None where there are none."""
-    named, _, column = text.partition("(")[0].strip().partition(":")
+    named, _, column = _TERM.sub("", text.partition("(")[0].strip()).partition(":")
     names = [row.partition(" ")[0] for row in rows]
     first, _, last = named.partition("-")
     if first in names and (last or first) in names:

@@ -13,12 +13,13 @@ import sympy as sp
 
 from symgen.errors import ModelError, check_known, nearest
 from symgen.lowering.program import lower_system
-from symgen.mechanics.sources import ASSEMBLY
+from symgen.mechanics.sources import ASSEMBLY, CONDENSATION
 from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.models.record import elastic_record, of_system, record
 from symgen.pipeline.citations import (
+    COMMANDS,
     PAPERS,
     as_equation,
     citation,
@@ -179,7 +180,10 @@ class Subject:
         if self.is_scene and not self._kinematic and method_of(self.resolved).record:
             return record(self.resolved, self.system)
         whole = of_system(self.system)
-        return (*elastic_record(), whole) if self.steps else (whole,)
+        if self.steps is None:
+            return (whole,)
+        is_element = "weak_form" in self.steps
+        return (*elastic_record(self.steps), whole) if is_element else (whole, of_system(self.steps))
 
     @property
     def is_assembled(self) -> bool:
@@ -341,6 +345,7 @@ def citations_of_papers() -> str:
             cited = [c for c in every if c and paper in c[0] and c not in known]
             known.update(cited)
             papers[paper][command_of(name, options)] = [*map(list, cited)]
+        papers[paper] |= {command: [[source]] for command, source in COMMANDS.get(paper, ())}
     return json.dumps(papers, indent=1) + "\n"
 
 
@@ -348,7 +353,7 @@ def _citations(subject: Subject) -> Iterator[tuple[str, ...]]:
     yield from (citation(m) for _, system in subject.unassembled() for m in system.matrices)
     if subject.is_assembled:  # without kernels, which may be those of older equations here
         condensed = "jacobian" in subject.further["elastic_joints"]
-        yield from ((source,) for pattern, source in ASSEMBLY if condensed or pattern != "condensation")
+        yield from ((x[1],) for x in ASSEMBLY if condensed or x not in CONDENSATION)
 
 
 def _solved(system: System, point: SaddlePoint) -> System:

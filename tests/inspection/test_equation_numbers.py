@@ -7,10 +7,11 @@ import re
 
 import pytest
 import sympy as sp
-from shared.commands import call
+from shared.commands import call, runner
 from shared.equations import found
 
 import symgen
+from symgen.cli import app
 from symgen.errors import ModelError, StaleBinaryError
 from symgen.pipeline.citations import PAPERS, STORED, as_equation, citing, command_of, settings
 from symgen.pipeline.subject import Subject
@@ -141,7 +142,9 @@ ROWS = [
         "(A.2)",
         {"kinetic_terms": "A.5, A.6, A.7, A.13 E, A.14 G, A.15 N, A.16 L, A.17 B, A.18 A, A.19 M"},
     ),
-    ("element_beam8", "(A.8)", {"kinetic_terms": "A.8 E"}),
+    ("element_beam8", "(A.8)", {"kinetic_terms": "A.8 E", "kinetic_integrals": "A.8 E"}),
+    ("element_beam8", "(5.22)", {"displacements": "u_t"}),
+    ("element_beam8", "(5.20)", {"shape": "u", "displacements": "u"}),
     ("element_beam8", "(D.4)", {"shape": "curvature"}),
     ("element_beam8", "(D.7)", {"curvature_coefficients": "a2"}),
     ("element_beam8", "(D.14)", {"squared_curvature_coefficients": "D5"}),
@@ -251,7 +254,9 @@ def test_rows_of_inextensible_links_are_the_printed_equations():
         (m,) = found(four_bar, number)
         assert (m.name, *m.rows) == ("condensation", *rows.split())
     (m,) = found(four_bar, "E.27")
-    assert "condensed_mass" in m.source
+    assert m.name == "reduced_mass" and "condensed_mass" in m.description
+    (m,) = found(four_bar, "E.24")
+    assert m.name == "free_vibration" and "condensed_stiffness is" in m.description
     (m,) = found(Subject("elastic_slider_crank", {"links.rod.elastic.axial": False}), "E.40")
     assert m.source == "thesis (E.30)-(E.42)"
 
@@ -262,7 +267,7 @@ def test_the_equation_of_a_link_is_that_of_its_axes():
     matrices = found(beam, "7.28")
     assert [m.name for m in matrices] == ["constant_mass", "constant_gyroscopic", "KD", "Q"]
     assert [m.name for m in found(beam, "F.5")] == ["KD", "thesis_local_stiffness"]
-    assert found(beam, "C.8")[0].source.endswith("(C.1)-(C.12): steps to row u")
+    assert found(beam, "5.8")[0].source.endswith("(5.12): steps to row u")
     names = {str(s): s for m in found(beam, "A.3") for s in m.matrix.free_symbols}
     squares = {"A.1": "mu*(v_x + u_t - omega*w)**2/2", "A.2": "mu*(v_y + omega*x + omega*u + w_t)**2/2"}
     for number, printed in squares.items():
@@ -340,3 +345,114 @@ def test_stored_citations_are_those_of_the_matrices(model, options):
     assert all(any(source.startswith(x) for source in cited) for x in own)
     assert all(source.startswith(tuple(every)) for source in cited)
     assert any("(E.43)-(E.47)" in source for source in own) == bool(options)
+    assert any("(E.24)" in source or "(E.22)" in source for source in own) == bool(options)
+
+
+def test_a_number_in_the_place_of_a_model_names_the_commands():
+    for words, command in {
+        ("4.16",): 'thesis: symgen show thesis_four_bar "(4.16)"',
+        ("Attia", "7"): 'Attia: symgen show rod "(7)"',
+        ("8",): 'Attia: symgen show rod_spatial "(8)"\n  Rahman: symgen show slider_crank "(8)"',
+        ("8.10",): "thesis: symgen quasi-static thesis_four_bar --at 60",
+        ("four_bar", "8.10"): "thesis: symgen quasi-static thesis_four_bar --at 60",
+    }.items():
+        done = runner.invoke(app, ["show", *words])
+        assert done.exit_code != 0 and command in done.output + str(done.exception or "")
+
+
+def test_corrected_stands_where_the_equation_has_an_erratum():
+    beam = Subject("element_beam8", {})
+    marked = {
+        "5.23": True,
+        "5.20": False,
+        "6.17": True,
+        "6.18": False,
+        "6.28": True,
+        "D.19": True,
+        "D.18": False,
+    }
+    for number, is_corrected in marked.items():
+        (m, *_) = found(beam, number)
+        assert ("corrected" in m.source) == is_corrected, (number, m.source)
+    limits = Subject("synthesis_limits", {})
+    assert "corrected" in found(limits, "3.5")[0].source
+    assert not any("corrected" in m.source for n in ("3.12", "3.15", "3.17") for m in found(limits, n))
+    (m,) = found(beam, "A.1")
+    assert m.source.endswith("A.4 is a term of (A.1); A.8-A.12 are terms of (A.1)")
+
+
+def test_the_coupler_by_both_limit_positions_is_the_printed_one():
+    """G5, (3.15)."""
+    (m,) = found(Subject("synthesis_limits", {}), "3.15")
+    names = {str(s): s for s in m.matrix.free_symbols}
+    printed = (
+        "coupler - rocker/2*(sin(rocker_extended)/sin(crank_extended) + sin(rocker_folded)/sin(crank_folded))"
+    )
+    assert sp.expand(m.matrix[0] - sp.sympify(printed, locals=names)) == 0
+
+
+KINETIC = {
+    "A.4": "L*v_x**2",
+    "A.6": "L**2*v_y*omega",
+    "A.7": "L**3*omega**2/3",
+    "A.8": "2*v_x*L*(u1_t + u2_t)/2",
+    "A.9": "L*(u1_t**2 + u1_t*u2_t + u2_t**2)/3",
+    "A.15": "2*omega**2*L**2*(u1 + 2*u2)/6",
+    "A.16": "2*omega*(L**2*w1_t/7 + 4*L**3*theta1_t/105 + L**4*kappa1_t/280 + 5*L**2*w2_t/14"
+    " - 13*L**3*theta2_t/210 + L**4*kappa2_t/210)",
+}
+
+
+@pytest.mark.parametrize("number", KINETIC)
+def test_kinetic_integrals_are_those_of_the_print(number):
+    """With B, E, N and L of Appendix B."""
+    m = next(x for x in found(Subject("element_beam8", {}), number) if x.name == "kinetic_integrals")
+    names = {str(s): s for s in m.matrix.free_symbols}
+    assert sp.expand(m.matrix[0] - sp.sympify(KINETIC[number], locals=names)) == 0
+
+
+def test_kinetic_integrals_are_forms_of_the_matrices():
+    """A.9 to A.19 by S^T of the matrix times S, with rates and constants of the print."""
+    beam = Subject("element_beam8", {})
+    rows = dict(
+        zip(beam.steps["kinetic_integrals"].rows, beam.steps["kinetic_integrals"].matrix, strict=True)
+    )
+    names = ["u1", "w1", "theta1", "kappa1", "u2", "w2", "theta2", "kappa2"]
+    s, rates = (sp.Matrix([sp.Symbol(n + end, real=True) for n in names]) for end in ("", "_t"))
+    omega, a, b, m = sp.Symbol("omega", real=True), *(beam.steps[x].matrix for x in "ABM")
+    for row, form in {
+        "A.9 B": rates.T * b * rates,
+        "A.10 A": -2 * omega * rates.T * a * s,
+        "A.12 M": omega**2 * s.T * m * s,
+        "A.17 B": omega**2 * s.T * b * s,
+        "A.18 A": 2 * omega * s.T * a * rates,
+        "A.19 M": rates.T * m * rates,
+    }.items():
+        assert sp.expand(rows[row] - form[0]) == 0, row
+
+
+def test_mode_functions_meet_their_conditions():
+    """Appendix C: one for the own unknown at its end, zero for the others; with the printed functions."""
+    (m,) = found(Subject("element_beam8", {}), "C.4")
+    assert m.matrix == sp.eye(8) and m.rows[2] == "w' at 0" and m.rows[7] == "w'' at L"
+    (shape,) = Subject("element_beam8", {}).choose("shape").matrices
+    system = Subject("element_beam8", {}).system
+    entries, (x, length) = system.expanded("shape"), (sp.Symbol(n, real=True) for n in "xL")
+    w = entries.row(shape.rows.index("w"))
+    for k, end in ((0, 0), (4, length)):
+        for order in range(3):
+            assert (w.diff(x, order) if order else w).subs(x, end).applyfunc(sp.simplify) == sp.eye(8).row(
+                k + 1 + order
+            )
+
+
+def test_the_load_in_fixed_axes_is_that_of_the_print():
+    """(F.8): AC - BS, AS + BC, D, E, FC - GS, FS + GC, H, I in the entries of (F.7)."""
+    beam = Subject("element_beam8", {})
+    assert [m.name for m in found(beam, "F.8")] == ["QT", "thesis_load"]
+    q, c, s = beam.system["Q"].matrix, *(sp.Symbol(x, real=True) for x in "cs")
+    a, b, d, e, f, g, h, i = q
+    printed = sp.Matrix([a * c - b * s, a * s + b * c, d, e, f * c - g * s, f * s + g * c, h, i])
+    assert sp.expand(beam.steps.expanded("QT") - printed) == sp.zeros(8, 1)
+    assert beam.system["thesis_load"].matrix == beam.system["global_load"].matrix
+    assert beam.system["thesis_mass"].matrix == beam.system["global_mass"].matrix

@@ -94,9 +94,9 @@ def test_every_matrix_states_its_source(name):
         (
             "synthesis_limits",
             "residual",
-            "thesis (3.3)-(3.17), corrected; extended_along (3.7), (3.9), (3.16); "
-            "extended_across (3.6), (3.15); extended_angles (3.5), (3.12); folded_along (3.7); "
-            "folded_across (3.14), (3.15), (3.17); folded_angles (3.13); swing (3.4), (3.11); least (3.8)",
+            "thesis (3.3)-(3.17); extended_along (3.7), (3.9), (3.16); extended_across (3.6); "
+            "extended_angles (3.5), corrected: -180 deg; extended_angles (3.12); folded_along (3.7); "
+            "folded_across (3.14), (3.17); folded_angles (3.13); swing (3.4), (3.11); least (3.8)",
         ),
         (
             "rigid_element",

@@ -32,8 +32,8 @@ PY = quantity("p_y", "N", "the same, component across it")
 MOTION = (OMEGA, OMEGA_RATE, AX, AY, N0)
 APPLIED = (PX, PY)
 
-VX = quantity("v_x", "m/s", "velocity of the first point along the link")
-VY = quantity("v_y", "m/s", "velocity of the first point across the link")
+VX = quantity("v_x", "m/s", "velocity of the first point along the link, x1' of the thesis")
+VY = quantity("v_y", "m/s", "velocity of the first point across the link, y1' of the thesis")
 GX = quantity("g_x", "m/s^2", "gravity along the link")
 GY = quantity("g_y", "m/s^2", "gravity across the link")
 PATH = (VX, VY, GX, GY)
@@ -300,9 +300,10 @@ def _kinetic_terms(link: _Link) -> HamiltonStep:
         (*rows, *(f"rotary {k}" for k in range(1, len(terms) + 1))),
         (*printed.values(), *terms.values()),
         "J/m",
-        "terms of the kinetic energy per length, with the letter of their integral over the link",
-        "(6.13), (7.7), (A.1)-(A.19); A.4 (A.1); A.8-A.12 (A.1); A.5-A.7 (A.2); A.13-A.19 (A.2); "
-        "rotary inertia added",
+        "terms of the kinetic energy per length; letters are those of the vector or matrix in their "
+        "integral, kinetic_integrals",
+        "(6.13), (7.7), (A.1)-(A.3); A.4 is a term of (A.1); A.8-A.12 are terms of (A.1); "
+        "A.5-A.7 are terms of (A.2); A.13-A.19 are terms of (A.2); rotary inertia added",
     )
 
 

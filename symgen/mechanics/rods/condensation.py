@@ -32,9 +32,11 @@ def allowed_motions(
     jacobian, rate, second_rate = rates
     dependent = [j for _, j in pivots]
     free = [j for j in range(jacobian.cols) if j not in dependent]
-    inverse = _inverse(jacobian.extract([i for i, _ in pivots], dependent), names)
     rows = [i for i, _ in pivots]
-    jacobian, rate, second_rate = (m.extract(rows, list(range(m.cols))) for m in rates)
+    scale = sp.diag(*(_denominator(jacobian.row(i)) for i in rows))
+    jacobian, rate, second_rate = (scale * m.extract(rows, list(range(m.cols))) for m in rates)
+    jacobian, rate, second_rate = (m.applyfunc(sp.cancel) for m in (jacobian, rate, second_rate))
+    inverse = _inverse(jacobian.extract(list(range(len(rows))), dependent), names)
     basis: list[sp.MatrixBase] = []
     for order, (name, unit) in enumerate(BASIS):
         if order == 0:
@@ -51,6 +53,11 @@ def allowed_motions(
                 whole[j, k] = names.scalar(f"{name}_{j + 1}_{k + 1}", solved[i, k], unit, about)
         basis.append(whole)
     return [sp.ImmutableMatrix(m) for m in basis]
+
+
+def _denominator(row: sp.MatrixBase) -> sp.Expr:
+    """Return the common denominator of a row, such as the length of a link; any factor leaves J R = 0."""
+    return sp.lcm_list([sp.fraction(sp.together(e))[1] for e in row])
 
 
 def _inverse(matrix: sp.MatrixBase, names: Names) -> sp.MatrixBase:

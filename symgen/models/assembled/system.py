@@ -16,8 +16,8 @@ from symgen.elements.element import entry_unit
 from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE, Pairs, parts_of_equation, turn
 from symgen.mechanics.elastic.weights import Weight
-from symgen.mechanics.rods.condensation import BASIS, allowed_motions
-from symgen.mechanics.sources import ASSEMBLY, NAMED_CONDENSATION, THESIS_LINKS
+from symgen.mechanics.sources import ASSEMBLY
+from symgen.models.assembled.condensed import MOTIONS, VIBRATION, condensed
 from symgen.models.assembled.mesh import Constants, ElasticStructure, Mesh, of_elements, strains
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.names import Names
@@ -39,10 +39,7 @@ ASSEMBLED = {
     **{name: (entry_unit(unit), about) for name, (_, unit, about) in MATRICES.items()},
     "assembly": ("1", "Z: unknowns of the elements, joints on fixed axes, by those of the linkage"),
     "boundary": ("1", "numbers of the unknowns that are zero: columns of the assembly, from 1"),
-    **{
-        name: (unit, f"R{mark} of S = R p, displacements by the independent ones")
-        for (name, unit), mark in zip(BASIS, ("", "'", "''"), strict=True)
-    },
+    **MOTIONS,
     "strain_recovery": ("1/m; *m per angle, *m^2 per curvature", "strain at the stations by the unknowns"),
     "stress_recovery": ("Pa/m; *m per angle, *m^2 per curvature", "stress at the stations by the unknowns"),
 }
@@ -90,12 +87,14 @@ def assembled_system(linkage: Linkage, structure: ElasticStructure, motion: Syst
     matrices = [*sums.elements, *sums.matrices(), *_assembly(structure, sums)]
     matrices += _recovery(structure, linkage, motion, sums)
     if structure.pivots:
-        matrices += _condensation(structure, joined, sums, names)
+        by_name = {m.name: m.matrix for m in matrices}
+        columns = [_unknown(label) for label in joined["jacobian"].columns]
+        matrices += condensed(structure.pivots, joined, columns, sums.names, by_name, names)
     definitions = (*motion.definitions, *others, *names.definitions)
     return System(
         f"{linkage.name}_assembled",
         f"{linkage.title}: assembled equations of the elastic motion",
-        motion.groups,
+        (*motion.groups, VIBRATION) if structure.pivots else motion.groups,
         tuple(matrices),
         (),
         _used(definitions, matrices),
@@ -334,30 +333,6 @@ def _assembly(structure: ElasticStructure, sums: _Sums) -> list[NamedMatrix]:
         NamedMatrix("assembly", z, *ASSEMBLED["assembly"], tuple(rows), sums.every),
         NamedMatrix("boundary", zero, *ASSEMBLED["boundary"], tuple(numbers)),
     ]
-
-
-def _condensation(
-    structure: ElasticStructure, joints: Mapping[str, NamedMatrix], sums: _Sums, names: Names
-) -> list[NamedMatrix]:
-    """Return R of S = R p with its rates."""
-    columns = [_unknown(label) for label in joints["jacobian"].columns]
-    rows = joints["jacobian"].rows
-    rates = []
-    for name in ("jacobian", "jacobian_rate", "jacobian_second_rate"):
-        whole = sp.zeros(len(rows), len(sums.names))
-        for j, column in enumerate(columns):
-            if column in sums.place:
-                whole[:, sums.place[column]] = joints[name].matrix[:, j]
-        rates.append(sp.ImmutableMatrix(whole))
-    pivots = [(rows.index(row), sums.place[unknown]) for row, unknown in structure.pivots]
-    kept = tuple(name for k, name in enumerate(sums.names) if k not in {j for _, j in pivots})
-    matrices = [
-        NamedMatrix(name, matrix, *ASSEMBLED[name], sums.names, kept)
-        for (name, _), matrix in zip(BASIS, allowed_motions(rates, pivots, names), strict=True)
-    ]
-    if rows == THESIS_LINKS:
-        matrices[0] = replace(matrices[0], source=NAMED_CONDENSATION)
-    return matrices
 
 
 def _apart(known: Sequence[Definition], system: System) -> tuple[list[Definition], dict[str, NamedMatrix]]:

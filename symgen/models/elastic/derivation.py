@@ -6,13 +6,34 @@ from collections.abc import Iterator, Sequence
 
 import sympy as sp
 
-from symgen.elements.element import LENGTH, Element, entry_unit
-from symgen.mechanics.elastic.beam_matrices import shape_products, strain_energy
-from symgen.mechanics.elastic.hamilton import APPLIED, FIELDS, MOTION, PATH, SECTION, THESIS, derive
-from symgen.mechanics.elastic.turning_axes import COSINE, SINE, transformation
+from symgen.elements.element import LENGTH, PLACE, Element, derivative, entry_unit, shape_functions
+from symgen.mechanics.elastic.beam_matrices import (
+    ElementSection,
+    beam_matrices,
+    shape_products,
+    strain_energy,
+)
+from symgen.mechanics.elastic.hamilton import (
+    APPLIED,
+    FIELDS,
+    MOTION,
+    MU,
+    PATH,
+    SECTION,
+    THESIS,
+    X,
+    derive,
+)
+from symgen.mechanics.elastic.turning_axes import COSINE, SINE, local_equation, transformation
 from symgen.models.elastic.element import SHOWN
+from symgen.models.elastic.fixed_axes import LOAD, TURNED
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import NO_SOURCE, Definition, Group, NamedMatrix, System
+
+#: Of a constant section, as in the matrices of an element.
+_MASS = quantity("m0", "kg/m", "mass per length: factor of x^0")
+#: Numbers of the equations (D.5)-(D.22) that have errata.
+_ERRATA = 19, 20
 
 
 def elastic_derivation_system(element: Element | None = None) -> System:
@@ -35,13 +56,21 @@ def elastic_derivation_system(element: Element | None = None) -> System:
     of_element, groups, definitions = list[NamedMatrix](), list[Group](), list[Definition]()
     if element is not None:
         of_element += _of_element(element)
-        groups.append(Group("element", "length and direction of the link", (LENGTH, COSINE, SINE)))
+        groups.append(
+            Group("element", "length, direction and mass of the link", (LENGTH, COSINE, SINE, _MASS))
+        )
         if element.name == SHOWN:
             about = ((d, *place) for d, place in zip(element.dofs, element.places(), strict=True))
-            unknowns = [quantity(d, x.unit, f"{x.description} at node {1 + at}") for d, x, at in about]
-            groups.append(Group("unknowns", "unknowns of the element", tuple(unknowns)))
+            unknowns = [
+                quantity(d, x.unit, f"{x.description} at node {1 + at}, q{k} of the thesis")
+                for k, (d, x, at) in enumerate(about, 1)
+            ]
+            rates = [quantity(f"{q.name}_t", f"{q.unit}/s", f"rate of {q.name}") for q in unknowns]
+            groups.append(Group("unknowns", "unknowns of the element and their rates", (*unknowns, *rates)))
             energy, definitions = _energy(element, unknowns)
-            of_element += energy
+            load, entries = _load(element)
+            of_element += [*_fields(element, unknowns, rates), *energy, load]
+            definitions += entries
     return System(
         "elastic_link_derivation",
         "Elastic link by Hamilton's principle, step by step",
@@ -66,6 +95,64 @@ def _of_element(element: Element) -> Iterator[NamedMatrix]:
     about = "T of S = T s: displacements in the link's axes, s, to those in fixed axes, S"
     turned = transformation(element)
     yield NamedMatrix("transformation", turned, "1", about, names, names, source="thesis (E.1)-(E.7)")
+
+
+def _fields(
+    element: Element, unknowns: Sequence[Quantity], rates: Sequence[Quantity]
+) -> Iterator[NamedMatrix]:
+    """Yield the fields by the unknowns, the conditions on mode functions, and integrals of kinetic energy."""
+    shape, x = shape_functions(element), X.symbol
+    rows = {"u": shape.axial, "w": shape.transverse}
+    fields = {
+        name + ending: sp.Add(*(e * q.symbol for e, q in zip(row, of, strict=True)))
+        for ending, of in (("", unknowns), ("_t", rates))
+        for name, row in rows.items()
+    }
+    fields = {name: e.xreplace({PLACE.symbol: x / LENGTH.symbol}) for name, e in fields.items()}
+    about = "displacements and their rates at x: the same functions of the unknowns and of their rates"
+    yield NamedMatrix(
+        "displacements", sp.ImmutableMatrix([*fields.values()]), "m, m, m/s, m/s", about, tuple(fields),
+        source="thesis (5.19)-(5.22), (6.16), (6.19), (6.22); u (5.20), (6.16), (6.19); u_t (5.22); "
+        "w (5.19), (6.22), (D.1); w_t (5.21)",
+    )  # fmt: skip
+    ends = [
+        ("phi" if d.field == "phi" else d.field, d.order, at) for d, at in element.places()
+    ]  # the slope w' is the rotation of a section without shear
+    of = {"u": (shape.axial, "u"), "w": (shape.transverse, "w"), "phi": (shape.rotation, "w'")}
+    values = [
+        [derivative(e, order).xreplace({PLACE.symbol: at}) for e in of[field][0]] for field, order, at in ends
+    ]
+    about = "mode functions, by columns, and their derivatives at both ends: one where the row is the unknown"
+    yield NamedMatrix(
+        "mode_conditions", sp.ImmutableMatrix(values), "SI", about,
+        tuple(f"{of[field][1]}{chr(39) * order} at {'L' if at else '0'}" for field, order, at in ends),
+        element.dofs, source="thesis (C.1)-(C.7), (C.9)-(C.12), (C.14), (C.15)",
+    )  # fmt: skip
+    terms = next(step for step in derive().steps if step.name == "kinetic_terms")
+    known = {FIELDS[name].symbol: e for name, e in fields.items()}
+    integrals = {
+        row: sp.factor(sp.integrate(sp.expand((2 * e / MU.symbol).xreplace(known)), (x, 0, LENGTH.symbol)))
+        for row, e in zip(terms.rows, terms.expressions, strict=True)
+        if row.startswith("A.")
+    }
+    yield NamedMatrix(
+        "kinetic_integrals", sp.ImmutableMatrix([*integrals.values()]), "m^3/s^2",
+        "integrals of the kinetic terms over an element of constant mass per length m, times 2/m",
+        tuple(integrals), source="thesis (A.3)-(A.19), the fields inserted",
+    )  # fmt: skip
+
+
+def _load(element: Element) -> tuple[NamedMatrix, list[Definition]]:
+    """Return the load of a constant section in fixed axes, and the letters of that in link axes."""
+    load = local_equation(beam_matrices(element, ElementSection((_MASS.symbol,), (), (), (), ()))).load
+    letters = [quantity(f"Q_{k}", entry_unit("N"), f"entry {k} of Q") for k in range(1, load.rows + 1)]
+    turned = transformation(element) * sp.Matrix([q.symbol for q in letters])
+    about = f"(QT) {LOAD} {TURNED}, of a constant section"
+    matrix = sp.ImmutableMatrix(turned)
+    source = "thesis (E.18)-(E.20), (F.8)"
+    return NamedMatrix("QT", matrix, entry_unit("N"), about, element.dofs, source=source), [
+        Definition(q, e) for q, e in zip(letters, load, strict=True)
+    ]
 
 
 def _energy(element: Element, unknowns: Sequence[Quantity]) -> tuple[list[NamedMatrix], list[Definition]]:
@@ -94,7 +181,9 @@ def _energy(element: Element, unknowns: Sequence[Quantity]) -> tuple[list[NamedM
         name: str, about: str, source: str, first: int, of: Sequence[Definition], entries: Sequence[sp.Expr]
     ) -> NamedMatrix:
         rows = [d.quantity.name for d in of]
-        numbers = "; ".join(f"{row} (D.{k})" for k, row in enumerate(rows, first))
+        numbers = "; ".join(
+            f"{row} (D.{k})" + ", corrected" * (k in _ERRATA) for k, row in enumerate(rows, first)
+        )
         units = ", ".join(d.quantity.unit for d in of)
         return column(name, about, f"{source}; {numbers}", rows, entries, units)
 
@@ -106,7 +195,7 @@ def _energy(element: Element, unknowns: Sequence[Quantity]) -> tuple[list[NamedM
         coefficients("squared_curvature_coefficients", square, "(D.9)-(D.15)",
                      9, squared, steps.products),
         coefficients("squared_curvature_of_unknowns", f"{square}, in the unknowns",
-                     "(D.16)-(D.22), corrected", 16, squared, in_unknowns),
+                     "(D.16)-(D.22)", 16, squared, in_unknowns),
         column("squared_curvature", "square of the curvature at x", "(D.23), (D.24)", (), [steps.polynomial],
                "1/m^2"),
         column("potential_energy", "strain energy of an element with a constant section",

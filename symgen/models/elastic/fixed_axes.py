@@ -23,12 +23,15 @@ from symgen.symbolic.system import Group, NamedMatrix
 
 #: Arguments of the equation besides the matrices of the element.
 MOVING = Group("p", "rigid motion of the link, for the matrices in fixed axes", (COSINE, SINE, *MOTION))
+#: Meaning of the load, and of a matrix in fixed axes in which the rates of T make no difference.
+LOAD = "load of the rigid motion (a_x = x1'' - y1' theta', a_y = y1'' + x1' theta', less gravity)"
+TURNED = "in fixed axes: T times that in the link's axes, with T constant or not"
 #: Matrices of an equation with their units and descriptions.
 _EQUATION = (
     ("mass", "kg", "mass matrix"),
     ("damping", "kg/s", "factor of the rates"),
     ("stiffness", "N/m", "dynamic stiffness"),
-    ("load", "N", "load of the rigid motion"),
+    ("load", "N", LOAD),
 )
 _FORMS = {
     "local": "in the link's axes",
@@ -44,7 +47,7 @@ def fixed_axes(
     """Yield the matrices of the exact equation and of the constant-transformation form, over ``MOVING``.
 
     Entries in link axes are named and shared. The latter form has its dynamic stiffness in link axes too, and
-    both for a constant section, where the terms of ``uniform`` vanish: first, [KD], {Q} and [KT].
+    both for a constant section, where the terms of ``uniform`` vanish: first, [KD], (Q) and [KT].
     """
     local, printed = (
         _named(form, local_equation(matrices, geometric), names)
@@ -61,9 +64,7 @@ def fixed_axes(
     kd = sp.ImmutableMatrix(whole.stiffness.xreplace(dict(uniform)))
     yield stiffness("KD", kd, f"[KD] {_FORMS['thesis_local']}, {about}")
     load = sp.ImmutableMatrix(whole.load.xreplace(dict(uniform)))
-    yield NamedMatrix(
-        "Q", load, entry_unit("N"), f"{{Q}} load of the rigid motion {_FORMS['local']}, {about}", element.dofs
-    )
+    yield NamedMatrix("Q", load, entry_unit("N"), f"(Q) {LOAD} {_FORMS['local']}, {about}", element.dofs)
     in_letters = _entries("KD", kd, "N/m", f"[KD] {about}", names)
     kt = thesis_equation(element, replace(whole, stiffness=in_letters)).stiffness
     yield stiffness("KT", kt, f"[KT] {_FORMS['thesis']}, {about}")
@@ -99,7 +100,8 @@ def _turned(form: str, element: Element, equation: Equation) -> Iterator[NamedMa
     for name, unit, about in _EQUATION:
         matrix = getattr(equation, name)
         columns = element.dofs if matrix.cols > 1 else ()
+        in_axes = TURNED if name in ("mass", "load") else _FORMS[form]
         yield NamedMatrix(
             f"{form}_{name}", matrix, entry_unit(unit),
-            f"{about} {_FORMS[form]}", element.dofs, columns, name == "mass",
+            f"{about} {in_axes}", element.dofs, columns, name == "mass",
         )  # fmt: skip

@@ -1,0 +1,123 @@
+"""Assembled equations of the independent unknowns of inextensible and rigid links, in letters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import sympy as sp
+
+from symgen.elements.element import entry_unit
+from symgen.mechanics.rods.condensation import BASIS, allowed_motions
+from symgen.mechanics.sources import NAMED_CONDENSATION, THESIS_LINKS
+from symgen.symbolic.names import Names
+from symgen.symbolic.quantity import quantity
+from symgen.symbolic.system import Group, NamedMatrix
+
+#: Unit and meaning of R and its rates by name.
+MOTIONS = {
+    name: (
+        unit,
+        f"R{mark} of S = R p, displacements by the independent ones; in the thesis (D) = [T](D_r)",
+    )
+    for (name, unit), mark in zip(BASIS, ("", "'", "''"), strict=True)
+}
+_OMEGA = quantity("omega_free", "rad/s", "angular frequency of free vibrations")
+#: The argument of the matrix of free vibrations.
+VIBRATION = Group("vibration", "free vibrations", (_OMEGA,))
+#: Unit and meaning of the matrix of free vibrations, by its name.
+_FREE = (
+    entry_unit("N/m"),
+    "R^T (K - omega^2 M) R of (D_r): free vibrations in this pose, with R as constant; condensed_stiffness "
+    "is R^T (K R + C R' + M R''), with all of K and C, and R as it turns",
+)
+#: Matrices that R reduces as a constant: name, unit, letter of the thesis, letter of entries.
+_REDUCED = {
+    "reduced_stiffness": ("elastic_stiffness", "N/m", "R^T K R: [K_r] of the thesis", "K"),
+    "reduced_mass": ("elastic_mass", "kg", "R^T M R: [M_r] of the thesis, condensed_mass", "M"),
+    "reduced_gyroscopic": (
+        "elastic_gyroscopic",
+        "N*s/m",
+        "R^T C R, with C of elastic_gyroscopic: -2 omega [A_r]",
+        "C",
+    ),
+    "reduced_load": ("elastic_load", "N", "R^T Q: (Q_r) of the thesis, condensed_load", "Q"),
+}
+#: Unit and meaning of matrices of the independent unknowns that are shown in letters.
+REDUCED = {
+    "free_vibration": _FREE,
+    **{name: (entry_unit(unit), about) for name, (_, unit, about, _) in _REDUCED.items()},
+}
+
+
+def condensed(
+    pivots: Sequence[tuple[str, str]],
+    joints: Mapping[str, NamedMatrix],
+    columns: Sequence[str],
+    unknowns: Sequence[str],
+    matrices: Mapping[str, sp.ImmutableMatrix],
+    names: Names,
+) -> list[NamedMatrix]:
+    """Return R of S = R p with its rates, and the matrices of p where R is taken as constant.
+
+    Parameters
+    ----------
+    pivots
+        Constraints with the unknowns that depend by them, in the order of elimination.
+    joints
+        Matrices of all components other than links, with the jacobian of the constraints and its rates.
+    columns
+        Unknowns of the columns of the jacobian.
+    unknowns
+        All unknowns, in the order of the assembled ``matrices``.
+    names
+        Collector of the entries of R and of the matrices.
+    """
+    rows = joints["jacobian"].rows
+    place = {name: k for k, name in enumerate(unknowns)}
+    rates = []
+    for name in ("jacobian", "jacobian_rate", "jacobian_second_rate"):
+        whole = sp.zeros(len(rows), len(unknowns))
+        for j, column in enumerate(columns):
+            if column in place:
+                whole[:, place[column]] = joints[name].matrix[:, j]
+        rates.append(sp.ImmutableMatrix(whole))
+    at = [(rows.index(row), place[unknown]) for row, unknown in pivots]
+    kept = tuple(name for k, name in enumerate(unknowns) if k not in {j for _, j in at})
+    basis = allowed_motions(rates, at, names)
+    found = [
+        NamedMatrix(name, matrix, *MOTIONS[name], tuple(unknowns), kept)
+        for (name, _), matrix in zip(BASIS, basis, strict=True)
+    ]
+    if rows == THESIS_LINKS:
+        found[0] = replace(found[0], source=NAMED_CONDENSATION)
+    return [*found, *_reduced(basis[0], kept, matrices, names)]
+
+
+def _reduced(
+    basis: sp.ImmutableMatrix,
+    kept: tuple[str, ...],
+    matrices: Mapping[str, sp.ImmutableMatrix],
+    names: Names,
+) -> list[NamedMatrix]:
+    """Return R^T M R and so on, over names for the entries of M, and R^T (K - omega^2 M) R."""
+    found = []
+    for name, (of, *_, letter) in _REDUCED.items():
+        matrix, square = matrices[of], of != "elastic_load"
+
+        def entry(
+            i: int, j: int, m: sp.ImmutableMatrix = matrix, of: str = of, letter: str = letter
+        ) -> sp.Expr:
+            called = f"{letter}_{i + 1}" + f"_{j + 1}" * (m.cols > 1)
+            text = f"entry {i + 1}" + f", {j + 1}" * (m.cols > 1)
+            return names.scalar(called, m[i, j], entry_unit("SI"), f"{text} of {of}")
+
+        entries = sp.ImmutableMatrix(*matrix.shape, entry)
+        reduced = basis.T * entries * basis if square else basis.T * entries
+        reduced = sp.ImmutableMatrix(reduced.applyfunc(sp.expand))
+        found.append(
+            NamedMatrix(name, reduced, *REDUCED[name], kept, kept if square else (), name == "reduced_mass")
+        )
+    stiffness, mass = (m.matrix for m in found[:2])
+    equation = sp.ImmutableMatrix(stiffness - _OMEGA.symbol**2 * mass)
+    return [NamedMatrix("free_vibration", equation, *_FREE, kept, kept), *found]
