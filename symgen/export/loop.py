@@ -92,8 +92,7 @@ def _tables(model: LoopModel, solved: list[int], driven: bool) -> tuple[Constant
 
 def _balls(model: LoopModel) -> ConstantArray:
     """Return the ball joints whose angles need the substitution near their poles, followed by a dummy."""
-    none = ([-1] * 3, 0.0)
-    rows = [f"{braces(numbers)}, {number(alpha)}" for numbers, alpha in (*model.kernels.balls, none)]
+    rows = [braces(numbers) for numbers in (*(ball.angles for ball in model.description.balls), [-1] * 3)]
     return ConstantArray("struct ball", "BALLS", "{" + ", ".join(f"{{{row}}}" for row in rows) + "}")
 
 

@@ -41,7 +41,7 @@ class LoopEquations(Integrable):
         *,
         core: Core = ...,
         tolerance: float = 0.0,
-        balls: Sequence[tuple[Sequence[int], float]] = (),
+        balls: Sequence[Sequence[int]] = (),
         switches: int = 0,
         work_of_loads: bool = True,
     ) -> None: ...

@@ -38,7 +38,6 @@ cdef extern from "core/loops.h" nogil:
 
     cdef struct ball:
         Py_ssize_t[3] angles
-        double alpha
 
     cdef struct loop_account:
         double closure, rates_left, hold
@@ -129,9 +128,9 @@ cdef class LoopEquations(Integrable):
         The core that the kernels were compiled for; the core of doubles by default. tolerance Largest defect of
         closure in dependent equations: of rotations, and of lengths over the size.
     balls
-        Ball joints with alternative angles near their poles. For each: numbers of theta, eta and alpha, and the
-        constant of alpha where its number is -1; the next ball, which takes over the spin, then follows. Their leading
-        angles are the parameters before the branches of switching points.
+        Ball joints with alternative angles near their poles: numbers of theta, eta and alpha of each, -1 for a
+        constant alpha; the next ball, which takes over the spin, then follows. Their leading angles are the parameters
+        before the branches of switching points.
     switches
         Number of switching points of loads: values that the kernel 'events' writes.
     work_of_loads
@@ -178,11 +177,10 @@ cdef class LoopEquations(Integrable):
         wanted.tolerance, wanted.balls, wanted.extra = tolerance, len(balls), work_of_loads
         wanted.switches = switches if functions.events != NULL else 0
         at_least("parameters", wanted.parameters, wanted.balls + wanted.switches)
-        if len(balls) > MOST or any([not -1 <= i < len(lengths) for ball_ in balls for i in ball_[0]]):
+        if len(balls) > MOST or any([not -1 <= i < len(lengths) for angles in balls for i in angles]):
             raise ValueError(f"expected numbers of variables below {len(lengths)} for each ball joint, got {balls!r}")
         for k in range(wanted.balls):
-            numbers, self.balls[k].alpha = balls[k]
-            self.balls[k].angles[0], self.balls[k].angles[1], self.balls[k].angles[2] = numbers
+            self.balls[k].angles[0], self.balls[k].angles[1], self.balls[k].angles[2] = balls[k]
         self.of, self.size, self.rank, self.out_size, self.sizes = core, size, rank, out_size, wanted
         self.libraries = (library,)
         self.api = <const loops_table *>core.api.loops

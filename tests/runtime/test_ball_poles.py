@@ -64,6 +64,19 @@ def test_the_angles_of_balls_go_straight_on_through_a_pole(model):
         assert np.max(np.abs(np.diff(run[name].values))) < 0.1, name
 
 
+def test_a_constant_alpha_turns_the_frame_of_the_rod_alone(model, tmp_path):
+    """By 30 deg about the line of the balls: the motion is the same, and so is the force in the turned frame."""
+    text = CASE.read_text().replace('a = "1.25 m"', 'alpha = "30 deg", a = "1.25 m"')
+    (tmp_path / "scene.toml").write_text(text)
+    offset, chosen = CRANK + 1e-3, {"rtol": 1e-11, "atol": 1e-12, "samples": 201}
+    plain = model.with_parameters(offset=offset).simulate(**chosen)
+    run = symgen.build(tmp_path / "scene.toml").with_parameters(offset=offset).simulate(**chosen)
+    assert Straight(offset).time(run["theta1"].values[-1]) == pytest.approx(1.0, abs=1e-10)
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    turned = plain["slider.joint3.force"].values @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    np.testing.assert_allclose(run["slider.joint3.force"].values, turned, atol=1e-6)
+
+
 def test_loads_by_the_angles_of_a_ball_take_those_of_the_table(tmp_path):
     """A torque by an angle of a ball, next to its pole: energy by the work of that torque over the crank's angle."""
     text = CASE.read_text().replace("[parameters]", '[parameters]\nc = "-2 N*m"')

@@ -94,7 +94,7 @@ static void take(struct loop *l, unsigned choice) {
 
 static void get(const struct ball *b, const real *q, real *x) {
     for (int i = 0; i < 3; i++)
-        x[i] = b->angles[i] < 0 ? R(b->alpha) : q[b->angles[i]];
+        x[i] = b->angles[i] < 0 ? 0 : q[b->angles[i]];
 }
 
 /* c = a^T b */

@@ -16,10 +16,9 @@
 struct equations;
 
 /* Numbers of the variables theta, eta, alpha. Alpha is constant if its number is -1: the next ball then follows in the
-   list, and has all three angles. */
+   list, and has all three angles. The constant is not needed: changes of angles rotate the frame between about i. */
 struct ball {
     ptrdiff_t angles[3];
-    double alpha; /* the constant */
 };
 
 /* See struct behaviour. */

@@ -47,7 +47,7 @@ class LoopKernels(Kernels):
     def at(self, parameters: Array) -> LoopKernels:
         """Return the same kernels with other parameters."""
         other = copy(self)
-        for name in ("parameters", "_slopes", "balls", "pitches", "periodic"):
+        for name in ("parameters", "_slopes", "pitches", "periodic"):
             other.__dict__.pop(name, None)
         other.parameter_values = parameters
         return other
@@ -105,7 +105,7 @@ class LoopKernels(Kernels):
             rank,
             core=core,
             tolerance=self.tolerance,
-            balls=self.balls,
+            balls=[ball.angles for ball in d.balls],
             switches=len(d.switches),
             work_of_loads=work_of_loads,
         )
@@ -128,16 +128,6 @@ class LoopKernels(Kernels):
         still = np.zeros(len(unit))
         table = [self("rows", 0.0, q, still)["rows"] for q in (still, *unit)]
         return np.array(table[1:]) - table[0]
-
-    @cached_property
-    def balls(self) -> list[tuple[list[int], float]]:
-        """Ball joints whose angles runs may write otherwise, as ``LoopEquations`` takes them."""
-        d = self.description
-        if not d.balls:
-            return []
-        nothing = np.zeros(d.coordinates)
-        alphas = self("rows", 0.0, nothing, nothing)["rows"][:, 3]
-        return [([*b.angles], float(alphas[b.row])) for b in d.balls]
 
     @cached_property
     def pitches(self) -> Array:

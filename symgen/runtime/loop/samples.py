@@ -136,11 +136,11 @@ class LoopSamples:
 
         The wrench of the ball behind that link is given in its frame.
         """
-        by_ball, balls, turns = {}, self.kernels.description.balls, self.turns[part.rows[0]]
-        for ball, (_, alpha), turn in zip(balls, self.kernels.balls, turns, strict=True):
+        by_ball = {}
+        for ball, turn in zip(self.kernels.description.balls, self.turns[part.rows[0]], strict=True):
             if turn and ball.angles[2] < 0:
                 rows = np.zeros((2, len(table), 5))
-                rows[..., (0, 2)], rows[..., 3] = [x[:, ball.angles[:2]] for x in (table, part.states)], alpha
+                rows[..., (0, 2)] = [x[:, ball.angles[:2]] for x in (table, part.states)]
                 in_table, used = transforms(rows)[..., :3, :3]
                 ahead = product([np.array([0.0, 0.0, 0.0, turn, 0.0])])[:3, :3]
                 by_ball[f"joint{ball.row + 2}"] = np.swapaxes(in_table, 1, 2) @ ahead @ used
