@@ -86,9 +86,7 @@ IN_PYTHON = {
 IN_C = {
     ("newton.h", "newton_solve"),
     ("assemble.c", "loop_assemble"),  # with damping, to the least error
-    ("kinematic_steps.h", "closed"),
     ("loop_steps.h", "closed_by_newton"),
-    ("run_vectors.h", "close_lanes"),
 }
 #: Loops of the same form that refine the solution of linear equations, or step along a damped motion.
 OTHERS = {
@@ -134,7 +132,7 @@ def test_python_has_one_loop_of_corrections_but_for_known_ones():
 
 
 #: What bounds loops of the core: numbers of corrections; sizes of arrays and numbers of other attempts.
-BOUNDS = {"CLOSINGS", "LANE_CLOSINGS", "NEWTON", "PROJECTIONS", "STEPS", "w->most"}
+BOUNDS = {"CLOSINGS", "LANE_CLOSINGS", "STEPS", "w->most"}
 OTHER_BOUNDS = {
     "ATTEMPTS", "BLOCK", "HALVINGS", "HOPELESS", "IDLE", "LOOKS", "MOTION", "NARROWINGS", "PASSES", "RATE_PROJECTIONS",
     "REFINEMENTS", "ROWS", "SHIFTS", "STAGES", "TOGETHER", "WIDTH",
@@ -171,4 +169,4 @@ def test_loops_of_corrections_in_the_core_are_known():
 
 
 def test_places_of_newtons_method_become_fewer():
-    assert len(IN_PYTHON) + len(IN_C) <= 8
+    assert len(IN_PYTHON) + len(IN_C) <= 5

@@ -16,6 +16,6 @@
 #define SHORTEST R(1e-12)
 /* Round-off of a residual over the coordinates. */
 #define ACCEPT (256 * REAL_EPSILON)
-enum { NEWTON = 12 };
+enum { POSE_ITERATIONS = 12 };
 
 #endif

@@ -1,6 +1,7 @@
 /* Steps of driven linkages, of one linkage or of one in each lane of vectors: see kinematic_follow.h. */
 #include "extrapolate.h"
 #include "kinematic_limits.h"
+#include "newton.h"
 
 /* Evaluate the constraints: Phi over its scale goes into k->phi, 1 / scale into k->weight. Return the largest. */
 static wide missed(struct kinematics *k, wide t, const wide *q) {
@@ -190,30 +191,40 @@ static void solve_transposed(struct kinematics *k, const wide *forces, wide *lam
     }
 }
 
+/* A pose to be closed at t. */
+struct open_pose {
+    struct kinematics *k;
+    wide t, *q;
+};
+
+static wide correct_pose(void *of, struct newton *w) {
+    const struct open_pose *pose = of;
+    struct kinematics *k = pose->k;
+    const ptrdiff_t n = k->sizes.n;
+    wide *change = k->out;
+    mask moves = w->open;
+    if (w->count) {
+        moves &= factorise_groups(k);
+        if (w->count == 1)
+            read_pivots(k, k->predicted);
+        if (any(moves)) /* without factors there is no solution */
+            solve(k, k->closure, change);
+        for (ptrdiff_t j = 0; j < n; j++)
+            pose->q[j] = chosen(moves, pose->q[j] - change[j], pose->q[j]);
+    }
+    const wide worst = missed(k, pose->t, pose->q);
+    w->size = larger(k->length, largest_in(pose->q, n));
+    return chosen(moves, worst, all(REAL_INFINITY));
+}
+
 /* Close the open lanes at t by Newton's method from q, in place; return the converged lanes. The last evaluation of
    constraints is at q. */
 static mask closed(struct kinematics *k, mask open, wide t, wide *q) {
-    const ptrdiff_t n = k->sizes.n;
-    wide before = all(REAL_INFINITY), *change = k->out;
-    mask found = {0};
-    for (int tries = 0; tries < NEWTON; tries++) {
-        const wide worst = missed(k, t, q), size = larger(k->length, largest_in(q, n));
-        const mask done = (worst <= 4 * REAL_EPSILON * size) | ((worst <= ACCEPT * size) & (worst > before / 4));
-        found |= open & done;
-        open &= ~done & (worst < before / 2);
-        if (!any(open))
-            break;
-        open &= factorise_groups(k);
-        if (!any(open)) /* without factors there is no solution */
-            break;
-        if (tries == 0)
-            read_pivots(k, k->predicted);
-        before = worst;
-        solve(k, k->closure, change);
-        for (ptrdiff_t j = 0; j < n; j++)
-            q[j] = chosen(open, q[j] - change[j], q[j]);
-    }
-    return found;
+    struct open_pose pose = {k, t, q};
+    struct newton w = {
+        .most = POSE_ITERATIONS, .close = all(4 * REAL_EPSILON), .rounded = all(ACCEPT), .grows = R(0.5),
+    };
+    return newton_solve(&w, open, correct_pose, &pose);
 }
 
 /* Write velocities and accelerations of the pose closed last; return the lanes in which it is not near a singular

@@ -1,6 +1,7 @@
 /* The functions of lane_runs.h for vectors of WIDTH doubles: see lanes_of_width.h. */
 #include "arena.h"
 #include "lane_runs.h"
+#include "newton.h"
 #include "tableau.h"
 #include "wide.h"
 
@@ -108,31 +109,49 @@ static void correct(struct lane_runs *l, mask open, real t, const wide *y, const
         to[i] = chosen(open, to[i] + l->rhs[i], to[i]);
 }
 
-/* As `project_positions` of equations. */
-static void close_lanes(struct lane_runs *l, real t, wide *y) {
+/* Positions of the lanes to be projected at t, and the open lanes of the last step. */
+struct lane_positions {
+    struct lane_runs *l;
+    real t;
+    wide *y;
+    mask open;
+};
+
+/* Return lanes whose last correction did not decrease the error to the positions before. */
+static void take_back(const struct lane_positions *p, mask which) {
+    copy_where(which, p->l->before, p->l->sizes.n, p->y);
+}
+
+static wide correct_lanes(void *of, struct newton *w) {
+    struct lane_positions *p = of;
+    struct lane_runs *l = p->l;
     const ptrdiff_t n = l->sizes.n, m = l->sizes.m;
-    wide previous = all(REAL_INFINITY), size = previous;
-    mask open = ~l->failed;
-    for (int k = 0; k < PROJECTIONS && any(open); k++) {
-        call_at(l, l->kernels.constraints, t, y, l->work, l->out);
-        const wide worst = worst_of(l, l->out, l->out + m);
-        if (k == 0)
-            size = larger(largest_in(y, n), largest_in(l->out + m, m));
-        l->failed |= open & ~is_finite(worst);
-        open &= is_finite(worst);
-        const mask rough = worst > REAL_EPSILON * size, stalled = open & rough & (worst > R(0.5) * previous);
-        const mask back = stalled & (worst > previous);
-        l->failed |= stalled & (worst > R(1e4) * REAL_EPSILON * size);
-        copy_where(back, l->before, n, y);
-        copy_where(open & ~back, l->out + m, m, l->scale);
-        open &= ~stalled;
-        copy_where(open, y, n, l->before);
-        previous = chosen(open, worst, previous);
-        open &= rough;
-        if (any(open))
-            correct(l, open, t, y, l->out, y);
+    if (w->count) {
+        take_back(p, p->open & ~w->open & (w->before > w->earlier));
+        copy_where(w->open, p->y, n, l->before);
+        correct(l, w->open, p->t, p->y, l->out, p->y);
     }
-    l->failed |= open;
+    p->open = w->open;
+    call_at(l, l->kernels.constraints, p->t, p->y, l->work, l->out);
+    if (!w->count)
+        w->size = larger(largest_in(p->y, n), largest_in(l->out + m, m));
+    return worst_of(l, l->out, l->out + m);
+}
+
+/* As `project_positions` of equations; the scales of the constraints remain. */
+static void close_lanes(struct lane_runs *l, real t, wide *y) {
+    struct lane_positions p = {l, t, y, {0}};
+    struct newton w = {
+        .most = PROJECTIONS, .close = all(REAL_EPSILON), .rounded = all(ROUND_OFF), .grows = R(0.5),
+    };
+    const mask open = ~l->failed, solved = newton_solve(&w, open, correct_lanes, &p);
+    l->failed |= open & ~solved;
+    const mask back = p.open & solved & (w.error > w.before);
+    if (any(back)) {
+        take_back(&p, back);
+        call_at(l, l->kernels.constraints, t, y, l->work, l->out);
+    }
+    memcpy(l->scale, l->out + l->sizes.m, (size_t)l->sizes.m * sizeof(wide));
 }
 
 /* As `project_velocities` of equations, for a run without tolerance and up to a new factor. */
