@@ -324,7 +324,7 @@ NAMED = re.compile(r"`([\w./-]+(?:\.(?:py|pyx|c|h|toml|json|txt|j2|md)|/))`")
 
 
 def test_runs_in_time_have_one_step_loop():
-    """That of ``run.h``, besides those of chains and of lanes, which have steps of their own."""
+    """That of ``run.h``; fixed steps in lanes have a text of their own."""
     core = Path(symgen.__file__).parent / "runtime" / "core"
     headers = (path.read_text() for path in sorted(core.glob("*.h")))
     steps = re.compile(r"^int (\w+_(?:advance|step|steps|part))\(", re.MULTILINE)
