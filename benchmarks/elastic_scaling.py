@@ -22,10 +22,10 @@ import numpy as np
 from harness import Case, Measurement, Required, arguments, measure, report_repeats
 
 import symgen
-from symgen.runtime.beams.methods import GAUSS, GAUSS8
+from symgen.runtime import _core
+from symgen.runtime.beams.methods import GAUSS, GAUSS8, integrator_of
 from symgen.runtime.elastic.large.collocation import SystemRun
 from symgen.runtime.elastic.large.linkage import LargeLinkage
-from symgen.runtime.elastic.steps import stepped
 from symgen.scene.loading import read_scene
 
 ELEMENTS, STEPS, ROUNDS, EXPONENT = (5, 10, 20, 50, 100, 200), 3, 4, 1.2
@@ -86,8 +86,13 @@ def step(name: str, elements: int) -> Case:
         system, end = LargeLinkage(motion, elements), STEPS * h
         return Case(lambda: SystemRun(system, GAUSS8, np.array([0.0, end]), STEPS).run().moments(), STEPS)
     equations = motion.equations(stepping=True)
-    times, counts = np.array([STEPS * h]), np.array([STEPS])
-    return Case(lambda: stepped(motion, equations, GAUSS, times, counts), STEPS)
+    rest, end = np.zeros(equations.dim), motion.period
+    run = _core.Run(
+        equations, integrator_of(GAUSS), 0.0, rest, end, 0.0, 0.0, h, np.array([end]),
+        stabilisation=_core.STABILISATIONS["raw"],
+    )  # fmt: skip
+    assert run.begin() == _core.MORE
+    return Case(lambda: run.advance(STEPS), STEPS)
 
 
 def exponent(costs: dict[int, float]) -> float:
