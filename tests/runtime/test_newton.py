@@ -78,16 +78,11 @@ def test_a_correction_may_not_exist():
     assert corrected(np.zeros(1), lambda x, left: None, one, 5, residual=lambda x: x + 1.0) is None
 
 
-#: Loops that correct unknowns until a nonlinear residual vanishes, by file and function. They may only become fewer.
-IN_PYTHON = {
-    ("newton.py", "corrected"),
-    ("rods/search.py", "_least_squares"),  # with damping, to the least error
-}
-IN_C = {
-    ("newton.h", "newton_solve"),
-    ("assemble.c", "loop_assemble"),  # with damping, to the least error
-    ("loop_steps.h", "closed_by_newton"),
-}
+#: Loops that correct unknowns until a nonlinear residual vanishes, by file and function.
+IN_PYTHON = {("newton.py", "corrected")}
+IN_C = {("newton.h", "newton_solve")}
+#: Searches for the least error, which need not vanish, by least squares with damping that they adapt.
+DAMPED = {("rods/search.py", "_least_squares"), ("assemble.c", "loop_assemble")}
 #: Loops of the same form that refine the solution of linear equations, or step along a damped motion.
 OTHERS = {
     ("rods/large_start.py", "least_velocities"),
@@ -128,11 +123,11 @@ def test_python_has_one_loop_of_corrections_but_for_known_ones():
         for function in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(function, ast.FunctionDef) and corrections(function)
     }
-    assert found == IN_PYTHON | OTHERS
+    assert found - DAMPED == IN_PYTHON | OTHERS
 
 
 #: What bounds loops of the core: numbers of corrections; sizes of arrays and numbers of other attempts.
-BOUNDS = {"CLOSINGS", "LANE_CLOSINGS", "STEPS", "w->most"}
+BOUNDS = {"STEPS", "w->most"}
 OTHER_BOUNDS = {
     "ATTEMPTS", "BLOCK", "HALVINGS", "HOPELESS", "IDLE", "LOOKS", "MOTION", "NARROWINGS", "PASSES", "RATE_PROJECTIONS",
     "REFINEMENTS", "ROWS", "SHIFTS", "STAGES", "TOGETHER", "WIDTH",
@@ -165,8 +160,8 @@ def test_loops_of_corrections_in_the_core_are_known():
             if here & BOUNDS:
                 found.add((path.name, name))
     assert len(bounds) > 10 and bounds <= BOUNDS | OTHER_BOUNDS, bounds - BOUNDS - OTHER_BOUNDS
-    assert found == IN_C
+    assert found - DAMPED == IN_C
 
 
-def test_places_of_newtons_method_become_fewer():
-    assert len(IN_PYTHON) + len(IN_C) <= 5
+def test_newtons_method_is_stated_once_for_each_language():
+    assert len(IN_PYTHON) + len(IN_C) <= 2 and len(DAMPED) <= 2

@@ -1,6 +1,7 @@
 /* Closure, rates and forces of a loop, or of one in each lane of vectors. The including file defines LOOP, the struct of
  * the loop. Lanes have independent screws, six at most. */
 #include "loop_limits.h"
+#include "newton.h"
 
 /* Largest numbers of Newton's iterations to a closed pose, also in lanes, and of halvings of one of its steps. Lanes that
    need a halving fail. */
@@ -85,64 +86,71 @@ static void retry(const LOOP *l, mask which, wide part, wide *q) {
     }
 }
 
+/* A pose q at t that Newton's method closes: the length of the last correction and the part of it that was applied. */
+struct closing {
+    LOOP *l;
+    wide t, *q, part, step;
+    int follows;
+    mask regular;
+};
+
+static wide correct_pose_of_loop(void *of, struct newton *w) {
+    struct closing *c = of;
+    LOOP *l = c->l;
+    mask moves = w->open;
+    if (w->halved) {
+        c->part *= R(0.5);
+        retry(l, moves, c->part, c->q);
+    } else if (w->count) {
+        long rank = l->sizes.rank;
+        wide b[ROWS];
+        if (WIDTH > 1)
+            moves &= l->soundness > SIGHT;
+        else if (c->follows && rank > 0 && !any(l->soundness > SIGHT))
+            rank--;
+        if (!any(moves))
+            return all(REAL_INFINITY);
+        c->step = all(0);
+        mismatch(l, b);
+        solve_screws(l, rank, b, l->step);
+        for (long k = 0; k < l->sizes.solved; k++) {
+            c->regular &= is_finite(l->step[k]);
+            c->step = larger(c->step, magnitude(l->step[k]) / l->scale[l->solved[k]]);
+            l->trial[k] = chosen(moves, c->q[l->solved[k]], l->trial[k]);
+        }
+        moves &= c->regular;
+        if (!any(moves))
+            return all(REAL_INFINITY);
+        /* Beyond a radian the linear prediction of a step is not valid. */
+        c->part = 1 / larger(all(1), c->step);
+        retry(l, moves, c->part, c->q);
+    }
+    const wide defect = look(l, c->t, c->q);
+    const mask least = (defect <= R(l->sizes.tolerance)) & (c->step <= STILL);
+    return chosen(moves, chosen(least, all(0), defect), all(REAL_INFINITY));
+}
+
 /* Close the open lanes at t by Newton's method from q, in place; return the closed lanes. The factor of the solution is
    kept. A loop that `follows` keeps a variable as predicted that the pose leaves undetermined. Lanes with corrections
    that are not finite are removed from `regular`. */
 static mask closed_by_newton(LOOP *l, mask open, wide t, wide *q, int follows, mask *regular) {
-    int halved = 0;
-    wide before = all(REAL_INFINITY), part = all(1), fine = all(FINE), step = before, b[ROWS];
-    const wide tolerance = all(R(l->sizes.tolerance));
-    mask done = {0};
+    wide fine = all(FINE);
     prescribe(l, t, q);
     /* The resolution of an angle of many revolutions is its last digit. */
     for (long k = 0; k < l->sizes.n; k++)
         fine = larger(fine, 2 * REAL_EPSILON * magnitude(q[k]) / l->scale[k]);
     const wide coarse = larger(all(COARSE), 8 * fine);
-    for (int turn = 0; turn < (WIDTH == 1 ? CLOSINGS : LANE_CLOSINGS); turn++) {
-        l->iterations = turn + 1;
-        const wide defect = look(l, t, q);
-        open &= is_finite(defect);
-        const mask fits = defect <= fine, worse = defect > before, coarser = defect > tolerance;
-        const mask rounding = ~fits & (defect > R(0.5) * before) & (larger(before, defect) <= coarse);
-        const mask back = open & rounding & worse;
-        if (any(back)) {
-            retry(l, back, all(0), q);
-            look(l, t, q);
-        }
-        const mask here = open & (fits | rounding | (~coarser & (step <= STILL)));
-        done |= here;
-        open &= ~here;
-        if (WIDTH == 1 && halved < HALVINGS && any(open & worse & coarser)) {
-            halved++;
-            part *= R(0.5);
-            retry(l, open, part, q);
-            continue;
-        }
-        long rank = l->sizes.rank;
-        if (WIDTH > 1)
-            open &= ~(worse & coarser) & (l->soundness > SIGHT);
-        else if (follows && rank > 0 && !(any(l->soundness > SIGHT)))
-            rank--;
-        if (!any(open))
-            break;
-        before = defect;
-        halved = 0;
-        step = all(0);
-        mismatch(l, b);
-        solve_screws(l, rank, b, l->step);
-        for (long k = 0; k < l->sizes.solved; k++) {
-            *regular &= is_finite(l->step[k]);
-            step = larger(step, magnitude(l->step[k]) / l->scale[l->solved[k]]);
-            l->trial[k] = q[l->solved[k]];
-        }
-        open &= *regular;
-        /* Beyond a radian the linear prediction of a step is not valid. */
-        part = 1 / larger(all(1), step);
-        retry(l, open, part, q);
+    struct closing c = {l, t, q, all(1), all(REAL_INFINITY), follows, *regular};
+    struct newton w = {.most = WIDTH == 1 ? CLOSINGS : LANE_CLOSINGS, .close = fine, .rounded = coarse, .grows = 1,
+                       .tolerated = R(l->sizes.tolerance), .halvings = WIDTH == 1 ? HALVINGS : 0};
+    mask done = newton_solve(&w, open, correct_pose_of_loop, &c);
+    l->iterations = w.count;
+    *regular = c.regular;
+    if (any(w.worse)) {
+        retry(l, w.worse, all(0), q);
+        look(l, t, q);
     }
-    if (WIDTH == 1)
-        done |= open & (l->closure <= coarse);
-    return done;
+    return done | (w.open & (w.error <= coarse));
 }
 
 /* Solve for rates (which = 1) or accelerations (2) of all variables from those of the inputs and a drift, which may be

@@ -28,19 +28,20 @@ struct newton {
     wide rounded;  /* largest error that is rounding if it exceeds half of the one before */
     real left;     /* largest error of a solution by the rate of convergence; 0: not estimated */
     real grows;    /* ratio of an error to the one before, or to the larger of two, above which steps diverge */
+    real tolerated; /* largest error that may grow */
     int alternate; /* whether errors alternate: the larger of the last two counts */
-    int halvings;  /* of a diverging step, in a row */
+    int halvings;  /* of a diverging step, in a row; the last one stands */
     /* The present step: its number, from 0; how often the correction was halved, 0 if it is a new one; lanes without
-       a solution; the last errors. */
+       a solution; those whose solution has a larger error than the step before; the last errors. */
     int count, halved;
-    mask open;
+    mask open, worse;
     wide size, error, before, earlier;
 };
 
 /* Take steps to a solution; return the lanes of `open` that have one. The last errors remain. */
 INLINED mask newton_solve(struct newton *w, mask open, newton_step *step, void *of) {
     mask solved = {0};
-    w->open = open, w->halved = 0;
+    w->open = open, w->worse = solved, w->halved = 0;
     w->size = all(1), w->error = w->before = w->earlier = all(REAL_INFINITY);
     for (w->count = 0; w->count < w->most && any(w->open); w->count++) {
         if (!w->halved)
@@ -52,13 +53,14 @@ INLINED mask newton_solve(struct newton *w, mask open, newton_step *step, void *
             here |= w->error * w->error <= w->left * w->size * (w->before - w->error);
         here &= w->open;
         solved |= here;
+        w->worse |= here & (w->error > w->before);
         w->open &= ~here & (w->error < all(REAL_INFINITY));
         if (w->grows == REAL_INFINITY)
             continue;
         const wide last = w->alternate ? larger(w->before, w->earlier) : w->before;
-        const mask converges = w->error <= w->grows * last;
+        const mask converges = (w->error <= w->grows * last) | (w->error <= w->tolerated * w->size);
         w->halved = w->halved < w->halvings && any(w->open & ~converges) ? w->halved + 1 : 0;
-        if (!w->halved)
+        if (!w->halvings)
             w->open &= converges;
     }
     return solved;

@@ -109,29 +109,21 @@ static void correct(struct lane_runs *l, mask open, real t, const wide *y, const
         to[i] = chosen(open, to[i] + l->rhs[i], to[i]);
 }
 
-/* Positions of the lanes to be projected at t, and the open lanes of the last step. */
+/* Positions of the lanes to be projected at t. */
 struct lane_positions {
     struct lane_runs *l;
     real t;
     wide *y;
-    mask open;
 };
 
-/* Return lanes whose last correction did not decrease the error to the positions before. */
-static void take_back(const struct lane_positions *p, mask which) {
-    copy_where(which, p->l->before, p->l->sizes.n, p->y);
-}
-
 static wide correct_lanes(void *of, struct newton *w) {
-    struct lane_positions *p = of;
+    const struct lane_positions *p = of;
     struct lane_runs *l = p->l;
     const ptrdiff_t n = l->sizes.n, m = l->sizes.m;
     if (w->count) {
-        take_back(p, p->open & ~w->open & (w->before > w->earlier));
         copy_where(w->open, p->y, n, l->before);
         correct(l, w->open, p->t, p->y, l->out, p->y);
     }
-    p->open = w->open;
     call_at(l, l->kernels.constraints, p->t, p->y, l->work, l->out);
     if (!w->count)
         w->size = larger(largest_in(p->y, n), largest_in(l->out + m, m));
@@ -140,15 +132,14 @@ static wide correct_lanes(void *of, struct newton *w) {
 
 /* As `project_positions` of equations; the scales of the constraints remain. */
 static void close_lanes(struct lane_runs *l, real t, wide *y) {
-    struct lane_positions p = {l, t, y, {0}};
+    struct lane_positions p = {l, t, y};
     struct newton w = {
         .most = PROJECTIONS, .close = all(REAL_EPSILON), .rounded = all(ROUND_OFF), .grows = R(0.5),
     };
-    const mask open = ~l->failed, solved = newton_solve(&w, open, correct_lanes, &p);
-    l->failed |= open & ~solved;
-    const mask back = p.open & solved & (w.error > w.before);
-    if (any(back)) {
-        take_back(&p, back);
+    const mask open = ~l->failed;
+    l->failed |= open & ~newton_solve(&w, open, correct_lanes, &p);
+    if (any(w.worse)) {
+        copy_where(w.worse, l->before, l->sizes.n, y);
         call_at(l, l->kernels.constraints, t, y, l->work, l->out);
     }
     memcpy(l->scale, l->out + l->sizes.m, (size_t)l->sizes.m * sizeof(wide));
