@@ -210,6 +210,8 @@ static real correct_velocities(void *of, struct newton *w) {
     k->status = kick(k->run, k->x, half, k->h, k->t_1, k->y);
     if (k->status != DONE)
         return REAL_INFINITY;
+    if (!e->extra) /* no force depends on velocities: the work of such a force would be integrated */
+        return 0;
     w->size = real_fmax(largest_of(u, n), k->h * largest_of(k->x->rate + n, n));
     for (long i = 0; i < n; i++)
         change = real_fmax(change, real_fabs(u[i] - last[i]));
@@ -223,8 +225,6 @@ static int meet_velocities(struct run *run, const struct rattle *x, real h, real
     const real power = e->extra ? x->rate[2 * n] : R(0);
     struct kicks k = {run, x, h, t_1, y, UNSOLVED};
     struct newton w = {.most = CORRECTIONS, .close = 4 * REAL_EPSILON, .rounded = ROUND_OFF, .grows = REAL_INFINITY};
-    if (!e->extra) /* no force depends on velocities: the work of such a force would be integrated */
-        w.close = REAL_INFINITY;
     memcpy(run->error, y + n, (size_t)n * sizeof(real));
     add_multiple(n, h / 2, x->rate + n, y + n);
     if (!newton_solve(&w, 1, correct_velocities, &k))
