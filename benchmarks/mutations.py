@@ -52,7 +52,7 @@ class Fault:
     test: str
 
 
-PARTICLES, LOADS = "tests/mechanics/test_particles.py", "tests/runtime/test_equilibrium.py"
+PARTICLES, LOADS = "tests/mechanics/test_particles.py", "tests/runtime/rods/test_equilibrium.py"
 EULER, ROWS = "tests/mechanics/test_dual_euler.py", "tests/mechanics/test_dual_rows.py"
 LOOPS = "tests/loop/test_loop_kernels.py"
 HAMILTON, WEIGHTS = "tests/mechanics/test_hamilton.py", "tests/elastic/test_weights.py"

@@ -313,6 +313,12 @@ def test_no_test_imports_another():
     assert not found
 
 
+def test_tests_of_the_runtime_are_in_the_folders_of_its_rooms():
+    runtime = Path(symgen.__file__).parent / "runtime"
+    folders = {p.name for p in (TESTS / "runtime").iterdir() if any(p.glob("test_*.py"))}
+    assert folders and not [name for name in folders if not (runtime / name).is_dir()]
+
+
 def test_no_two_files_of_tests_have_one_name():
     """Pytest imports them by their name alone."""
     names = sorted(p.name for p in TESTS.rglob("test_*.py"))

@@ -141,7 +141,7 @@ def test_loops_are_in_si_and_shown_in_the_units_of_the_scene(tmp_path):
 
 def test_the_free_coordinates_of_a_loop_end_in_si():
     """Units of cm and degrees in the scene: at the start the crank is at 120 deg with 6 rad/s."""
-    start = symgen.build(Path(__file__).parents[1] / "cases" / "free_par.toml").simulate(1e-9, samples=2)
+    start = symgen.build(Path(__file__).parents[2] / "cases" / "free_par.toml").simulate(1e-9, samples=2)
     assert start.final["q"]["unit"] == "rad"
     assert start.final["q"]["value"] == pytest.approx(math.radians(120), abs=1e-8)
     assert start.final["q"]["rate"] == pytest.approx(6.0, abs=1e-6)
@@ -149,7 +149,7 @@ def test_the_free_coordinates_of_a_loop_end_in_si():
 
 def documented():
     """Keys of the table of the JSON in docs/results.md."""
-    page = (Path(__file__).parents[2] / "docs" / "results.md").read_text()
+    page = (Path(__file__).parents[3] / "docs" / "results.md").read_text()
     rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \|", page.partition("## JSON")[2], re.M)
     return {key for row in rows for key in re.findall(r"`(\w+)`", row)}
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import symgen
 from symgen.errors import ModelError, SimulationError
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 
 
 def test_angles_of_events_and_outputs_are_continuous():

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import symgen
 from symgen.errors import ModelError, ResultError
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 TIMES = np.array([0.013, 0.1, 0.1001, 0.37])
 
 

@@ -13,7 +13,7 @@ import pytest
 import symgen
 from symgen.errors import SimulationError
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 
 
 def test_messages_on_jumps_are_in_the_words_of_the_scene(tmp_path, entry):

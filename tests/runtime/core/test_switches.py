@@ -11,7 +11,7 @@ import pytest
 import symgen
 from symgen.errors import ModelError, SceneError, SimulationError
 
-SCENE = (Path(__file__).parents[1] / "cases" / "sliding_mass.toml").read_text()
+SCENE = (Path(__file__).parents[2] / "cases" / "sliding_mass.toml").read_text()
 MASS, STIFFNESS, FRICTION, START = 2.0, 50.0, 3.0, 0.5
 DRY = "-k*A.x - F*sign(A.vx)"
 

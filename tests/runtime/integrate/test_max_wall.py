@@ -13,7 +13,7 @@ import pytest
 import symgen
 from symgen.errors import ModelError, SimulationError
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 
 
 def ended(run, set_up=2.0):

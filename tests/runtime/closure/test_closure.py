@@ -14,7 +14,7 @@ import symgen
 from symgen.errors import SceneError
 from symgen.runtime.closure.start import close_near
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 
 
 def along_row(theta, shift=0.0, alpha=0.0, a=0.0):

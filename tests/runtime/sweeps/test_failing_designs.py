@@ -13,7 +13,7 @@ from shared.linkages import at, ground, rod
 import symgen
 from symgen.errors import SimulationError
 
-EXAMPLE = Path(__file__).parents[2] / "docs" / "barrier.toml"
+EXAMPLE = Path(__file__).parents[3] / "docs" / "barrier.toml"
 RANGE = {"stiffness": (100.0, 4000.0), "height": (0.35, 0.8)}
 OPTIONS = {"analysis": "kinematics", "samples": 7, "of": ["A"]}
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import symgen
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 
 
 class Antiparallelogram:

@@ -19,7 +19,7 @@ from shared.signals import ended_by
 import symgen
 from symgen.errors import ResultError
 
-KILLED_RUNS = Path(__file__).parents[1] / "shared" / "killed_runs.py"
+KILLED_RUNS = Path(__file__).parents[2] / "shared" / "killed_runs.py"
 PROGRAM = [sys.executable, "-m", "symgen"]
 RUN = ["simulate", "parallelogram", "--step", "5e-5", "--json"]
 LONG = [*RUN, "--t-end", "20"]

@@ -15,7 +15,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.sweeps.problem import OptimisationArguments, Problem, ReducedOutput
 from symgen.scene.loading import SceneText, check_scene, read_scene
 
-EXAMPLE = Path(__file__).parents[2] / "docs" / "barrier.toml"
+EXAMPLE = Path(__file__).parents[3] / "docs" / "barrier.toml"
 #: Angles of the arm; place of the spring on it, its free length [m]; moment of the weight [N m].
 ANGLES, PLACE, FREE, MOMENT = np.linspace(0.0, math.pi / 2, 16), 0.3, 0.2, 8 * 9.81 * 1.5
 RANGE = {"stiffness": (100.0, 4000.0), "height": (0.35, 0.8)}

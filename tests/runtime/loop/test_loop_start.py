@@ -16,7 +16,7 @@ from symgen.errors import InitialStateError, SceneError
 from symgen.runtime.closure.closed_form import closed_forms
 from symgen.runtime.closure.start import check_closed
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 
 INCH = 0.0254
 

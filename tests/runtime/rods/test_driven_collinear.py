@@ -12,7 +12,7 @@ from shared.full import full
 import symgen
 from symgen.errors import SimulationError
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 
 CRANK, GROUND, ROD, G = 0.3, 3.0, 0.5, 9.81
 METHODS = ("dop853", "dopri5", "radau5")

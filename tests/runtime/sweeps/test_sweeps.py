@@ -312,8 +312,8 @@ def test_a_table_has_a_row_per_run_and_is_read_again(model, tmp_path):
 
 
 def test_the_examples_of_the_page_run(monkeypatch):
-    monkeypatch.chdir(Path(__file__).parents[2] / "docs")
-    page = (Path(__file__).parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(Path(__file__).parents[3] / "docs")
+    page = (Path(__file__).parents[3] / "docs" / "sweeps.md").read_text(encoding="utf-8")
     names: dict[str, object] = {}
     for block in re.findall(r"```python\n(.*?)```", page, re.S):
         exec(block, names)

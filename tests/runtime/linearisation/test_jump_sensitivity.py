@@ -13,7 +13,7 @@ import symgen
 from symgen.errors import ModelError
 from symgen.scene.loading import read_scene
 
-CASE = Path(__file__).parents[1] / "cases" / "sliding_mass.toml"
+CASE = Path(__file__).parents[2] / "cases" / "sliding_mass.toml"
 MASS = 2
 VALUES = {"F": (3.0, "N"), "k": (50.0, "N/m"), "b": (0.3, "s"), "c": (4.0, "N*s/m"), "a": (0.2, "m")}
 

@@ -17,7 +17,7 @@ from symgen.errors import ModelError
 from symgen.runtime.sweeps import pareto
 from symgen.runtime.sweeps.optimisation import Optimum
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 GRAVITY = mp.mpf("9.81")
 
 
