@@ -47,6 +47,7 @@ INLINED mask newton_solve(struct newton *w, mask open, newton_step *step, void *
         if (!w->halved)
             w->earlier = w->before, w->before = w->error;
         w->error = step(of, w);
+        w->open &= w->error < all(REAL_INFINITY);
         mask here = (w->error <= w->close * w->size)
                     | ((w->error > R(0.5) * w->before) & (w->error <= w->rounded * w->size));
         if (w->left > 0 && w->count)
@@ -54,7 +55,7 @@ INLINED mask newton_solve(struct newton *w, mask open, newton_step *step, void *
         here &= w->open;
         solved |= here;
         w->worse |= here & (w->error > w->before);
-        w->open &= ~here & (w->error < all(REAL_INFINITY));
+        w->open &= ~here;
         if (w->grows == REAL_INFINITY)
             continue;
         const wide last = w->alternate ? larger(w->before, w->earlier) : w->before;

@@ -227,10 +227,13 @@ static int meet_velocities(struct run *run, const struct rattle *x, real h, real
     struct newton w = {.most = CORRECTIONS, .close = 4 * REAL_EPSILON, .rounded = ROUND_OFF, .grows = REAL_INFINITY};
     memcpy(run->error, y + n, (size_t)n * sizeof(real));
     add_multiple(n, h / 2, x->rate + n, y + n);
+    if (!e->extra) { /* no force depends on velocities: the work of such a force would be integrated */
+        look(run, x, t_1, y);
+        return kick(run, x, run->error, h, t_1, y);
+    }
     if (!newton_solve(&w, 1, correct_velocities, &k))
         return k.status != DONE ? k.status : real_isfinite(w.error) ? UNSOLVED : NOT_FINITE;
-    if (e->extra)
-        y[2 * n] += h / 2 * (power + x->rate[2 * n]);
+    y[2 * n] += h / 2 * (power + x->rate[2 * n]);
     return DONE;
 }
 

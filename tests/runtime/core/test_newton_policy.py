@@ -92,6 +92,7 @@ def test_corrections_are_halved(ends):
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_steps_end_where_an_error_is_not_finite(ends, value):
     assert ends([1.0, value, 0.0], close=1.0 / 2, halvings=4) == ([False], [0, 0])
+    assert ends([1.0, value, 0.0], rounded=np.inf) == ([False], [0, 0]), "whatever error counts as rounding"
 
 
 def test_lanes_end_alone(ends):

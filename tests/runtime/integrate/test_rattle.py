@@ -133,6 +133,14 @@ def test_a_step_too_long_is_told():
         model.simulate(20.0, method="rattle", step=2.0)
 
 
+@pytest.mark.parametrize("name", RATTLES)
+def test_what_is_at_rest_without_forces_stays(name):
+    """Velocities and accelerations are zero, and so is the size that errors are compared with."""
+    points = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
+    run = symgen.Chain([1.0, 1.0], [1.0, 1.0], gravity=(0, 0)).simulate(0.1, points, method=name, step=0.01)
+    assert (run.positions == points).all() and not run.velocities.any()
+
+
 def test_no_other_stabilisation(pendulum):
     with pytest.raises(ModelError, match="stabilisation='raw' goes with explicit methods, not with rattle"):
         pendulum.simulate(1.0, method="rattle", step=1e-3, stabilisation="raw")
