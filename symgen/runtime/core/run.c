@@ -104,9 +104,17 @@ void run_reset(struct run *run) {
     s->kinetic_max = s->potential_max = -REAL_INFINITY;
 }
 
+/* The shortest step from a time that its rounding does not change. */
+static real shortest_step(const struct run *run, real t) {
+    return R(10) * REAL_EPSILON * real_fmax(real_fabs(t), REAL_EPSILON * R(run->task.t_end));
+}
+
 void run_set_nodes(struct run *run, const double *nodes, const long *counts) {
-    for (long k = 0; k < run->task.nodes; k++)
+    for (long k = 0; k < run->task.nodes; k++) {
         run->nodes[k] = R(nodes[k]), run->counts[k] = counts[k];
+        if (counts[k] > 0 && !(run->nodes[k] - run->nodes[k - 1] > shortest_step(run, run->nodes[k - 1])))
+            run->counts[k] = 0;
+    }
 }
 
 /* -- size of errors and steps ------------------------------------------------------------------------------ */
@@ -327,7 +335,7 @@ static int is_complete(const struct run *run) {
 /* Enter the interval between two nodes of the next step, and set the length of counted steps. */
 static int enter_interval(struct run *run) {
     struct state *s = run->state;
-    for (; is_complete(run); s->node++, s->steps_before = s->steps)
+    for (; s->node < run->task.nodes && is_complete(run); s->node++, s->steps_before = s->steps)
         if (s->t < run->nodes[s->node]) {
             s->t = run->nodes[s->node], s->t_left = 0;
             s->h = R(run->task.step);
@@ -361,13 +369,13 @@ static real end_of_step(const struct run *run, real h, real *t_new) {
 /* Take a step within the tolerance: write its projected end to y_new, and its time and length. */
 static int accepted_step(struct run *run, real *t_new, real *length) {
     struct state *s = run->state;
-    real largest = R(GROW), part = 1, t_end = R(run->task.t_end), h;
+    real largest = R(GROW), part = 1, h;
     int failed = STEP_TOO_SMALL;
     if (run->task.max_step > 0.0)
         s->h = real_fmin(s->h, R(run->task.max_step));
     for (;;) {
         h = part * s->h;
-        if (!is_counted(run) && !(h > R(10) * REAL_EPSILON * real_fmax(real_fabs(s->t), REAL_EPSILON * t_end)))
+        if (!is_counted(run) && !(h > shortest_step(run, s->t)))
             return failed;
         h = end_of_step(run, h, t_new);
         int status = try_step(run, h, *t_new);
@@ -422,10 +430,10 @@ static int one_step(struct run *run) {
     double sound;
     if (s->ended_by >= 0)
         return ENDED;
+    if (s->t < R(run->task.t_end) && (status = enter_interval(run)) != DONE)
+        return status;
     if (s->t >= R(run->task.t_end))
         return DONE;
-    if ((status = enter_interval(run)) != DONE)
-        return status;
     do {
         status = accepted_step(run, &t_new, &h);
         if (status != DONE)

@@ -151,8 +151,9 @@ struct run {
     real *gaps;                  /* values of the events at y, at looks in between, and at y_new: one row each */
     real *times, *samples;       /* task.samples + 1 times, the last infinite, and rows of dim */
     real *nodes;                 /* task.nodes + 1 times at which steps end, the last that of the end */
-    long *counts;                /* of equal steps from the node before to each; 0: the state is kept up to it, and the
-                                    method starts anew there; -1: steps of the method's own choice */
+    long *counts;                /* of equal steps from the node before to each; 0, also for nodes too near for a step: the
+                                    state is kept up to it, and the method starts anew there; -1: steps of the
+                                    method's own choice */
     real *references;            /* references of angles in loads, one row per sample */
     real *turned, *turns;        /* continuous angles of links and their rates at y; these angles at samples */
     void *own;                   /* data of the method */
