@@ -32,8 +32,8 @@ ROD: Sources = (
         "projected_momentum",
         "Attia, section 2.2, corrected; u_bar (8a), printed as (1); u_hat (8b), printed as (2)",
     ),
-    ("constraint", "Attia (3a), halved"),
-    ("constraint_jacobian", "Attia (5a), left side"),
+    ("constraint", "Attia (3a), halved: its gradient is d"),
+    ("constraint_jacobian", "Attia (5a), coefficients of its left side"),
     ("velocity_constraint", "Attia (4a)"),
     ("acceleration_rhs", "Attia (5a), right side"),
 )
@@ -49,7 +49,7 @@ LINKAGE: Sources = (
     *ROD[:2],
     ("mass_matrix", "not in the source; equivalent with J to Attia (12)-(15)"),
     ("constraints", "Attia (3a) halved; guide_* (16b)"),
-    ("constraint_jacobian", "Attia (5a), left side"),
+    ("constraint_jacobian", "Attia (5a), coefficients of its left side"),
     ("velocity_constraints", "Attia (4a)"),
     ("acceleration_rhs", "Attia (5a), right side"),
 )
@@ -62,7 +62,7 @@ def linkage_sources(bodies: Iterable[str]) -> Sources:
 
 
 #: Each of (38a)-(42a), (39)-(43) follows from the rows that cite it, and from those that it contains.
-_ACCELERATIONS = "wx-wy (41a); wz (39a); vx (42a); vy (38a); vz (40a)"
+_ACCELERATIONS = "wx-wy (41a); wz (39a); vx (42a); vy (38a); vz (40a), corrected as this row of the rates"
 _CLOSURE_ROWS = (
     "wx (37a), (42); wy (37c), (42); wz (37e), (40); vx (37b), (43); vy (37d), (39); "
     "vz (37f), in the place of (41), which contradicts it"
@@ -241,7 +241,7 @@ PRINTED_ELEMENT: Sources = (
     ("thesis_mass", "thesis (E.8)-(E.12), (F.2)"),
     ("thesis_damping", "thesis (F.4), times -2 omega"),
     ("thesis_stiffness", "thesis (E.13)-(E.17), (F.6), corrected"),
-    ("thesis_load", "thesis (E.18)-(E.20), (F.8), tapered"),
+    ("thesis_load", "thesis (E.20), (F.8), by the virtual work (E.18), (E.19); tapered"),
     ("global_mass", "as thesis_mass: a T that turns makes no difference"),
     ("global_load", "as thesis_load: a T that turns makes no difference"),
     ("global_*", "not in the source: the exact equation in fixed axes, where T turns"),

@@ -147,7 +147,7 @@ def elsewhere(equation: str) -> str:
             found.append((best, f"{paper}: {continued}"))
     best = max((rank for rank, _ in found), default=0)
     commands = "\n  ".join(command for rank, command in found if rank == best > 0 or rank >= _GROUP)
-    return commands or "docs/papers.md lists all equations of the papers, also those not derived."
+    return commands or "No model prints it: docs/papers.md says why, or has the command for its numbers."
 
 
 def _place(text: str, rows: Sequence[str]) -> tuple[list[str], list[str]] | None:

@@ -313,7 +313,8 @@ def _variation(link: _Link, weak_form: Mapping[str, sp.Expr]) -> Iterator[Hamilt
     varied = {name: sp.diff(energy, symbol) for name, symbol in _F.items() if not name.endswith("_tt")}
     yield HamiltonStep(
         "variation", tuple(varied), tuple(varied.values()), _PER,
-        "factor of the variation of each field in dT + dW - dV", "(7.8), (7.9)",
+        "factor of the variation of each field in dT + dW - dV; gravity, axial force, rotary inertia and "
+        "shear are added", "(7.8), (7.9)",
     )  # fmt: skip
     yield HamiltonStep(
         "weak_form", tuple(weak_form), tuple(weak_form.values()), _PER,
@@ -326,7 +327,12 @@ def _collected(terms: Sequence[Term]) -> Iterator[HamiltonStep]:
     tests = tuple(dict.fromkeys(t.test for t in terms))
     for name, order, about, source in (
         ("mass_terms", 2, "what stands with second rates", "(7.24)"),
-        ("gyroscopic_terms", 1, "what stands with rates", "(7.25)"),
+        (
+            "gyroscopic_terms",
+            1,
+            "what stands with rates: -2 omega [AD] per length, by the fields",
+            "(7.25)",
+        ),
         ("stiffness_terms", 0, "what stands with the fields", "(7.23)"),
     ):
         of_order = [t for t in terms if t.trial and t.order == order]

@@ -149,7 +149,7 @@ def _load(element: Element) -> tuple[NamedMatrix, list[Definition]]:
     turned = transformation(element) * sp.Matrix([q.symbol for q in letters])
     about = f"(QT) {LOAD} {TURNED}, of a constant section"
     matrix = sp.ImmutableMatrix(turned)
-    source = "thesis (E.18)-(E.20), (F.8)"
+    source = "thesis (E.20), (F.8), by the virtual work (E.18), (E.19)"
     return NamedMatrix("QT", matrix, entry_unit("N"), about, element.dofs, source=source), [
         Definition(q, e) for q, e in zip(letters, load, strict=True)
     ]
