@@ -19,12 +19,19 @@ _UNITS = {
 }  # fmt: skip
 
 
-def vector(name: str, values: ArrayLike, size: int | None) -> Array:
-    """Return finite numbers, ``size`` of them when it is given; one number stands for all."""
+def _real(name: str, values: Any) -> Array:
+    """Return real numbers, in memory of their own; complex numbers are refused as text is."""
     try:
-        array = np.array(values, dtype=float)
+        if np.iscomplexobj(values):
+            raise TypeError("complex numbers")
+        return np.array(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise ModelError(f"{name}: expected numbers, got {values!r:.80}") from error
+
+
+def vector(name: str, values: ArrayLike, size: int | None) -> Array:
+    """Return finite numbers, ``size`` of them when it is given; one number stands for all."""
+    array = _real(name, values)
     if size is not None and array.ndim == 0:
         array = np.full(size, float(array))
     if array.ndim != 1 or (size is not None and len(array) != size):
@@ -43,10 +50,7 @@ def refuse(name: str, wrong: NDArray[np.bool_], array: Array, expected: str) -> 
 
 def shaped(name: str, values: Any, shape: tuple[int, int]) -> Array:
     """Return finite numbers of a shape, or with further axes in front."""
-    try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"{name}: expected numbers, got {values!r:.80}") from error
+    array = _real(name, values)
     if array.shape[-2:] != shape:
         raise ModelError(f"{name} have shape {array.shape}, expected {shape}, or that with axes in front")
     if not np.isfinite(array).all():

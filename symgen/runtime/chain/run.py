@@ -79,6 +79,8 @@ class _System:
         """Evaluate accelerations under the forces at a state, which replace those in the parameters."""
         t, q, u, p, *_ = arrays
         applied = forces(float(t[0]), *self.points(q, u))
+        if applied is None:
+            raise ModelError("forces returned None, expected the forces on all points [N]")
         p[-self.size :] = self.laid_out(self.chain._force(applied, self.batch))
         _core.call(kernel, sizes, *arrays)
 
@@ -107,11 +109,12 @@ class _System:
         return found
 
     def mark(self, chosen: Options, y: Array, times: Array) -> str:
-        """Return the hash of a run for its checkpoints; forces that are a function are not in it."""
+        """Return the hash of a run for its checkpoints; of a function for forces, only that there is one."""
         kernels = self.chain._kernels
         described = SystemDescription("chain", "", "", {}, kernels.EQUATIONS, (), (), (), (), {})
         of = Kernels(described, self.library, self._parameters)
-        return mark_of(of, self.library, self.equations, chosen, 0.0, y, times.tolist())
+        is_function = self.library.owner is not None
+        return mark_of(of, self.library, self.equations, chosen, 0.0, y, times.tolist(), is_function)
 
 
 def run(

@@ -455,6 +455,29 @@ def test_errors_of_forces_reach_the_caller():
         chain.simulate(0.3, points, forces=forces)
     with pytest.raises(ModelError, match=r"forces have shape \(3, 2\)"):
         chain.simulate(0.3, points, forces=lambda t, p, v: np.zeros((3, 2)))
+    with pytest.raises(ModelError, match=r"forces returned None, expected the forces on all points \[N\]"):
+        chain.simulate(0.3, points, forces=lambda t, p, v: None)
+    with pytest.raises(ModelError, match="forces: expected numbers"):
+        chain.simulate(0.3, points, forces=lambda t, p, v: 1j * p)
+
+
+@pytest.mark.parametrize("function_first", [True, False])
+def test_runs_with_a_function_for_forces_are_resumed_with_one(tmp_path, function_first):
+    chain, points = folded()
+    file = tmp_path / "chain.npz"
+    given = [lambda t, p, v: t * np.ones_like(p), None][:: 1 if function_first else -1]
+
+    def stop(part):
+        if part > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        chain.simulate(
+            0.1, points, step=1e-3, forces=given[0], checkpoint=file, checkpoint_every=0, progress=stop
+        )
+    with pytest.raises(ResultError, match="checkpoint of another run"):
+        chain.simulate(0.1, points, step=1e-3, forces=given[1], resume=file)
+    chain.simulate(0.1, points, step=1e-3, forces=given[0], resume=file)
 
 
 @pytest.mark.parametrize("batch", [(), (3,)])
