@@ -192,7 +192,9 @@ def integrated(
         return *before, int(np.sum(counts))
     times, nodes = (_before_jumps(motion, x) for x in (times, np.append(0.0, nodes)))
     order, counts = np.argsort(times, kind="stable"), np.append(0, counts)
-    jumps = motion.jumps[np.isin(motion.jumps[:, 0], nodes) & (motion.jumps[:, 1] < nodes[-1])]
+    jumps = motion.jumps[motion.jumps[:, 1] < nodes[-1]]
+    if len(jumps):  # the search takes longer than a few steps
+        jumps = jumps[np.isin(jumps[:, 0], nodes)]
     within, first = np.unique(np.append(nodes, jumps[:, 1]), return_index=True)
     counts = np.append(counts, np.zeros(len(jumps), np.intp))[first]
     batch = equations if s.shape[1] == 1 else _beams.BeamBatch(equations, s.shape[1])
