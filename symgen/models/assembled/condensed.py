@@ -29,8 +29,8 @@ VIBRATION = Group("vibration", "free vibrations", (_OMEGA,))
 _FREE = (
     entry_unit("N/m"),
     "R^T (K - omega^2 M) R, with p in its null space; R is [T] and p is (D_r) of the thesis. Free vibrations "
-    "in this pose, with R as constant; condensed_stiffness is R^T (K R + C R' + M R''), with all of K and C, and R "
-    "as it turns",
+    "in this pose, with R as constant; condensed_stiffness is R^T (K R + C R' + M R''), with all of K and C, "
+    "and R as it turns",
 )
 #: Matrices that R reduces as a constant: name, unit, letter of the thesis, letter of entries.
 _REDUCED = {
