@@ -138,7 +138,7 @@ def _matrices(
     yield NamedMatrix("rigid_boundary", numbers, "1", about, tuple(zero))
     about = (
         "[D] of [D](F) = (E), without the moments that are zero; columns are (F): a force at a node acts on "
-        "the element before it, its negative on the one behind"
+        "the element before it, its negative on the one behind; a moment the other way round"
     )
     yield named(model, "rigid_matrix", [*whole], unit, about, rows=rows, columns=kept)
     about = "(E) of [D](F) = (E): inertia less gravity; masses at joints belong to the element before"

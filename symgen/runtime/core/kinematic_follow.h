@@ -129,7 +129,8 @@ static mask turns_little(struct kinematics *k, const struct kinematic_extremes *
 
 /* Lanes in which a value exceeds the greatest so far; a NaN among the greatest remains. */
 static inline mask beyond(wide value, wide greatest) {
-    return ~((value <= greatest) | (greatest != greatest));
+    const mask within = (value <= greatest) | (greatest != greatest);
+    return ~within;
 }
 
 /* Lanes whose next time is recorded; lanes that have just arrived have a next time. */
