@@ -54,7 +54,7 @@
 #define SYMGEN_WIDTHS
 #endif
 
-const char chain_equations[65] = "7f619528dc9933bbac5bcd7e31f1baa00b13ddafe943954af9e0084f797d8f32";
+const char chain_equations[65] = "f5c8470736a8f69ba75355194b6b68eb0c87a361d1dadb91b94462f0eeefd0ac";
 
 /* end mass matrix [a11 a12; a12 a22] of a rod: 15 operations (4 add, 10 mul, 1 div) */
 SYMGEN_INLINE void ends_step(const double *SYMGEN_RESTRICT rod, double *SYMGEN_RESTRICT masses)

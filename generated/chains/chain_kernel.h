@@ -22,7 +22,8 @@
  *                        cancellation cost); then what gathers at the points, and residuals
  *
  * Functions whose names end in _lanes take 8 chains side by side: every entry above is 8 doubles, one of each
- * chain; parent and held are common. Each gives the bits that the single form gives, on any processor.
+ * chain; parent and held are common. On any processor each chain has the bits that the single form gives; with
+ * refinements < 0 only where all need equally many refinements, since all chains of a call are refined equally often.
  *
  * One rod in one evaluation of all accelerations: 87 operations (29 add, 57 mul, 1 div, 2 neg).
  */
@@ -60,8 +61,8 @@ void chain_accelerations(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, i
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT rate, double *SYMGEN_RESTRICT acceleration,
     double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, double *SYMGEN_RESTRICT work);
 
-/* The same with any right-hand sides of the length rows, and so many steps of iterative refinement; below zero: as
- * many as cancellation asks for. */
+/* The same with any right-hand sides of the length rows, and so many steps of iterative refinement; below zero:
+ * as many as cancellation requires, none where it is small. */
 void chain_solve(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
     const double *SYMGEN_RESTRICT coupling, const double *SYMGEN_RESTRICT mass, const double *SYMGEN_RESTRICT force,
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT gamma, double *SYMGEN_RESTRICT acceleration,
@@ -73,8 +74,8 @@ void chain_accelerations_lanes(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT par
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT rate, double *SYMGEN_RESTRICT acceleration,
     double *SYMGEN_RESTRICT multiplier, double *SYMGEN_RESTRICT reaction, double *SYMGEN_RESTRICT work);
 
-/* The same with any right-hand sides of the length rows, and so many steps of iterative refinement; below zero: as
- * many as cancellation asks for. */
+/* The same with any right-hand sides of the length rows, and so many steps of iterative refinement; below zero:
+ * as many as cancellation requires, none where it is small. */
 void chain_solve_lanes(ptrdiff_t n, const ptrdiff_t *SYMGEN_RESTRICT parent, int held,
     const double *SYMGEN_RESTRICT coupling, const double *SYMGEN_RESTRICT mass, const double *SYMGEN_RESTRICT force,
     const double *SYMGEN_RESTRICT along, const double *SYMGEN_RESTRICT gamma, double *SYMGEN_RESTRICT acceleration,

@@ -54,7 +54,7 @@
 #define SYMGEN_WIDTHS
 #endif
 
-const char chain_spatial_equations[65] = "292c311d6420a2f91ca82fcf57d976c980ecbad75870a0850e43af8c5b07722a";
+const char chain_spatial_equations[65] = "e490ef14f4725ca272c5771fbe2583c466b62959df1c27105ed6725e4f6cc27b";
 
 /* end mass matrix [a11 a12; a12 a22] of a rod: 15 operations (4 add, 10 mul, 1 div) */
 SYMGEN_INLINE void ends_step(const double *SYMGEN_RESTRICT rod, double *SYMGEN_RESTRICT masses)

@@ -7,7 +7,7 @@ Do not edit: change the derivation or the scene and generate again.
 Every function takes one-dimensional float64 arrays and returns its ``out`` array; element_beam8_kernel.h
 lists what their entries are.
 
-q[20]: length, and the section as polynomials in the distance from the first node
+q[20]: length, and the section as polynomials in the distance x from the first node
 u[1]: station
 p[7]: rigid motion of the link, for the matrices in fixed axes
 """

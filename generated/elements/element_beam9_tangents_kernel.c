@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam9_tangents_equations[65] = "d7a847d0e1ab933e3a8d10e2f6b00f8a1239f1aa3411089e4f194618fb647bfb";
+const char element_beam9_tangents_equations[65] = "d57cf8233fa2dbe69f2f805684cc0bab336f6a7d440edef6fda863eecb9774af";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 429 operations (135 add, 294 mul, 6 neg) */
 void element_beam9_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

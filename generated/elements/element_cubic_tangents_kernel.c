@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_cubic_tangents_equations[65] = "d0fa96bba6a588085e0fef668b36361b3120fae1d22d052cb1180489c6b3f299";
+const char element_cubic_tangents_equations[65] = "816f8394a67113eb2d944605477b5a7075eaed87da697d4bef90f7e2e1234089";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 207 operations (67 add, 140 mul, 4 neg) */
 void element_cubic_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

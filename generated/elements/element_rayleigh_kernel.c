@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_equations[65] = "7d8d6c405226661627295230e06246f380859dc20e12682bf5953355751d3b43";
+const char element_rayleigh_equations[65] = "597bdae0ac117ba3ebf67182452f73d51c294e4ccbeb7c71da577c45a06b5e77";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 358 operations (147 add, 210 mul, 1 div, 11 neg) */
 void element_rayleigh_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

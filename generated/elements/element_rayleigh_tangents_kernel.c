@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_tangents_equations[65] = "bf9e8e2babd8ec5046c2b3fc6f9af5bdb67c6a3f47ca8211a93c7b5a747fcfee";
+const char element_rayleigh_tangents_equations[65] = "00740937136ec33c853cd07a2349924fc18a72d9855be23ef9558fac9b295a70";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 849 operations (308 add, 539 mul, 2 div, 12 neg) */
 void element_rayleigh_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

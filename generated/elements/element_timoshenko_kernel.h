@@ -6,27 +6,27 @@
  * Every function has the same arguments; the caller owns all memory, nothing is allocated, no state is
  * kept, and arrays must not overlap. Arrays that a function does not use may be null.
  *
- *   q[20]: length, and the section as polynomials in the distance from the first node
+ *   q[20]: length, and the section as polynomials in the distance x from the first node
  *     q[0]  L  [m]  length of the element
- *     q[1]  m0  [kg/m]  mass per length: factor of x^0
- *     q[2]  m1  [kg/m/m^1]  mass per length: factor of x^1
- *     q[3]  m2  [kg/m/m^2]  mass per length: factor of x^2
- *     q[4]  j0  [kg*m]  rotary inertia per length: factor of x^0
- *     q[5]  j1  [kg*m/m^1]  rotary inertia per length: factor of x^1
- *     q[6]  j2  [kg*m/m^2]  rotary inertia per length: factor of x^2
- *     q[7]  j3  [kg*m/m^3]  rotary inertia per length: factor of x^3
- *     q[8]  j4  [kg*m/m^4]  rotary inertia per length: factor of x^4
- *     q[9]  a0  [N]  axial stiffness E A: factor of x^0
- *     q[10]  a1  [N/m^1]  axial stiffness E A: factor of x^1
- *     q[11]  a2  [N/m^2]  axial stiffness E A: factor of x^2
- *     q[12]  b0  [N*m^2]  bending stiffness E I: factor of x^0
- *     q[13]  b1  [N*m^2/m^1]  bending stiffness E I: factor of x^1
- *     q[14]  b2  [N*m^2/m^2]  bending stiffness E I: factor of x^2
- *     q[15]  b3  [N*m^2/m^3]  bending stiffness E I: factor of x^3
- *     q[16]  b4  [N*m^2/m^4]  bending stiffness E I: factor of x^4
- *     q[17]  s0  [N]  shear stiffness k G A: factor of x^0
- *     q[18]  s1  [N/m^1]  shear stiffness k G A: factor of x^1
- *     q[19]  s2  [N/m^2]  shear stiffness k G A: factor of x^2
+ *     q[1]  m0  [kg/m]  mass per length at the first node
+ *     q[2]  m1  [kg/m^2]  mass per length, coefficient of x^1
+ *     q[3]  m2  [kg/m^3]  mass per length, coefficient of x^2
+ *     q[4]  j0  [kg*m]  rotary inertia per length at the first node
+ *     q[5]  j1  [kg]  rotary inertia per length, coefficient of x^1
+ *     q[6]  j2  [kg/m]  rotary inertia per length, coefficient of x^2
+ *     q[7]  j3  [kg/m^2]  rotary inertia per length, coefficient of x^3
+ *     q[8]  j4  [kg/m^3]  rotary inertia per length, coefficient of x^4
+ *     q[9]  a0  [N]  axial stiffness E A at the first node
+ *     q[10]  a1  [N/m]  axial stiffness E A, coefficient of x^1
+ *     q[11]  a2  [N/m^2]  axial stiffness E A, coefficient of x^2
+ *     q[12]  b0  [N*m^2]  bending stiffness E I at the first node
+ *     q[13]  b1  [N*m]  bending stiffness E I, coefficient of x^1
+ *     q[14]  b2  [N]  bending stiffness E I, coefficient of x^2
+ *     q[15]  b3  [N/m]  bending stiffness E I, coefficient of x^3
+ *     q[16]  b4  [N/m^2]  bending stiffness E I, coefficient of x^4
+ *     q[17]  s0  [N]  shear stiffness k G A at the first node
+ *     q[18]  s1  [N/m]  shear stiffness k G A, coefficient of x^1
+ *     q[19]  s2  [N/m^2]  shear stiffness k G A, coefficient of x^2
  *
  *   u[1]: station
  *     u[0]  x  [m]  distance of the station from the first node

@@ -103,14 +103,14 @@ def own_unit(unit: str, names: Names, shape: tuple[int, int], at: Sequence[tuple
     base, _, factors = unit.partition("; ")
     if factors and ", " in base:  # units of rows
         of_rows = base.split(", ")
-        each = {_lengths(of_rows[i], int(_power(names[1], j))) for i, j in at}
+        each = {times_lengths(of_rows[i], int(_power(names[1], j))) for i, j in at}
         bases = {of_rows[i] for i, _ in at}
         return each.pop() if len(each) == 1 else f"{bases.pop()}; {factors}" if len(bases) == 1 else unit
     if factors:
         powers = {_power(names[0], i) + _power(names[1], j) for i, j in at}
         power = powers.pop() if len(powers) == 1 else math.nan
         unknown = math.isnan(power) or (base[0] == "1" and "/m" not in base)
-        return unit if unknown else _lengths(base, int(power))
+        return unit if unknown else times_lengths(base, int(power))
     units = unit.split(", ")
     places = _places(len(units), names, shape)
     return unit if places is None else ", ".join(dict.fromkeys(units[places(i, j)] for i, j in at))
@@ -142,7 +142,7 @@ def _power(names: Sequence[str], number: int) -> float:
     return known if dot or "@" in word or not math.isnan(known) else 0  # the name of a station
 
 
-def _lengths(base: str, power: int) -> str:
+def times_lengths(base: str, power: int) -> str:
     """Return a unit times a power of metres."""
     if ends := _METRES.fullmatch(base):
         base, sign, exponent = ends.groups(default="1")

@@ -31,7 +31,7 @@ from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import NO_SOURCE, Definition, Group, NamedMatrix, System
 
 #: Of a constant section, as in the matrices of an element.
-_MASS = quantity("m0", "kg/m", "mass per length: factor of x^0")
+_MASS = quantity("m0", "kg/m", "mass per length")
 #: Numbers of the equations (D.5)-(D.22) that have errata.
 _ERRATA = 19, 20
 

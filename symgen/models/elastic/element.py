@@ -12,7 +12,7 @@ from symgen.mechanics.elastic.beam_matrices import BeamMatrices, ElementSection,
 from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.mechanics.sources import ELEMENT, PRINTED_ELEMENT
 from symgen.symbolic.names import Names
-from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.quantity import Quantity, quantity, times_lengths
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 #: Properties of the section along the element: name, letter, number of coefficients, unit of the first.
@@ -37,7 +37,11 @@ def elastic_element_system(element: Element) -> System:
     names = Names()
     coefficients = {
         name: [
-            quantity(f"{letter}{k}", f"{unit}/m^{k}" if k else unit, f"{meaning}: factor of x^{k}")
+            quantity(
+                f"{letter}{k}",
+                times_lengths(unit, -k),
+                f"{meaning}, coefficient of x^{k}" if k else f"{meaning} at the first node",
+            )
             for k in range(number)
         ]
         for name, letter, number, unit, meaning in PROPERTIES
@@ -50,7 +54,7 @@ def elastic_element_system(element: Element) -> System:
     groups = [
         Group(
             "q",
-            "length, and the section as polynomials in the distance from the first node",
+            "length, and the section as polynomials in the distance x from the first node",
             (LENGTH, *(c for name in coefficients for c in coefficients[name])),
         ),
         Group("u", "station", (STATION,)),

@@ -50,7 +50,7 @@ def fixed_axes(
     both for a constant section, where the terms of ``uniform`` vanish: first, [KD], (Q) and [KT].
     """
     local, printed = (
-        _named(form, local_equation(matrices, geometric), names)
+        _named(element, form, local_equation(matrices, geometric), names)
         for form, geometric in (("local", True), ("thesis_local", False))
     )
     about = "of a constant section"
@@ -65,7 +65,7 @@ def fixed_axes(
     yield stiffness("KD", kd, f"[KD] {_FORMS['thesis_local']}, {about}")
     load = sp.ImmutableMatrix(whole.load.xreplace(dict(uniform)))
     yield NamedMatrix("Q", load, entry_unit("N"), f"(Q) {LOAD} {_FORMS['local']}, {about}", element.dofs)
-    in_letters = _entries("KD", kd, "N/m", f"[KD] {about}", names)
+    in_letters = _entries(element, "KD", kd, "N/m", f"[KD] {about}", names)
     kt = thesis_equation(element, replace(whole, stiffness=in_letters)).stiffness
     yield stiffness("KT", kt, f"[KT] {_FORMS['thesis']}, {about}")
     exact, thesis = global_equation(element, local), thesis_equation(element, printed)
@@ -74,26 +74,29 @@ def fixed_axes(
     yield from _turned("thesis", element, thesis)
 
 
-def _named(form: str, equation: Equation, names: Names) -> Equation:
+def _named(element: Element, form: str, equation: Equation, names: Names) -> Equation:
     """Return an equation with every entry replaced by a name; entries of several forms have one name."""
     return Equation(
         *(
-            _entries(f"{form}_{name}", getattr(equation, name), unit, f"{about} {_FORMS[form]}", names)
+            _entries(
+                element, f"{form}_{name}", getattr(equation, name), unit, f"{about} {_FORMS[form]}", names
+            )
             for name, unit, about in _EQUATION
         )
     )
 
 
 def _entries(
-    name: str, matrix: sp.ImmutableMatrix, unit: str, about: str, names: Names
+    element: Element, name: str, matrix: sp.ImmutableMatrix, unit: str, about: str, names: Names
 ) -> sp.ImmutableMatrix:
-    """Return a matrix with every entry replaced by a name."""
-    return sp.ImmutableMatrix(
-        *matrix.shape,
-        lambda i, j: names.scalar(
-            f"{name}_{i + 1}_{j + 1}", matrix[i, j], entry_unit(unit), f"{about}: entry ({i + 1}, {j + 1})"
-        ),
-    )
+    """Return a matrix or column with every entry replaced by a name with its unknowns, of row and column."""
+
+    def named(i: int, j: int) -> sp.Expr:
+        place = element.dofs[i : i + 1] + element.dofs[j : j + 1] * (matrix.cols > 1)
+        text = f"{about}: entry {', '.join(place)}"
+        return names.scalar("_".join((name, *place)), matrix[i, j], entry_unit(unit), text)
+
+    return sp.ImmutableMatrix(*matrix.shape, named)
 
 
 def _turned(form: str, element: Element, equation: Equation) -> Iterator[NamedMatrix]:

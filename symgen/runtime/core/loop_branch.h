@@ -43,7 +43,8 @@ static mask as_predicted(const LOOP *l, wide h, wide largest, struct loop_state 
 }
 
 /* Lanes in which the pose evaluated last is on the assembly branch of the last followed state: the screws of a branch
-   have determinants of one sign. For fewer than six screws A and B this is the sign of that of A^T B. */
+   have determinants of one sign. For fewer than six screws A and B this is the sign of that of A^T B. A determinant of
+   zero has no sign. */
 static mask same_branch_of(const LOOP *l) {
     const long rank = l->sizes.solved;
     wide product[ROWS * ROWS];
@@ -53,8 +54,10 @@ static mask same_branch_of(const LOOP *l) {
     for (long i = 0; i < rank; i++)
         for (long j = 0; j < rank; j++)
             product[rank * i + j] = qr_dot(l->followed + ROWS * i, l->columns + ROWS * j);
-    factor_dense(rank, product, swaps);
+    const mask regular = factor_dense(rank, product, swaps);
+    if (!any(regular)) /* some swaps are unset */
+        return regular;
     for (long i = 0; i < rank; i++)
         opposite ^= (product[(rank + 1) * i] < 0) ^ (swaps[i] != i);
-    return ~opposite;
+    return regular & ~opposite;
 }

@@ -65,6 +65,16 @@ void run_bind(struct run *run, struct equations *e, const struct scheme *scheme,
     run->scheme.kind->bind(run);
 }
 
+/* Whether the times of samples are within the run, in ascending order. */
+static int are_times_valid(const struct run *run) {
+    const long count = run->task.samples;
+    const real *times = run->times;
+    for (long k = 0; k < count; k++)
+        if (!(times[k] <= times[k + 1] && R(run->task.t0) <= times[k] && times[k] <= R(run->task.t_end)))
+            return 0;
+    return times[count] == REAL_INFINITY;
+}
+
 int run_valid(const struct run *run) {
     const struct state *s = run->state;
     const struct sizes *sizes = &run->e->sizes;
@@ -87,7 +97,7 @@ int run_valid(const struct run *run) {
         return 0;
     return 0 <= s->recorded && s->recorded <= run->task.samples && s->passages == 0 && s->events == 0 &&
            0 <= s->events_before && s->events_before <= run->task.found && s->steps >= 0 &&
-           run->times[run->task.samples] == REAL_INFINITY &&
+           are_times_valid(run) &&
            (run->scheme.kind->valid == NULL || run->scheme.kind->valid(run));
 }
 

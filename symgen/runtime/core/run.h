@@ -176,7 +176,7 @@ void run_bind(struct run *run, struct equations *e, const struct scheme *scheme,
               void *memory);
 
 /* Whether the counts and indices in a restored memory, of the run and of its equations, are within their arrays, and
-   its time within the task. */
+   its time and those of its samples within the task. */
 int run_valid(const struct run *run);
 
 /* Set the state of a bound run to its start; y, times, directions and terminal are set by the caller. */

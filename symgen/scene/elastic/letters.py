@@ -11,6 +11,7 @@ from symgen.scene.rods.held import LENGTH, MODULUS
 from symgen.scene.rods.letters import added, in_letters
 from symgen.scene.rods.linkage import Linkage, RigidLink
 from symgen.symbolic.names import Letter, Letters
+from symgen.symbolic.quantity import times_lengths
 
 #: Letters of the properties of a section: coefficients by power of the distance from the first point.
 _SECTION = {
@@ -97,7 +98,7 @@ class _Sections:
         self._known: dict[tuple[str, int], sp.Expr] = {}
 
     def coefficient(self, of: str, k: int, value: sp.Expr) -> sp.Expr:
-        """Return the factor of x^k of a property."""
+        """Return the coefficient of x^k in a property, x from the first point."""
         written = self._form(of, k, value)
         if written == value:
             return self._letters.scalar(*self._named(k, _SECTION[of], value))
@@ -123,8 +124,8 @@ class _Sections:
 
     def _named(self, k: int, letter: Letter, value: sp.Expr) -> tuple[str, sp.Expr, str, str]:
         name = f"{letter.letter}{k or ''}_{self._beam.link}"
-        unit, factor = (f"{letter.unit}/m^{k}", f": factor of x^{k}") if k else (letter.unit, "")
-        return name, value, unit, f"{letter.meaning} of {self._beam.link}{factor}"
+        power = f", coefficient of x^{k}" if k else ""
+        return name, value, times_lengths(letter.unit, -k), f"{letter.meaning} of {self._beam.link}{power}"
 
 
 def _crank(letters: Letters, crank: Crank) -> Crank:

@@ -12,7 +12,7 @@ import pytest
 from shared.full import full
 
 import symgen
-from symgen.errors import ResultError
+from symgen.errors import ResultError, SimulationError
 from symgen.runtime.digest import digest
 
 #: Resumes runs from altered checkpoints: arguments are the scene, options of the run, a folder, and the trials.
@@ -107,6 +107,22 @@ def altered(path: Path, **changes) -> Path:
     header["digest"] = digest(arrays)
     np.savez(path.with_suffix(".npz"), header=np.array(json.dumps(header)), **arrays)
     return path.with_suffix(".npz")
+
+
+@pytest.mark.parametrize("changed", [np.nan, np.inf, -0.1, 3.0, 0.4])
+def test_times_of_samples_are_checked(changed, tmp_path):
+    """Their bytes are among those of the run. A last sample at 0.4 s would follow that at 0.5 s."""
+    model, path, times = symgen.build("triple_pendulum"), tmp_path / "run.ckpt", np.linspace(0.0, 0.6, 7)
+    options = {"t_end": 0.6, "samples": 7, "step": 1e-2, "method": "rk4"}
+    with pytest.raises(SimulationError, match="max_wall"):
+        model.simulate(**options, checkpoint=path, max_wall=1e-9)
+    with np.load(path) as archive:
+        run = archive["run"].view(float).copy()
+    (at,) = (k for k in range(len(run)) if np.array_equal(run[k : k + 7], times))
+    model.simulate(**options, resume=altered(path, run=run.view(np.uint8)))
+    run[at + 6] = changed
+    with pytest.raises(ResultError, match="is an incomplete checkpoint: expected the saved counts and times"):
+        model.simulate(**options, resume=altered(path, run=run.view(np.uint8)))
 
 
 @pytest.mark.parametrize(
