@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import sympy as sp
 
@@ -16,8 +17,9 @@ from symgen.scene.limit import Limit
 from symgen.scene.names import is_reserved
 from symgen.scene.rods.held import Parameter, Text, Written
 from symgen.scene.rods.linkage import TIME, PlacedPoint, number, state_symbol
-from symgen.scene.schema import Scene, Units
-from symgen.scene.units import Dimension, Shown, is_quantity, parse_quantity
+from symgen.scene.schema import Scene
+from symgen.scene.units import Dimension, is_quantity
+from symgen.symbolic.calculus import partial
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.quantity import AXES, quantity
 from symgen.symbolic.switch import Sign
@@ -28,15 +30,6 @@ from symgen.symbolic.vectors import cross
 NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 #: Sine of the angle between directions that counts as zero.
 _ALONG = 1e-6
-_ANGLES = ("rad", "deg", "rev")
-_DIMENSIONS = {
-    "length": units.LENGTH,
-    "force": units.FORCE,
-    "torque": units.TORQUE,
-    "angle": units.NUMBER,
-    "stress": units.PRESSURE,
-}
-_SUCH_AS = {"length": "mm", "force": "kN", "torque": "N*m", "stress": "MPa"}
 
 
 class Values:
@@ -57,6 +50,12 @@ class Values:
         self._angles: dict[str, tuple[sp.Expr, Dimension]] = {}
         #: Values over tunable parameters whose sign is checked again at other values of these.
         self.limits: list[Limit] = []
+        #: Lines of links by place and length, which are read once.
+        self.lines: dict[tuple[str, sp.Expr, bool], Any] = {}
+        #: Values in the names of the scene, by text and dimension: several links have the same section.
+        self.parsed: dict[tuple[str | int | float, Dimension], sp.Expr] = {}
+        #: Reads the same texts with symbols for the constants.
+        self.mirror: Any = None
         #: External signals, after :meth:`read_signals`.
         self.signals: dict[str, tuple[sp.Expr, Dimension]] = {}
         self._read_parameters()
@@ -132,9 +131,13 @@ class Values:
                         f"{used} is an input, and inputs may occur in forces and torques alone",
                         hint="Make it a parameter, with tunable = true where it is to be varied.",
                     )
-            expression = parse_value(text, known, dim)
-            if expression.free_symbols <= {*self.defaults, TIME.symbol}:
-                self.number(expression)
+            expression = self.parsed.get((text, dim)) if names is None else None
+            if expression is None:
+                expression = parse_value(text, known, dim)
+                if expression.free_symbols <= {*self.defaults, TIME.symbol}:
+                    self.number(expression)
+                if names is None:
+                    self.parsed[text, dim] = expression
         self.keep(expression, str(text), where, known, used_names)
         return expression
 
@@ -154,7 +157,7 @@ class Values:
                 "w, or a load in place of the drive: loads may use them.",
             )
         for _ in range(2):
-            expression = sp.diff(expression, TIME.symbol)
+            expression = partial(expression, TIME.symbol)
             with at(where):
                 self.number(expression)
 
@@ -360,34 +363,3 @@ def _got(text: str | int | float, value: float, dim: Dimension) -> str:
     """Return the written text, and its value unless the text shows it."""
     plain = not isinstance(text, str) or is_quantity(text)
     return repr(text) if plain else f"{text!r}, which is {value:g} {dim.unit}"
-
-
-def shown_units(table: Units) -> Shown:
-    """Return the units that a scene names.
-
-    Raises
-    ------
-    SceneError
-        For a text that is no unit, or one of another quantity.
-    """
-    named = {of: getattr(table, of) for of in _DIMENSIONS}
-    return {of: _unit(of, text.strip(), _DIMENSIONS[of]) for of, text in named.items() if text is not None}
-
-
-def _unit(of: str, name: str, dim: Dimension) -> tuple[str, float]:
-    where = f"units.{of}"
-    if of == "angle":
-        if name not in _ANGLES:
-            raise SceneError(
-                f"expected rad, deg or rev, got {name!r}", where=where, hint=nearest(name, _ANGLES)
-            )
-    elif not name or not is_quantity(f"1 {name}"):
-        raise SceneError(f"expected a unit such as {_SUCH_AS[of]!r}, got {name!r}", where=where)
-    with at(where):
-        size, dimension = parse_quantity(f"1 {name}")
-    if dimension != dim:
-        raise SceneError(
-            f"expected the unit of {units.describe(dim)}, got {name!r}, {units.describe(dimension)}",
-            where=where,
-        )
-    return name, float(size)

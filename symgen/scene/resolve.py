@@ -20,7 +20,7 @@ from symgen.scene.loop.loop import Loop
 from symgen.scene.loop.resolve import loop_of
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.names import check_names
-from symgen.scene.reading import Reader, shown_units
+from symgen.scene.reading import Reader
 from symgen.scene.rods import bodies, constraints, loads
 from symgen.scene.rods.events import events
 from symgen.scene.rods.linkage import Linkage
@@ -101,7 +101,7 @@ def _linkage(scene: Scene) -> Linkage:
         name=scene.name,
         file=scene.file,
         title=scene.title or scene.name,
-        units=shown_units(scene.units),
+        units=units.shown_units(scene.units),
         dimension=read.dimension,
         parameters=tuple(read.parameters),
         points=tuple(read.points.values()),

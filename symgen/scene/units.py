@@ -11,9 +11,13 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from symgen.errors import SceneError
+from symgen.errors import SceneError, nearest
+from symgen.scene.faults import at
+
+if TYPE_CHECKING:
+    from symgen.scene.schema import Units
 
 
 class Dimension(NamedTuple):
@@ -298,3 +302,46 @@ def example(dim: Dimension) -> str:
     """Return how a value of this dimension is written."""
     kind = KINDS.get(dim)
     return kind[1] if kind else f'"1 {dim.unit}"'
+
+
+#: Units of angles, quantities of the other units, and examples of them.
+_ANGLES = ("rad", "deg", "rev")
+_DIMENSIONS = {
+    "length": LENGTH,
+    "force": FORCE,
+    "torque": TORQUE,
+    "angle": NUMBER,
+    "stress": PRESSURE,
+}
+_SUCH_AS = {"length": "mm", "force": "kN", "torque": "N*m", "stress": "MPa"}
+
+
+def shown_units(table: Units) -> Shown:
+    """Return the units that a scene names.
+
+    Raises
+    ------
+    SceneError
+        For a text that is no unit, or one of another quantity.
+    """
+    named = {of: getattr(table, of) for of in _DIMENSIONS}
+    return {of: _unit(of, text.strip(), _DIMENSIONS[of]) for of, text in named.items() if text is not None}
+
+
+def _unit(of: str, name: str, dim: Dimension) -> tuple[str, float]:
+    where = f"units.{of}"
+    if of == "angle":
+        if name not in _ANGLES:
+            raise SceneError(
+                f"expected rad, deg or rev, got {name!r}", where=where, hint=nearest(name, _ANGLES)
+            )
+    elif not name or not is_quantity(f"1 {name}"):
+        raise SceneError(f"expected a unit such as {_SUCH_AS[of]!r}, got {name!r}", where=where)
+    with at(where):
+        size, dimension = parse_quantity(f"1 {name}")
+    if dimension != dim:
+        raise SceneError(
+            f"expected the unit of {describe(dim)}, got {name!r}, {describe(dimension)}",
+            where=where,
+        )
+    return name, float(size)

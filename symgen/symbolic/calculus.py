@@ -70,7 +70,8 @@ class Calculus:
         known = self._rates.get(expression)
         if known is None:
             partials = self._partials(expression, self._rate)
-            known = self._rates[expression] = sp.Add(*(sp.Mul(slope, self._rate[s]) for s, slope in partials))
+            rates = ((slope, self._rate[s]) for s, slope in partials)
+            known = self._rates[expression] = sp.Add(*(b if a is ONE else sp.Mul(a, b) for a, b in rates))
         return known
 
     def gradient(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:

@@ -16,10 +16,9 @@ from symgen.mechanics.synthesis.limits import QUANTITIES, SLIDER_QUANTITIES, SPH
 from symgen.scene.expressions import parse_value
 from symgen.scene.faults import at, scene_error
 from symgen.scene.loading import read_scene
-from symgen.scene.reading import shown_units
 from symgen.scene.schema import Units
 from symgen.scene.table import Table, Text, Value, absent
-from symgen.scene.units import LENGTH, NUMBER, Dimension, Shown
+from symgen.scene.units import LENGTH, NUMBER, Dimension, Shown, shown_units
 
 Array = NDArray[np.float64]
 

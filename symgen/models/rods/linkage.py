@@ -17,7 +17,7 @@ from symgen.mechanics.rods.particles import Vector, end_mass
 from symgen.models.rods.constraints import ConstrainedPoints
 from symgen.models.rods.joint_forces import JointForces
 from symgen.scene.rods.linkage import TIME, RigidLink
-from symgen.symbolic.calculus import ONE, ZERO, chained
+from symgen.symbolic.calculus import ONE, ZERO, chained, partial
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.quantity import Entries, Quantity
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
@@ -164,7 +164,7 @@ class RodsModel(ConstrainedPoints):
         """Power of the loads without potential, of drives and of the moving ground [W]."""
         terms = [force * rate for force, _, rate in self.loads.others]
         terms += [
-            self.multipliers[row.name].symbol * sp.diff(row.expression, TIME.symbol)
+            self.multipliers[row.name].symbol * partial(row.expression, TIME.symbol)
             for row in self.constraints
             if TIME.symbol in row.expression.free_symbols
         ]

@@ -11,7 +11,7 @@ from symgen.errors import SceneError, nearest
 from symgen.models.rods.matrix import named
 from symgen.scene.rods.linkage import TIME
 from symgen.scene.rods.rotations import GearPair
-from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.calculus import ZERO, partial
 from symgen.symbolic.quantity import Entries, parted, resolved
 from symgen.symbolic.system import NamedMatrix
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
@@ -98,7 +98,7 @@ def _speed_ratio(model: RodsModel, name: str) -> Entries:
             + ("a linkage in space" if len(model.axes) != 2 else f"{len(drivers)} driven links"),
             hint="Record angular_velocity.",
         )
-    driven = sp.diff(drivers[0].angle, TIME.symbol)
+    driven = partial(drivers[0].angle, TIME.symbol)
     if driven == 0 or TIME.symbol in driven.free_symbols:
         raise SceneError(
             f"a speed ratio needs a drive at constant speed, got the angle {drivers[0].angle}",

@@ -313,7 +313,11 @@ class Points:
         d = self.along[link]
         squared = self.linkage.link(link).length ** 2
         gx, gy = (self.calculus.gradient(c) for c in d)
-        gradient = {q: (d[0] * gy.get(q, ZERO) - d[1] * gx.get(q, ZERO)) / squared for q in {**gx, **gy}}
+        products = ((-d[1], gx), (d[0], gy))
+        gradient = {
+            q: sp.Add(*(sp.Mul(lever, g[q]) for lever, g in products if q in g)) / squared
+            for q in {**gx, **gy}
+        }
         rates = tuple(self.calculus.rate(c) for c in d)
         return gradient, cross_in_plane(d, rates) / squared
 

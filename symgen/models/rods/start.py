@@ -9,7 +9,7 @@ import sympy as sp
 
 from symgen.models.rods.matrix import named, sparse
 from symgen.scene.rods.linkage import TIME
-from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.system import Export, NamedMatrix
 from symgen.symbolic.vectors import cross
 
@@ -97,9 +97,10 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
             rows.append(constraint.name)
     for name, angle in angles:
         x, y = model.hinges[name].components(model.arm(name)) if name in model.hinges else model.along[name]
-        drawn_angle = sp.atan2(y.xreplace(drawn), x.xreplace(drawn))
-        correction = angle - drawn_angle
-        now = drawn_angle + s * sp.atan2(sp.sin(correction), sp.cos(correction))
+        drawn_x, drawn_y = _direction(x.xreplace(drawn), y.xreplace(drawn))
+        c, d = sp.cos(angle), sp.sin(angle)
+        turn = _angle(c * drawn_x + d * drawn_y, d * drawn_x - c * drawn_y)
+        now = _angle(drawn_x, drawn_y) + s * turn
         residuals.append(y * sp.cos(now) - x * sp.sin(now))
         rows.append(f"{name} angle")
     for part in _floating(model):
@@ -120,6 +121,17 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
         ),
         sparse(model, "assembly_jacobian", gradients, "1", about, rows=rows),
     ]
+
+
+def _direction(x: sp.Expr, y: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """Return a vector in the plane, with the size 1 along an axis."""
+    size = abs(x + y) if ZERO in (x, y) and (x + y).is_Rational else ONE
+    return x / size, y / size
+
+
+def _angle(x: sp.Expr, y: sp.Expr) -> sp.Expr:
+    """Return the angle of a vector; off the axes SymPy would look for its quadrant, which takes longest."""
+    return sp.atan2(y, x, evaluate=ZERO in (x, y))
 
 
 def _floating(model: RodsModel) -> Iterator[list[str]]:

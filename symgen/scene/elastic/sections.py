@@ -61,11 +61,20 @@ def is_line(link: Link) -> bool:
 def line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool = False) -> LineDensity:
     """Return the properties of a rod along its line; ``in_space`` a rectangle has the direction of its width.
 
+    They are read once for each length, since the rigid link and its elements need them.
+
     Raises
     ------
     SceneError
         When section and mass are missing, given twice, or contradict each other.
     """
+    known = where, length, in_space
+    if known not in read.lines:
+        read.lines[known] = _read_line(read, link, length, where, in_space)
+    return read.lines[known]
+
+
+def _read_line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool) -> LineDensity:
     for key in ("centre", "inertia"):
         if getattr(link, key) is not None:
             raise SceneError(
@@ -135,16 +144,20 @@ def rigid(line: LineDensity, length: sp.Expr, rotary: bool) -> tuple[sp.Expr, sp
     The inertia is that of its line alone unless its elements have rotary inertia: then a turning link has the
     same kinetic energy by its elements and as a rigid rod.
     """
-    mass, first, second = (
-        sp.Add(*(c * length ** (k + n + 1) / (k + n + 1) for k, c in enumerate(line.mass))) for n in range(3)
-    )
+    mass, first, second = (_moment(line.mass, length, n) for n in range(3))
     if mass == 0:
         return _ZERO, length / 2, _ZERO
     centre = first / mass
     inertia = second - mass * centre**2
     if rotary:
-        inertia += sp.Add(*(c * length ** (k + 1) / (k + 1) for k, c in enumerate(line.rotary)))
+        inertia += _moment(line.rotary, length, 0)
     return mass, centre, inertia
+
+
+def _moment(density: Polynomial, length: sp.Expr, order: int) -> sp.Expr:
+    """Return the integral of the polynomial times s^order over the length."""
+    powers = ((k + order + 1, c) for k, c in enumerate(density) if c != 0)
+    return sp.Add(*(sp.Mul(sp.Rational(1, n), c, length**n) for n, c in powers))
 
 
 def _shape(read: Reader, section: SectionTable, length: sp.Expr, where: str, in_space: bool) -> SectionShape:

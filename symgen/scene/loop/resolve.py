@@ -15,7 +15,6 @@ from symgen.scene.loop.loop import JointVariable, Loop, LoopBody, Row, Vector
 from symgen.scene.loop.reading import ZERO, LoopReader, symbols
 from symgen.scene.loop.rows import LoopTable, rows_of
 from symgen.scene.loop.schema import SpatialLoop
-from symgen.scene.reading import shown_units
 from symgen.scene.schema import Scene
 from symgen.symbolic.constants import with_pi
 
@@ -59,7 +58,7 @@ def loop_of(scene: Scene, table: SpatialLoop) -> Loop:
         ),
         size=size,
         assembly_tolerance=_assembly_tolerance(read, size),
-        units=shown_units(scene.units),
+        units=units.shown_units(scene.units),
         outputs=None if scene.analysis.outputs is None else tuple(scene.analysis.outputs),
         limits=tuple(read.limits),
         written=read.written,

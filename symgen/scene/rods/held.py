@@ -88,6 +88,8 @@ class Reads(Protocol):
 
     names: dict[str, tuple[sp.Expr, Dimension]]
     defaults: dict[sp.Symbol, sp.Expr]
+    parsed: dict[Any, sp.Expr]
+    mirror: Any
     written: Written
     limits: list[Any]
 
@@ -103,23 +105,31 @@ def compose(
     forms: Callable[[Reading], Mapping[str, sp.Expr]],
 ) -> None:
     """Keep values below a place as ``forms`` reads them where the constants of the scene are symbols."""
-    written = read.written
-    if not written.constants:
+    written, table = read.written, ".".join(where.split(".")[:2]) + "."
+    if not any(place.startswith(table) for place in written.texts):
         return
-    mirror = copy(read)
-    symbols = {c.quantity.symbol: c.expression.xreplace(read.defaults) for c in written.constants.values()}
-    mirror.names = dict(read.names)
-    for name, constant in written.constants.items():
-        mirror.names[name] = constant.quantity.symbol, read.names[name][1]
-    mirror.defaults = {**read.defaults, **symbols, LENGTH: length.xreplace(read.defaults), MODULUS: sp.S.One}
+    if read.mirror is None:
+        read.mirror = _mirror(read)
+    mirror = copy(read.mirror)
+    mirror.defaults = {**mirror.defaults, LENGTH: length.xreplace(read.defaults)}
     mirror.written, mirror.limits = Written(), []
     try:
         found = forms(mirror)
     except SceneError:  # such as the exponent of a power, which is a number
         return
+    constants = {c.quantity.symbol for c in written.constants.values()}
     for key, form in found.items():
-        if form.free_symbols & symbols.keys():
+        if form.free_symbols & constants:
             written.composed[f"{where}.{key}"] = values[key], form
+
+
+def _mirror(read: Reading) -> Reading:
+    """Return a reader in whose names the constants of the scene are symbols."""
+    mirror, constants = copy(read), read.written.constants
+    mirror.names = read.names | {n: (c.quantity.symbol, read.names[n][1]) for n, c in constants.items()}
+    numbers = {c.quantity.symbol: c.expression.xreplace(read.defaults) for c in constants.values()}
+    mirror.defaults, mirror.parsed = {**read.defaults, **numbers, MODULUS: sp.S.One}, {}
+    return mirror
 
 
 @dataclass(frozen=True, slots=True)

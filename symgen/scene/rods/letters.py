@@ -22,6 +22,7 @@ from symgen.scene.rods.linkage import (
     SpatialBody,
     Vector,
 )
+from symgen.symbolic.calculus import partial
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.names import Letter, Letters
 from symgen.symbolic.quantity import AXES
@@ -294,7 +295,7 @@ def motion_of(
     form = letters.form(where, motion)
     if form != motion:
         return form
-    rate = sp.diff(motion, TIME.symbol)
+    rate = partial(motion, TIME.symbol)
     if rate.free_symbols & {TIME.symbol}:
         return motion
     start = motion.xreplace({TIME.symbol: sp.S.Zero})
