@@ -325,10 +325,10 @@ def shown_units(table: Units) -> Shown:
         For a text that is no unit, or one of another quantity.
     """
     named = {of: getattr(table, of) for of in _DIMENSIONS}
-    return {of: _unit(of, text.strip(), _DIMENSIONS[of]) for of, text in named.items() if text is not None}
+    return {of: _shown_unit(of, text.strip(), _DIMENSIONS[of]) for of, text in named.items() if text is not None}
 
 
-def _unit(of: str, name: str, dim: Dimension) -> tuple[str, float]:
+def _shown_unit(of: str, name: str, dim: Dimension) -> tuple[str, float]:
     where = f"units.{of}"
     if of == "angle":
         if name not in _ANGLES:
