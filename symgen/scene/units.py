@@ -11,13 +11,10 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from symgen.errors import SceneError, nearest
 from symgen.scene.faults import at
-
-if TYPE_CHECKING:
-    from symgen.scene.schema import Units
 
 
 class Dimension(NamedTuple):
@@ -316,8 +313,8 @@ _DIMENSIONS = {
 _SUCH_AS = {"length": "mm", "force": "kN", "torque": "N*m", "stress": "MPa"}
 
 
-def shown_units(table: Units) -> Shown:
-    """Return the units that a scene names.
+def shown_units(table: Any) -> Shown:
+    """Return the units that the table ``units`` of a scene names.
 
     Raises
     ------
@@ -325,7 +322,9 @@ def shown_units(table: Units) -> Shown:
         For a text that is no unit, or one of another quantity.
     """
     named = {of: getattr(table, of) for of in _DIMENSIONS}
-    return {of: _shown_unit(of, text.strip(), _DIMENSIONS[of]) for of, text in named.items() if text is not None}
+    return {
+        of: _shown_unit(of, text.strip(), _DIMENSIONS[of]) for of, text in named.items() if text is not None
+    }
 
 
 def _shown_unit(of: str, name: str, dim: Dimension) -> tuple[str, float]:
