@@ -51,7 +51,7 @@ def uncertainty(n: int) -> float:
 
 def solve(n: int, tolerance: float, samples: int = SAMPLES, columns: int = COLUMNS) -> list[list[Real]]:
     """Return the tips at the first sample times, for this local error, in the current mpmath precision."""
-    rates = _rates(n)
+    rates = rates_of(n)
     bend = mpmath.mpf(BEND)
     y = [bend * ((i + 1) // 2) for i in range(n)] + [mpmath.mpf(0)] * n
     found = [_tip(y[:n])]
@@ -73,7 +73,8 @@ def _tip(angles: list[Real]) -> list[Real]:
     return [mpmath.fsum(map(mpmath.cos, angles)), mpmath.fsum(map(mpmath.sin, angles))]
 
 
-def _rates(n: int) -> Callable[[list[Real]], list[Real]]:
+def rates_of(n: int) -> Callable[[list[Real]], list[Real]]:
+    """Return the rates of angles and angular velocities of n rods as a function of these."""
     half, third, g = mpmath.mpf(1) / 2, mpmath.mpf(1) / 3, mpmath.mpf(GRAVITY)
     mass = [[n - 1 - max(i, j) + (third if i == j else half) for j in range(n)] for i in range(n)]
 

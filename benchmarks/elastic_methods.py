@@ -148,7 +148,7 @@ def _by_scipy(model: Any, form: str, attempt: Attempt) -> Array | None:
 
     from symgen.runtime.elastic.outputs import outputs
 
-    motion = model._motion(False)
+    motion = model.motion(False)
     equations = motion.equations(form == "thesis")
     n = motion.layout.unknowns
 

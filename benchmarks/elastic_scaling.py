@@ -80,7 +80,7 @@ def linkage(name: str, elements: int) -> Any:
 
 def step(name: str, elements: int) -> Case:
     """Return the case of a few steps from rest."""
-    motion = linkage(name, elements)._motion(True)
+    motion = linkage(name, elements).motion(True)
     h = motion.period / 100_000
     if name == "large rotation":
         system, end = LargeLinkage(motion, elements), STEPS * h

@@ -52,7 +52,7 @@ def measured(slack: float) -> Measurement:
     """Measure once."""
     model = symgen.build("crank_rocker")
     times = np.linspace(0.0, 1.0, POSES)
-    steps, start = steps_of(model._constraints(), model.initial_state().q, 0.0), model.initial_state().q
+    steps, start = steps_of(model.constraints(), model.initial_state().q, 0.0), model.initial_state().q
 
     def by_arc_length() -> Any:
         with patch.object(kinematics, "along_branch", lambda *given: None):
@@ -119,7 +119,7 @@ def measured(slack: float) -> Measurement:
 def _steps(model: symgen.Model) -> tuple[Case, float]:
     """Return the compiled steps of a linkage over a second, and their largest residual [m]."""
     times, start = np.linspace(0.0, 1.0, POSES), model.initial_state().q
-    constraints = model._constraints()
+    constraints = model.constraints()
     steps = steps_of(constraints, start, 0.0)
     states = steps.follow(0.0, start, times)
     if len(states) < POSES:
@@ -131,7 +131,7 @@ def _steps(model: symgen.Model) -> tuple[Case, float]:
 
 def _in_lanes(model: symgen.Model, with_forces: bool) -> tuple[Case, Array]:
     """Return the steps in lanes over a revolution, and where the last run has B in the end."""
-    constraints, start = model._constraints(), model.initial_state().q
+    constraints, start = model.constraints(), model.initial_state().q
     motion, forces = (model.in_lanes(kind) for kind in ("kinematics", "forces"))
     groups = groups_of(constraints.slopes, range(constraints.n), constraints.n)
     lanes = KinematicLanes(

@@ -72,7 +72,7 @@ def measured() -> Measurement:
 
     cases: dict[Any, Case] = {(name, "symgen"): Case(loop.run, ANGLES) for name, loop in loops.items()}
     cases |= {key: Case(route.run, SLOW_ANGLES) for key, route in routes.items()}
-    pin, why = _pinocchio()
+    pin, why = peer_module()
     if pin:
         peer = Peer(pin, truth)
         cases["slider_crank", "Pinocchio"] = Case(peer.run, CALLS)
@@ -100,7 +100,7 @@ def measured() -> Measurement:
     return Measurement(
         "A crank angle of a closed loop: positions, rates, accelerations, all joint forces",
         rows,
-        _required(timings, errors),
+        required(timings, errors),
         notes,
     )
 
@@ -119,7 +119,7 @@ def _row(
     }
 
 
-def _required(timings: Any, errors: dict[Any, float]) -> list[Required]:
+def required(timings: Any, errors: dict[Any, float]) -> list[Required]:
     """Return the criteria: either the time or the ratio, depending on the machine; and the errors."""
     lines = []
     for name in SCENES:
@@ -294,7 +294,8 @@ def against_vectors(loop: Loop, truth: Motion, count: int) -> float:
     return max(difference(found, np.asarray(expected, dtype=float)) for found, expected in pairs)
 
 
-def _pinocchio() -> tuple[Any, str]:
+def peer_module() -> tuple[Any, str]:
+    """Return Pinocchio, or None and the reason why it is not measured."""
     try:
         import pinocchio
     except ImportError as error:

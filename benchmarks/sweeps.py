@@ -58,7 +58,7 @@ def _model() -> symgen.Model:
     return symgen.build(symgen.Scene(**data))
 
 
-def _sweep(
+def sweep(
     file: Path | None,
     runs: int,
     threads: int | None = None,
@@ -67,6 +67,7 @@ def _sweep(
     samples: int = POSES,
     listed: bool = False,
 ) -> Any:
+    """Return the peaks of a sweep of the lengths, random ones or a list of as many."""
     of: dict[str, Any] = {name: Uniform(*bounds) for name, bounds in LENGTHS.items()}
     if listed:
         of = {name: np.linspace(*bounds, runs) for name, bounds in LENGTHS.items()}
@@ -89,15 +90,15 @@ def measured(slack: float) -> Measurement:
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        _sweep(None, 8, 1)  # kernels are compiled
+        sweep(None, 8, 1)  # kernels are compiled
         began, busy = perf_counter(), process_time()
-        found = _sweep(folder / "all.zarr", RUNS, 2)
+        found = sweep(folder / "all.zarr", RUNS, 2)
         wall, busy = perf_counter() - began, process_time() - busy
         rows.append(_row("sweep, two threads", RUNS, POSES, wall, busy))
         lengths = [found[name].values[:BY_NUMPY] for name in LENGTHS]
-        reference, times = _Reference(), []
+        reference, times = Reference(), []
         for _ in range(ROUNDS):
-            alone = _timed(lambda: _sweep(None, BY_ONE, 1, 1024))  # the chunks of the large sweep
+            alone = _timed(lambda: sweep(None, BY_ONE, 1, 1024))  # the chunks of the large sweep
             of_numpy = _timed(lambda: reference.peaks(*lengths))
             times.append((alone, of_numpy))
         (wall_one, alone), (wall_numpy, of_numpy) = (
@@ -112,7 +113,7 @@ def measured(slack: float) -> Measurement:
             for output, peak in zip(OUTPUTS, peaks, strict=True)
         ]
         began, busy = perf_counter(), process_time()
-        _sweep(folder / "many.zarr", MANY, executor=2, samples=FEW, listed=True)
+        sweep(folder / "many.zarr", MANY, executor=2, samples=FEW, listed=True)
         wall_many, busy = perf_counter() - began, process_time() - busy
         rows.append(_row("list by two processes, here", MANY, FEW, wall_many, busy))
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -143,7 +144,7 @@ def _row(what: str, runs: int, poses: int, wall: float, busy: float) -> dict[str
     return {"runs": what, "variants": runs, "wall [s]": wall, "processor [s]": busy, "per pose [us]": each}
 
 
-class _Reference:
+class Reference:
     """Joint forces of the crank-rocker by balances of its links, derived here and printed by ``lambdify``."""
 
     def __init__(self) -> None:

@@ -11,7 +11,7 @@ import warnings
 from pathlib import Path
 
 import pytest
-import typer.testing
+import typer.main
 from hypothesis import HealthCheck, settings
 
 # Tests run side by side, and threads of linear algebra wait for each other by spinning: matrices of 30 rows took
@@ -29,7 +29,8 @@ sys.dont_write_bytecode = False
 gc.set_threshold(1_000_000, 20, 100)
 
 # Typer converts all commands of an app for each call of one, which takes as long as most of the calls.
-typer.testing._get_command = functools.cache(typer.testing._get_command)
+# Set before a test imports typer.testing, which takes the function from here.
+typer.main.get_command = functools.cache(typer.main.get_command)
 
 # What CI finds it finds again; elsewhere every run looks at other examples.
 # Machines of any load and speed run them, so examples are allowed to take long.

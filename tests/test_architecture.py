@@ -313,6 +313,50 @@ def test_no_test_imports_another():
     assert not found
 
 
+def is_private(name: str) -> bool:
+    """Return whether the last part of a name begins with one underscore, unless it is a protocol or a compiled module."""
+    last = name.rpartition(".")[2]
+    return last.startswith("_") and not last.endswith("_") and not (ROOT / "runtime" / f"{last}.pyx").exists()
+
+
+def private_names(tree: ast.Module) -> list[str]:
+    """Return private names that a test imports, takes of an object other than ``self``, or replaces."""
+    names: list[str] = []
+    for node in ast.walk(tree):
+        match node:
+            case ast.Import(names=imported):
+                names += (a.name for a in imported)
+            case ast.ImportFrom(module=module, names=imported):
+                names += (module or "", *(a.name for a in imported))
+            case ast.Attribute(value=ast.Name(id="self" | "cls" | "os")):  # os._exit
+                pass
+            case ast.Attribute():
+                names.append(ast.unparse(node))
+            case ast.Call(
+                func=ast.Attribute(attr="setattr" | "delattr")
+                | ast.Name(id="getattr" | "setattr" | "hasattr")
+            ):
+                names += (
+                    x.value for x in node.args[:2] if isinstance(x, ast.Constant) and isinstance(x.value, str)
+                )
+    return [name for name in names if is_private(name)]
+
+
+def test_private_names_are_found():
+    text = """from a._b import _core, c, _d
+self._x, m._y, m._repr_html_, m.__dict__
+patch.setattr(m, "_z", 1)
+patch.setattr("a.b._w", 1)
+"""
+    assert private_names(ast.parse(text)) == ["a._b", "_d", "_z", "a.b._w", "m._y"]
+
+
+def test_tests_use_no_private_names():
+    """They pin what may change: a test calls what the package offers, or a public name of an internal module."""
+    found = [f"{p.relative_to(TESTS)}: {n}" for p in TESTS.rglob("*.py") for n in private_names(parsed(p))]
+    assert not found, "\n".join(sorted(found))
+
+
 def test_tests_of_the_runtime_are_in_the_folders_of_its_rooms():
     runtime = Path(symgen.__file__).parent / "runtime"
     folders = {p.name for p in (TESTS / "runtime").iterdir() if any(p.glob("test_*.py"))}

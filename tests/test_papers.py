@@ -123,7 +123,7 @@ def test_every_equation_has_a_row(paper):
 
 def test_every_number_of_a_named_matrix_has_a_row():
     tables = [x for x in vars(sources).values() if isinstance(x, tuple) and x and isinstance(x[0], tuple)]
-    texts = {text for table in tables for _, text in table} | {*sources._ROWS.values()}
+    texts = {text for table in tables for _, text in table} | {*sources.ROWS.values()}
     checked = 0
     for text in texts:
         paper = next((p for p in PAPERS if p in text), "")

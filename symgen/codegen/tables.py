@@ -11,7 +11,7 @@ from symgen.lowering.nodes import Call, Constant, Negative, Node, Product, Quoti
 #: Constants that are printed in the loops; all others are in a table.
 _PRINTED = frozenset({"0", "1", "2"})
 #: Statements outside blocks, up to which each is printed by itself, which saves its table and its branch.
-_STRAIGHT = 1_000
+STRAIGHT = 1_000
 #: Array of intermediate values, and of constants.
 _VALUES, _CONSTANTS = "v", "c"
 
@@ -196,7 +196,7 @@ class Tables:
         self.cases: list[Case] = []
         at = 0
         aligned = [*map(self._aligned, blocks), Repetition(len(statements), 0, 0)]
-        straight = len(statements) - sum(b.length * b.repeats for b in aligned) <= _STRAIGHT
+        straight = len(statements) - sum(b.length * b.repeats for b in aligned) <= STRAIGHT
         for block in aligned:
             texts = []
             for i in range(at, block.first):

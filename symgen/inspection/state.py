@@ -79,7 +79,7 @@ def of_elastic(model: ElasticModel, at: str | None) -> ArgumentValues:
     if at is None:
         return of_linkage(model.rigid, None)
     value, over, label = crank_or_time(at)
-    t = value if over == "time" else model._motion(True).time_at(value)
+    t = value if over == "time" else model.motion(True).time_at(value)
     return replace(_reached(model.rigid, t), label=label)
 
 

@@ -189,7 +189,7 @@ EQUILIBRIUM: Sources = (
     ("*_equilibrium", "Rahman (62)-(64), corrected: signs of f"),
 )
 #: Row transforms by the entries of the row that are not zero.
-_ROWS = {
+ROWS = {
     frozenset({"theta", "S", "a"}): "Rahman (1)",
     frozenset({"theta", "eta", "a"}): "Rahman (2)",
     frozenset({"theta", "eta", "alpha"}): "Rahman (3)",
@@ -199,7 +199,7 @@ _ROWS = {
 
 def row_source(entries: Iterable[str]) -> str:
     """Return the equation of the transform of a row by the names of its entries that are not zero."""
-    return _ROWS.get(frozenset(entries), "general form of Rahman (1)-(4)")
+    return ROWS.get(frozenset(entries), "general form of Rahman (1)-(4)")
 
 
 #: Of any element: the form of its equation.

@@ -257,7 +257,7 @@ class Subject:
         if name in ASSEMBLED and self.is_assembled and name in self.assembled:
             return Chosen(self.assembled, (self.assembled[name],))
         known: list[str] = []
-        for prefix, system in self._searched():
+        for prefix, system in self.searched():
             own = name.removeprefix(prefix) if name.startswith(prefix) else name
             matrices = system.named(own)
             if matrices:
@@ -270,7 +270,7 @@ class Subject:
 
     def _citing(self, equation: str) -> tuple[Chosen, ...]:
         """Return the matrices or rows that cite an equation most precisely, by system."""
-        ranked = [(*citing(equation, system.matrices), system) for _, system in self._searched()]
+        ranked = [(*citing(equation, system.matrices), system) for _, system in self.searched()]
         best = max(rank for rank, _, _ in ranked)
         seen: set[str] = set()
         found = []
@@ -281,7 +281,7 @@ class Subject:
                 found.append(Chosen(system, new))
         return tuple(found)
 
-    def _searched(self) -> Iterator[tuple[str, System]]:
+    def searched(self) -> Iterator[tuple[str, System]]:
         """Yield the systems in which names are looked up, each derived when it is reached."""
         yield from self.unassembled()
         if self.is_assembled:

@@ -140,7 +140,7 @@ def derive_all(models: Iterable[str], progress: Progress | None = None) -> dict[
     return {name: derived[name] for name in requested}
 
 
-_PARENT = "import sys; from symgen.regeneration.generate import answer_all; answer_all(*sys.argv[1:])"
+PARENT = "import sys; from symgen.regeneration.generate import answer_all; answer_all(*sys.argv[1:])"
 
 
 def _as_derived(requested: Sequence[str], folder: Path) -> Iterator[str]:
@@ -150,7 +150,7 @@ def _as_derived(requested: Sequence[str], folder: Path) -> Iterator[str]:
     with (
         (folder / _SAID).open("wb") as said,
         subprocess.Popen(
-            [sys.executable, "-P", "-c", _PARENT, str(folder), *requested],
+            [sys.executable, "-P", "-c", PARENT, str(folder), *requested],
             env={**os.environ, "PYTHONPATH": path},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -206,7 +206,7 @@ def answer_all(folder: str, *names: str) -> None:
         context.set_forkserver_preload(["sympy"])
     workers = min(os.cpu_count() or 1, len(names))
     with ProcessPoolExecutor(workers, mp_context=context, max_tasks_per_child=1) as pool:
-        running = {pool.submit(_answer_in, Path(folder), name): name for name in names}
+        running = {pool.submit(answer_in, Path(folder), name): name for name in names}
         for done in as_completed(running):
             if done.cancelled():
                 continue
@@ -220,7 +220,7 @@ def answer_all(folder: str, *names: str) -> None:
             print(name, status, flush=True)
 
 
-def _answer_in(folder: Path, name: str) -> int:
+def answer_in(folder: Path, name: str) -> int:
     """Write a model, or the error of its failed derivation, into a folder; return the exit status."""
     import gc
 

@@ -33,7 +33,7 @@ def table(
     ``keys`` columns. Text and headings are wrapped between words; numbers are never broken. The title is a
     line of its own: a title of the table would be broken at the width of its columns.
     """
-    cells = [tuple(map(_text, row)) for row in rows]
+    cells = [tuple(map(cell_text, row)) for row in rows]
     fitted = _Fitted(tuple(columns), cells, frozenset(texts), keys)
     return Group(Text(title, style="table.title"), fitted) if title else Group(fitted)
 
@@ -97,8 +97,9 @@ class _Fitted:
         return blocks
 
 
-def _text(value: Any) -> str:
-    return f"{value + 0.0:.6g}" if isinstance(value, float) else str(value)  # no -0
+def cell_text(value: Any) -> str:
+    """Return a value as the text of a cell: numbers with six digits, without a minus before zero."""
+    return f"{value + 0.0:.6g}" if isinstance(value, float) else str(value)
 
 
 def print_notes(notes: Iterable[str], console: Console) -> None:

@@ -215,26 +215,26 @@ def path(task: Any) -> Solutions:
     if not any(prescribed) and task.linkage == "four-bar":
         if exact:
             _add_cognates(linkages, poses, size)
-        linkages = [_exchanged(k) if _is_turned(k, size) else k for k in linkages]
+        linkages = [exchanged(k) if is_turned(k, size) else k for k in linkages]
     return Solutions(*distinct(linkages, poses, size, size), roots)
 
 
 def _add_cognates(linkages: list[FourBar], poses: list[Array], size: float) -> None:
     for linkage, poses_of_linkage in [*zip(linkages, poses, strict=True)]:
-        for other in (linkage, _exchanged(linkage)):
+        for other in (linkage, exchanged(linkage)):
             if np.linalg.norm(other.P - other.A) > ONE_LINK * size:
                 linkages.append(_cognate(other))
                 turned = crank_directions(other, poses_of_linkage)
                 poses.append(np.column_stack([poses_of_linkage[:, :2], turned - turned[0]]))
 
 
-def _is_turned(linkage: FourBar, size: float) -> bool:
+def is_turned(linkage: FourBar, size: float) -> bool:
     """Return whether the crank is longer than the rocker or, if equal, pinned further right or above."""
     more = [linkage.lengths["crank"] - linkage.lengths["rocker"], *(linkage.O - linkage.C)]
     return next((x > 0.0 for x in more if abs(x) > ONE_LINK * size), False)
 
 
-def _exchanged(linkage: FourBar) -> FourBar:
+def exchanged(linkage: FourBar) -> FourBar:
     """Return the same linkage, with the crank as its rocker."""
     return FourBar(linkage.C, linkage.B, linkage.A, linkage.O, linkage.P, linkage.error)
 

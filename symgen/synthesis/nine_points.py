@@ -97,7 +97,7 @@ def _follow(
     move = end - start
 
     def rate(x: Complex, t: Array) -> Complex:
-        _, slopes, by_point = _equations(x, start + t[:, None, None] * move)
+        _, slopes, by_point = equations(x, start + t[:, None, None] * move)
         return _solved(slopes, -(by_point * move).sum(axis=2))
 
     active = np.arange(count)
@@ -112,7 +112,7 @@ def _follow(
             y, t = y + half / 3 * (k1 + 2 * k2 + 2 * k3 + k4), t + h
             sizes = []
             for _ in range(3):
-                residual, slopes, _ = _equations(y, start + t[:, None, None] * move)
+                residual, slopes, _ = equations(y, start + t[:, None, None] * move)
                 change = _solved(slopes, residual)
                 y = y - change
                 sizes.append(np.abs(change).max(axis=1) / np.maximum(np.abs(y).max(axis=1), 1.0))
@@ -186,7 +186,7 @@ def _eliminated(matrix: Complex, right: Complex) -> Complex:
     return x
 
 
-def _equations(x: Complex, points: Complex) -> tuple[Complex, Complex, Complex]:
+def equations(x: Complex, points: Complex) -> tuple[Complex, Complex, Complex]:
     """Return residuals (n, 8) and their slopes by the unknowns (n, 8, 8) and by each point (n, 8, 2)."""
     residual, _, _, *slopes = _functions()(*x.T[:, :, None], points[:, :, 0], points[:, :, 1])
     every = np.stack([np.broadcast_to(s, residual.shape) for s in slopes], axis=2)

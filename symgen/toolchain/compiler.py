@@ -45,8 +45,10 @@ VECTORS = {"none": (), "native": ("-march=native",)}
 _OF_NATIVE = ("-O2", "-fno-semantic-interposition", "-finline-functions", "-finline-limit=10000")
 #: What flags that choose a processor begin with.
 _TUNED = ("-march", "-mtune", "-mcpu")
-#: Time limits [s] for compiling or linking one file, and for printing the compiler's version.
-_LIMIT, _VERSION_LIMIT = 600.0, 30.0
+#: Time limit [s] for compiling or linking one file.
+LIMIT = 600.0
+#: Time limit [s] for printing the compiler's version.
+VERSION_LIMIT = 30.0
 _ORIGIN = "  Flags come from SYMGEN_CFLAGS, the compiler from CC"
 
 
@@ -81,7 +83,7 @@ class Compiler:
         Kernels in lanes then get wider lanes. Without contraction that changes no bit.
         """
         ours = any(flag.startswith(_TUNED) for flag in self.flags)
-        if ours or CONTRACTIONS["off"] not in self.flags or not _has_wide_vectors():
+        if ours or CONTRACTIONS["off"] not in self.flags or not has_wide_vectors():
             return self
         return replace(self, flags=(*self.flags, *VECTORS["native"]))
 
@@ -119,7 +121,7 @@ class Compiler:
             for source in sources:
                 object_file = source.with_suffix(".o")
                 command = [*self.command, *flags, "-fPIC", "-c", str(source), "-o", str(object_file)]
-                running.append((_started(command, opened), object_file))
+                running.append((started(command, opened), object_file))
             linked = tuple(f"-l{name}" for name in libraries)
             return Compilation(self, tuple(running), library, linked, opened.pop_all())
 
@@ -151,16 +153,16 @@ class Compilation:
             With the command and the compiler's own output, or with the exceeded time limit.
         """
         with self:
-            slow = [process for process, _ in self.running if not process.ended(_LIMIT)]
+            slow = [process for process, _ in self.running if not process.ended(LIMIT)]
             for process in slow:
                 process.kill()
-            again = [_started(_unoptimised(process), self.opened) for process in slow]
+            again = [started(_unoptimised(process), self.opened) for process in slow]
             for process in (*again, *(p for p, _ in self.running if p not in slow)):
-                process.check(_LIMIT)
+                process.check(LIMIT)
             objects = [object_file for _, object_file in self.running]
             command = [*self.compiler.command, *self.compiler.flags, "-shared", "-o", str(self.library)]
-            link = _started([*command, *map(str, objects), *self.linked], self.opened)
-            link.check(_LIMIT)
+            link = started([*command, *map(str, objects), *self.linked], self.opened)
+            link.check(LIMIT)
         if not self.library.is_file():
             raise BuildError(
                 f"the C compiler reported success but wrote no library: {shlex.join(link.command)}\n"
@@ -171,7 +173,7 @@ class Compilation:
         return self.library
 
 
-def _started(command: list[str], opened: ExitStack) -> Process:
+def started(command: list[str], opened: ExitStack) -> Process:
     """Start a compiler that ends with ``opened``, also if a signal arrives in between."""
     with _signals_later():
         return opened.enter_context(Process(command))
@@ -199,9 +201,9 @@ def _unoptimised(process: Process) -> list[str]:
     """Return the command of a compilation that exceeded the limit, at ``-O0``; BuildError if it was that."""
     plain = [word for word in process.command if not re.fullmatch(r"-O\w*", word)]
     if plain == process.command or "-O0" in process.command:
-        raise BuildError(process.over_limit(_LIMIT))
+        raise BuildError(process.over_limit(LIMIT))
     warnings.warn(
-        f"the C compiler exceeded the limit of {_LIMIT:g} s with {Path(plain[-3]).name} and was killed; that "
+        f"the C compiler exceeded the limit of {LIMIT:g} s with {Path(plain[-3]).name} and was killed; that "
         "file is compiled again at -O0, so runs take longer",
         SlowBackendWarning,
         stacklevel=2,
@@ -303,7 +305,7 @@ def find_compiler() -> Compiler | None:
         if path:
             full = (path, *command[1:])
             of_user = FLAGS if flags is None else tuple(_words("SYMGEN_CFLAGS", flags))
-            return Compiler(full, _version(full, Path(path).stat().st_mtime_ns), of_user)
+            return Compiler(full, version_of(full, Path(path).stat().st_mtime_ns), of_user)
     if chosen:
         raise BuildError(f"CC names the compiler {chosen!r}, which does not exist\n  Unset CC or correct it.")
     return None
@@ -326,11 +328,11 @@ def _words(variable: str, value: str) -> list[str]:
 
 
 @cache
-def _version(command: tuple[str, ...], changed: int) -> str:
+def version_of(command: tuple[str, ...], changed: int) -> str:
     """Return the first line in which a compiler, whose file last changed then, states its version."""
     with Process([*command, "--version"]) as process:
-        if not process.ended(_VERSION_LIMIT):
-            raise BuildError(process.over_limit(_VERSION_LIMIT))
+        if not process.ended(VERSION_LIMIT):
+            raise BuildError(process.over_limit(VERSION_LIMIT))
         return process.output.partition("\n")[0].strip()
 
 
@@ -343,7 +345,7 @@ def _cpu() -> str:
     return f"{platform.machine()} {platform.processor()} {features}"
 
 
-def _has_wide_vectors() -> bool:
+def has_wide_vectors() -> bool:
     """Return whether this is an x86 processor with AVX; False where the platform does not say."""
     return any(line.startswith("flags") and "avx" in line.split() for line in _cpuinfo())
 

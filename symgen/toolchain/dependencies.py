@@ -43,7 +43,7 @@ _REGISTRY = "symgen.elements"
 _REGISTERED = "registered:kinds registered by the program"
 
 #: Start of this process: a file modified later may differ from the version that was loaded.
-_BEGUN = time.time()
+BEGUN = time.time()
 
 Needs = Mapping[str, str]
 
@@ -72,7 +72,7 @@ def needs(further: Needs | None = None) -> Needs:
 @cache
 def _templates() -> tuple[str, ...]:
     """Return the names of the templates of kernels, constant for the life of the process."""
-    folder = _folder("symgen.templates")
+    folder = package_folder("symgen.templates")
     every = (p.relative_to(folder) for p in folder.rglob("*.j2"))
     printed = (p for p in every if Path(p.stem).suffix not in _OF_PAGES)
     return tuple(f"symgen.templates:{p.as_posix()}" for p in printed if p.parts[0] != _EXPORTED)
@@ -81,14 +81,14 @@ def _templates() -> tuple[str, ...]:
 def _as_loaded(name: str) -> str:
     """Return the hash of a file's content; empty (never current) if it changed after this process started."""
     where, _, rest = name.partition(":")
-    if where != "version" and _place(where, rest).stat().st_mtime > _BEGUN:
+    if where != "version" and _place(where, rest).stat().st_mtime > BEGUN:
         return ""
     return content(name)
 
 
 @cache
 def _place(package: str, file: str) -> Path:
-    return _folder(package) / file
+    return package_folder(package) / file
 
 
 def of_package(package: str, file: str) -> Needs:
@@ -148,11 +148,12 @@ def _imported(code: CodeType | None) -> Iterator[str]:
 @cache
 def _module(name: str) -> str:
     path = Path(str(sys.modules[name].__file__))
-    return f"symgen:{path.relative_to(_folder('symgen')).as_posix()}"
+    return f"symgen:{path.relative_to(package_folder('symgen')).as_posix()}"
 
 
 @cache
-def _folder(package: str) -> Path:
+def package_folder(package: str) -> Path:
+    """Return the folder of an installed package; FileNotFoundError if there is none."""
     spec = find_spec(package)
     if spec is None or not spec.submodule_search_locations:
         raise FileNotFoundError(package)
@@ -164,14 +165,14 @@ def content(name: str) -> str:
     if name == _REGISTERED:
         return of_registered()
     where, _, rest = name.partition(":")
-    return _hash(Path(rest)) if where == "file" else _of_package(where, rest)
+    return _hash(Path(rest)) if where == "file" else content_of_package(where, rest)
 
 
 @cache
-def _of_package(where: str, rest: str) -> str:
+def content_of_package(where: str, rest: str) -> str:
     """Return the content hash of a file of symgen or of a package, constant for the life of the process."""
     try:
-        return _version(rest) if where == "version" else _hash(_folder(where) / rest)
+        return _version(rest) if where == "version" else _hash(package_folder(where) / rest)
     except ImportError:
         return ""
 
@@ -182,7 +183,7 @@ def _version(package: str) -> str:
         from symgen.version import __version__
 
         return __version__
-    beside = _installed(_folder(package).parent)
+    beside = _installed(package_folder(package).parent)
     folders = [name for name in beside if name.lower().startswith(f"{package}-")]
     if len(folders) == 1:
         return folders[0].removesuffix(".dist-info").partition("-")[2]

@@ -39,11 +39,11 @@ def _of_others(status: os.stat_result) -> bool:
         return False
     if status.st_uid not in (os.geteuid(), _ROOT):
         return True
-    shared = status.st_mode & stat.S_IWGRP and not _is_private(status.st_gid, status.st_uid)
+    shared = status.st_mode & stat.S_IWGRP and not is_private(status.st_gid, status.st_uid)
     return bool(shared or status.st_mode & stat.S_IWOTH)
 
 
-def _is_private(group: int, user: int) -> bool:
+def is_private(group: int, user: int) -> bool:
     """Return whether a group is a user's private group: it has the user's name and no other members."""
     import grp
     import pwd

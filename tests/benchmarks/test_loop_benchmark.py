@@ -42,14 +42,14 @@ def test_ratio_counts_only_where_the_time_does_not_hold(benchmark):
     errors = dict.fromkeys([(name, "symgen") for name in benchmark.SCENES], 0.0)
     for ours, holds in ((2e-6, True), (20e-6, True), (50e-6, False)):
         timings |= {(name, "symgen"): of(ours) for name in benchmark.SCENES}
-        assert all(r.holds for r in benchmark._required(timings, errors)) is holds
+        assert all(r.holds for r in benchmark.required(timings, errors)) is holds
     timings |= {(name, "symgen"): of(2e-6) for name in benchmark.SCENES}
     errors["rccc", "symgen"] = np.nan
-    assert not all(r.holds for r in benchmark._required(timings, errors))
+    assert not all(r.holds for r in benchmark.required(timings, errors))
 
 
 def test_pinocchio_is_given_the_same_mechanism(benchmark, truth):
-    pin, why = benchmark._pinocchio()
+    pin, why = benchmark.peer_module()
     if not pin:
         pytest.skip(why)
     peer = benchmark.Peer(pin, truth)

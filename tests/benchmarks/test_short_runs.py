@@ -25,7 +25,7 @@ def test_work_precision_of_symgen_alone(load, monkeypatch, capsys):
 def test_sweeps_against_numpy(load, monkeypatch):
     sweeps = load("sweeps")
     monkeypatch.setattr(sweeps, "POSES", 37)
-    found, reference = sweeps._sweep(None, 8, 1, samples=37), sweeps._Reference()
+    found, reference = sweeps.sweep(None, 8, 1, samples=37), sweeps.Reference()
     peaks = reference.peaks(*(found[name].values for name in sweeps.LENGTHS))
     for output, peak in zip(sweeps.OUTPUTS, peaks, strict=True):
         assert found[f"{output}.peak"].values == pytest.approx(peak, rel=1e-9, abs=1e-9 * max(peak))

@@ -37,7 +37,7 @@ def test_stored_reference(reference, n):
         or n == 3
     )
     with mpmath.workdps(15):
-        rates = reference._rates(n)
+        rates = reference.rates_of(n)
         found = solve_ivp(
             lambda t, y: np.array([float(x) for x in rates([mpmath.mpf(v) for v in y])]),
             (0.0, 0.5),

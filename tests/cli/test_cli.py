@@ -435,9 +435,9 @@ def test_a_scene_file_named_without_its_ending(tmp_path, monkeypatch):
 
 
 def test_tables_hold_no_minus_zero():
-    from symgen.report.tables import _text
+    from symgen.report.tables import cell_text
 
-    assert _text(-0.0) == "0" and _text(-1e-300) == "-1e-300"
+    assert cell_text(-0.0) == "0" and cell_text(-1e-300) == "-1e-300"
     rates = call("run", "slider_crank", "--at", "45")
     assert not re.search(r" -0 ", rates)
 

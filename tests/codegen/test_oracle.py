@@ -54,7 +54,7 @@ def test_scene_kernels(scene, backend):
     tolerance = REDUNDANT_TOLERANCE if model.redundant else SOLUTION_TOLERANCE
     for _ in range(STATES if len(system.group("work").quantities) < MANY else 1):
         values = random_values(system, model, rng)
-        evaluate = Evaluator(model.description, model._library, values["p"])
+        evaluate = Evaluator(model.description, model.evaluator.library, values["p"])
         t, q, u, work = values["t"][0], values["q"], values["u"], np.append(values["work"], 0.0)
         for kernel, matrices in exports.items():
             found = evaluate.blocks(kernel, t, q, u, work.copy())
@@ -97,7 +97,7 @@ def test_kernels_of_loops(scene, backend):
     values = {g.name: rng.uniform(-1.5, 1.5, len(g.quantities)) for g in system.groups}
     tuned = np.array(model.parameter_values)
     values["p"] = np.where(tuned == 0, 1, tuned) * rng.uniform(0.7, 1.4, len(tuned))
-    kernels = LoopKernels(model.description, model._library, values["p"])
+    kernels = LoopKernels(model.description, model.kernels.library, values["p"])
     for export in system.exports:
         found = kernels(export.kernel, values["t"][0], values["q"], values["u"], values["work"])
         truth = oracle.matrices(export.matrices, values)

@@ -79,7 +79,7 @@ def test_statements_that_repeat_are_a_loop_of_their_own(straight, tmp_path, monk
         expected[n + 1] = 0.5 * expected[n + 1] + 1.0 / pivots[i] if i else 0.5 * (1.0 / pivots[i])
     monkeypatch.setattr(rolled, "STRAIGHT", 0)
     monkeypatch.setattr(rolled, "LEAST", 50)
-    monkeypatch.setattr(tables, "_STRAIGHT", straight)
+    monkeypatch.setattr(tables, "STRAIGHT", straight)
     for source in emit(made, Target("c", FLOAT64, False), ""):
         (tmp_path / source.name).write_text(source.text)
     loops = tmp_path / "tridiagonal_rolled.c"
@@ -98,7 +98,7 @@ def test_statements_that_repeat_are_a_loop_of_their_own(straight, tmp_path, monk
 @pytest.mark.parametrize("name", ["two_four_bars", "parallelogram", "four_bar"])
 def test_sparse_velocities_are_those_of_the_dense_start(name):
     evaluator = symgen.build(name).evaluator
-    starter = start._posed(evaluator)
+    starter = start.posed_starter(evaluator)
     redundant = redundant_constraints(evaluator, starter.q).rows
     expected, found = starter.velocities(redundant), start.least_velocities(evaluator, starter.q, redundant)
     assert expected is not None

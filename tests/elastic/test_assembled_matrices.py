@@ -123,7 +123,7 @@ SCENES = {
 def test_parts_sum_to_the_matrices_of_runs(name):
     """With dampers, torsion springs, forces along links, a motor, damping ratios, rigid links: what runs take."""
     built = symgen.build(symgen.Scene(**SCENES[name]())) if name in SCENES else model(name)
-    motion, found = built._motion(True), built.matrices(0.013, over="time")
+    motion, found = built.motion(True), built.matrices(0.013, over="time")
     status, *expected, basis = motion.equations().matrices(0.013)
     _, _, _, rest, _, _ = motion.equations().matrices(0.013, AT_REST)
     assert status == 0
@@ -206,7 +206,7 @@ def test_matrices_in_letters_have_the_values_of_runs(name):
     else:
         built, subject = symgen.build(name, set=IN_LETTERS[name]), Subject(name, IN_LETTERS[name])
     system, t = subject.assembled, 0.013
-    motion, found = built._motion(True), built.matrices(t, over="time")
+    motion, found = built.motion(True), built.matrices(t, over="time")
     (q, u, solution), _, _ = motion.rigid_motion(motion.equations(), np.array([t]))
     state = {"t": [t], "q": q[0], "u": u[0], "p": built.rigid.parameter_values, "work": solution[0]}
     state["vibration"] = [0.0]

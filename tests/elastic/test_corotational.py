@@ -248,7 +248,7 @@ def test_loads_against_the_elastica(tmp_path, loads, force, spring):
     """Gravity, a force and a spring at the tip: the resting shape."""
     file = tmp_path / "strip.toml"
     file.write_text(STRIP + loads)
-    motion, exact, errors = symgen.build(str(file))._motion(True), elastica(force, spring), []
+    motion, exact, errors = symgen.build(str(file)).motion(True), elastica(force, spring), []
     for count in (3, 6):
         linkage = LargeLinkage(motion, count)
         errors.append(np.linalg.norm(at_rest(linkage)[linkage.links[0].places[-1, :2]] - exact))
@@ -263,7 +263,7 @@ def built(tmp_path, added, base=STRIP):
 
 
 def tip_at_rest(model, count):
-    linkage = LargeLinkage(model._motion(True), count)
+    linkage = LargeLinkage(model.motion(True), count)
     return at_rest(linkage)[linkage.links[0].places[-1]]
 
 
@@ -292,7 +292,7 @@ def test_end_moment_rolls_a_strip_to_an_arc(tmp_path):
 def test_follower_force_needs_its_work(tmp_path):
     """A uniform load across the line between the ends stays across it: forces at the clamp balance it."""
     load = '[[distributed_forces]]\nlink = "strip"\nforce = ["0 N/m", "-2 N/m"]\naxes = "link"\n'
-    linkage = LargeLinkage(built(tmp_path, load, WEIGHTLESS)._motion(True), 6)
+    linkage = LargeLinkage(built(tmp_path, load, WEIGHTLESS).motion(True), 6)
     q = at_rest(linkage)
     still, none = np.zeros((1, len(q))), np.zeros((1, linkage.multipliers))
     forces = linkage.residual(np.zeros(1), q[None], still, still, none)[0]
@@ -314,7 +314,7 @@ def test_weld_and_clamp_of_a_frame(tmp_path):
         '[[welds]]\npoint = "tip"\nlinks = ["strip", "arm"]\n'
         f'[[forces]]\npoint = "end"\nforce = ["{force} N", "0 N"]\n'
     )
-    linkage = LargeLinkage(built(tmp_path, added, WEIGHTLESS)._motion(True), 2)
+    linkage = LargeLinkage(built(tmp_path, added, WEIGHTLESS).motion(True), 2)
     q = at_rest(linkage)
     (_, corner), (_, end) = (link.places[[0, -1]] for link in linkage.links)
     assert q[corner] == pytest.approx([1.0, -force / 2, -force], abs=1e-6)
@@ -328,7 +328,7 @@ def ends(linkage, times, stages, steps):
 @pytest.mark.parametrize(("stages", "counts"), [(2, (10, 20)), (4, (4, 8))])
 def test_order_of_steps_with_constraints(stages, counts):
     """Places, rates and multipliers of a driven crank and a guide converge with twice the number of stages."""
-    motion = symgen.build("elastic_slider_crank", set={"speed": "300 rpm"})._motion(True)
+    motion = symgen.build("elastic_slider_crank", set={"speed": "300 rpm"}).motion(True)
     linkage = LargeLinkage(motion, 1)
     times = np.linspace(0.0, 0.01 * motion.period, 3)
     exact = ends(linkage, times, 4, 40)[-1]
@@ -342,7 +342,7 @@ def test_order_of_steps_with_constraints(stages, counts):
 
 def test_kinetic_and_strain_energy_of_a_free_crank_are_kept():
     """Also over steps that do not resolve the axial vibrations."""
-    motion = symgen.build("elastic_four_bar_free", set={"speed": "95 rpm"})._motion(True)
+    motion = symgen.build("elastic_four_bar_free", set={"speed": "95 rpm"}).motion(True)
     linkage = LargeLinkage(motion, 2)
     times = np.linspace(0.0, 0.2 * motion.period, 11)
     found = linkage.energies(*stacked(ends(linkage, times, 4, 8))[:4])
@@ -393,7 +393,7 @@ def test_mass_with_inertia_between_the_ends(tmp_path):
         '[[masses]]\npoint = "X"\nmass = "3 kg"\ninertia = "0.2 kg*m^2"\n'
     )
     base = STRIP.replace("0 rpm", "2 rad/s")
-    linkages = (LargeLinkage(built(tmp_path, more, base)._motion(True), 3) for more in (added, ""))
+    linkages = (LargeLinkage(built(tmp_path, more, base).motion(True), 3) for more in (added, ""))
     with_disc, without = (x.energies(*stacked([x.start()])[:4])[:, 0] for x in linkages)
     more = with_disc - without
     assert more[0] == pytest.approx((3 * 0.5**2 + 0.2) * 2**2 / 2)
@@ -475,7 +475,7 @@ acceleration = ["0 m/s^2", "-9.81 m/s^2"]
 def test_free_coordinates_of_an_open_chain(tmp_path):
     """A stiff rod swings as a rigid one: theta'' = 3/(2 L) n (g - a) with the acceleration a of its pivot."""
     model = built(tmp_path, "", HANGING)
-    linkage = LargeLinkage(model._motion(True), 2)
+    linkage = LargeLinkage(model.motion(True), 2)
     result = model.large_rotation(elements=2, revolutions=0.25, samples=11, rtol=0.1)
     speed, length = 2 * math.pi, 0.5
 

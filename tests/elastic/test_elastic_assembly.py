@@ -77,9 +77,9 @@ def six_bar_model(name):
 @cache
 def motion(name, stiffened=True):
     if name in SIX_BARS:
-        return six_bar_model(name)._motion(stiffened)
+        return six_bar_model(name).motion(stiffened)
     model = symgen.build(symgen.Scene(**scene(SCENES[name])) if name in SCENES else name)
-    return model._motion(stiffened)
+    return model.motion(stiffened)
 
 
 @pytest.fixture(params=CASES)
@@ -149,7 +149,7 @@ def by_columns(case, t):
 def test_jacobian_of_the_constraints_and_its_rates(name):
     """Each row of the kernel is the gradient of a length, a distance or an angle, by a constant factor."""
     found, case = motion(name), CASES[name]
-    blocks = {b.name: b for b in found._joints.info("joints").blocks}
+    blocks = {b.name: b for b in found.joints.info("joints").blocks}
     compiled = found.equations()
     factors = None
     for t in times(found):
@@ -249,7 +249,7 @@ def random_six_bar(seed):
 def test_random_six_bars(name, seed):
     """Matrices; frequencies at rest, and deflections of the structure at rest under the loads of the motion."""
     sizes = random_six_bar(seed)
-    found = six_bar_model(name).with_parameters(**sizes)._motion(True)
+    found = six_bar_model(name).with_parameters(**sizes).motion(True)
     case, t = (
         Case(six_bar(sizes, *SIX_BARS[name], turned=name == "turned")),
         float(np.random.default_rng(seed).uniform(0, 0.2)),

@@ -50,7 +50,7 @@ def linkage(name, elements):
     for link in data["links"].values():
         if "elastic" in link:
             link["elastic"]["elements"] = elements
-    return symgen.build(symgen.Scene(**data))._motion(True)
+    return symgen.build(symgen.Scene(**data)).motion(True)
 
 
 def solved(matrix, right):

@@ -27,7 +27,7 @@ def stopped_after(count, monkeypatch):
             raise Stopped
 
     monkeypatch.setattr(checkpoint, "store", store)
-    monkeypatch.setattr("symgen.runtime.integrate.pace._LOOK", 0.0)
+    monkeypatch.setattr("symgen.runtime.integrate.pace.LOOK", 0.0)
     return written
 
 

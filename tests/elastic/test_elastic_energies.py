@@ -165,7 +165,7 @@ def test_power_of_a_motor_keeps_the_sum_of_its_torque():
 def test_rigid_motion_needs_the_torque_of_the_rigid_linkage():
     """At the start, without deflection: the rates of all kinetic energies, and the energy of the rigid linkage."""
     model = symgen.build("thesis_four_bar")
-    motion = model._motion(True)
+    motion = model.motion(True)
     equations, none = motion.equations(), np.zeros((1, motion.layout.unknowns))
     q, u, solutions = motion.rigid_motion(equations, np.zeros(1))[0]
     links, _ = of_links(motion, np.zeros(1), q, u, solutions)

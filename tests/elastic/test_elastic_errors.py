@@ -71,7 +71,7 @@ def test_given_steps_to_the_start_alone_have_no_error():
 def test_the_most_steps_are_those_that_the_tolerance_adds(monkeypatch):
     """Steps that ``max_step`` or recorded times require are compared, however many they are."""
     model = symgen.build("thesis_four_bar")
-    monkeypatch.setattr(tolerance, "_MOST", 512)
+    monkeypatch.setattr(tolerance, "MOST_STEPS", 512)
     run = model.simulate(rtol=1e-3, max_step=60 / 373 / 1080, samples=3)
     assert run.statistics["error"] <= 1e-3
     with pytest.raises(SimulationError, match="newmark .* with 512 steps .*\n  Take gauss"):

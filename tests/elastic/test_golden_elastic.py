@@ -141,7 +141,7 @@ def test_thesis_form_of_links_that_keep_their_length():
 
 def condensed_thesis(model, count):
     """Largest multiplier where the free coordinate is the displacement of A across the crank: by symgen's matrices."""
-    motion = model._motion(False)
+    motion = model.motion(False)
     equations = motion.equations(thesis=True)
     x, y = (motion.layout.names.index(f"A.{axis}") for axis in "xy")
     points, weights, inner = gauss(3)

@@ -82,7 +82,7 @@ def test_jumps_are_found_to_the_rounding_of_times_in_any_precision(precision, tm
     """Times are doubles: nothing smaller can be halved, however precise the motion is."""
     pushed(tmp_path, RECTANGLE)
     model = symgen.build(next(tmp_path.glob("*.toml")), precision=precision)
-    motion = model._motion(True)
+    motion = model.motion(True)
     with limited(5.0):
         found = jump_times(motion, 0.05, 2048)
     assert found.mean(axis=1) == pytest.approx([BEGIN, BEGIN + LASTS], rel=1e-13)
@@ -205,7 +205,7 @@ def times_of_window(revolutions):
 def test_short_windows_of_every_revolution_are_found():
     from symgen.runtime.elastic.jumps import jump_times
 
-    motion = four_bar(WINDOW)._motion(True)
+    motion = four_bar(WINDOW).motion(True)
     found = jump_times(motion, 10 * motion.period, 1)
     assert found.mean(axis=1) == pytest.approx(times_of_window(10), abs=1e-9)
     assert np.array_equal(motion.ending_on(found).refined.jumps, found)
@@ -243,7 +243,7 @@ def test_explicit_runs_with_jumps_resume_to_the_bit(tmp_path, monkeypatch):
 
         with monkeypatch.context() as patch:
             patch.setattr(checkpoint, "store", stopping)
-            patch.setattr("symgen.runtime.integrate.pace._LOOK", 0.0)
+            patch.setattr("symgen.runtime.integrate.pace.LOOK", 0.0)
             with pytest.raises(KeyboardInterrupt):
                 model.simulate(**options, checkpoint=file, checkpoint_every=0)
         resumed = model.simulate(**options, resume=file)
@@ -264,7 +264,7 @@ def test_steps_to_a_time_limit_are_counted_in_the_order_in_which_they_are_taken(
         def spent(self, t, why=""):
             return t > 0.025
 
-    motion = four_bar(WINDOW)._motion(True)
+    motion = four_bar(WINDOW).motion(True)
     times, counts = np.array([0.01, 0.04, 0.02, 0.03]), np.array([1, 2, 4, 8])
     with pytest.raises(OutOfTime) as stop:
         stepped(motion, motion.equations(), GAUSS, times, counts, pace=Short(0.0, 0.04))

@@ -10,7 +10,7 @@ from shared.large_assembly import Assembly
 
 import symgen
 from symgen.errors import ModelError
-from symgen.runtime.elastic.large.matrices import _reached
+from symgen.runtime.elastic.large.matrices import reached_at
 
 TIME = 2e-3
 #: Sizes of the unknowns in comparisons.
@@ -85,7 +85,7 @@ def test_matrices_are_those_of_an_assembly_from_energies():
 def test_slopes_are_differences_of_the_residual(name):
     """With rigid links, guides, springs, damping, gravity, a motor; at bent links that rotate."""
     model = pendulum() if name == "pendulum" else symgen.build(name)
-    linkage, at = _reached(model._motion(True), 2, TIME)
+    linkage, at = reached_at(model.motion(True), 2, TIME)
     n, t, multipliers = linkage.unknowns, np.array([at.t]), at.multipliers[None]
     found = linkage.slopes(at.t, at.q, at.v, at.a, at.multipliers)
 

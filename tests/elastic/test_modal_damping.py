@@ -38,7 +38,7 @@ def without_other_damping(text):
 
 def decays(model):
     """Eigenvalues of M z^2 + C z + K at rest, one of each pair, by rising frequency."""
-    _, mass, damping, stiffness, _, _ = model._motion(True).equations().matrices(0.0, _beams.AT_REST)
+    _, mass, damping, stiffness, _, _ = model.motion(True).equations().matrices(0.0, _beams.AT_REST)
     n = len(mass)
     inverse = np.linalg.inv(mass)
     matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ stiffness, -inverse @ damping]])
@@ -104,7 +104,7 @@ def test_a_bar_that_turns_is_damped_as_one_at_rest(tmp_path):
 def test_rigid_motions_in_other_poses_are_not_damped(tmp_path, angle):
     """A free crank of elastic links turns without strain: neither C nor its products with rates feel it."""
     model = shipped(tmp_path, "elastic_four_bar_free", 0.1, without_other_damping)
-    motion = model._motion(True)
+    motion = model.motion(True)
     equations = motion.equations()
     t = motion.time_at(angle)
     _, _, damping, stiffness, _, _ = equations.matrices(t, _beams.AT_REST)
@@ -115,7 +115,7 @@ def test_rigid_motions_in_other_poses_are_not_damped(tmp_path, angle):
 
 def test_modes_of_a_linkage_have_the_ratio_where_it_starts(tmp_path):
     model = shipped(tmp_path, "thesis_four_bar", 0.02, without_other_damping)
-    here, there = model.modes(), model.modes(at=float(model._motion(True).angle) + 1.0)
+    here, there = model.modes(), model.modes(at=float(model.motion(True).angle) + 1.0)
     assert here.ratios == pytest.approx(0.02, rel=1e-6)
     assert np.all(there.ratios > 0) and there.ratios != pytest.approx(0.02, rel=1e-3)
 
@@ -127,13 +127,13 @@ def in_proportion(frequencies, ratio):
 
 def test_modes_above_the_24th_have_ratios_in_proportion_to_their_frequencies(tmp_path):
     model = bars.cantilever(tmp_path, ", elements = 14", more=damped(0.03))
-    modes, layout = model.modes(), model._motion(True).layout
+    modes, layout = model.modes(), model.motion(True).layout
     assert modes.ratios == pytest.approx(in_proportion(modes.frequencies, 0.03), rel=1e-6)
     assert layout.apart and len(layout.damped) == 23 and layout.band < 9
 
 
 def test_a_link_of_many_elements_has_its_ratio_in_its_first_modes(tmp_path):
-    link = bars.cantilever(tmp_path, ", elements = 10, damping = { ratio = 0.05 }")._motion(True).beams[0]
+    link = bars.cantilever(tmp_path, ", elements = 10, damping = { ratio = 0.05 }").motion(True).beams[0]
     total = whole(link.pieces, len(link.dofs))
     places = np.concatenate([piece.at for piece in link.pieces])
     forces = np.zeros((len(link.damped), len(link.dofs)))

@@ -285,7 +285,7 @@ def _case(seed, k):
 def test_matrices(seed, k):
     """Mass and stiffness of the undeformed structure, entry by entry; rigid links are eliminated by the model's basis."""
     drawn, model = linkage(seed)
-    motion = model.with_parameters(**drawn.draws[k])._motion(True)
+    motion = model.with_parameters(**drawn.draws[k]).motion(True)
     expected = Assembly(drawn, drawn.draws[k])
     _, mass, _, stiffness, _, basis = motion.equations().matrices(0.0, _beams.AT_REST)
     moved = expected.in_unknowns(motion.layout.names).T @ (np.eye(len(mass)) if basis is None else basis[0])

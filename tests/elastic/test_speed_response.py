@@ -45,8 +45,8 @@ def test_resonance_and_instability(model, swept):
 
 
 def test_a_long_response_announces_its_remaining_time(model, monkeypatch):
-    monkeypatch.setattr(pace, "_SPAN", 0.0)
-    monkeypatch.setattr(pace, "_LONG", 1e-9)
+    monkeypatch.setattr(pace, "SPAN", 0.0)
+    monkeypatch.setattr(pace, "LONG", 1e-9)
     with pytest.warns(SlowRunWarning, match=r"1 of 2 crank speeds after .* s: about .* remain at this pace"):
         model.speed_response([400 * RPM, 500 * RPM], samples=8, rtol=0.5)
 

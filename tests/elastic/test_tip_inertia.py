@@ -138,7 +138,7 @@ def test_refused(case):
 
 def test_frequencies_in_large_rotation():
     """Of the straight beam at rest, by differences of the residual of elements in large rotation."""
-    linkage = LargeLinkage(build(symgen.Scene(**cantilever()))._motion(True), 8)
+    linkage = LargeLinkage(build(symgen.Scene(**cantilever())).motion(True), 8)
     q, n, h = linkage.start().q, linkage.unknowns, 1e-7
 
     def forces(q, a):

@@ -52,7 +52,7 @@ def test_of_the_slider_crank(crank, equation, names):
 
 
 def test_every_number_of_the_source(crank):
-    systems = [system for _, system in crank._searched()]
+    systems = [system for _, system in crank.searched()]
     missing = [n for n in range(1, 70) if not any(citing(f"({n})", system.matrices)[0] for system in systems)]
     assert not missing
 
@@ -324,7 +324,7 @@ def test_other_models_are_found_where_kernels_are_of_older_equations(monkeypatch
     def stale(block):
         raise StaleBinaryError(block)
 
-    monkeypatch.setattr(elements, "_shipped", stale)
+    monkeypatch.setattr(elements, "shipped", stale)
     with pytest.raises(
         ModelError, match=re.escape('thesis: symgen show thesis_four_bar "(E.26)" \\\n      --set')
     ):
@@ -334,7 +334,7 @@ def test_other_models_are_found_where_kernels_are_of_older_equations(monkeypatch
 @pytest.mark.parametrize(("model", "options"), [of for of in PAPERS["thesis"] if of[0] == "thesis_four_bar"])
 def test_stored_citations_are_those_of_the_matrices(model, options):
     """Those of assembled equations are stored without deriving these."""
-    systems = [system for _, system in Subject(model, settings(options))._searched()]
+    systems = [system for _, system in Subject(model, settings(options)).searched()]
     cited = {
         m.source for system in systems for m in system.matrices if re.search(r"thesis.*\(.*\d\)", m.source)
     }

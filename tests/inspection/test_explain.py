@@ -21,7 +21,7 @@ from symgen.report.page.structure import elastic_lines
 from symgen.runtime import _core
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.kernels.library import _KERNEL
+from symgen.runtime.kernels.library import KERNEL
 from symgen.scene.loading import read_scene
 from symgen.scene.resolve import resolve
 
@@ -148,13 +148,13 @@ def counting(library, calls):
     """The same kernels, each counted when it is called."""
 
     def counted(name, address):
-        function = _KERNEL(address)
+        function = KERNEL(address)
 
         def kernel(*arguments):
             calls[name] = calls.get(name, 0) + 1
             function(*arguments)
 
-        return _KERNEL(kernel)
+        return KERNEL(kernel)
 
     owner = {name: counted(name, address) for name, address in library.addresses.items()}
     addresses = {name: ctypes.cast(f, ctypes.c_void_p).value for name, f in owner.items()}
@@ -176,7 +176,9 @@ def test_kernels_are_called_when_it_says(scene):
     calls, steps, stages = {}, 25, 4
     model = symgen.build(scene)
     when = binding_times(symgen.derive(scene), model.operations)
-    counted = Evaluator(model.description, counting(model._library, calls), [*model.parameters.values()])
+    counted = Evaluator(
+        model.description, counting(model.evaluator.library, calls), [*model.parameters.values()]
+    )
     equations = counted.equations(len(model.redundant))
     start = [*model.description.start, *([0.0] * equations.extra)]
     assert calls.pop("setup") == 1 and when["setup"] == RUN and not calls

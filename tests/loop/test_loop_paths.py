@@ -23,7 +23,7 @@ def subject(scene: str) -> Subject:
 
 
 def system_of(scene: str, path: str) -> System:
-    (system,) = {s.name: s for _, s in subject(scene)._searched() if s.name.endswith(f"_{path}")}.values()
+    (system,) = {s.name: s for _, s in subject(scene).searched() if s.name.endswith(f"_{path}")}.values()
     return system
 
 

@@ -59,7 +59,7 @@ class Free:
         moved = self.motion(q, u, np.zeros((1, len(q))))
         m1, m2, m3 = self.crank.masses
         centre1 = moved.p2 - moved.frame2[..., 0] * (Real(self.crank.a1) / 2)
-        centre2, _ = moved._rod()
+        centre2, _ = moved.rod()
         weights = zip((m1, m2, m3), (centre1, centre2, moved.p3), strict=True)
         gravity = np.array(self.crank.gravity, dtype=Real)
         potential = -sum(m * c.value[0] @ gravity for m, c in weights)

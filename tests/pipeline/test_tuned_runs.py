@@ -211,7 +211,7 @@ def test_elastic_links(name, kind):
 def test_what_the_set_up_leaves_is_found_once(both):
     """The evaluator completes its parameters when it is first called, not for kernels it only holds."""
     tuned = both[1]
-    evaluator = Evaluator(tuned.description, tuned._library, [*tuned.parameters.values()])
+    evaluator = Evaluator(tuned.description, tuned.evaluator.library, [*tuned.parameters.values()])
     assert "parameters" not in vars(evaluator)
     taken = evaluator.parameters
     assert taken is evaluator.parameters

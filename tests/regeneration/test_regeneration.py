@@ -118,7 +118,7 @@ def test_what_a_description_is_made_by_counts(scene, decides, tmp_path):
 
 def test_what_changed_after_it_was_loaded_is_never_current(monkeypatch):
     assert not graph.changed(graph.needs())
-    monkeypatch.setattr(graph, "_BEGUN", 0.0)
+    monkeypatch.setattr(graph, "BEGUN", 0.0)
     found = graph.needs()
     files = {name for name in found if not name.startswith(("version:", "registered:"))}
     assert set(graph.changed(found)) == files
@@ -155,7 +155,7 @@ def test_needs_hold_all_that_is_read():
     done = subprocess.run([sys.executable, "-c", seen], capture_output=True, text=True, check=True)
     opened, needs = json.loads(done.stdout)
     known = {name.partition(":")[2].rpartition("/")[2] for name in needs}
-    folders = (PACKAGE, graph._folder("symgen.templates"))
+    folders = (PACKAGE, graph.package_folder("symgen.templates"))
     data = [Path(p) for p in opened if any(Path(p).is_relative_to(f) for f in folders)]
     data = [p for p in data if p.is_file() and p.suffix not in (".py", ".pyc", ".so")]
     assert {p.name for p in data} >= {"four_bar.toml", "units.json", "kernel.c.j2"}
@@ -170,7 +170,7 @@ def checkout(tmp_path, made, made_in, monkeypatch):
     left_out = shutil.ignore_patterns("*.so", "__pycache__")
     shutil.copytree(PACKAGE, root / "symgen", ignore=left_out)
     shutil.copytree(generated_folder(), root / "symgen" / "generated", ignore=left_out)
-    shutil.copytree(graph._folder("symgen.templates"), root / "symgen" / "templates", ignore=left_out)
+    shutil.copytree(graph.package_folder("symgen.templates"), root / "symgen" / "templates", ignore=left_out)
     (root / "symgen" / "pyproject.toml").write_text("")
     return root
 
@@ -368,14 +368,14 @@ def test_errors_of_derivations_are_reported(monkeypatch, tmp_path):
     """Where a process is killed, and where the process that starts them ends."""
     (tmp_path / "dying.py").write_text("import os\n\ndef die(folder, name):\n    os.kill(os.getpid(), 9)\n")
     dying = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import dying; "
-    dying += "import symgen.regeneration.generate as r; r._answer_in = dying.die; "
-    monkeypatch.setattr(regeneration, "_PARENT", dying + regeneration._PARENT)
+    dying += "import symgen.regeneration.generate as r; r.answer_in = dying.die; "
+    monkeypatch.setattr(regeneration, "PARENT", dying + regeneration.PARENT)
     with pytest.raises(
         GenerationError, match=r"^loop_row cannot be derived, and nothing was written:\n.*terminated"
     ):
         regeneration.derive_all(["loop_row"])
     assert not multiprocessing.active_children()
-    monkeypatch.setattr(regeneration, "_PARENT", "raise SystemExit('out of memory')")
+    monkeypatch.setattr(regeneration, "PARENT", "raise SystemExit('out of memory')")
     with pytest.raises(GenerationError, match="^the remaining models cannot be derived.*:\nout of memory$"):
         regeneration.derive_all(["loop_row"])
 
@@ -384,7 +384,7 @@ def test_many_failing_derivations_end(tmp_path):
     """More than the processes that derive at the same time; the first failure cancels those not begun."""
     names = [f"unknown_{k}" for k in range(8)]
     ended = subprocess.run(
-        [sys.executable, "-c", regeneration._PARENT, str(tmp_path), *names],
+        [sys.executable, "-c", regeneration.PARENT, str(tmp_path), *names],
         capture_output=True,
         text=True,
         timeout=100,

@@ -15,7 +15,7 @@ from PIL import Image
 from symgen.errors import ModelError, OutputError
 from symgen.inspection.film import film_of
 from symgen.report.page.drawing import Paper
-from symgen.report.page.movie import _Forces, film_file, save
+from symgen.report.page.movie import ForceArrows, film_file, save
 from symgen.scene.loading import override, read_scene
 
 
@@ -101,14 +101,14 @@ def test_a_force_just_below_a_power_of_ten_has_a_scale(tmp_path):
     largest = np.tile([84.32, 53.76], (3, 1))  # of 99.99999999999999 N
     changed = replace(film, result=replace(film.result, variables=(replace(force, values=largest),)))
     save(changed, tmp_path / "film.gif")
-    assert _Forces.of(changed, Paper.of(film.sketches)).label == "100 N"
+    assert ForceArrows.of(changed, Paper.of(film.sketches)).label == "100 N"
 
 
 def test_arrows_of_forces_stay_on_the_paper():
     """The ground point of the pendulum is at the top of the picture, and its force points up."""
     film = film_of(read_scene("vertical_rods"), 31)
     paper = Paper.of(film.sketches)
-    forces = _Forces.of(film, paper)
+    forces = ForceArrows.of(film, paper)
     tips = forces.at + forces.along
     assert tips.min() > 5 and (tips < (paper.width, paper.height)).all()
     assert np.isclose(np.min(tips[..., 1]), 6.0)  # the longest ends at the edge

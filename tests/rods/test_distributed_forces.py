@@ -66,7 +66,7 @@ def bent(model):
     """Return bending moment [N m] and deflection to the left [m] of the middle, loads at rest."""
     result = model.quasi_static(samples=2)
     moment = result["middle.bending_strain"][-1] * BENDING / (THICKNESS / 2)
-    motion = model._motion(True)
+    motion = model.motion(True)
     unknowns = motion.layout.names.index("beam.w@5")
     _, _, _, stiffness, load, basis = motion.equations().matrices(0.0)
     found = np.linalg.solve(stiffness, load)
@@ -111,7 +111,7 @@ def test_axial_loads_along_a_beam_buckle_it(load, name, before):
     model = built(BEAM + load)
 
     def stiffness(value):
-        motion = model.with_parameters(**{name: value})._motion(True)
+        motion = model.with_parameters(**{name: value}).motion(True)
         found = motion.equations().matrices(0.0)[3]
         return (found + found.T) / 2
 

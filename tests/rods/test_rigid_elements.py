@@ -153,7 +153,7 @@ def balanced_power(model, found, tolerance=3e-8):
         for k in range(6):
             q = np.concatenate([_of(motion, p, "position")[k] for p in model.description.free])
             u = np.concatenate([_of(motion, p, "velocity")[k] for p in model.description.free])
-            both = model._evaluator.blocks("energy", motion.time[k], q, u)
+            both = model.evaluator.blocks("energy", motion.time[k], q, u)
             energy.append(float(both["kinetic_energy"][0] + both["potential_energy"][0]))
         weights = np.array([-9, 125, -2250, 2250, -125, 9]) / 1920 / h
         drive = np.gradient(found.coordinate.values, times)[i + 1]

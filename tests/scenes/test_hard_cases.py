@@ -206,7 +206,7 @@ def test_a_redundant_constraint_that_gets_independent_ends_the_run():
     begin = model.initial_state()
     chosen = options(1.0, None, None, None, None, 11, 1000)
     with pytest.raises(SimulationError, match="redundant at the start is no longer so"):
-        run(model._evaluator, 0.0, np.concatenate([begin.q, begin.u]), (2,), chosen, None)
+        run(model.evaluator, 0.0, np.concatenate([begin.q, begin.u]), (2,), chosen, None)
 
 
 def test_a_redundant_link_that_changes_its_length_ends_the_run():

@@ -152,7 +152,7 @@ class Motion:
         g = np.array(c.gravity, dtype=Real)
         a2 = Real(c.a2)
         u, k4, p2 = self.u.value, self.k4.value, self.p2.value
-        centre2, rod_moment = self._rod()
+        centre2, rod_moment = self.rod()
         push2 = m2 * (centre2.second - g)
         # moments of the rod about the crank's ball: (p3 - p2) x (-F3) = about, but for its part along u
         about = rod_moment + cross(centre2.value - p2, push2)
@@ -189,7 +189,7 @@ class Motion:
         local["spin.drive"] = dot(about, u)
         return local
 
-    def _rod(self) -> tuple[Jet, np.ndarray]:
+    def rod(self) -> tuple[Jet, np.ndarray]:
         """Centre of mass, and the rate of the angular momentum about it."""
         c = self.crank
         if c.rod_inertia is None:
@@ -206,7 +206,7 @@ class Motion:
         spin1, _ = angular_velocity(self.frame2)
         inertia1 = c.inertia_of_crank()[2, 2] + m1 * (Real(c.a1) / 2) ** 2
         energy = inertia1 * spin1[..., 2] ** 2 / 2 + m1 * self.S1.rate**2 / 2
-        centre, _ = self._rod()
+        centre, _ = self.rod()
         energy = energy + m2 * dot(centre.rate, centre.rate) / 2
         if c.rod_inertia is None:
             energy = energy + c.inertia_of_rod()[1, 1] * dot(self.u.rate, self.u.rate) / 2

@@ -64,17 +64,17 @@ def _turn(made: Tables, by: Transformed) -> None:
             load[key] = transformed.texts(values, "N/m")
     for station in made.get("stations", ()):
         if "fibre" in station:
-            station["fibre"] = transformed._affine(station["fibre"], by.sign, 0.0)
+            station["fibre"] = transformed.affine(station["fibre"], by.sign, 0.0)
     for joint in made.get("joints", ()):
         joint["axis"] = (by.sign * by.turn @ joint["axis"]).tolist()
     crank = made.get("crank", {})
     if "angle" in crank:
-        crank["angle"] = transformed._affine(crank["angle"], by.sign, by.rotation)
+        crank["angle"] = transformed.affine(crank["angle"], by.sign, by.rotation)
     if "speed" in crank:
-        crank["speed"] = transformed._affine(crank["speed"], by.sign, 0.0)
+        crank["speed"] = transformed.affine(crank["speed"], by.sign, 0.0)
     if "torque" in crank and plane:
         rate = f"({by.sign!r}*this.rate)"
-        crank["torque"] = transformed._affine(crank["torque"].replace("this.rate", rate), by.sign, 0.0)
+        crank["torque"] = transformed.affine(crank["torque"].replace("this.rate", rate), by.sign, 0.0)
 
 
 def _reverse(made: Tables, backward: set[str]) -> None:
@@ -89,9 +89,9 @@ def _reverse(made: Tables, backward: set[str]) -> None:
             load["force"], load["end"] = load["end"], load["force"]
             if load["axes"] != "fixed":
                 for key in ("force", "end"):
-                    load[key] = [transformed._affine(x, -1.0, 0.0) for x in load[key]]
+                    load[key] = [transformed.affine(x, -1.0, 0.0) for x in load[key]]
     for station in made.get("stations", ()):
         if station["link"] in backward:
             station["at"] = 1 - station["at"]
             if "fibre" in station:
-                station["fibre"] = transformed._affine(station["fibre"], -1.0, 0.0)
+                station["fibre"] = transformed.affine(station["fibre"], -1.0, 0.0)

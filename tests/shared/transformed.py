@@ -156,7 +156,7 @@ def placed(tables: Tables, turn: np.ndarray, shift: np.ndarray) -> tuple[Tables,
 
     def turning(value):
         if plane:
-            return _affine(value, by.sign, 0.0)
+            return affine(value, by.sign, 0.0)
         return texts(by.sign * turn @ [number_of(c)[0] for c in value], number_of(value[0])[1])
 
     for point in made["points"].values():
@@ -165,7 +165,7 @@ def placed(tables: Tables, turn: np.ndarray, shift: np.ndarray) -> tuple[Tables,
         if "motion" in point:
             point["motion"] = vector(point["motion"])
         if "offset" in point:
-            point["offset"] = _affine(point["offset"], by.sign, 0.0)
+            point["offset"] = affine(point["offset"], by.sign, 0.0)
     for link in made["links"].values():
         if isinstance(link.get("centre"), list):
             link["centre"] = place(link["centre"])
@@ -183,7 +183,7 @@ def placed(tables: Tables, turn: np.ndarray, shift: np.ndarray) -> tuple[Tables,
         if "link" not in force:
             force["force"] = vector(force["force"])
         else:
-            force["force"][1] = _affine(force["force"][1], by.sign, 0.0)
+            force["force"][1] = affine(force["force"][1], by.sign, 0.0)
     for torque in made.get("torques", ()):
         torque["torque"] = turning(torque["torque"])
     start = made.get("start", {})
@@ -193,7 +193,7 @@ def placed(tables: Tables, turn: np.ndarray, shift: np.ndarray) -> tuple[Tables,
         start["rates"][name] = turning(rate)
     if plane:
         for table in _angles(made):
-            table.put(_affine(table.value, by.sign, by.rotation if table.absolute else 0.0))
+            table.put(affine(table.value, by.sign, by.rotation if table.absolute else 0.0))
     return made, by
 
 
@@ -223,7 +223,7 @@ def _angles(made: Tables):
         yield _Angle(link, None, text, lambda x, link=link: angles.update({link: x}))
 
 
-def _affine(text: str, factor: float, shift: float) -> str:
+def affine(text: str, factor: float, shift: float) -> str:
     read = number_of(text)
     if read:
         return in_unit(factor * read[0] + shift, read[1])
@@ -309,10 +309,10 @@ def reordered(tables: Tables, rng: np.random.Generator) -> tuple[Tables, Transfo
                 if point.get("on") == name:
                     point["fraction"] = 1 - point["fraction"]
                     if "offset" in point:
-                        point["offset"] = _affine(point["offset"], -1.0, 0.0)
+                        point["offset"] = affine(point["offset"], -1.0, 0.0)
             for force in made.get("forces", ()):
                 if force.get("link") == name:
-                    force["force"] = [_affine(c, -1.0, 0.0) for c in force["force"]]
+                    force["force"] = [affine(c, -1.0, 0.0) for c in force["force"]]
             directions[name] = math.pi
         else:
             rng.shuffle(link["points"])
@@ -322,7 +322,7 @@ def reordered(tables: Tables, rng: np.random.Generator) -> tuple[Tables, Transfo
     if n == 2:
         for angle in _angles(made):
             change = directions.get(angle.link, 0.0) - directions.get(angle.against, 0.0)
-            angle.put(_affine(angle.value, 1.0, change))
+            angle.put(affine(angle.value, 1.0, change))
     return shuffled(made), Transformed(np.eye(n), np.zeros(n), directions=directions)
 
 

@@ -131,7 +131,7 @@ def test_a_wrong_order_is_caught(monkeypatch):
 
 
 def test_errors_below_that_of_the_reference_are_marked(monkeypatch):
-    monkeypatch.setattr("symgen.study.speed.subjects._REFERENCE", {"float64": 1e-6})
+    monkeypatch.setattr("symgen.study.speed.subjects.REFERENCE", {"float64": 1e-6})
     found = work_precision("peaucellier", t_end=0.5, repeats=1, methods=["dop853"])
     assert not found.points[-1].resolved and found.points[0].resolved
     assert any("within the uncertainty of the reference" in note for note in found.notes)

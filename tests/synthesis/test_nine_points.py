@@ -98,7 +98,7 @@ def test_paths_that_doubles_lose_are_followed_in_the_widest_type(monkeypatch):
     points = np.column_stack([moves, moves.conj()])
     ends, lost = nine_points.follow(solutions[[272, 947]], start, points)
     assert not lost.any()
-    residual, slopes, _ = nine_points._equations(ends, points[None])
+    residual, slopes, _ = nine_points.equations(ends, points[None])
     assert np.abs(residual).max() < 1e-12 * np.abs(slopes).max()
 
 
@@ -122,4 +122,4 @@ def test_the_solutions_to_start_from_are_those_of_wampler_morgan_and_sommese():
 def test_one_linkage_with_equal_crank_and_rocker_is_written_in_one_way(more):
     o, a, b, c = (np.array(x) for x in ([0.0, 0.0], [0.0, 0.9 + more], [0.5, 0.9], [0.5, 0.0]))
     linkage = FourBar(o, a, b, c, np.array([0.2, 1.5]), 0.0)
-    assert not dyads._is_turned(linkage, 1.0) and dyads._is_turned(dyads._exchanged(linkage), 1.0)
+    assert not dyads.is_turned(linkage, 1.0) and dyads.is_turned(dyads.exchanged(linkage), 1.0)

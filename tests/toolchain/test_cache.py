@@ -98,7 +98,7 @@ def test_a_user_without_a_home_gets_a_named_error(cache, monkeypatch):
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="there are no POSIX users here")
 @pytest.mark.parametrize("umask", [0o002, 0o000])
 def test_entries_are_found_whatever_the_umask_leaves_to_a_group(cache, monkeypatch, umask):
-    monkeypatch.setattr("symgen.toolchain.ownership._is_private", lambda group, user: False)
+    monkeypatch.setattr("symgen.toolchain.ownership.is_private", lambda group, user: False)
     before = os.umask(umask)
     try:
         symgen.build("four_bar", backend="numpy")

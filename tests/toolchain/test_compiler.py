@@ -21,7 +21,7 @@ def fake_compiler(folder, monkeypatch, body, limit=0.5):
     script.chmod(0o755)
     monkeypatch.setenv("CC", str(script))
     monkeypatch.setenv("SYMGEN_CACHE", str(folder / "cache"))
-    monkeypatch.setattr(compiler, "_LIMIT", limit)
+    monkeypatch.setattr(compiler, "LIMIT", limit)
 
 
 def runs(pid):
@@ -61,7 +61,7 @@ def test_the_limit_is_named_where_optimisation_is_not_what_takes_long(tmp_path, 
 def test_a_compiler_that_does_not_print_its_version_is_ended(tmp_path, monkeypatch):
     fake_compiler(tmp_path, monkeypatch, "")
     (tmp_path / "slowcc").write_text("#!/bin/sh\ntrap '' TERM\nsleep 30 & wait\n")
-    monkeypatch.setattr(compiler, "_VERSION_LIMIT", 0.5)
+    monkeypatch.setattr(compiler, "VERSION_LIMIT", 0.5)
     began = time.monotonic()
     with pytest.raises(BuildError, match=r"exceeded the limit of 0\.5 s .*slowcc --version"):
         symgen.build("four_bar", backend="c")

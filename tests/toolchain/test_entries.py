@@ -56,10 +56,10 @@ def test_an_entry_depends_on_every_module_that_ran_for_it(cache, monkeypatch, sc
 
 def test_an_entry_depends_on_the_version(cache, monkeypatch):
     symgen.build("four_bar", backend="numpy")
-    graph._of_package.cache_clear()
+    graph.content_of_package.cache_clear()
     monkeypatch.setattr("symgen.version.__version__", "99.0")
     symgen.build("four_bar", backend="numpy")
-    graph._of_package.cache_clear()
+    graph.content_of_package.cache_clear()
     assert len([*cache.iterdir()]) == 2
 
 

@@ -55,7 +55,7 @@ def test_a_cache_that_others_can_write_is_refused(cache, monkeypatch, mode):
     """Whether it is new or holds the scene already; a group with others in it is others."""
     symgen.build("four_bar", backend="c")
     assert cache.stat().st_mode & 0o777 == 0o700
-    monkeypatch.setattr("symgen.toolchain.ownership._is_private", lambda group, user: False)
+    monkeypatch.setattr("symgen.toolchain.ownership.is_private", lambda group, user: False)
     cache.chmod(mode)
     for scene in ("four_bar", "triple_pendulum"):
         with pytest.raises(CacheError, match=r"only you can write, got .*\n.*chmod go-w .*SYMGEN_CACHE"):

@@ -14,6 +14,7 @@ from shared.states import random_values
 import symgen
 from symgen.errors import ModelError, SimulationError
 from symgen.precision import PRECISIONS
+from symgen.runtime.kernels.batch import Batch
 from symgen.toolchain.compiler import find_compiler
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
@@ -129,7 +130,8 @@ def test_kernels_of_loops(scene, way):
 
 
 def both(model, kernel, t, q, u, work=None):
-    high, low = model._evaluate_many(kernel, t, q, u, work)
+    batch = Batch(model.description, model.number_type, model.parameter_values)
+    high, low = batch(kernel, t, q, u, work, 1)
     return {name: (values, low.get(name)) for name, values in high.items()}
 
 

@@ -33,7 +33,7 @@ def test_a_signal_at_the_start_of_a_compiler_ends_it(monkeypatch):
     monkeypatch.setattr(compiler.subprocess, "Popen", interrupted)
     try:
         with pytest.raises(Ended), ExitStack() as opened:
-            compiler._started(["sleep", "60"], opened)
+            compiler.started(["sleep", "60"], opened)
         assert started[0].wait(10) == -signal.SIGKILL
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -15,7 +15,7 @@ def no_other(monkeypatch):
 
 
 def test_zig_comes_last_and_only_where_it_is_installed(no_other, monkeypatch):
-    monkeypatch.setattr(compiler, "_version", lambda command, changed: "clang version 21")
+    monkeypatch.setattr(compiler, "version_of", lambda command, changed: "clang version 21")
     monkeypatch.setattr(compiler, "find_spec", lambda name: name == "ziglang")
     found = compiler.find_compiler()
     assert found is not None and found.command[:4] == (sys.executable, "-m", "ziglang", "cc")

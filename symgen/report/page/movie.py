@@ -120,7 +120,7 @@ def _drawn(film: Film, shown: NDArray[np.int_], progress: Callable[[str], None] 
 
     paper, along = Paper.of(film.sketches), film.result.over
     traces = [paper(places) for places in traces_of(film.sketches).values()]
-    forces = _Forces.of(film, paper)
+    forces = ForceArrows.of(film, paper)
     figure = Figure((paper.width / 100, paper.height / 100), dpi=100 * _ENLARGED, facecolor=_PAPER)
     FigureCanvasAgg(figure)
     to_figure = Affine2D().scale(1 / paper.width, -1 / paper.height).translate(0, 1) + figure.transFigure
@@ -167,7 +167,7 @@ def _write_mp4(file: Path, figures: Iterator[Figure], rate: float) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Forces:
+class ForceArrows:
     """Arrows on paper: beginnings and vectors, (forces, frames, 2) [px]; length and label of a round one."""
 
     at: Array
@@ -176,7 +176,8 @@ class _Forces:
     label: str
 
     @classmethod
-    def of(cls, film: Film, paper: Paper) -> _Forces:
+    def of(cls, film: Film, paper: Paper) -> ForceArrows:
+        """Return the arrows of a film, scaled to the paper."""
         forces = forces_of(curves_of(film.result.shown), nodes_of(film.sketches[0]))
         values = np.array(
             [np.transpose([part["values"] for part in f["parts"]]) for f in forces], dtype=float

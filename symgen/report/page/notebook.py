@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 #: A result that took longer [s] does not move by itself in a notebook, since its analysis is repeated.
-_QUICK = 1.0
+QUICK = 1.0
 
 
 def model_html(model: Compiled) -> str:
@@ -32,7 +32,7 @@ def result_html(result: Result) -> str:
     """Return facts, notes, curves and animation of a run."""
     parts = [html_table(result.title, ("", ""), result.facts)]
     parts += [f"<p>{escape(note)}.</p>" for note in result.completed()["notes"]]
-    if result.origin is not None and result.count > 1 and result.statistics.get("wall_s", math.inf) < _QUICK:
+    if result.origin is not None and result.count > 1 and result.statistics.get("wall_s", math.inf) < QUICK:
         parts.append(display("moving_html", result))
     if result.variables and result.count > 1:
         figure = run_figure(result)

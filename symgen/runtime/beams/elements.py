@@ -44,11 +44,12 @@ SUPPLIED: dict[str, Any] = {}
 
 def kernels(block: str) -> Any:
     """Return the compiled module of a building block, or its supplied substitute."""
-    return SUPPLIED.get(block) or _shipped(block)
+    return SUPPLIED.get(block) or shipped(block)
 
 
 @cache
-def _shipped(block: str) -> Any:
+def shipped(block: str) -> Any:
+    """Return the shipped kernels of a block."""
     return shipped_module(block)
 
 

@@ -110,7 +110,7 @@ class _Pose:
     def stiffness_of_forces(self) -> Array:
         """Return the stiffness that the multipliers of rigid links give to their joints."""
         total = np.zeros((self.layout.unknowns,) * 2)
-        kernels = self.motion._joints
+        kernels = self.motion.joints
         blocks = {b.name: b for b in kernels.info("joints").blocks}
         if "stiffness" not in blocks:
             return total

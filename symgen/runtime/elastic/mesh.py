@@ -61,7 +61,7 @@ class MeshedMotion(ElasticMotion):
         """Forces of modes of the structure with damping ratios at the start, and the factor [s]."""
         if "modal_damping" not in self._tables:
             return None, 0.0
-        blocks = {b.name: b for b in self._joints.info("joints").blocks}
+        blocks = {b.name: b for b in self.joints.info("joints").blocks}
         plain = layout(self.rigid.description, self.info, self.plain_beams, blocks)
         equations = _beams.BeamEquations(self._moved(None), plain, False)
         self.check(equations, equations.matrices(0.0, _beams.AT_REST)[0], 0.0)

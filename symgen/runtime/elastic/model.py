@@ -60,7 +60,7 @@ class ModelOfRigid(Model):
 
     def __init__(self, rigid: RodModel) -> None:
         parts = rigid.description, rigid._library, rigid._derive, rigid.parameters
-        super().__init__(*parts, typed=rigid._typed)
+        super().__init__(*parts, typed=rigid.number_type)
         self.rigid = rigid
 
     @property
@@ -94,7 +94,8 @@ class ElasticModel(ModelOfRigid):
     def __init__(self, rigid: RodModel, with_motor: WithMotor | None = None) -> None:
         super().__init__(rigid)
         self._with_motor = with_motor
-        self._motion = cache(self._new_motion)
+        #: The motion about the rigid one, with or without geometric stiffness.
+        self.motion = cache(self._new_motion)
 
     def _new_motion(self, geometric_stiffness: bool) -> ElasticMotion:
         from symgen.runtime.elastic.mesh import MeshedMotion  # it loads SciPy
@@ -110,7 +111,7 @@ class ElasticModel(ModelOfRigid):
             return self._with_motor().with_parameters(**self.parameters)
 
     def __repr__(self) -> str:
-        motion = self._motion(True)
+        motion = self.motion(True)
         links = ", ".join(b.info.link for b in motion.beams)
         return f"<ElasticModel {self.name!r}: {links} elastic, {self.unknowns} unknowns>"
 
@@ -120,7 +121,7 @@ class ElasticModel(ModelOfRigid):
     @property
     def beams(self) -> tuple[Beam, ...]:
         """The elastic links, with their constant matrices."""
-        return self._motion(True).beams
+        return self.motion(True).beams
 
     @property
     def unknowns(self) -> int:
@@ -130,17 +131,17 @@ class ElasticModel(ModelOfRigid):
     @property
     def layout(self) -> BeamLayout:
         """Index arrays of the matrices of the elastic motion."""
-        return self._motion(True).layout
+        return self.motion(True).layout
 
     @property
     def crank_speed(self) -> float:
         """Angular velocity of the crank [rad/s], at the start if it has a motor or is free."""
-        return self._motion(True).speed
+        return self.motion(True).speed
 
     @property
     def lowest_frequency(self) -> float:
         """The lowest frequency [Hz] of the structure at rest, over the poses of a revolution."""
-        return self._motion(True).lowest_frequency
+        return self.motion(True).lowest_frequency
 
     @property
     def mobility(self) -> tuple[str, ...]:
@@ -188,7 +189,7 @@ class ElasticModel(ModelOfRigid):
             if moving:
                 raise ModelError("modes about an equilibrium are at rest: leave moving out")
             return analyse(self.rigid.evaluator, at)
-        motion = self._motion(True)
+        motion = self.motion(True)
         angle = motion.angle if at is None else real(at, "the direction of the crank")
         return modes_with_errors(motion, motion.time_at(angle), moving)
 
@@ -199,7 +200,7 @@ class ElasticModel(ModelOfRigid):
 
         over = over or "input"
         check_known(over, ("input", "time"), "matrices have no variable")
-        motion = self._motion(True)
+        motion = self.motion(True)
         if at is not None and over == "time":
             t = real(at, "the time")
         else:
@@ -215,7 +216,7 @@ class ElasticModel(ModelOfRigid):
         """Return the outputs of a mode, counted from 0, over its phase [rad], at most ``largest`` [m] off."""
         from symgen.runtime.elastic.outputs import in_mode
 
-        return in_mode(self._motion(True), modes, number, phases, largest)
+        return in_mode(self.motion(True), modes, number, phases, largest)
 
     def _sensitivity(
         self,
@@ -232,7 +233,7 @@ class ElasticModel(ModelOfRigid):
             return self._of_result(outputs, by, at, t_eval)
 
         def derivatives(times: Sequence[float]) -> list[Sensitivity]:
-            return [sensitivity(self._motion(True), outputs, by, t) for t in times]
+            return [sensitivity(self.motion(True), outputs, by, t) for t in times]
 
         t = None if at is None else real(at, "the time of derivatives")
         return at_times(derivatives, t, t_eval, 0.0)
@@ -265,7 +266,7 @@ class ElasticModel(ModelOfRigid):
         if not outputs or (method == "periodic" and at.times is None):
             raise ModelError("expected outputs to differentiate, got none")
         if method == "periodic":
-            return periodic.sensitivity(self._motion(True), outputs, by, at.time)
+            return periodic.sensitivity(self.motion(True), outputs, by, at.time)
         if method not in BEAM_METHODS:
             raise ModelError(
                 f"expected an implicit method for derivatives of runs of elastic links, got {method}\n"
@@ -276,7 +277,7 @@ class ElasticModel(ModelOfRigid):
         counts = at.counts
         if counts is None:
             raise ModelError(f"{self.name}: a stored run has no derivatives: simulate it again")
-        return runs.sensitivity(self._motion(True), outputs, by, method, at.time, counts)
+        return runs.sensitivity(self.motion(True), outputs, by, method, at.time, counts)
 
     @takes(ElasticRun)
     def _simulate(self, request: ElasticRun) -> ElasticResult:
@@ -289,14 +290,14 @@ class ElasticModel(ModelOfRigid):
                 hint = f"It is model.{verbs[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
         initial = initial_state(request.initial)
-        if self._motion(True).undetermined and (large := request.in_large_rotation):
+        if self.motion(True).undetermined and (large := request.in_large_rotation):
             return self._large_rotation(large)
         if t_end is not None:
             if revolutions is not None:
                 raise ModelError("give t_end or revolutions, not both")
             if not t_end > 0.0:
                 raise ModelError(f"expected t_end above zero, got {t_end!r}")
-            period = self._motion(request.geometric_stiffness).period
+            period = self.motion(request.geometric_stiffness).period
             revolutions = t_end / period if math.isfinite(period) else None
         if request.at is not None and request.t_eval is not None:
             raise ModelError("give at or t_eval, not both")
@@ -335,7 +336,7 @@ class ElasticModel(ModelOfRigid):
         angles = None if request.at is None else tuple(np.ravel(np.asarray(request.at, dtype=float)).tolist())
         task = Task(method, at=angles, form=request.form, **options)
         with limited(request.max_wall):
-            return run(self._motion(request.geometric_stiffness), task, request.progress, keeping)
+            return run(self.motion(request.geometric_stiffness), task, request.progress, keeping)
 
     def _speed_response(
         self,
@@ -361,7 +362,7 @@ class ElasticModel(ModelOfRigid):
         held = self.description.elastic and self.description.elastic.mode == "held"
         rigid = self.rigid if held else self._turned_by_motor()
         count = self._elements if elements is None else elements
-        return equilibrium(self._motion(True), rigid, count, t, stable)
+        return equilibrium(self.motion(True), rigid, count, t, stable)
 
     @property
     def _elements(self) -> int:
@@ -376,4 +377,4 @@ class ElasticModel(ModelOfRigid):
         self._refuse_types("runs in large rotation are")
         elements = self._elements if request.elements is None else request.elements
         with limited(request.max_wall):
-            return large_run(self._motion(True), request, elements)
+            return large_run(self.motion(True), request, elements)

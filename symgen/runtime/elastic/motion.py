@@ -62,7 +62,7 @@ class ElasticMotion(ABC):
         self._driven: ElasticMotion | None = None
         #: The last time before and the first after every jump of the loads [s], on which steps end.
         self.jumps: Array = np.zeros((0, 2))
-        self._motion, self._joints = rigid.analysis("elastic_motion"), rigid.analysis("elastic_joints")
+        self._motion, self.joints = rigid.analysis("elastic_motion"), rigid.analysis("elastic_joints")
         start = rigid.initial_state()
         self._start = np.concatenate([start.q, start.u])
         constants = self._motion.blocks("constants", 0.0, start.q, start.u)
@@ -208,13 +208,13 @@ class ElasticMotion(ABC):
     def layout(self) -> BeamLayout:
         """Layout of the equations."""
         d = self.rigid.description
-        blocks = {b.name: b for b in self._joints.info("joints").blocks}
+        blocks = {b.name: b for b in self.joints.info("joints").blocks}
         return layout(d, self.info, self.beams, blocks, self.modal_damping[0])
 
     @property
     def constraints(self) -> tuple[str, ...]:
         """Names of the constraints that the elastic motion keeps."""
-        blocks = self._joints.info("joints").blocks
+        blocks = self.joints.info("joints").blocks
         return next((b.rows for b in blocks if b.name == "jacobian"), ())
 
     @property
@@ -225,7 +225,7 @@ class ElasticMotion(ABC):
     @property
     def kernels_of_joints(self) -> tuple[KernelInfo, ...]:
         """Names and sizes of the kernels of the joints of elastic links."""
-        return self._joints.description.kernels
+        return self.joints.description.kernels
 
     @property
     def kernel_sizes(self) -> dict[str, int]:
@@ -233,9 +233,9 @@ class ElasticMotion(ABC):
         of_motion = {k.name: k.out_size for k in self.kernels_of_motion}
         return {
             **{name: of_motion.get(name, 0) for name in ("links", "shaft", "loads")},
-            "joints": self._joints.info("joints").out_size,
+            "joints": self.joints.info("joints").out_size,
             "setup": self._motion.description.derived,
-            "joints_setup": self._joints.description.derived,
+            "joints_setup": self.joints.description.derived,
         }
 
     @cached_property
@@ -250,7 +250,7 @@ class ElasticMotion(ABC):
     @property
     def identity(self) -> tuple[str, ...]:
         """Data that determine a run, in addition to the rigid linkage and its parameters."""
-        hashes = self._motion.description.equations, self._joints.description.equations
+        hashes = self._motion.description.equations, self.joints.description.equations
         names, constants = repr(self.layout.names), self.layout.constants.tobytes().hex()
         return *hashes, repr(self.info), repr(self.stiffened), names, constants
 
@@ -266,7 +266,7 @@ class ElasticMotion(ABC):
 
     def _moved(self, path: RigidMotionTable | None, stepping: bool = False) -> RigidMotion:
         d = self.rigid.description
-        links, joints, typed = self._motion.library, self._joints.library, None
+        links, joints, typed = self._motion.library, self.joints.library, None
         if stepping and (typed := self.rigid.typed):
             links, joints = (self.rigid.analysis(f"elastic_{k}", True).library for k in ("motion", "joints"))
         driven = self.rigid.evaluator.equations(len(d.redundant), typed=typed)

@@ -32,9 +32,10 @@ from symgen.runtime.elastic.steps import FIXED, Start, Task, explicit, first_ste
 from symgen.runtime.integrate.options import TIGHTEST
 from symgen.runtime.integrate.pace import Pace, Progress, wall_left
 
-#: Steps per revolution that a run begins with, and the most that ``rtol`` adds: Newmark's method takes
-#: 800,000 for ``thesis_four_bar`` at 1e-4.
-_FIRST, _MOST = 256, 1 << 20
+#: Steps per revolution that a run begins with.
+_FIRST_STEPS = 256
+#: Most steps per revolution that ``rtol`` adds: newmark takes 800,000 for ``thesis_four_bar`` at 1e-4.
+MOST_STEPS = 1 << 20
 #: An error of which so much is left in the last of so many parts of a run is reduced on the first, if so many
 #: times are recorded; the least part of the steps found there that the whole run takes; and by how much its
 #: error may grow faster than in proportion: steps that do not suffice cost another run.
@@ -77,14 +78,14 @@ def adapted(
     """
     method = BEAM_METHODS[task.method]
     errors = Errors(motion, equations, times, method.order)
-    counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
+    counts = step_counts(motion, times, first_steps(motion, task, _FIRST_STEPS))
 
     def run(counts: Counts) -> Solution:
         both = stepped(motion, equations, method, times, counts, start, progress, stages, pace)
         passes.append(Solution(*both, int(np.sum(counts)), counts=counts))
         return passes[-1]
 
-    most = max(_MOST * max(1.0, task.revolutions), float(np.sum(counts)))
+    most = max(MOST_STEPS * max(1.0, task.revolutions), float(np.sum(counts)))
     states = run(counts)
     if task.steps is not None:
         return replace(states, errors=_estimated(motion, task, times, states, start, stages))
@@ -140,7 +141,7 @@ def _estimated(
     motion: ElasticMotion, task: Task, times: Array, states: Solution, start: Start, stages: Stages | None
 ) -> Callable[[], tuple[float | None, float | None]]:
     """Return a function that computes the error of a run; called at once if the run is limited or kept."""
-    counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
+    counts = step_counts(motion, times, first_steps(motion, task, _FIRST_STEPS))
 
     @cache
     def errors() -> tuple[float | None, float | None]:
@@ -190,7 +191,7 @@ def _counts_by_part(
     part = np.argsort(times, kind="stable")[: len(times) // _PART]
     pace = Pace(0.0, float(times[part[-1]]))
     before = 0.0
-    while np.sum(counts) < _MOST:
+    while np.sum(counts) < MOST_STEPS:
         counts_of_part = counts[: len(part)]
         finer = finer_counts(counts_of_part)
         states, compared = (

@@ -19,12 +19,18 @@ from symgen.runtime.kernels.arguments import is_real, out_of_range
 Progress = Callable[[float], None]
 #: Answer of a run that was ended by ``max_wall``; the core's own answers are not negative.
 OUT_OF_TIME = -1
-#: Wall time [s] over which the pace is measured at least, and its part of the wall time spent.
-_SPAN, _SHARE = 1.5, 0.25
-#: Remaining wall time [s] that is worth a note, and the factor that is worth another one.
-_LONG, _AGAIN = 20.0, 10.0
-#: Wall time [s] between two looks at the clock, and the largest growth of the number of steps between them.
-_LOOK, _GROWTH = 0.05, 64.0
+#: Least wall time [s] over which the pace is measured.
+SPAN = 1.5
+#: The same as a part of the wall time spent.
+_SHARE = 0.25
+#: Remaining wall time [s] that is announced.
+LONG = 20.0
+#: Growth of the remaining time that is announced again.
+_AGAIN = 10.0
+#: Wall time [s] between two readings of the clock.
+LOOK = 0.05
+#: Largest growth of the number of steps between them.
+_GROWTH = 64.0
 
 
 @dataclass(slots=True)
@@ -120,7 +126,7 @@ class Pace:
     def __init__(self, start: float, end: float, place: str = "t = {:.6g} s of {:.6g} s") -> None:
         self._end, self._place = end, place
         self._begun = self._marked = time.perf_counter()
-        self._at, self._announced = start, _LONG / _AGAIN
+        self._at, self._announced = start, LONG / _AGAIN
         self._chunk, self._looked = 4, math.nan
 
     @property
@@ -132,7 +138,7 @@ class Pace:
         """Return the number of steps until the next look at the clock, from the speed of those before it."""
         now = time.perf_counter()
         if not math.isnan(self._looked):
-            scale = _LOOK / max(now - self._looked, 1e-6)
+            scale = LOOK / max(now - self._looked, 1e-6)
             self._chunk = max(1, min(1 << 20, int(self._chunk * min(scale, _GROWTH))))
         self._looked = now
         return self._chunk
@@ -148,7 +154,7 @@ class Pace:
         """
         now = time.perf_counter()
         wall, span = now - self._begun, now - self._marked
-        if span >= max(_SPAN, _SHARE * wall):
+        if span >= max(SPAN, _SHARE * wall):
             progress, left = t - self._at, self._end - t
             self._marked, self._at = now, t
             remaining = left * span / progress if progress > 0.0 else math.inf

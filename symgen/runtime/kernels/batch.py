@@ -29,7 +29,7 @@ _WITHIN = ("solve", "setup")
 _CACHE_LINE = 64
 #: Operations of all kernels of a model beyond which runs are not carried out in lanes. Code for vectors is
 #: straight-line, and takes more than proportional time to compile: 5 s at 18,000 operations, 52 s at 67,000.
-_MOST_IN_LANES = 20_000
+MOST_IN_LANES = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +182,7 @@ class Batch:
 
 def fits_lanes(description: Described) -> bool:
     """Return whether code for vectors is compiled in a time that runs in lanes may gain."""
-    return sum(sum(k.operations.values()) for k in description.kernels) <= _MOST_IN_LANES
+    return sum(sum(k.operations.values()) for k in description.kernels) <= MOST_IN_LANES
 
 
 def lanes_of(library: Library, name: str) -> tuple[int, int]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from symgen.runtime._core import Core
 
 _GENERATED = "symgen.generated"
-_KERNEL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)
+KERNEL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def _check_tag(tag: str, expected: str, noun: str) -> None:
 
 def open_numpy(source: str, description: Described, precision: Precision = FLOAT64) -> Library:
     """Return the kernels of the NumPy backend from their generated Python source."""
-    functions = {name: _quietly(f) for name, f in _defined(source, description, "NumPy").items()}
+    functions = {name: quietly(f) for name, f in _defined(source, description, "NumPy").items()}
     return _in_python("numpy", functions, description, np.dtype(precision.dtype))
 
 
@@ -196,7 +196,9 @@ def _defined(source: str, description: Described, noun: str) -> dict[str, Callab
     return {k.name: namespace[k.name] for k in description.kernels}
 
 
-def _quietly(function: Callable[..., None]) -> Callable[..., None]:
+def quietly(function: Callable[..., None]) -> Callable[..., None]:
+    """Return a kernel without the warnings of NumPy."""
+
     def kernel(*arrays: Any) -> None:
         with np.errstate(all="ignore"):
             function(*arrays)
@@ -241,4 +243,4 @@ def callback(function: Callable[..., None], entries: Sequence[int], dtype: Any) 
         if FAILURES.errors and arrays and arrays[-1] is not None:
             arrays[-1][:] = np.nan  # ends the run
 
-    return _KERNEL(kernel)
+    return KERNEL(kernel)

@@ -68,7 +68,9 @@ class Compiled:
         analyses: Analyses | None = None,
         typed: Typed | None = None,
     ) -> None:
-        self._analyses, self._typed = analyses, typed
+        self._analyses = analyses
+        #: Kernels in the number type of the model, single and in lanes.
+        self.number_type = typed
         self._batches: Batch | None = None
         self.description, self._library, self._derive = description, library, derive
         values = {p.name: p.default for p in description.tunable}
@@ -96,7 +98,7 @@ class Compiled:
             When a value of the scene, such as a mass, has the wrong sign at these parameters.
         """
         changed = {**self.parameters, **values}
-        parts = self.description, self._library, self._derive, changed, self._analyses, self._typed
+        parts = self.description, self._library, self._derive, changed, self._analyses, self.number_type
         model = type(self)(*parts, **self._more)
         row = np.array([[*model.parameters.values()]])
         for reason in refusals(self.description, self._library, row).values():
@@ -142,7 +144,7 @@ class Compiled:
     @property
     def backend(self) -> str:
         """Where the kernels come from: ``c`` (compiled for the scene), ``shipped``, ``numpy``, ``mpmath``."""
-        return "mpmath" if self._typed and self._typed.digits else self._library.backend
+        return "mpmath" if self.number_type and self.number_type.digits else self._library.backend
 
     @property
     def mobility(self) -> tuple[str, ...]:
@@ -157,11 +159,11 @@ class Compiled:
     @property
     def typed(self) -> Typed | None:
         """Kernels in the type of runs; None if that is float64."""
-        return None if self._typed is None or self._typed.is_plain else self._typed
+        return None if self.number_type is None or self.number_type.is_plain else self.number_type
 
     @property
     def _type(self) -> Precision:
-        return self._typed.precision if self._typed else FLOAT64
+        return self.number_type.precision if self.number_type else FLOAT64
 
     def _in_type(self, t: float, q: Any, u: Any, solution: Any) -> Any:
         """Return accelerations and multipliers in the model's own type, if that is not float64."""
@@ -250,11 +252,11 @@ class Compiled:
     ) -> tuple[dict[str, Rows], dict[str, Rows]]:
         """Return the results of a batch, and the remainders of float128 results beyond float64."""
         if self._batches is None:
-            if self._typed is None:
+            if self.number_type is None:
                 raise ModelError(f"{self.name} has no kernels for batches: build it with symgen.build")
             from symgen.runtime.kernels.batch import Batch
 
-            self._batches = Batch(self.description, self._typed, self.parameter_values)
+            self._batches = Batch(self.description, self.number_type, self.parameter_values)
         return self._batches(kernel, t, q, u, work, threads)
 
 

@@ -26,7 +26,12 @@ from symgen.runtime.rods.meshing import slips
 from symgen.runtime.rods.poses import Poses, angles_in_loads, counted, references_of
 from symgen.runtime.rods.recorded_motion import CurvePositions, chosen_names, recorded
 
-_STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
+#: Largest number of steps along the curve of poses.
+MOST_STEPS = 1_000_000
+#: Times at which each gap of the range is searched for other assemblies.
+_PROBES = 5
+#: Singular values below this part of the largest count as zero.
+_RANK_TOLERANCE = 1e-9
 
 
 def driven(constraints: Constraints, q: Array, t: float) -> None:
@@ -38,7 +43,7 @@ def driven(constraints: Constraints, q: Array, t: float) -> None:
         If there are fewer drives than degrees of freedom; it gives the number of missing ones.
     """
     values = np.linalg.svd(constraints.jacobian(q, t), compute_uv=False)
-    rank = int(np.count_nonzero(values > _RANK * values.max(initial=0.0)))
+    rank = int(np.count_nonzero(values > _RANK_TOLERANCE * values.max(initial=0.0)))
     missing = constraints.n - rank
     names = list(constraints.drives(t))
     if (missing and constraints.n > constraints.m) or not names:
@@ -160,10 +165,10 @@ def follow(
         )
     driven(constraints, q, t)
     curve = Curve(constraints, constraints.length(q), _duration(constraints, q, t, instants))
-    reach = _STEPS * LONGEST * curve.duration
+    reach = MOST_STEPS * LONGEST * curve.duration
     if instants.stop - instants.start > reach:
         raise ModelError(
-            f"expected a range of at most {reach:.3g} s, {_STEPS} steps at the speed of the drives, got "
+            f"expected a range of at most {reach:.3g} s, {MOST_STEPS} steps at the speed of the drives, got "
             f"{instants.start:g} to {instants.stop:g} s"
         )
     ends = min(instants.start, t), max(instants.stop, t)
@@ -236,14 +241,14 @@ def _path(
     if x is None:
         raise SimulationError(f"the pose to start from does not meet the constraints at t = {t:g} s", time=t)
     ends = min(instants.start, t), max(instants.stop, t)
-    forward = curve.walk(curve.point(x), ends, through, _STEPS)
+    forward = curve.walk(curve.point(x), ends, through, MOST_STEPS)
     if forward[-1] is forward[0] and len(forward) > 1:
         return forward, 0
     if forward[-1].speed > TURNING and forward[-1].x[-1] < ends[1] / curve.duration:
         raise _stuck(curve, forward[-1])
     if instants.start >= t:
         return forward, 0
-    back = curve.walk(curve.point(x, np.append(np.zeros(len(q)), -1.0)), ends, through, _STEPS)
+    back = curve.walk(curve.point(x, np.append(np.zeros(len(q)), -1.0)), ends, through, MOST_STEPS)
     if back[-1].speed < -TURNING and back[-1].x[-1] > ends[0] / curve.duration:
         raise _stuck(curve, back[-1])
     turned = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(back[1:])]
@@ -299,7 +304,7 @@ def _sample(
         return None
     q = curve.split(point.x)[0]
     u, acceleration, sound = _rates(curve, q, t)
-    return (t, q, u, acceleration) if sound > _RANK else None
+    return (t, q, u, acceleration) if sound > _RANK_TOLERANCE else None
 
 
 def _near_crossing(
@@ -356,7 +361,7 @@ def _elsewhere(
                 continue
             ways = [np.append(np.zeros(len(q)), s) for s in (1.0, -1.0)]
             ends = [
-                curve.walk(curve.point(start, w), (instants.start, instants.stop), False, _STEPS)
+                curve.walk(curve.point(start, w), (instants.start, instants.stop), False, MOST_STEPS)
                 for w in ways
             ]
             path = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(ends[1][1:])] + ends[0]

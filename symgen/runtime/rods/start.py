@@ -62,7 +62,7 @@ def start(evaluator: Evaluator) -> Start:
         If the linkage cannot be assembled, is singular, or the prescribed velocities contradict the
         constraints.
     """
-    starter = _posed(evaluator)
+    starter = posed_starter(evaluator)
     q = starter.q
     d, moves = evaluator.description, evaluator.has("mass_matrix")
     # Elastic links in space hold a structure at rest, which rigid links would overdetermine.
@@ -83,10 +83,10 @@ def pose(evaluator: Evaluator) -> Array:
     InitialStateError
         When the linkage cannot be assembled.
     """
-    return _posed(evaluator).q
+    return posed_starter(evaluator).q
 
 
-def _posed(evaluator: Evaluator) -> Starter:
+def posed_starter(evaluator: Evaluator) -> Starter:
     """Return the compiled start at the assembled pose."""
     zero = np.zeros(evaluator.description.coordinates)
     drawn = evaluator("drawn", 0.0, zero, zero)

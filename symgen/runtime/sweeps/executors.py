@@ -57,7 +57,7 @@ def submitted(
         When processes end without a result, or the executor fails.
     """
     design, none = sweep.design, np.zeros((0, len(sweep.design.names)))
-    work = _packed(replace(sweep, design=Listed(design.names, none), threads=sweep.threads or 1), layout)
+    work = packed(replace(sweep, design=Listed(design.names, none), threads=sweep.threads or 1), layout)
     most = max(2, _HELD // (layout.row * max(last - first for first, last in spans))) if spans else 2
     if isinstance(executor, int) and not isinstance(executor, bool) and executor >= 1:
         yield from _in_processes(executor, work, design, spans)
@@ -133,13 +133,13 @@ def _started(work: bytes) -> tuple[Connection, BaseProcess]:
     """Return a new process, and the end of its pipe here."""
     context = get_context("spawn")
     here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(there, work), daemon=True)
+    process = context.Process(target=serve, args=(there, work), daemon=True)
     process.start()
     there.close()  # the pipe then ends with the process
     return here, process
 
 
-def _serve(pipe: Connection, work: bytes) -> None:
+def serve(pipe: Connection, work: bytes) -> None:
     """Carry out chunks whose parameters come through a pipe, until it ends; send an error and the results."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process of the sweep ends this one
     _follow()
@@ -188,7 +188,7 @@ def _by(pool: Executor, work: bytes, design: Design, spans: Sequence[Span], most
             future.cancel()
 
 
-def _packed(sweep: Any, layout: SweepLayout) -> bytes:
+def packed(sweep: Any, layout: SweepLayout) -> bytes:
     """Return a sweep for other processes: its model as a scene with the hash of its equations, no binary."""
     return pickle.dumps((__version__, sweep.model.description.equations, pickle.dumps((sweep, layout))))
 

@@ -36,10 +36,10 @@ def front_of(search: OptimisationArguments, objectives: Sequence[str], points: i
         bounds = {**search.constraints, second: (least, float(highest))}
         optima.append(optimum_of(replace(search, constraints=bounds, start=start), first))
         start = optima[-1].parameters
-    return _dataset(search.model, optima, first, second)
+    return undominated(search.model, optima, first, second)
 
 
-def _dataset(model: Any, optima: Sequence[Optimum], first: str, second: str) -> xarray.Dataset:
+def undominated(model: Any, optima: Sequence[Optimum], first: str, second: str) -> xarray.Dataset:
     """Return the designs that no other one dominates, over ``point``; of equal ones the first.
 
     A design that did not meet the tolerance may break constraints: it does not dominate those that did.

@@ -211,9 +211,9 @@ _LEADING = ("assembly",)
 
 def _in_type(kernels: ComparedKernels, model: RodModel | LoopModel, typed: Precision) -> ComparedKernels:
     """Return the same kernels in another number type, with the states that it can represent."""
-    if model._typed is None:
+    if model.number_type is None:
         raise ModelError(f"{model.name} has no kernels for batches: build it with symgen.build")
-    types = model._typed
+    types = model.number_type
 
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
         tuned = Batch(model.description, types, arrays["p"].tolist())

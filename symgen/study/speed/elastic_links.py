@@ -39,7 +39,7 @@ class ElasticSubject(StudySubject):
         self.models, self.samples = models, samples
         model = models[FLOAT64.name]
         self.title = model.description.title
-        motion = model._motion(True)
+        motion = model.motion(True)
         turn = motion.period if motion.speed else model.description.t_end
         self.t_end = turn if t_end is None else float(t_end)
         self.revolutions = self.t_end / turn

@@ -28,9 +28,12 @@ from symgen.study.speed.sweeps import Setting, fixed_steps, tolerances
 
 Array = NDArray[np.float64]
 
-#: Tolerance of the reference, and ratio to that of the looser run for its uncertainty. Both are loosened
-#: tenfold, at most this many times, if the motion does not allow them.
-_REFERENCE, _JUDGE, _LOOSENED = {"float128": 1e-17, "float64": 3e-14}, 30.0, 3
+#: Tolerances of the reference, by number type.
+REFERENCE = {"float128": 1e-17, "float64": 3e-14}
+#: Tolerance of the looser run, which estimates the uncertainty of the reference, over that of the reference.
+_JUDGE = 30.0
+#: Number of times that both are loosened tenfold at most, if the motion does not allow them.
+_LOOSENED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,9 +225,9 @@ class Rods(StudySubject):
 
     def reference(self) -> ReferenceSolution:
         """Return a run at the tightest possible tolerance, in the widest available precision."""
-        name = next(p for p in _REFERENCE if p in self.models)
+        name = next(p for p in REFERENCE if p in self.models)
         for k in range(_LOOSENED + 1):
-            rtol = _REFERENCE[name] * 10.0**k
+            rtol = REFERENCE[name] * 10.0**k
             try:
                 tight, loose = self._along(rtol, name), self._along(_JUDGE * rtol, name)
             except SimulationError:

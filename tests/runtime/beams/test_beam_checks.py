@@ -93,7 +93,7 @@ def test_euler_loads_in_closed_form(tmp_path, element):
         (symgen.build("thesis_four_bar"), 20.190728556426629),
     ]
     for model, factor in cases:
-        motion = model._motion(True)
+        motion = model.motion(True)
         p = motion.beams[0].properties
         expected = factor * (one if p.length == 1.0 else p.bending[0] / p.length**2)
         assert euler_load(motion, 0) == pytest.approx(expected, rel=2e-4 if element == "cubic" else 1e-9)

@@ -16,7 +16,7 @@ LONG = np.geomspace(1e-2, 1e4, 61)
 
 @pytest.fixture(scope="module")
 def linkage():
-    motion = symgen.build("thesis_four_bar")._motion(False)
+    motion = symgen.build("thesis_four_bar").motion(False)
     equations, times = motion.equations(False), np.array([motion.period / 8])
 
     def ends(method, per_turn):
@@ -89,7 +89,7 @@ def test_wilson_damps_and_lengthens_periods():
 def test_amplification_is_what_is_compiled():
     """The matrix above against the compiled step, on a strip that stands still: linear, so one step tells it."""
     model = symgen.build("rotating_cantilever").with_parameters(speed=1e-9)
-    motion = model._motion(False)
+    motion = model.motion(False)
     equations = motion.equations(False)
     _, mass, _, stiffness, _, _ = equations.matrices(0.0, True)
     squares, shapes = np.linalg.eig(np.linalg.solve(mass, stiffness))

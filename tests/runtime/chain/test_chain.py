@@ -254,10 +254,14 @@ def test_many_are_one_by_one_bit_for_bit(dimension, tree, pinned):
 def test_a_chain_is_the_tree_that_has_no_branch():
     chain, along, rates, forces = random_chain(2, 3, 9, tree=False, pinned=True)
     kernels = shipped_module("chain_spatial")
-    found = []
+    ends, found = np.zeros((9, 3)), []
+    rods = np.stack([chain.masses, chain.lengths, chain.centres, chain.inertias], axis=1)
+    kernels.ends(9, rods.reshape(-1), ends.reshape(-1))
+    inner, coupling, outer = ends.T.copy()
+    mass = chain.point_masses + np.append(inner, 0.0) + np.append(0.0, outer)
     for parents in (None, np.arange(9)):
         a, lam, reaction = np.zeros(30), np.zeros(9), np.zeros(3)
-        arrays = (chain._coupling, chain._mass, forces.reshape(-1), along.reshape(-1), rates.reshape(-1))
+        arrays = (coupling, mass, forces.reshape(-1), along.reshape(-1), rates.reshape(-1))
         kernels.accelerations(9, parents, True, *arrays, a, lam, reaction, np.zeros(kernels.work_size(9)))
         found.append(np.concatenate([a, lam, reaction]))
     assert np.array_equal(*found)

@@ -161,7 +161,7 @@ def test_a_layout_may_not_point_outside_its_arrays(name, value):
     [{"starts": [0, 1, 9]}, {"starts": [1, 1, 2]}, {"starts": [0, 2, 1, 2]}, {"coupling_starts": [0, 0]}],
 )
 def test_groups_may_not_start_outside_their_arrays(wrong):
-    constraints = symgen.build("crank_rocker")._constraints()
+    constraints = symgen.build("crank_rocker").constraints()
     groups = groups_of(constraints.slopes, range(constraints.n), constraints.n)
     Kinematics(constraints.kinematics, groups, 1.0, None)
     with pytest.raises(ValueError, match="expected .* starts|starts that rise|expected the groups"):

@@ -43,7 +43,7 @@ def test_a_failing_kernel_ends_an_analysis_with_its_error(
 
         return kernel
 
-    monkeypatch.setattr(library, "_quietly", failing)
+    monkeypatch.setattr(library, "quietly", failing)
     model = symgen.build(scene, backend="numpy")
     options = {"simulate": {"samples": 3}, "inverse_dynamics": {"samples": 3}, "kinematics": {"samples": 3}}
     model_call = lambda: getattr(model, analysis)(**options.get(analysis, {}))  # noqa: E731
@@ -66,7 +66,7 @@ def test_the_right_hand_side_raises_it(monkeypatch, tmp_path):
 
         return kernel
 
-    monkeypatch.setattr(library, "_quietly", quietly)
+    monkeypatch.setattr(library, "quietly", quietly)
     rhs = symgen.build("four_bar", backend="numpy").rhs
     failing[0] = True
     with pytest.raises(MemoryError, match="of a kernel"):
@@ -85,7 +85,7 @@ def test_an_error_of_a_kernel_stays_in_its_thread(monkeypatch, tmp_path):
 
         return kernel
 
-    monkeypatch.setattr(library, "_quietly", quietly)
+    monkeypatch.setattr(library, "quietly", quietly)
     model = symgen.build("four_bar", backend="numpy")
     address = model.evaluator.library.addresses["points"]
     expected, raised = model.accelerations(), []

@@ -27,7 +27,7 @@ def started(model, name="dop853", rtol=1e-8, t_end=2.0):
     state = model.initial_state()
     fixed = not method.adaptive
     return _core.Run(
-        model.evaluator.equations(len(model._stored_start().redundant)),
+        model.evaluator.equations(len(model.redundant)),
         method,
         0.0,
         np.concatenate([state.q, state.u, np.zeros(int(model.description.work_of_loads))]),

@@ -46,7 +46,7 @@ def test_loops_of_other_kinds_have_no_closed_form():
 def test_no_closed_form_where_the_rod_does_not_reach():
     model = symgen.build("slider_crank").with_parameters(a4=30 * INCH, S1=27 * INCH)
     kernels = model.kernels.__class__(
-        model.description, model._library, [30 * INCH, 4.712, 28 * INCH, 0, 5.0]
+        model.description, model.kernels.library, [30 * INCH, 4.712, 28 * INCH, 0, 5.0]
     )
     assert closed_forms(kernels, 0.0, np.array(model.description.start)) == []
 

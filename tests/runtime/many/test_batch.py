@@ -52,9 +52,9 @@ def test_width_threads_layout_and_neighbours_change_no_bit(precision, monkeypatc
     wide = symgen.build("peaucellier", precision=precision)
     q, u = states(wide, 101)
     wide.batch("accelerations", 0.0, q, u)  # builds the kernels
-    monkeypatch.setattr(compiler, "_has_wide_vectors", lambda: False)
+    monkeypatch.setattr(compiler, "has_wide_vectors", lambda: False)
     narrow = symgen.build("peaucellier", precision=precision)
-    ways = [lanes_of(m._typed.kernels(True), "peaucellier")[1] for m in (wide, narrow)]
+    ways = [lanes_of(m.number_type.kernels(True), "peaucellier")[1] for m in (wide, narrow)]
     assert ways[1] == 16 and (ways[0] > 16 or not avx())
     one = narrow.batch("accelerations", 0.0, q, u)["multipliers"]
     assert one.dtype == precision and one.shape == (101, 7)
@@ -69,7 +69,7 @@ def test_width_threads_layout_and_neighbours_change_no_bit(precision, monkeypatc
 
 
 def test_lanes_are_as_wide_as_the_processor_has_them_where_that_changes_no_bit(monkeypatch):
-    monkeypatch.setattr(compiler, "_has_wide_vectors", lambda: True)
+    monkeypatch.setattr(compiler, "has_wide_vectors", lambda: True)
     plain = find_compiler()
     assert plain.of_lanes.flags == (*plain.flags, "-march=native")
     contracted, tuned = plain.with_options("fast", "none"), plain.with_options("off", "native")

@@ -34,7 +34,7 @@ def tuned(tmp_path_factory):
 
 
 def lanes(model):
-    constraints = model._constraints()
+    constraints = model.constraints()
     motion = model.in_lanes("kinematics")
     width = lanes_of(motion[1], motion[0].name)[0]
     groups = groups_of(constraints.slopes, range(constraints.n), constraints.n)
@@ -43,7 +43,7 @@ def lanes(model):
 
 def singly(model, times):
     """Return states and joint forces of one linkage, as far as it gets, without lanes."""
-    constraints, loads, q = model._constraints(), model.analysis("forces"), model.initial_state().q
+    constraints, loads, q = model.constraints(), model.analysis("forces"), model.initial_state().q
     steps = steps_of(constraints, q, 0.0, loads)
     states = steps.follow(0.0, q, times)
     times = times[: len(states)]
@@ -63,7 +63,7 @@ def dyad():
     ),
 )
 def test_lanes_of_any_width_have_the_bits_of_a_single_linkage(scene, flags, monkeypatch):
-    if flags is not None and not compiler._has_wide_vectors():
+    if flags is not None and not compiler.has_wide_vectors():
         pytest.skip("the processor has vectors of one width")
     if flags is not None:
         monkeypatch.setitem(compiler.VECTORS, "native", flags)
@@ -76,7 +76,7 @@ def test_lanes_of_any_width_have_the_bits_of_a_single_linkage(scene, flags, monk
         0.0,
         np.tile(model.evaluator.parameter_values, (runs, 1)),
         np.tile(q, (runs, 1)),
-        np.full(runs, model._constraints().length(q)),
+        np.full(runs, model.constraints().length(q)),
         TIMES,
     )
     alone, loads = singly(model, TIMES)
@@ -91,7 +91,7 @@ def test_a_lane_at_a_dead_centre_ends_where_a_single_linkage_does_and_changes_no
     models = [tuned.with_parameters(a=a, b=b, c=c) for a, b, c in lengths]
     start = [m.initial_state().q for m in models]
     given = np.array([m.evaluator.parameter_values for m in models])
-    sizes = np.array([m._constraints().length(q) for m, q in zip(models, start, strict=True)])
+    sizes = np.array([m.constraints().length(q) for m, q in zip(models, start, strict=True)])
     states, _, reached = lanes(tuned)[1].follow(0.0, given, np.array(start), sizes, TIMES)
     for i, model in enumerate(models):
         alone, _ = singly(model, TIMES)
@@ -178,7 +178,7 @@ def test_starts_in_lanes_are_those_of_single_assemblies(tuned):
     lengths = random.uniform([0.05, 0.2, 0.2], [0.3, 0.5, 0.5], (21, 3))
     given = np.tile(tuned.evaluator.parameter_values, (21, 1))
     given[:, [[p.name for p in tuned.description.tunable].index(name) for name in "abc"]] = lengths
-    library, start = tuned._typed.kernels(True), start_of(tuned.evaluator)
+    library, start = tuned.number_type.kernels(True), start_of(tuned.evaluator)
     width = lanes_of(library, tuned.description.name)[0]
     q, found = StartLanes(start[2], library, width, given.shape[1]).assembled(given)
     regular, alone, sizes = Starts(*start).poses(given)
@@ -199,7 +199,7 @@ def test_links_that_turn_far_between_nodes_leave_the_extremes(tuned):
         runs = compiled_runs(tuned, first, columns, None, {"samples": samples})
         _, q, lengths = Starts(*start_of(tuned.evaluator)).poses(runs.parameters)
         rows, kept = np.arange(4), [None] * 4
-        left = runs._by_extremes(runs.parameters, q, lengths, rows, Keep(["crank.torque"], "peak"), kept, 0)
+        left = runs.by_extremes(runs.parameters, q, lengths, rows, Keep(["crank.torque"], "peak"), kept, 0)
         assert left.tolist() == ([] if steady else rows.tolist())
         assert all((k is not None) == steady for k in kept)
 
@@ -229,7 +229,7 @@ def test_runs_from_states_before_and_behind_the_range_have_the_bits_of_single_on
 
 def test_shapes_and_widths_that_do_not_fit_are_refused(tuned):
     motion, q = tuned.in_lanes("kinematics"), np.zeros((1, 4))
-    constraints = tuned._constraints()
+    constraints = tuned.constraints()
     groups = groups_of(constraints.slopes, range(constraints.n), constraints.n)
     with pytest.raises(ValueError, match="expected vectors of 2, 4 or 8 numbers, got 3"):
         KinematicLanes(motion, 3, groups)

@@ -128,7 +128,7 @@ def test_long_runs_and_large_linkages_are_carried_out_singly(model, monkeypatch)
     first = model.with_parameters(b=0.34).simulate(**given)
     assert compiled_runs(model, first, columns, None, given) is not None
     with monkeypatch.context() as shorter:
-        shorter.setattr(compiled, "_MOST_STEPS", 100)
+        shorter.setattr(compiled, "MOST_STEPS", 100)
         assert compiled_runs(model, first, columns, None, given) is None
     for module in (start, compiled, driven):
         monkeypatch.setattr(module, "LARGE", 0)
@@ -156,7 +156,7 @@ def test_an_interrupt_waits_for_few_runs(model, monkeypatch):
     columns, given = {"b": np.linspace(0.34, 0.36, 256)}, {"samples": 2, "step": 1e-3, "t_end": 0.005}
     first = model.with_parameters(b=0.34).simulate(**given)
     with monkeypatch.context() as shorter:
-        shorter.setattr(compiled, "_MOST_STEPS", 12)
+        shorter.setattr(compiled, "MOST_STEPS", 12)
         assert compiled_runs(model, first, columns, None, given).most(Keep(None, None)) == 2
     monkeypatch.setattr(runs.Runs, "result", slow)
     with pytest.raises(KeyboardInterrupt):
@@ -169,7 +169,7 @@ def test_large_programs_are_not_compiled_for_lanes(model, monkeypatch):
     columns, given = {"b": np.linspace(0.34, 0.36, 4)}, {"samples": 5, "step": 1e-3, "t_end": 0.02}
     first = model.with_parameters(b=0.34).simulate(**given)
     assert compiled_runs(model, first, columns, None, given).batched
-    monkeypatch.setattr(batch, "_MOST_IN_LANES", 100)
+    monkeypatch.setattr(batch, "MOST_IN_LANES", 100)
     assert not compiled_runs(model, first, columns, None, given).batched
     driven_first = model.with_parameters(b=0.34).kinematics(samples=5)
     assert compiled_runs(model, driven_first, columns, None, {"samples": 5}) is None

@@ -145,7 +145,7 @@ def test_a_design_that_breaks_a_constraint_dominates_no_other():
 
     tunable = SimpleNamespace(name="f", unit="1")
     model = SimpleNamespace(description=SimpleNamespace(tunable=[tunable], title="", units={}))
-    front = pareto._dataset(
+    front = pareto.undominated(
         model, [found(0.0, 0.0, False), found(1.0, 2.0, True), found(2.0, 3.0, True)], "f", "g"
     )
     assert front["f"].values.tolist() == [0.0, 1.0] and front["converged"].values.tolist() == [False, True]

@@ -17,7 +17,7 @@ from symgen.runtime.rods.forces import analysis
 
 
 def groups(model):
-    constraints = model._constraints()
+    constraints = model.constraints()
     assert constraints.m == constraints.n
     return constraints, groups_of(constraints.slopes, range(constraints.m), constraints.n)
 
@@ -130,7 +130,7 @@ def test_loads_that_are_not_a_number_are_named(by, monkeypatch):
 
 def test_steps_keep_the_kernels_that_they_call():
     model = build("crank_rocker")
-    steps = steps_of(model._constraints(), model.initial_state().q, 0.0, model.analysis("forces"))
+    steps = steps_of(model.constraints(), model.initial_state().q, 0.0, model.analysis("forces"))
     start = model.initial_state().q
     model.__dict__.clear()
     del model
@@ -145,7 +145,7 @@ def test_steps_keep_the_kernels_that_they_call():
 def test_errors_of_multipliers_are_those_of_the_equations_at_each_pose():
     """J^T lambda = f - M a, with the Jacobian of the dense kernel in place of the groups."""
     model = build("crank_rocker")
-    constraints, loads, start = model._constraints(), model.analysis("forces"), model.initial_state().q
+    constraints, loads, start = model.constraints(), model.analysis("forces"), model.initial_state().q
     steps = steps_of(constraints, start, 0.0, loads)
     times = np.linspace(0.0, 1.0, 9)
     states = steps.follow(0.0, start, times)
@@ -164,12 +164,12 @@ def test_errors_of_multipliers_are_those_of_the_equations_at_each_pose():
 def test_forces_without_their_kernel_are_refused():
     model = build("crank_rocker")
     with pytest.raises(ModelError, match="no kernel 'balance'"):
-        steps_of(model._constraints(), model.initial_state().q, 0.0, model.evaluator)
+        steps_of(model.constraints(), model.initial_state().q, 0.0, model.evaluator)
 
 
 def test_states_of_another_shape_are_refused():
     model = build("crank_rocker")
     start = model.initial_state().q
-    steps = steps_of(model._constraints(), start, 0.0)
+    steps = steps_of(model.constraints(), start, 0.0)
     with pytest.raises(ValueError, match="expected states of shape"):
         steps.multipliers(np.zeros(1), np.zeros((1, 3, 4)))

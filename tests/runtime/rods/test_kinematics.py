@@ -128,7 +128,7 @@ def test_a_crank_that_cannot_turn_round():
 
 def test_a_start_next_to_a_dead_centre_is_no_reason_for_short_steps(monkeypatch):
     """Points are as fast as one likes there, and the drive is not."""
-    monkeypatch.setattr(kinematics, "_STEPS", 2000)
+    monkeypatch.setattr(kinematics, "MOST_STEPS", 2000)
     a, b, c, d = NON_GRASHOF
     limit = float(np.arccos((a**2 + d**2 - (b + c) ** 2) / (2 * a * d)))
     motion = symgen.build(four_bar(*NON_GRASHOF, limit - 1e-9)).kinematics(0, 6.0, samples=11)

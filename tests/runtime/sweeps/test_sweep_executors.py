@@ -104,7 +104,7 @@ def test_processes_that_always_end_and_executors_that_fail_are_named(model, monk
         def submit(self, task, *arguments):
             raise OSError("no worker is left")
 
-    monkeypatch.setattr(executors, "_serve", _ending)
+    monkeypatch.setattr(executors, "serve", _ending)
     with pytest.raises(SimulationError, match="3 times in a row, a process of the sweep ended"):
         model.sweep(OF, executor=1, **WANTED)
     with pytest.raises(SimulationError, match="executor of the sweep failed: OSError: no worker is left"):
@@ -122,9 +122,7 @@ def test_errors_of_a_chunk_end_the_sweep_and_workers_of_other_versions_are_refus
         with monkeypatch.context() as patch, pytest.raises(ModelError, match="histories have equal lengths"):
             patch.setattr(Sweep, "arrays", wrong)
             model.sweep(OF, executor=pool, **WANTED)
-        monkeypatch.setattr(
-            executors, "_packed", lambda *_: pickle.dumps(("0.0", "other", b"of a later one"))
-        )
+        monkeypatch.setattr(executors, "packed", lambda *_: pickle.dumps(("0.0", "other", b"of a later one")))
         with pytest.raises(CapabilityError, match=r"from symgen 0\.0 differ"):
             model.sweep(OF, executor=pool, **WANTED)
 

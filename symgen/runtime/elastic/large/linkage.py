@@ -61,7 +61,7 @@ class LargeLinkage(RestingSystem):
     def __init__(self, motion: ElasticMotion, count: int) -> None:
         d = motion.rigid.description
         self.motion, self.rigid, self._points = motion, motion.rigid, d.coordinates
-        self._rigid, self._joints = motion.rigid.evaluator, motion._joints
+        self._rigid, self._joints = motion.rigid.evaluator, motion.joints
         # Elements stretch, and welds hold their nodes: these constraints of the rigid motion are not theirs.
         elastic = {beam.info.link for beam in motion.beams} | set(motion.info.welds)
         self._names = [name for name in motion.constraints if name not in elastic]

@@ -48,7 +48,7 @@ def large_matrices(motion: ElasticMotion, elements: int, t: float) -> AssembledM
     """
     if t < 0.0:
         raise ModelError(f"expected a time of zero or more for matrices in large rotation, got {t:g} s")
-    linkage, at = _reached(motion, elements, t) if t else _started(motion, elements)
+    linkage, at = reached_at(motion, elements, t) if t else _started(motion, elements)
     n, names, rows = linkage.unknowns, linkage.names, linkage.constraints
     slopes = linkage.slopes(at.t, at.q, at.v, at.a, at.multipliers)
     none = np.zeros((1, linkage.multipliers))
@@ -77,7 +77,7 @@ def _started(motion: ElasticMotion, elements: int) -> tuple[LargeLinkage, Motion
     return linkage, settled(linkage, start, _SPAN * span, first=True)
 
 
-def _reached(motion: ElasticMotion, elements: int, t: float) -> tuple[LargeLinkage, MotionState]:
+def reached_at(motion: ElasticMotion, elements: int, t: float) -> tuple[LargeLinkage, MotionState]:
     """Return the linkage at the end of a run, of the one with the most steps."""
     ends: list[tuple[LargeLinkage, MotionState]] = []
 

@@ -74,7 +74,7 @@ class SpatialModel(ModelOfRigid):
 
         self._refuse_types("equilibria of elastic links in space are")
         t = 0.0 if at is None else real(at, "the time")
-        at_rest(self.rigid._constraints(), self.rigid._stored_start().q, t)
+        at_rest(self.rigid.constraints(), self.rigid._stored_start().q, t)
         linkage = LinkageInSpace(self.rigid)
         moment, of = resting(linkage, t, stable)
         _, q, v, a, _ = stacked([moment])

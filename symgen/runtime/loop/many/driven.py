@@ -89,11 +89,11 @@ def driven_loops(model: Any, first: Turn, columns: Mapping[str, Array]) -> Drive
     """Return runs with the samples of a first one; None where each is to be carried out singly."""
     d, kernels, along = model.description, model.kernels, first.coordinate
     solved, count = len(d.having("dependent")), len(d.having("input"))
-    if kernels.typed is not None or model._typed is None or d.switches or not 0 < solved == d.rank <= 6:
+    if kernels.typed is not None or model.number_type is None or d.switches or not 0 < solved == d.rank <= 6:
         return None
     if (d.rank < 6 and count > 1) or not np.all(np.diff(along.values) > 0.0):
         return None  # an input of several may be held by the closure
-    batched = model._typed.kernels(True)
+    batched = model.number_type.kernels(True)
     if batched.backend != "c" or lanes_of(batched, d.name)[0] < 2:
         return None
     names = frozenset(v.name for v in first.variables)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from symgen.runtime.result.state import State
 
 #: Longer runs are carried out singly: they can be interrupted, and tell their pace.
-_MOST_STEPS = 100_000
+MOST_STEPS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class SimulatedRuns:
 
     def most(self, keep: Keep) -> int:
         """Return the number of runs of one call."""
-        return min(BLOCK, max(1, _MOST_STEPS // max(1, self.steps)))
+        return min(BLOCK, max(1, MOST_STEPS // max(1, self.steps)))
 
     @property
     def grain(self) -> int:
@@ -92,7 +92,7 @@ class SimulatedRuns:
             max_drift=chosen.max_drift,
             max_step=chosen.max_step,
             places_only=self.evaluator.outputs_by_places,
-            most=min(chosen.max_steps, _MOST_STEPS),
+            most=min(chosen.max_steps, MOST_STEPS),
             lanes=Lanes(self.batched, start[1], self.grain) if self.batched else None,
         )
 
@@ -125,12 +125,12 @@ def compiled_runs(
     parameter_rows = parameters_of_runs(evaluator, columns, states)
     single = is_stored(evaluator, parameter_rows, states)
     t0 = starts.pop()
-    if chosen.rtol == chosen.atol == 0.0 and chosen.t_end - t0 > _MOST_STEPS * chosen.step > 0.0:
+    if chosen.rtol == chosen.atol == 0.0 and chosen.t_end - t0 > MOST_STEPS * chosen.step > 0.0:
         return None
     times = np.ascontiguousarray(sample_times(t0, chosen, arguments.get("t_eval")))
     batched = None
-    if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model._typed, Typed):
-        batched = model._typed.kernels(True)
+    if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model.number_type, Typed):
+        batched = model.number_type.kernels(True)
         if lanes_of(batched, d.name)[0] < 2:
             batched = None
     return SimulatedRuns(

@@ -102,7 +102,7 @@ class Driven:
             lengths = np.array([extent(v, pose) for v, pose in zip(variants, q, strict=True)])
         runs = np.flatnonzero(regular & ~is_stored(evaluator, rows, self.states))
         if self.reduces(keep) and len(runs):
-            runs = self._by_extremes(rows, q, lengths, runs, keep, results, first)
+            runs = self.by_extremes(rows, q, lengths, runs, keep, results, first)
         if not len(runs):
             return results
         states, joints, is_done = self._followed(rows[runs], q[runs], lengths[runs])
@@ -151,7 +151,7 @@ class Driven:
         forces = [of_unknown(u, axes, nothing) for u, _ in self.unknowns] if self.forces else []
         return keep.within(forces) and {*(keep.names or ("",))} <= {*EXTREMES} and self.nodes[0] >= self.t
 
-    def _by_extremes(
+    def by_extremes(
         self,
         parameter_rows: Array,
         q: Array,
@@ -271,11 +271,11 @@ def _assembling(model: Any, count: int, states: Sequence[State] | None, lanes: i
     """Return kernels that assemble in lanes; None where few starts do not repay their compilation."""
     info = model.evaluator.find("assembly")
     rows = info.blocks[0].shape[0] if info else 0
-    if states is not None or count < _MANY or not isinstance(model._typed, Typed):
+    if states is not None or count < _MANY or not isinstance(model.number_type, Typed):
         return None
-    if not model._typed.is_plain or rows < model.description.coordinates:
+    if not model.number_type.is_plain or rows < model.description.coordinates:
         return None
-    library = model._typed.kernels(True)
+    library = model.number_type.kernels(True)
     return library if lanes_of(library, model.description.name)[0] == lanes else None
 
 
@@ -312,7 +312,7 @@ def driven_runs(
     if width < 2:
         return None
     rows = parameters_of_runs(model.evaluator, columns, states)
-    t, constraints = starts.pop(), model._constraints()
+    t, constraints = starts.pop(), model.constraints()
     options = {name: value for name, value in arguments.items() if value is not None}
     if d.kernel("run_end") and "stop" not in options:
         return None

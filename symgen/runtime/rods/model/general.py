@@ -95,6 +95,6 @@ class GeneralModel(RodModel):
         for name, x in (("q", places), ("u", rates)):
             if x.shape != start.q.shape:
                 raise ModelError(f"expected {len(start.q)} numbers for {name}, got the shape {x.shape}")
-        memory = np.zeros(max(self._evaluator.work_size, np.size(work)) + 1)
+        memory = np.zeros(max(self.evaluator.work_size, np.size(work)) + 1)
         memory[: np.size(work)] = work
-        return self._evaluator.blocks(kernel, t, places, rates, memory)
+        return self.evaluator.blocks(kernel, t, places, rates, memory)

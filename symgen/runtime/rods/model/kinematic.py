@@ -32,10 +32,11 @@ class KinematicModel(LinkageModel):
         return (f"{self.description.extent}: drives prescribe the motion",)
 
     def _begun(self) -> Start:
-        return posed(self._evaluator)
+        return posed(self.evaluator)
 
-    def _constraints(self) -> Constraints:
-        return Constraints(self._evaluator, self._evaluator)
+    def constraints(self) -> Constraints:
+        """Return the constraints and drives, with the kernels by which they are followed."""
+        return Constraints(self.evaluator, self.evaluator)
 
 
 def posed(evaluator: Evaluator) -> Start:

@@ -51,7 +51,8 @@ class LinkageModel(Model):
         return {}
 
     @cached_property
-    def _evaluator(self) -> Evaluator:
+    def evaluator(self) -> Evaluator:
+        """Its kernels as functions of arrays."""
         return Evaluator(self.description, self._library, np.array(self.parameter_values))
 
     def __repr__(self) -> str:
@@ -92,7 +93,7 @@ class LinkageModel(Model):
     def _state(self, t: float, q: Array, u: Array, references: Array | None = None) -> State:
         if not np.isfinite(t):
             raise ModelError(f"expected a finite time of the state, got {t!r}")
-        return state_at(self._evaluator, t, q, u, references)
+        return state_at(self.evaluator, t, q, u, references)
 
     def state(
         self,
@@ -131,11 +132,6 @@ class LinkageModel(Model):
             f"{self.name} has no independent coordinates: expected points, got {', '.join(values)}"
         )
 
-    @property
-    def evaluator(self) -> Evaluator:
-        """Its kernels as functions of arrays."""
-        return self._evaluator
-
     def analysis(self, kind: str, stepping: bool = False, outputs: tuple[str, ...] = ()) -> Evaluator:
         """Return the kernels of a kind of analysis.
 
@@ -143,7 +139,7 @@ class LinkageModel(Model):
         """
         key = kind, stepping, outputs
         if key not in self._of_analyses:
-            self._of_analyses[key] = Evaluator(*self._kernels_of(*key), self._evaluator.parameter_values)
+            self._of_analyses[key] = Evaluator(*self._kernels_of(*key), self.evaluator.parameter_values)
         return self._of_analyses[key]
 
     def in_lanes(self, kind: str) -> tuple[Description, Library]:
@@ -162,10 +158,11 @@ class LinkageModel(Model):
         with uncounted():
             return self._analyses(kind, stepping, outputs, lanes)
 
-    def _constraints(self) -> Constraints:
+    def constraints(self) -> Constraints:
+        """Return the constraints and drives, with the kernels by which they are followed."""
         from symgen.runtime.rods.constraints import Constraints
 
-        return Constraints(self._evaluator, self.analysis("kinematics"))
+        return Constraints(self.evaluator, self.analysis("kinematics"))
 
     def _refused(self, name: str) -> str | None:
         driven = name in ("kinematics", "inverse_dynamics", "assemblies")
@@ -182,7 +179,7 @@ class LinkageModel(Model):
         from symgen.runtime.model.instants import instants
         from symgen.runtime.rods.assemblies import assemblies
 
-        t, q, constraints = 0.0, self.initial_state().q, self._constraints()
+        t, q, constraints = 0.0, self.initial_state().q, self.constraints()
         if at is not None:
             requested = instants(None, None, at, over or "input", 2, self.description.t_end)
             t = float(requested.times(self.name, constraints.driving)[0])
@@ -195,7 +192,7 @@ class LinkageModel(Model):
 
         begin = self.initial_state() if request.state is None else request.state
         poses = request.instants(self.description.t_end)
-        return analyse(self._constraints(), begin.q, begin.t, poses, request.through, request.of)
+        return analyse(self.constraints(), begin.q, begin.t, poses, request.through, request.of)
 
     def _compiled_runs(self, runs: Runs, first: Any) -> CompiledRuns | None:
         from symgen.runtime.rods.many.compiled import compiled_runs

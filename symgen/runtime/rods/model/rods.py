@@ -56,10 +56,10 @@ class RodModel(LinkageModel):
         )
 
     def _begun(self) -> Start:
-        begun = start(self._evaluator)
+        begun = start(self.evaluator)
         if begun.rank_tolerance != self.description.rank_tolerance:
             self.description = replace(self.description, rank_tolerance=begun.rank_tolerance)
-            del self._evaluator
+            del self.evaluator
         return begun
 
     def _refused(self, name: str) -> str | None:
@@ -81,7 +81,7 @@ class RodModel(LinkageModel):
         """Reason why there is no equilibrium; None if there may be one."""
         from symgen.runtime.rods.equilibrium import never_rests
 
-        return never_rests(self._evaluator)
+        return never_rests(self.evaluator)
 
     @property
     def redundant(self) -> tuple[str, ...]:
@@ -97,10 +97,10 @@ class RodModel(LinkageModel):
         """
         d = self.description
         redundant = self._stored_start().redundant
-        equations = self._evaluator.equations(len(redundant))
+        equations = self.evaluator.equations(len(redundant))
         row = np.concatenate([q, u, [0.0, 0.0]])
         status = equations.check(t, row)
-        line = without_direction(self._evaluator, t, q, u)
+        line = without_direction(self.evaluator, t, q, u)
         if line:
             raise ModelError(f"no finite accelerations at t = {t:g} s: {line}")
         if status != _core.DONE:
@@ -117,7 +117,7 @@ class RodModel(LinkageModel):
             work[0, :-1] = self._in_type(t, q, u, work[0, :-1])
         if not redundant:
             return work[0], ()
-        stress = SelfStress(self._evaluator, times, q[None], len(redundant))
+        stress = SelfStress(self.evaluator, times, q[None], len(redundant))
         return stress.least_norm(work)[0], stress.not_unique()
 
     def _accelerations(self, state: State | None = None) -> Accelerations:
@@ -126,9 +126,9 @@ class RodModel(LinkageModel):
         d, begin = self.description, self._stored_start()
         at = (0.0, begin.q, begin.u) if state is None else (state.t, state.q, state.u)
         work, open_rows = self._solution(*at, typed=True)
-        of_points = self._evaluator.blocks("point_accelerations", *at, work)
+        of_points = self.evaluator.blocks("point_accelerations", *at, work)
         points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
-        reactions = reactions_at(self._evaluator, *at, work)
+        reactions = reactions_at(self.evaluator, *at, work)
         multipliers = dict(zip(d.constraints, work[d.coordinates : -1].tolist(), strict=True))
         return Accelerations(points, multipliers, reactions, tuple(d.constraints[i] for i in open_rows))
 
@@ -137,7 +137,7 @@ class RodModel(LinkageModel):
         """Right-hand side f(t, y, u) for other solvers: see ``docs/solvers.md``."""
         from symgen.runtime.model.rhs import right_hand_side
 
-        return right_hand_side(self.initial_state(), self._evaluator, len(self.redundant))
+        return right_hand_side(self.initial_state(), self.evaluator, len(self.redundant))
 
     def _record(self, times: ArrayLike, states: ArrayLike, inputs: ArrayLike | None = None) -> Result:
         from symgen.runtime.model.rhs import recorded, rows
@@ -148,9 +148,7 @@ class RodModel(LinkageModel):
         u = None if inputs is None else rows("inputs", inputs, (len(t), len(d.inputs)))
         if not np.all(np.diff(t) > 0):
             raise ModelError(f"{self.name}: expected increasing times for record")
-        return recorded(
-            self._evaluator, len(self.redundant), t, y, u, method="external", backend=self.backend
-        )
+        return recorded(self.evaluator, len(self.redundant), t, y, u, method="external", backend=self.backend)
 
     def _tangents(
         self, at: State | Equilibrium | None, names: Sequence[str], kind: str = "linearisation"
@@ -177,7 +175,7 @@ class RodModel(LinkageModel):
             solution = np.concatenate([still, [at.multipliers[name] for name in d.constraints]])
         by = d.inputs if kind == "linearisation" else tuple(self.parameters)
         kernels = self.analysis(kind, outputs=tuple(names))
-        return LinkageTangents(self._evaluator, kernels, by, state, solution, len(self.redundant))
+        return LinkageTangents(self.evaluator, kernels, by, state, solution, len(self.redundant))
 
     def _placed(
         self, values: Mapping[str, ArrayLike], rates: Mapping[str, ArrayLike], t: float
@@ -198,11 +196,11 @@ class RodModel(LinkageModel):
 
         def at(when: float, q: Array, u: Array) -> LinkageTangents:
             state = self._state(when, q, u)
-            return LinkageTangents(self._evaluator, kernels, d.inputs, state, unsolved, len(self.redundant))
+            return LinkageTangents(self.evaluator, kernels, d.inputs, state, unsolved, len(self.redundant))
 
         if t == begin.t:
             return placed(at, begin, places, speeds, t, lambda _: {}, ())
-        driven = self._constraints()
+        driven = self.constraints()
         angular = [name for name, unit in driven.units().items() if unit == "rad"]
         return placed(at, begin, places, speeds, t, driven.drives, angular)
 
@@ -305,13 +303,13 @@ class RodModel(LinkageModel):
         from symgen.runtime.rods.following import reached
 
         if not d.freedom:
-            return self._state(t, *reached.by_drives(self._constraints(), begin, t))
+            return self._state(t, *reached.by_drives(self.constraints(), begin, t))
         if not t > begin.t:
             raise ModelError(
                 f"expected a time t after {begin.t:g} s, that of the state it starts from, got {t!r}"
             )
         run = LinkageDerivatives(outputs=(), t_end=t).run()
-        kernels = self.counting(begin)._evaluator
+        kernels = self.counting(begin).evaluator
         return self._state(t, *reached.by_run(kernels, len(self.redundant), begin, *run))
 
     def counting(self, at: State | Equilibrium | None) -> RodModel:
@@ -321,11 +319,11 @@ class RodModel(LinkageModel):
 
     def _holding(self, values: Array) -> RodModel:
         """Return the model with values of the parameters that runs set, references of angles first."""
-        evaluator = self._evaluator.holding(values)
-        if evaluator is self._evaluator:
+        evaluator = self.evaluator.holding(values)
+        if evaluator is self.evaluator:
             return self
         model = self.with_parameters()
-        model._start, model._evaluator = self._stored_start(), evaluator
+        model._start, model.evaluator = self._stored_start(), evaluator
         return model
 
     def _along_run(
@@ -342,14 +340,14 @@ class RodModel(LinkageModel):
 
         times, chosen = request.run()
         tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
-        kernels = self.counting(start)._evaluator
+        kernels = self.counting(start).evaluator
         path = follow(kernels, tangent, len(self.redundant), start, chosen, times)
 
         def tangents(state: State, references: Array) -> LinkageTangents:
             return self._holding(references)._tangents(state, names, "sensitivity")
 
         kernels = self.analysis("variation", outputs=tuple(request.integrals))
-        steps = LinkageSteps(self._evaluator, kernels, len(self.redundant), chosen.method)
+        steps = LinkageSteps(self.evaluator, kernels, len(self.redundant), chosen.method)
         return at_run(path, tangents, steps, outputs, by, request.coordinates)
 
     @takes(LinkageForces)
@@ -358,7 +356,7 @@ class RodModel(LinkageModel):
 
         begin = self.initial_state() if request.state is None else request.state
         redundant = len(self._stored_start().redundant)
-        return analyse(self._constraints(), self.analysis("forces"), begin, redundant, request)
+        return analyse(self.constraints(), self.analysis("forces"), begin, redundant, request)
 
     def _equilibrium(
         self, state: State | None = None, at: float | None = None, stable: bool = True
@@ -366,7 +364,7 @@ class RodModel(LinkageModel):
         from symgen.runtime.rods.equilibrium import at_rest, describe, find
         from symgen.runtime.rods.linear import Statics
 
-        begin, constraints = self.initial_state() if state is None else state, self._constraints()
+        begin, constraints = self.initial_state() if state is None else state, self.constraints()
         when = begin.t if at is None else float(at)
         at_rest(constraints, begin.q, when)
         if not self.description.freedom:
@@ -381,7 +379,7 @@ class RodModel(LinkageModel):
         about = self.equilibrium() if at is None else at
         if not isinstance(about, Equilibrium):
             raise ModelError(f"expected an Equilibrium of {self.name} for at, got {at!r}")
-        return analyse(self._evaluator, about)
+        return analyse(self.evaluator, about)
 
     @takes(LinkageRun)
     def _simulate(self, request: LinkageRun) -> Result:
@@ -391,6 +389,6 @@ class RodModel(LinkageModel):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
             start = self._stored_start()
             t, y = (0.0, start.y) if request.state is None else finite(request.state)
-            kernels = self.counting(request.state)._evaluator
+            kernels = self.counting(request.state).evaluator
             recorded = (keeping, tangent, request.t_eval, request.state)
-            return run(kernels, t, y, start.redundant, chosen, request.progress, self._typed, *recorded)
+            return run(kernels, t, y, start.redundant, chosen, request.progress, self.number_type, *recorded)
