@@ -67,6 +67,14 @@ cdef extern from "core/elastic.h" nogil:
         const Py_ssize_t *columns
         long thesis
 
+    cdef struct beam_tangents:
+        Py_ssize_t parameters, points, entries
+        const Py_ssize_t *rows
+        const Py_ssize_t *columns
+        const double *times
+        const double *weights
+        const double *values
+
     cdef struct beams:
         pass
 
@@ -74,7 +82,6 @@ cdef extern from "core/elastic.h" nogil:
         long entries, free, whole, inner, full_entries
         const Py_ssize_t *rows
         const Py_ssize_t *columns
-        const Py_ssize_t *independent
         const void *mass
         const void *damping
         const void *stiffness
@@ -107,6 +114,7 @@ cdef extern from "core/elastic.h" nogil:
         void (*beams_view)(const beams *, matrices_view *) noexcept nogil
         int (*beams_valid)(const beams *) noexcept nogil
         void (*beams_unbalanced)(beams *, int, const void *, void *) noexcept nogil
+        size_t (*beams_carry)(beams *, beam_tangents *, void *) noexcept nogil
 
 
 cdef tuple _names(const char *listed):
@@ -355,6 +363,8 @@ cdef class BeamEquations(Integrable):
     cdef readonly bint thesis
     cdef const elastic_table *api
     cdef _Packed packed
+    cdef beam_tangents tangents
+    cdef tuple kept
 
     def __init__(self, RigidMotion motion, layout, bint thesis):
         cdef _Packed packed = _packed(layout, motion)
@@ -379,6 +389,31 @@ cdef class BeamEquations(Integrable):
         self.motion.restore(memory[self.memory.bytes:])
         if not self.api.beams_valid(<beams *>self.core):
             raise ValueError("expected indices of equations within their arrays")
+
+    def carry(self, times, weights, rows, columns, values):
+        """Let batches carry tangents by parameters: the columns after the first are those of its state.
+
+        ``values`` (parameters, points, numbers) are tangents at rising ``times`` [s], between which the weights
+        interpolate: of entries of mass, damping and stiffness at ``rows`` and ``columns``, the load, and the constraints
+        between unknowns of joints with two rates.
+        """
+        cdef double[::1] at = np.array(times, dtype=float), by = np.array(weights, dtype=float)
+        cdef double[:, :, ::1] of = np.array(values, dtype=float, order="C")
+        cdef Py_ssize_t[::1] i = np.array([*rows, 0], dtype=np.intp), j = np.array([*columns, 0], dtype=np.intp)
+        cdef Py_ssize_t entries = len(rows), joints = self.whole - self.packed.of.counts.inner
+        cdef beam_tangents *x = &self.tangents
+        cdef Memory memory
+        if self.of.api.real_bytes != sizeof(double) or self.thesis:
+            raise ValueError("expected equations of the exact form in double precision")
+        _within("rows and columns", [rows, columns], 0, self.whole)
+        shape = len(values), len(times), 3 * entries + self.whole + 3 * self.m * joints
+        if not (len(times) == len(weights) > 0 and len(columns) == entries and len(values)) or np.shape(values) != shape:
+            raise ValueError(f"expected values of shape {shape}, got {np.shape(values)}")
+        x.parameters, x.points, x.entries, x.rows, x.columns = len(values), len(times), entries, &i[0], &j[0]
+        x.times, x.weights, x.values = &at[0], &by[0], &of[0, 0, 0]
+        memory = memory_of(0, self.api.beams_carry(<beams *>self.core, x, NULL))
+        self.api.beams_carry(<beams *>self.core, x, memory.at)
+        self.kept = at, by, of, i, j, memory
 
     cdef object _array(self, const void *raw, shape):
         return _doubles(self.of, raw, shape)
@@ -420,20 +455,6 @@ cdef class BeamEquations(Integrable):
         made = [self._array(seen.mass, seen.entries), self._array(seen.damping, seen.entries),
                 self._array(seen.stiffness, seen.entries)]
         return status, _indices(seen.rows, seen.entries), _indices(seen.columns, seen.entries), made
-
-    def independent(self, times):
-        """Return a status, and the numbers of the unknowns that are selected as independent at rising times, (times, free)."""
-        cdef matrices_view seen
-        cdef int status = _DONE
-        rows = []
-        for t in times.tolist():
-            status = self.api.beams_assemble(<beams *>self.core, t, _IN_MOTION)
-            if status != _DONE:
-                break
-            self.api.beams_view(<beams *>self.core, &seen)
-            joints = _indices(seen.independent, seen.free - seen.inner) if self.m else np.zeros(0, np.intp)
-            rows.append(np.concatenate([np.arange(seen.inner), seen.inner + joints]))
-        return status, np.array(rows, dtype=np.intp).reshape(len(rows), self.whole - self.m)
 
     def full_stiffness(self):
         """Return rows, columns and entries of the stiffness of all unknowns, constrained or not, at the present
@@ -504,7 +525,7 @@ cdef class BeamEquations(Integrable):
 cdef class BeamBatch(Integrable):
     """The equations of a batch of states that move together: S of all columns, then S', in rows of ``columns``.
 
-    The load acts on the first column only.
+    The load acts on the first column only. Columns after it carry its tangents: see :meth:`BeamEquations.carry`.
     """
 
     cdef readonly BeamEquations single
@@ -512,8 +533,8 @@ cdef class BeamBatch(Integrable):
     def __init__(self, BeamEquations equations, Py_ssize_t columns):
         cdef equation_sizes wanted = equations.core.sizes
         cdef kernels none
-        if columns < 1:
-            raise ValueError(f"expected at least one column of states, got {columns}")
+        if columns < 1 or 1 < columns <= equations.tangents.parameters:
+            raise ValueError(f"expected a column of states, and one for each tangent, got {columns}")
         memset(&none, 0, sizeof(none))
         wanted.n *= columns
         wanted.work *= columns

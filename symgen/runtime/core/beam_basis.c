@@ -151,14 +151,19 @@ int beams_reduce(struct beams *b, int choose) {
     }
     project_matrices(b);
     project_modes(b);
-    memcpy(b->load, b->full_load, (size_t)n * sizeof(real));
+    beams_reduce_load(b, b->full_load, b->load);
+    return DONE;
+}
+
+void beams_reduce_load(const struct beams *b, const real *load, real *reduced) {
+    const ptrdiff_t n = b->inner, joints = b->whole - n, border = b->border;
+    memcpy(reduced, load, (size_t)n * sizeof(real));
     for (ptrdiff_t r = 0; r < border; r++) {
         real total = 0;
         for (ptrdiff_t i = 0; i < joints; i++)
-            total += b->basis[border * i + r] * b->full_load[n + i];
-        b->load[n + r] = total;
+            total += b->basis[border * i + r] * load[n + i];
+        reduced[n + r] = total;
     }
-    return DONE;
 }
 
 void beams_expand(const struct beams *b, int derivative, const real *p, const real *v, const real *a, long columns,
@@ -181,4 +186,6 @@ void beams_expand(const struct beams *b, int derivative, const real *p, const re
                 out[(n + i) * columns + c] += sum;
             }
         }
+    if (tangents_in(b, columns) && joints > border)
+        b->tangent->open(b, derivative, p, v, a, columns, out);
 }

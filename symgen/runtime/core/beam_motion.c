@@ -55,7 +55,14 @@ static void accelerate_beams(struct equations *e, real t, const real *y) {
         forces_of_states(b, 1, p, v, rhs);
     else
         forces_of_states(b, columns, p, v, rhs);
-    solve_bordered(&b->system, columns, rhs);
+    const int tangents = tangents_in(b, columns);
+    solve_bordered(&b->system, tangents ? 1 : columns, rhs);
+    if (tangents) {
+        for (ptrdiff_t r = 0; r < free; r++)
+            a[r * columns] = rhs[r];
+        b->tangent->load(b, p, v, a, columns, rhs, free, 1);
+        solve_bordered(&b->system, columns - 1, rhs + free);
+    }
     for (ptrdiff_t r = 0; r < free; r++)
         for (long c = 0; c < columns; c++)
             a[r * columns + c] = rhs[c * free + r];

@@ -27,6 +27,7 @@ struct beam_steps {
     struct bordered system;
     real *rhs;
     real *p, *pv, *pa; /* S, S', S'' of the independent unknowns, rows of `columns` */
+    real *first;       /* those of the first column at a stage */
     real *f, *f_new;   /* S' and S'' of all unknowns at both ends; of collocation, S'' is the mean of the step */
 };
 
@@ -58,6 +59,7 @@ static struct beam_steps place(const struct equations *e, const long *counts, co
         ARENA_ARRAY(x->p, free * columns),
         ARENA_ARRAY(x->pv, free * columns),
         ARENA_ARRAY(x->pa, free * columns),
+        ARENA_ARRAY(x->first, 3 * free),
         ARENA_ARRAY(x->f, e->dim),
         ARENA_ARRAY(x->f_new, e->dim),
         ARENA_ARRAY(x->system.pivots, x->system.inner),
@@ -126,12 +128,47 @@ static int keep_stage(struct beam_steps *x, long stage, real t) {
     return DONE;
 }
 
-/* Solve the system for all columns, in place. */
-static int solve(struct beam_steps *x) {
+/* Add the loads of tangents at all stages, by the accelerations of the first column. */
+static int load_tangents(struct beam_steps *x, real t, real h) {
+    struct beams *b = x->b;
+    const long k = x->stages, columns = x->columns;
+    const ptrdiff_t free = b->free, size = (free + b->modes) * k;
+    real *p = x->first, *v = p + free, *a = v + free, times[MOST_STAGES + 1];
+    for (long i = 0; i < k; i++)
+        times[i] = t + (x->collocated ? x->nodes[i] : x->at) * h;
+    times[k] = t + h;
+    b->tangent->prepare(b->tangents, b, k + 1, times);
+    for (long i = 0; i < k; i++) {
+        const int status = k > 1 ? beams_assemble(b, times[i], 0) : DONE;
+        if (status != DONE)
+            return status;
+        for (ptrdiff_t r = 0; r < free; r++) {
+            const real *found = x->rhs + r * k, rate = x->pv[r * columns], old = x->collocated ? 0 : x->pa[r * columns];
+            p[r] = x->p[r * columns] + (times[i] - t) * rate + h * h * x->place[0] * old;
+            v[r] = rate + h * x->rate[0] * old;
+            a[r] = x->inertia[0] * old + x->inertia[1] * found[i];
+            for (long j = 0; j < k; j++) {
+                p[r] += x->by_place[k * j + i] * found[j];
+                v[r] += x->by_rate[k * j + i] * found[j];
+            }
+        }
+        b->tangent->load(b, p, v, a, 1, x->rhs + i, size, k);
+    }
+    return DONE;
+}
+
+/* Solve the system for all columns of a step from t, in place. */
+static int solve(struct beam_steps *x, real t, real h) {
+    const int tangents = tangents_in(x->b, x->columns);
     if (!factor_bordered(&x->system))
         return SINGULAR;
-    solve_bordered(&x->system, x->columns, x->rhs);
-    return DONE;
+    solve_bordered(&x->system, tangents ? 1 : x->columns, x->rhs);
+    if (!tangents)
+        return DONE;
+    const int status = load_tangents(x, t, h);
+    if (status == DONE)
+        solve_bordered(&x->system, x->columns - 1, x->rhs + x->system.inner + x->system.border);
+    return status;
 }
 
 /* Write the row and the column of a damped mode at stage i. Its unknown equals the rate f S' + g S; its force is f
@@ -241,7 +278,7 @@ static int collocate(struct beam_steps *x, real t, real h) {
             return status;
     }
     collocation_system(x, h);
-    const int status = solve(x);
+    const int status = solve(x, t, h);
     if (status != DONE)
         return status;
     for (ptrdiff_t r = 0; r < x->b->free; r++)
@@ -293,7 +330,8 @@ static int step_once(struct beam_steps *x, real t, real h) {
             for (long c = 0; c < columns; c++)
                 x->rhs[c * size + free + mode] -= (rate[0] * f[q] + place[0] * g[q]) * x->pa[q * columns + c];
     }
-    status = solve(x);
+    x->by_rate[0] = rate[1], x->by_place[0] = place[1];
+    status = solve(x, t, h);
     if (status != DONE)
         return status;
     for (ptrdiff_t r = 0; r < free; r++)

@@ -49,6 +49,22 @@ struct beam_layout {
    motion. */
 enum { IN_MOTION, AT_REST, QUASI_STATIC };
 
+/* Tangents of the equations by parameters, which a batch of states carries in its columns after the first; states
+   without load may follow. They are polynomials of the time through points. The caller owns all arrays. */
+struct beam_tangents {
+    ptrdiff_t parameters, points, entries; /* entries of matrices with tangents */
+    const ptrdiff_t *rows, *columns;       /* of these entries, among all unknowns */
+    const real *times, *weights;           /* points, and their weights in barycentric interpolation */
+    const real *values;   /* of each parameter, a row for each point: dM, dC, dK (entries), dQ, dJ, dJ', dJ'' */
+    /* working memory */
+    ptrdiff_t known;      /* number of times in `at` */
+    real *at, *between;   /* times whose tangents are in `now`; weights of the points for each */
+    real *now;            /* of each parameter, a row for each of these times */
+    real *first;          /* p, p', p'' of the first column */
+    real *state, *opened; /* its S, S', S''; z, z', z'': see beam_tangents.c */
+    real *forces, *load, *multipliers, *right;
+};
+
 struct beams {
     struct equations base; /* first: a run casts to it */
     struct rigid_motion *motion;
@@ -72,6 +88,8 @@ struct beams {
     ptrdiff_t *dependent, *independent, *swaps;
     struct bordered system; /* the factorised mass matrix */
     ptrdiff_t *own_rows, *own_columns;
+    struct beam_tangents *tangents;           /* NULL: none */
+    const struct tangents_behaviour *tangent; /* of beam_tangents.c, which exported programs do not have */
 };
 
 /* Number of states of equations of `beam_behaviour`. */
@@ -115,6 +133,29 @@ void subtract_forces_of_modes(const struct beams *b, long columns, const real *p
 
 /* Factorise the mass matrix; false when it has no inverse. */
 int beams_factor_mass(struct beams *b);
+
+/* States, rates and accelerations p, v, a of independent unknowns are rows of `columns`. */
+struct tangents_behaviour {
+    /* Prepare tangents at some times, at most MOST_STAGES + 1. */
+    void (*prepare)(struct beam_tangents *x, const struct beams *b, ptrdiff_t count, const real *times);
+    /* Add the loads of the tangents in the motion of the first column, at the time assembled last. The load of each
+       column of states is `lead` numbers after that of the column before, its numbers `stride` apart. */
+    void (*load)(const struct beams *b, const real *p, const real *v, const real *a, long columns, real *rhs, ptrdiff_t lead,
+                 ptrdiff_t stride);
+    /* Add the part of dS, dS' or dS'' that does not depend on dp, of dependent unknowns, to `out`, rows of `columns`. */
+    void (*open)(const struct beams *b, int derivative, const real *p, const real *v, const real *a, long columns, real *out);
+};
+
+/* Let batches carry tangents, with this working memory; return its bytes, with NULL nothing else. */
+size_t beams_carry(struct beams *b, struct beam_tangents *tangents, void *memory);
+
+/* Whether a batch of so many columns has tangents. */
+static inline int tangents_in(const struct beams *b, long columns) {
+    return b->tangents != NULL && columns > 1;
+}
+
+/* R^T times a load of all unknowns. */
+void beams_reduce_load(const struct beams *b, const real *load, real *reduced);
 
 /* Write S, S' or S'' (`derivative` 0, 1, 2) of all unknowns from p, p', p'', `columns` of each. */
 void beams_expand(const struct beams *b, int derivative, const real *p, const real *v, const real *a, long columns,

@@ -50,7 +50,6 @@ static void view_matrices(const struct beams *b, struct matrices_view *view) {
         .inner = (long)b->inner,
         .rows = b->rows,
         .columns = b->columns,
-        .independent = b->independent,
         .mass = b->mass,
         .damping = b->damping,
         .stiffness = b->stiffness,
@@ -98,4 +97,5 @@ const struct elastic_api symgen_elastic = {
     .beams_view = view_matrices,
     .beams_unbalanced = unbalanced,
     .beams_valid = beams_valid,
+    .beams_carry = beams_carry,
 };

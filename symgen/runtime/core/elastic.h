@@ -12,7 +12,7 @@ struct motion_view {
 
 struct matrices_view {
     long entries, free, whole, inner;
-    const ptrdiff_t *rows, *columns, *independent; /* the last are numbers of joint unknowns, from `inner` on */
+    const ptrdiff_t *rows, *columns;
     const void *mass, *damping, *stiffness, *load, *basis;
     long full_entries;
     const ptrdiff_t *full_rows, *full_columns;
@@ -43,6 +43,7 @@ struct elastic_api {
     /* Whether the indices in a restored memory are within their arrays. */
     int (*beams_valid)(const struct beams *b);
     void (*beams_unbalanced)(struct beams *b, int analysis, const void *s, void *out);
+    size_t (*beams_carry)(struct beams *b, struct beam_tangents *tangents, void *memory);
 };
 
 extern const struct elastic_api symgen_elastic;

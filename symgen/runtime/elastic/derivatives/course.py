@@ -1,21 +1,19 @@
-"""Linear equations of elastic links along a run with their tangents by parameters, between Chebyshev points.
+"""Tangents of the linear equations of elastic links by parameters along a run, between Chebyshev points.
 
-There are so many points that the highest polynomials vanish. Equations are reduced to independent unknowns p
-of S = R p, where J R = 0.
+There are so many points that the highest polynomials vanish.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from symgen.errors import ModelError
-from symgen.runtime._beams import IN_MOTION, MOTION
-from symgen.runtime.arrays import Array, Dual, Indices
+from symgen.runtime._beams import IN_MOTION, MOTION, BeamEquations
+from symgen.runtime.arrays import Array, Dual
+from symgen.runtime.elastic.derivatives.matrices import assembled
 from symgen.runtime.elastic.derivatives.poses import Pose
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.kernels.evaluate import UNIT
@@ -29,7 +27,7 @@ _HIGHEST, _LEAST = 0.1, 1e-3
 
 
 class Course:
-    """Matrices of the elastic motion along a run, and their tangents: polynomials through some points."""
+    """Tangents of the matrices of the elastic motion, from time zero to an end [s]."""
 
     def __init__(self, motion: ElasticMotion, parameters: tuple[str, ...], end: float) -> None:
         self.motion, self.parameters, self.end = motion, parameters, end
@@ -37,10 +35,8 @@ class Course:
         first = Pose(motion, parameters, 0.0, self.equations)
         #: Links with tangents along each parameter.
         self.links = [first.linkage(j) for j in range(len(parameters))]
-        n, m = motion.layout.unknowns, motion.layout.constraints
-        #: Shapes of mass, damping, stiffness, load, J, J' and J'' in a row of numbers.
-        self.shapes = [(n, n), (n, n), (n, n), (n,), *[(m, n)] * (3 if m else 0)]
-        self._size = sum(int(np.prod(shape)) for shape in self.shapes)
+        n, joints = motion.layout.unknowns, motion.layout.unknowns - motion.layout.inner
+        self._sizes = np.cumsum([3 * n * n, n + 3 * motion.layout.constraints * joints])
         count = _FIRST
         while self._last_terms(motion.rigid_motion(self.equations, self._times(count))[1]) > _RIGID:
             count = self._more(count)
@@ -57,14 +53,22 @@ class Course:
             if max(self._last_terms(rows.real[:, 0]), self._last_terms(slopes, _LEAST * size)) <= _TANGENTS:
                 break
             count = self._more(count)
-        self.times = times
-        #: Of all points, values (points, numbers) and tangents (parameters, points, numbers).
-        self.values = np.ascontiguousarray(rows[:, 0, : self._size].real)
-        self.tangents = np.ascontiguousarray(np.moveaxis(rows[..., : self._size].imag / UNIT, 0, 1))
-        self._weights_of_links = rows[..., self._size :]
-        weights = (-1.0) ** np.arange(count + 1)
+        self.times, self._rows = times, rows
+        weights = np.where(np.arange(count + 1) % 2, -1.0, 1.0)
         weights[[0, -1]] /= 2
         self._weights = weights
+
+    def carried(self) -> BeamEquations:
+        """Return equations whose batches carry the tangents by the parameters."""
+        tangents = np.moveaxis(self._rows.imag / UNIT, 0, 1)
+        matrices, others, _ = np.split(tangents, self._sizes, axis=2)
+        n = self.motion.layout.unknowns
+        matrices = matrices.reshape(*matrices.shape[:2], 3, n, n)
+        rows, columns = np.nonzero(np.any(matrices, axis=(0, 1, 2)))
+        entries = matrices[..., rows, columns].reshape(*matrices.shape[:2], -1)
+        equations = self.motion.equations()
+        equations.carry(self.times, self._weights, rows, columns, np.concatenate([entries, others], axis=2))
+        return equations
 
     def _times(self, count: int) -> Array:
         return self.end * (0.5 - 0.5 * np.cos(np.pi * np.arange(count + 1) / count))
@@ -78,18 +82,17 @@ class Course:
         return 2 * count
 
     def _assembled(self, t: float) -> Dual:
-        """Return matrices and weights of links with tangents along each parameter, (parameters, numbers)."""
+        """Return M, C, K, Q, J, J', J'' and weights of links with tangents by each, (parameters, numbers)."""
         pose, layout = Pose(self.motion, self.parameters, t, self.equations), self.motion.layout
         matrices = []
-        for j in range(len(self.parameters)):
-            _, weights, at = pose.assembled(j, IN_MOTION)
+        for j, links in enumerate(self.links):
+            weights, loads, joined = pose.of_motion(j)
+            at = assembled(links, weights, loads, joined, IN_MOTION).narrowed()
             parts = [at.mass, at.damping, at.stiffness, at.load]
-            if layout.constraints:
-                joined = pose.of_motion(j)[2]
-                for name in ("jacobian", "jacobian_rate", "jacobian_second_rate"):
-                    bound = np.zeros((layout.constraints, layout.unknowns + 1), complex)
-                    bound[:, layout.joint_places[:-1]] = joined[name].reshape(layout.constraints, -1)
-                    parts.append(bound[:, :-1])
+            for name in ("jacobian", "jacobian_rate", "jacobian_second_rate") if layout.constraints else ():
+                bound = np.zeros((layout.constraints, layout.unknowns), complex)
+                bound[:, layout.joint_places[:-1]] = joined[name].reshape(layout.constraints, -1)
+                parts.append(bound[:, layout.inner :])
             matrices.append(np.concatenate([x.ravel() for x in (*parts, weights)]))
         return np.array(matrices)
 
@@ -109,23 +112,8 @@ class Course:
 
     def rows(self, j: int, times: Array) -> Dual:
         """Return the weights of links at times with tangents along parameter j, (times, links, columns)."""
-        rows: Dual = self.between(times) @ self._weights_of_links[:, j]
+        rows: Dual = self.between(times) @ self._rows[:, j, self._sizes[-1] :]
         return rows.reshape(len(times), -1, len(MOTION))
-
-    def independent(self, times: Array) -> Indices:
-        """Return the unknowns that steps of runs select as independent at rising times, (times, unknowns)."""
-        status, chosen = self.equations.independent(times)
-        self.motion.check(self.equations, status, self.equations.motion.t)
-        return chosen
-
-    def parted(self, rows: Array) -> list[Array]:
-        """Return the matrices in rows of numbers (..., numbers)."""
-        parts, begin = [], 0
-        for shape in self.shapes:
-            size = int(np.prod(shape))
-            parts.append(rows[..., begin : begin + size].reshape(*rows.shape[:-1], *shape))
-            begin += size
-        return parts
 
 
 def highest(terms: Array, least: Any = 0.0) -> float:
@@ -136,49 +124,3 @@ def highest(terms: Array, least: Any = 0.0) -> float:
     last = np.max(terms[-math.ceil(_HIGHEST * len(terms)) :], axis=0)
     size = np.maximum(np.max(terms, axis=0), _LEAST * np.max(terms))
     return float(np.max(last / np.maximum(np.maximum(size, least), 1e-300)))
-
-
-@dataclass(slots=True)
-class Reduced:
-    """Equations of independent unknowns p at some times: values and tangents of each matrix.
-
-    ``basis`` has R, R' and R''; without constraints it is None.
-    """
-
-    mass: Array
-    damping: Array
-    stiffness: Array
-    load: Array
-    basis: list[Array] | None
-
-
-def bases(bound: Sequence[Array], independent: Indices) -> list[Array]:
-    """Return R, R' and R'' of S = R p by J, J' and J''; numbers may have tangents."""
-    n = bound[0].shape[-1]
-    others = np.setdiff1d(np.arange(n), independent)
-    of, rate, second = bound
-    solve = of[..., others]
-    shape = (*of.shape[:-2], n, len(independent))
-    basis = [np.zeros(shape, of.dtype) for _ in range(3)]
-    basis[0][..., independent, np.arange(len(independent))] = 1.0
-    basis[0][..., others, :] = -np.linalg.solve(solve, of[..., independent])
-    basis[1][..., others, :] = -np.linalg.solve(solve, rate @ basis[0])
-    basis[2][..., others, :] = -np.linalg.solve(solve, second @ basis[0] + 2 * rate @ basis[1])
-    return basis
-
-
-def reduced(parts: list[Array], independent: Indices) -> Reduced:
-    """Return the equations of independent unknowns from M, C, K, Q and any J, J' and J''."""
-    mass, damping, stiffness, load, *bound = parts
-    if not bound:
-        return Reduced(mass, damping, stiffness, load, None)
-    basis = bases(bound, independent)
-    value, rate, second = basis
-    back = np.swapaxes(value, -1, -2)
-    return Reduced(
-        back @ mass @ value,
-        back @ (damping @ value + 2 * mass @ rate),
-        back @ (stiffness @ value + damping @ rate + mass @ second),
-        (back @ load[..., None])[..., 0],
-        basis,
-    )
