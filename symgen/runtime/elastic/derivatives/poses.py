@@ -8,7 +8,7 @@ products vanish.
 
 Unknowns S obey constraints J S = 0 with forces J^T mu. A mode (K - w^2 M) phi + J^T mu = 0 of the structure
 at rest has d(w^2) = phi^T (dK - w^2 dM) phi + 2 mu^T dJ phi where phi^T M phi = 1. Quasi-static
-displacements, K S + J^T mu = Q, have K dS + J^T dmu = dQ - dK S - dJ^T mu and J dS = -dJ S.
+displacements, K S + J^T mu = Q, have the differentials of :mod:`.balance`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from symgen.errors import ModelError
 from symgen.runtime._beams import APPLIED, AT_REST, MOTION, QUASI_STATIC, BeamEquations
 from symgen.runtime.arrays import Array, Dual
 from symgen.runtime.beams.links import Beam, beam
+from symgen.runtime.elastic.derivatives.balance import Balance
 from symgen.runtime.elastic.derivatives.matrices import Assembled, assembled, damped
 from symgen.runtime.elastic.mesh import properties_of
 from symgen.runtime.elastic.modes import elastic_modes
@@ -96,16 +97,6 @@ class Pose:
         self.moved = [dq, du, directions, dw]
         self.kernels = {kind: (rigid.analysis(kind), rigid.analysis(kind + _TANGENTS)) for kind in _KINDS}
 
-    def add_time(self, later: Array, rate: Array) -> None:
-        """Shift the differentials to a later time [s] by each parameter, and add those by the time, last.
-
-        ``rate`` is that of accelerations and multipliers.
-        """
-        n, moved = len(self.q), self.moved
-        still = np.zeros(len(moved[2]))
-        along = [self.u, self.work[:n], still, rate]
-        self.moved = [np.column_stack([x + np.outer(y, later), y]) for x, y in zip(moved, along, strict=True)]
-
     def duals(self, kind: str, kernel: str, j: int, resting: bool = False) -> dict[str, Dual]:
         """Return the results of a kernel by name, with tangents along parameter j."""
         q, u, p, w = (moved[:, j] for moved in self.moved)
@@ -178,11 +169,12 @@ class Pose:
                 f"{self.motion.rigid.name}: redundant constraints leave axial forces undetermined, and "
                 "derivatives of quasi-static outputs with them"
             )
-        shape = quasi_static(self.motion, self.equations, np.array([self.t]))[0]
+        shape = quasi_static(self.motion, self.equations, np.array([self.t]))
 
         def along(j: int) -> list[Variable]:
             motion, rows, at = self.assembled(j, QUASI_STATIC)
-            return outputs_of(motion, rows[None], (shape + 1j * UNIT * _differential(at, shape))[None])
+            moved = shape + 1j * UNIT * Balance([at], np.zeros((1, 1))).differential([at])
+            return outputs_of(motion, rows[None], moved.astype(complex))
 
         each = map(along, range(len(self.parameters)))
         units, values, slopes = derived(requested, each, "with elastic links", ("frequencies",))
@@ -257,19 +249,3 @@ def _scalars(
                 units[scalar.name] = scalar.unit
                 rows.append(scalar.values)
     return units, np.array(rows).T
-
-
-def _differential(at: Assembled, shape: Array) -> Array:
-    """Return the differential of quasi-static displacements over the unit of tangents."""
-    n, m = len(shape), len(at.bound)
-    sizes = np.sqrt(np.abs(np.diagonal(at.stiffness.real)))
-    sizes = np.where(sizes > 0.0, sizes, 1.0)
-    rows = at.bound / sizes
-    scale = np.max(np.abs(rows.real), axis=1, initial=0.0)
-    rows = rows / scale[:, None]
-    stiffness = at.stiffness / np.outer(sizes, sizes)
-    whole_matrix = np.block([[stiffness, rows.T], [rows, np.zeros((m, m))]])
-    scaled = shape * sizes
-    mu = np.linalg.lstsq(rows.real.T, at.load.real / sizes - stiffness.real @ scaled, rcond=None)[0]
-    right = np.concatenate([at.load / sizes, np.zeros(m)]) - whole_matrix @ np.concatenate([scaled, mu])
-    return np.linalg.solve(whole_matrix.real, right.imag / UNIT)[:n] / sizes
