@@ -164,14 +164,7 @@ def show(
             if form == "numeric":
                 _show_numbers(subject, part, at, with_ or ())
             else:
-                from symgen.inspection.values import of_symbols
-                from symgen.report.mathematics.equations import show as print_matrices
-
-                chosen = part
-                if with_ or numeric:
-                    values = of_symbols(with_ or (), part.system.symbols())
-                    chosen = part.valued(values, constants=numeric)
-                print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
+                _show_equations(part, form, with_ or (), numeric)
 
 
 def _check_model(model: str, matrix: str | None) -> None:
@@ -259,6 +252,17 @@ def _show_record(subject: Subject, form: str, given: Sequence[str], numeric: boo
         if form == "latex"
         else record_in_text(steps, _width())
     )
+
+
+def _show_equations(chosen: Chosen, form: str, given: Sequence[str], numeric: bool) -> None:
+    """Print matrices as equations, with the ``given`` values of some symbols, or all constants in numbers."""
+    from symgen.inspection.values import of_symbols
+    from symgen.report.mathematics.equations import show as print_matrices
+
+    if given or numeric:
+        values = of_symbols(given, chosen.system.symbols())
+        chosen = chosen.valued(values, constants=numeric)
+    print(print_matrices(chosen.system, chosen.matrices, form, width=_width()))
 
 
 def _show_numbers(subject: Subject, chosen: Chosen, at: str | None, given: Sequence[str]) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from itertools import chain, pairwise
 
 from symgen.mechanics.loop.dual_euler import balance, rate_in_space
@@ -13,7 +14,7 @@ from symgen.models.loop.solved_wrenches import is_slider_crank, solved_wrenches
 from symgen.scene.loop.loop import Loop
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.quantity import Quantity, quantity
-from symgen.symbolic.system import Group, System
+from symgen.symbolic.system import Group, NamedMatrix, System
 
 #: Units and nouns of both parts of a dual vector.
 Kinds = tuple[tuple[str, str], tuple[str, str]]
@@ -23,64 +24,112 @@ _RATE: Kinds = (("N", "momentum, its rate,"), ("N*m", "moment of momentum, its r
 _WRENCH: Kinds = (("N", "force"), ("N*m", "moment"))
 _BALL: Kinds = (("N", "force"), ("N*m", "moment, zero at a ball joint,"))
 _ROWS = ("fx", "fy", "fz", "mx", "my", "mz")
+#: Patterns of the letters of both parts, by number and axis.
+_MOTION = (
+    (("V{0}_{1}p", "V{0}_{1}d"), _VELOCITY),
+    (("H{0}_{1}p", "H{0}_{1}d"), _MOMENTUM),
+    (("H{0}_{1}p_rate", "H{0}_{1}d_rate"), _RATE),
+)
+_INERTIA = ("f{0}_{1}p", "f{0}_{1}d")
+_JOINT = ("F{0}_{1}", "T{0}_{1}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Letters:
+    """Components of the dual vectors of a loop.
+
+    Of each link: velocity, momentum and its rate (``motions``), wrench of inertia. Of joint k, at index
+    k - 1: its wrench, and the bodies between which it acts (``about``).
+    """
+
+    motions: list[list[list[Quantity]]]
+    inertia: list[list[Quantity]]
+    joints: list[list[Quantity]]
+    about: list[str]
 
 
 def equilibrium_system(loop: Loop) -> System:
     """Return dual Euler equations of the links, and their equilibrium, which the joint wrenches meet."""
-    model = LoopDerivation(loop)
-    variables, parameters = [v.quantity for v in model.variables], [p.quantity for p in loop.parameters]
+    model, turning = LoopDerivation(loop), _turning(loop)
+    letters = _letters(model, turning)
+    equilibrium = _equilibrium(model, letters)
+    solved = []
+    if is_slider_crank(loop.rows, turning):
+        solved = [_joint_components(loop, letters, equilibrium)]
+    return System(
+        f"{loop.name}_equilibrium",
+        "Dual Euler equations and equilibrium of the links",
+        (
+            Group("q", "joint variables", tuple(v.quantity for v in model.variables)),
+            Group("p", "tunable parameters", tuple(p.quantity for p in loop.parameters), per_run=True),
+            Group("momenta", "velocities and momenta of the links", tuple(chain(*chain(*letters.motions)))),
+            Group(
+                "wrenches", "wrenches of joints and inertia", tuple(chain(*letters.joints, *letters.inertia))
+            ),
+        ),
+        (*_dual_euler(model, letters), *_joint_wrenches(letters), *equilibrium, *solved),
+        (),
+        references=(REFERENCE,),
+        sources=EQUILIBRIUM,
+    )
+
+
+def _letters(model: LoopDerivation, turning: list[bool]) -> _Letters:
+    """Return the letters of a loop, which no other quantity of it has."""
     taken = taken_names(model)
-    motions = [
-        [
-            _components(patterns, k, "xyz", f"of {link}, in its frame", taken, kinds)
-            for patterns, kinds in (
-                (("V{0}_{1}p", "V{0}_{1}d"), _VELOCITY),
-                (("H{0}_{1}p", "H{0}_{1}d"), _MOMENTUM),
-                (("H{0}_{1}p_rate", "H{0}_{1}d_rate"), _RATE),
-            )
-        ]
-        for k, link in enumerate(model.links, 1)
-    ]
-    between = [
+    links = list(enumerate(model.links, 1))
+    about = [
         f"of {before} on {behind} at joint {k}"
         for k, (before, behind) in enumerate(pairwise(("ground", *model.links, "ground")), 1)
     ]
-    joints = [
-        _components(("F{0}_{1}", "T{0}_{1}"), k, "ijk", about, taken, _BALL if turns else _WRENCH)
-        for k, (about, turns) in enumerate(zip(between, _turning(loop), strict=True), 1)
-    ]
-    inertia = [
-        _components(
-            ("f{0}_{1}p", "f{0}_{1}d"),
-            k,
-            "xyz",
-            f"of {link}'s inertia less loads, in its frame",
-            taken,
-            _WRENCH,
-        )
-        for k, link in enumerate(model.links, 1)
-    ]
-    euler = [
-        named(
+    return _Letters(
+        [
+            [
+                _components(patterns, k, "xyz", f"of {link}, in its frame", taken, kinds)
+                for patterns, kinds in _MOTION
+            ]
+            for k, link in links
+        ],
+        [
+            _components(_INERTIA, k, "xyz", f"of {link}'s inertia less loads, in its frame", taken, _WRENCH)
+            for k, link in links
+        ],
+        [
+            _components(_JOINT, k, "ijk", of_joint, taken, _BALL if turns else _WRENCH)
+            for k, (of_joint, turns) in enumerate(zip(about, turning, strict=True), 1)
+        ],
+        about,
+    )
+
+
+def _dual_euler(model: LoopDerivation, letters: _Letters) -> Iterator[NamedMatrix]:
+    """Yield the rate of the dual momentum of each link."""
+    for link, (velocity, momentum, rate) in zip(model.links, letters.motions, strict=True):
+        yield named(
             f"{link}_dual_euler",
             rate_in_space(_dual(rate), _dual(velocity), _dual(momentum)).column,
             "N, N*m",
             f"rate of the dual momentum of {link}, by its components H and their rates",
             _ROWS,
         )
-        for link, (velocity, momentum, rate) in zip(model.links, motions, strict=True)
-    ]
-    wrenches = [
-        named(
+
+
+def _joint_wrenches(letters: _Letters) -> Iterator[NamedMatrix]:
+    """Yield the wrench of each joint in its letters."""
+    for k, (joint, about) in enumerate(zip(letters.joints, letters.about, strict=True), 1):
+        yield named(
             f"joint_{k}_letters",
             [x.symbol for x in joint],
             "N, N*m",
             f"force and moment {about}, in frame {{{k}}}",
             _ROWS,
         )
-        for k, (joint, about) in enumerate(zip(joints, between, strict=True), 1)
-    ]
-    equilibrium = [
+
+
+def _equilibrium(model: LoopDerivation, letters: _Letters) -> list[NamedMatrix]:
+    """Return the balance of wrenches on each link."""
+    joints, inertia = letters.joints, letters.inertia
+    return [
         named(
             f"{link}_equilibrium",
             balance(row_transform(model.rows[k]), *map(_dual, (joints[k], joints[k + 1], inertia[k]))).column,
@@ -90,28 +139,17 @@ def equilibrium_system(loop: Loop) -> System:
         )
         for k, link in enumerate(model.links)
     ]
-    if is_slider_crank(loop.rows, _turning(loop)):
-        solved = solved_wrenches(
-            loop.rows,
-            [dict(zip(_ROWS, m.matrix, strict=True)) for m in equilibrium],
-            {x.name.rstrip("_"): x.symbol for x in chain(*joints, *inertia)},
-        )
-        about = "components of the joint wrenches one after another, each by those before it and by inertia"
-        equilibrium.append(named("joint_components", list(solved.values()), "N, N*m", about, tuple(solved)))
-    return System(
-        f"{loop.name}_equilibrium",
-        "Dual Euler equations and equilibrium of the links",
-        (
-            Group("q", "joint variables", tuple(variables)),
-            Group("p", "tunable parameters", tuple(parameters), per_run=True),
-            Group("momenta", "velocities and momenta of the links", tuple(chain(*chain(*motions)))),
-            Group("wrenches", "wrenches of joints and inertia", tuple(chain(*joints, *inertia))),
-        ),
-        (*euler, *wrenches, *equilibrium),
-        (),
-        references=(REFERENCE,),
-        sources=EQUILIBRIUM,
+
+
+def _joint_components(loop: Loop, letters: _Letters, equilibrium: list[NamedMatrix]) -> NamedMatrix:
+    """Return the joint wrenches of a slider-crank, solved from the equilibrium of its links."""
+    solved = solved_wrenches(
+        loop.rows,
+        [dict(zip(_ROWS, m.matrix, strict=True)) for m in equilibrium],
+        {x.name.rstrip("_"): x.symbol for x in chain(*letters.joints, *letters.inertia)},
     )
+    about = "components of the joint wrenches one after another, each by those before it and by inertia"
+    return named("joint_components", list(solved.values()), "N, N*m", about, tuple(solved))
 
 
 def _turning(loop: Loop) -> list[bool]:
