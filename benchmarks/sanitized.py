@@ -34,7 +34,7 @@ from symgen.runtime.loop.driven import PARTS
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.rods.model.rods import RodModel
 from symgen.toolchain.compiler import find_compiler
-from symgen.toolchain.kernels import Tools
+from symgen.toolchain.kernels import BuildSettings
 
 Array = Any
 SANITIZERS = "-fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
@@ -294,7 +294,7 @@ def chain(name: str, text: str, library: Any, rng: np.random.Generator) -> int:
 
 def inside(names: Sequence[str]) -> None:
     """Test scenes in a process with the sanitizer library preloaded."""
-    core = Tools(find_compiler()).core()
+    core = BuildSettings(find_compiler()).core()
     _core.DOUBLE = core
     np.seterr(all="ignore")
     for name in names:

@@ -19,12 +19,12 @@ from typer.models import CommandInfo
 from symgen.cli import (
     accuracy,
     analyses,
-    benching,
+    bench,
+    build,
+    design,
     exporting,
     inspection,
-    making,
     reporting,
-    studying,
 )
 from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app, tell
 from symgen.cli.streams import Ends, discard, open_streams
@@ -47,13 +47,13 @@ __all__ = [
     "accuracy",
     "analyses",
     "app",
-    "benching",
+    "bench",
+    "build",
+    "design",
     "exporting",
     "inspection",
     "main",
-    "making",
     "reporting",
-    "studying",
 ]
 
 #: The commands in the order and the groups of --help.

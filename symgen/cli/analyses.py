@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.carrying import CommandRequest, analysis
 from symgen.cli.common import print_json
+from symgen.cli.request import CommandRequest, analysis
 from symgen.errors import ModelError
 
 _SHOWN = "set_ out plot plot_of xy plot_over compare film as_json"

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 from symgen.codegen.printers import C_FUNCTIONS, Printer
+from symgen.lowering.expressions import Call, Node, calls, children, references
 from symgen.lowering.kernel import Kernel
-from symgen.lowering.nodes import Call, Node, calls, children, references
 from symgen.precision import Precision
 
 

@@ -14,8 +14,8 @@ from symgen.codegen.printers import Printer, printer
 from symgen.codegen.rolled import ROLLED, Rolled, large, rolled
 from symgen.codegen.source import LOOPS, SourceFile
 from symgen.codegen.target import Target
+from symgen.lowering.expressions import GUARDED_INVERSE, Constant, references
 from symgen.lowering.kernel import ARRAYS, Block, Kernel, Program, Slot, Store
-from symgen.lowering.nodes import GUARDED_INVERSE, Constant, references
 from symgen.precision import Precision
 
 

@@ -8,7 +8,7 @@ from decimal import Context, Decimal
 
 from symgen.codegen.target import Target
 from symgen.errors import DerivationError
-from symgen.lowering.nodes import (
+from symgen.lowering.expressions import (
     FUNCTIONS,
     GUARDED_INVERSE,
     Call,

@@ -20,8 +20,8 @@ import numpy as np
 from symgen.codegen.printers import Printer
 from symgen.codegen.tables import Case, Cases, Place, Repetition, Statement, Tables
 from symgen.codegen.target import Target
+from symgen.lowering.expressions import ZERO, Node, Reference, Sum
 from symgen.lowering.kernel import Kernel, Program, Store
-from symgen.lowering.nodes import ZERO, Node, Reference, Sum
 
 #: Statements of a program, without stores of zeros, above which its kernels become loops, and the least
 #: number of statements of such a kernel. Straight-line code is faster, but its compilation takes seconds for

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from symgen.codegen.printers import Printer
-from symgen.lowering.nodes import Call, Constant, Negative, Node, Product, Quotient, Reference, Sum
+from symgen.lowering.expressions import Call, Constant, Negative, Node, Product, Quotient, Reference, Sum
 
 #: Constants that are printed in the loops; all others are in a table.
 _PRINTED = frozenset({"0", "1", "2"})

@@ -21,7 +21,7 @@ from symgen.inspection.picture import (
 )
 from symgen.inspection.view import View, bare, vibration
 from symgen.mechanics.elastic.hamilton import THESIS
-from symgen.models.generality import general
+from symgen.models.general_linkage import general
 from symgen.models.structure import structure
 from symgen.pipeline.systems import system_of
 from symgen.report.mathematics.saving import saving_lines

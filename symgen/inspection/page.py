@@ -12,8 +12,8 @@ from symgen.inspection.film import moving_html
 from symgen.inspection.measured import measure
 from symgen.inspection.systems import BuildingBlockView
 from symgen.inspection.view import View, view_of
+from symgen.lowering.expressions import KINDS
 from symgen.lowering.kernel import SETUP, Kernel, Program
-from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
 from symgen.models.record import of_system
 from symgen.pipeline.build import build, build_scene

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from symgen.errors import DerivationError
-from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Assignment, Block, Kernel, Store
-from symgen.lowering.nodes import (
+from symgen.lowering.expressions import (
     ONE,
     Call,
     Constant,
@@ -28,6 +27,7 @@ from symgen.lowering.nodes import (
     references,
     signs,
 )
+from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Assignment, Block, Kernel, Store
 from symgen.lowering.straight_line import StraightLine
 from symgen.symbolic.system import LIMITS, Group
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import mpmath
 
-from symgen.lowering.nodes import DIGITS, Node, Sum
+from symgen.lowering.expressions import DIGITS, Node, Sum
 from symgen.lowering.tape import Tape
 
 #: Minimum number of digits lost by a reported sum.

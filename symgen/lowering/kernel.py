@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from symgen.lowering.nodes import ZERO, Node, OperationCount, count
+from symgen.lowering.expressions import ZERO, Node, OperationCount, count
 
 #: The argument arrays of every kernel, in order.
 ARRAYS = ("t", "q", "u", "p", "work", "out")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from symgen.lowering.nodes import (
+from symgen.lowering.expressions import (
     ONE,
     ZERO,
     Constant,

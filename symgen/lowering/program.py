@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from symgen.lowering.binding_times import with_setup
+from symgen.lowering.expressions import ZERO, Call, Node, Reference, references, rename
 from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, Slot, Store
-from symgen.lowering.nodes import ZERO, Call, Node, Reference, references, rename
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System

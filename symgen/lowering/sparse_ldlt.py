@@ -12,8 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from symgen.errors import DerivationError
+from symgen.lowering.expressions import ZERO, Node, add, guarded_reciprocal, less, multiply, reciprocal
 from symgen.lowering.like_terms import fewest
-from symgen.lowering.nodes import ZERO, Node, add, guarded_reciprocal, less, multiply, reciprocal
 from symgen.lowering.straight_line import StraightLine
 
 _Taken = dict[tuple[int, int], list[tuple[int, Node]]]

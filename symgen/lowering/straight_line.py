@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import sympy as sp
 from sympy.simplify.cse_main import tree_cse
 
-from symgen.lowering.kernel import Assignment
-from symgen.lowering.nodes import (
+from symgen.lowering.expressions import (
     Constant,
     Negative,
     Node,
@@ -21,6 +20,7 @@ from symgen.lowering.nodes import (
     references,
     rename,
 )
+from symgen.lowering.kernel import Assignment
 from symgen.symbolic.constants import Substitution, rounded
 from symgen.symbolic.system import System
 

@@ -10,8 +10,7 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.lowering.kernel import Kernel
-from symgen.lowering.nodes import (
+from symgen.lowering.expressions import (
     DIGITS,
     GUARDED_INVERSE,
     Call,
@@ -25,6 +24,7 @@ from symgen.lowering.nodes import (
     children,
     signs,
 )
+from symgen.lowering.kernel import Kernel
 from symgen.symbolic.exact import number
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from symgen.scene.loading import SceneText
 from symgen.toolchain.cache import key
-from symgen.toolchain.kernels import Tools
+from symgen.toolchain.kernels import BuildSettings
 
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def kernels_of_analysis(
     text: SceneText,
-    tools: Tools,
+    tools: BuildSettings,
     base: Any,
     kind: str,
     outputs: tuple[str, ...],

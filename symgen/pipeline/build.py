@@ -21,7 +21,7 @@ from symgen.pipeline.systems import derive, system_of
 from symgen.pipeline.user_system import is_user_file
 from symgen.precision import FLOAT64
 from symgen.scene.loading import SceneText, check_scene, override, text_of
-from symgen.toolchain.kernels import GET_A_COMPILER, Tools, no_collection, tools_for
+from symgen.toolchain.kernels import GET_A_COMPILER, BuildSettings, no_collection, tools_for
 
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program
@@ -208,14 +208,14 @@ class ModelParts:
     """Parts of a model of a scene."""
 
     text: SceneText
-    tools: Tools
+    tools: BuildSettings
     description: Any
     library: Library
     equations: Source
     typed: Typed
 
 
-def _model(source: Source, tools: Tools, description: Any, library: Library) -> Any:
+def _model(source: Source, tools: BuildSettings, description: Any, library: Library) -> Any:
     from symgen.runtime.kernels.typed import Typed
 
     text = cast("SceneText", source.scene)
@@ -291,7 +291,7 @@ def linkage_model(parts: ModelParts) -> RodModel | KinematicModel:
     return PlaneModel(*kernels, analyses=analyses, typed=typed, in_space=in_space)
 
 
-def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Library:
+def _typed(text: SceneText, tools: BuildSettings, base: Described, lanes: bool) -> Library:
     """Return the kernels of a scene in the requested type, for one state per call or for batches."""
     target = replace(tools, compiler=None) if tools.digits else tools.of_lanes if lanes else tools
 
@@ -308,7 +308,7 @@ def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Libra
     return target.cached(text, f"{name}-lanes" if lanes and target.compiler else name, make, base=base)[1]
 
 
-def compile_scene(text: SceneText, tools: Tools, folder: Path) -> tuple[Any, Library]:
+def compile_scene(text: SceneText, tools: BuildSettings, folder: Path) -> tuple[Any, Library]:
     """Run the whole pipeline into a folder: sources, library and description."""
     with no_collection():
         from symgen.scene.resolve import resolve
@@ -317,7 +317,7 @@ def compile_scene(text: SceneText, tools: Tools, folder: Path) -> tuple[Any, Lib
     return _of_resolved(resolved, tools, folder)
 
 
-def _of_resolved(resolved: Linkage | Loop, tools: Tools, folder: Path) -> tuple[Any, Library]:
+def _of_resolved(resolved: Linkage | Loop, tools: BuildSettings, folder: Path) -> tuple[Any, Library]:
     with no_collection():
         system = system_of(resolved)  # Linkage | Loop -> System
     # System -> Program -> (SourceFile, ...) -> compilers at work, while the runtime is loaded -> Library
@@ -331,7 +331,7 @@ def _linkage(text: SceneText) -> Linkage:
     return resolve_linkage(check_scene(text))
 
 
-def _turned_by_motor(text: SceneText, tools: Tools, base: Description) -> RodModel:
+def _turned_by_motor(text: SceneText, tools: BuildSettings, base: Description) -> RodModel:
     """Return the linkage of a scene with rigid links, its crank turned by its motor."""
 
     def linkage() -> Linkage:
@@ -344,7 +344,7 @@ def _turned_by_motor(text: SceneText, tools: Tools, base: Description) -> RodMod
 
 
 def _derived(
-    text: SceneText, tools: Tools, base: Description, name: str, linkage: Callable[[], Linkage]
+    text: SceneText, tools: BuildSettings, base: Description, name: str, linkage: Callable[[], Linkage]
 ) -> RodModel:
     """Return the model of a linkage derived from that of a scene; ``name`` states how."""
     from symgen.runtime.rods.model.rods import RodModel

@@ -77,7 +77,7 @@ def with_pose(system: System, description: LoopDescription, library: Library) ->
     """Return the description of a loop with its closed pose; errors as of :func:`with_start`."""
     import numpy as np
 
-    from symgen.runtime.closure.later import closed_later
+    from symgen.runtime.closure.first_closure_in_range import closed_later
     from symgen.runtime.closure.start import check_closed, close_near
     from symgen.runtime.loop.kernels import LoopKernels
     from symgen.symbolic.exact import Exact

@@ -15,7 +15,7 @@ from symgen.pipeline.analysis import kernels_of_analysis
 from symgen.pipeline.user_system import general_system_of, load, name_of
 from symgen.scene.loading import SceneText
 from symgen.toolchain.fingerprint import fingerprint
-from symgen.toolchain.kernels import Tools
+from symgen.toolchain.kernels import BuildSettings
 
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program, Slot
@@ -29,10 +29,12 @@ if TYPE_CHECKING:
 
 
 #: Resolved scene, settings and a folder -> description and kernels.
-Compiled = Callable[["GeneralSystem", Tools, Path], "tuple[Any, Library]"]
+Compiled = Callable[["GeneralSystem", BuildSettings, Path], "tuple[Any, Library]"]
 
 
-def build_user(path: Path, tools: Tools, equations: Source, compiled: Compiled) -> SystemModel | GeneralModel:
+def build_user(
+    path: Path, tools: BuildSettings, equations: Source, compiled: Compiled
+) -> SystemModel | GeneralModel:
     """Return the model of the System that a Python file returns; ``equations`` derives its matrices.
 
     ``compiled`` compiles the kernels of a System that moves.
@@ -80,7 +82,7 @@ def definition_of(element: str) -> str:
     return fingerprint(added[element])[:16] if element in added else ""
 
 
-def supply_elements(beams: Iterable[BeamInfo], tools: Tools) -> None:
+def supply_elements(beams: Iterable[BeamInfo], tools: BuildSettings) -> None:
     """Compile the kernels of the beam elements that have no shipped module."""
     from symgen.runtime.beams.elements import SUPPLIED
     from symgen.runtime.kernels.library import is_compiled
@@ -109,7 +111,7 @@ class _Module:
         return np.concatenate([block.ravel() for block in blocks])
 
 
-def _element(name: str, tools: Tools) -> SystemModel:
+def _element(name: str, tools: BuildSettings) -> SystemModel:
     from symgen.elements import ELEMENTS
     from symgen.models.elastic.element import elastic_element_system
     from symgen.runtime.model.system import SystemModel

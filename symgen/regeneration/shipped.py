@@ -103,8 +103,8 @@ def _of_scene(name: str) -> System:
 
 
 def _of_recursion(name: str) -> Shipped:
-    from symgen.codegen.loops import emit_loops, loops_hash
-    from symgen.lowering.loop import lower_recursion
+    from symgen.codegen.chain_kernels import emit_loops, loops_hash
+    from symgen.lowering.recursion import lower_recursion
     from symgen.symbolic.record import record
 
     recursion = RECURSIONS[name]()

@@ -15,8 +15,8 @@ from symgen.scene.expressions import Names, parse_any, parse_value
 from symgen.scene.faults import at
 from symgen.scene.limit import Limit
 from symgen.scene.names import is_reserved
-from symgen.scene.rods.held import Parameter, Text, Written
 from symgen.scene.rods.linkage import TIME, PlacedPoint, number, state_symbol
+from symgen.scene.rods.run_parameters import Parameter, Text, Written
 from symgen.scene.schema import Scene
 from symgen.scene.units import Dimension, is_quantity
 from symgen.symbolic.calculus import partial

@@ -24,8 +24,8 @@ from symgen.scene.reading import Reader
 from symgen.scene.rods import bodies, constraints, loads
 from symgen.scene.rods.events import events
 from symgen.scene.rods.linkage import Linkage
+from symgen.scene.rods.notes import remarks
 from symgen.scene.rods.planar import in_its_plane
-from symgen.scene.rods.remarks import remarks
 from symgen.scene.rods.spatial import spatial_bodies
 from symgen.scene.rods.switches import with_switches, with_switches_of_loop
 from symgen.scene.rods.windings import with_windings

@@ -23,7 +23,7 @@ from symgen.scene.elastic.schema import (
 )
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
-from symgen.scene.repeated import written_out
+from symgen.scene.ranges import written_out
 from symgen.scene.study_schema import Optimise, SweepTable
 from symgen.scene.table import (
     Bare,

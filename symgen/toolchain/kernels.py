@@ -50,7 +50,7 @@ _GUARD = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Tools:
+class BuildSettings:
     """Build settings of kernels: language, compiler and precision.
 
     Parameters
@@ -83,12 +83,12 @@ class Tools:
         return "\n".join((target, self.precision.name, str(self.digits)))
 
     @property
-    def in_float64(self) -> Tools:
+    def in_float64(self) -> BuildSettings:
         """Return the same settings for kernels in double precision."""
         return replace(self, precision=FLOAT64, digits=0)
 
     @property
-    def of_lanes(self) -> Tools:
+    def of_lanes(self) -> BuildSettings:
         """Return the settings of kernels in lanes."""
         return replace(self, compiler=self.compiler.of_lanes) if self.compiler else self
 
@@ -105,7 +105,7 @@ class Tools:
         """Return the program of a system, the hash of its equations, and its sources."""
         from symgen.codegen.emit import emit, equations_hash
         from symgen.codegen.target import Target
-        from symgen.lowering.nodes import keeping
+        from symgen.lowering.expressions import keeping
         from symgen.lowering.program import lower_system
 
         with keeping(self.digits + _GUARD):
@@ -306,7 +306,9 @@ def no_collection() -> Iterator[None]:
             gc.enable()
 
 
-def tools_for(backend: str, precision: str, digits: int | None, contraction: str, vector: str) -> Tools:
+def tools_for(
+    backend: str, precision: str, digits: int | None, contraction: str, vector: str
+) -> BuildSettings:
     """Return the build settings for these options; raise ModelError if they are incompatible."""
     check_known(backend, BACKENDS, "there is no backend")
     wanted = precision_named(precision)
@@ -329,4 +331,4 @@ def tools_for(backend: str, precision: str, digits: int | None, contraction: str
         raise ModelError("contraction and vector are options of a C compiler, and none is used")
     if compiler:
         compiler = compiler.with_options(contraction, vector)
-    return Tools(compiler, wanted, digits or 0, contraction, vector)
+    return BuildSettings(compiler, wanted, digits or 0, contraction, vector)

@@ -11,8 +11,8 @@ from symgen.codegen.emit import emit
 from symgen.codegen.target import Target
 from symgen.errors import InitialStateError
 from symgen.lowering import program
+from symgen.lowering.expressions import Constant, Negative, Product, Quotient, Reference, Sum
 from symgen.lowering.kernel import Assignment, Block, Kernel, Program, Store
-from symgen.lowering.nodes import Constant, Negative, Product, Quotient, Reference, Sum
 from symgen.precision import FLOAT64
 from symgen.runtime.integrate.redundancy import redundant_constraints
 from symgen.runtime.rods import start

@@ -12,7 +12,7 @@ from shared.loops import body, planar_4r, real, slider_crank, variable
 import symgen
 from symgen.errors import SceneError
 from symgen.models.loop.system import loop_system
-from symgen.scene.rods.held import Parameter
+from symgen.scene.rods.run_parameters import Parameter
 from symgen.symbolic.quantity import quantity
 
 

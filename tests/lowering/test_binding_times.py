@@ -14,11 +14,11 @@ from symgen.codegen.emit import emit
 from symgen.codegen.printers import Printer
 from symgen.codegen.target import Target
 from symgen.errors import DerivationError
-from symgen.lowering.nodes import Constant, Negative, Product, Quotient, Reference, Sum, children, count
+from symgen.lowering.expressions import Constant, Negative, Product, Quotient, Reference, Sum, children, count
 from symgen.lowering.program import lower_system
 from symgen.models import BLOCKS
 from symgen.models.analyses import ANALYSES, analysis_system
-from symgen.models.generality import general
+from symgen.models.general_linkage import general
 from symgen.models.loop.structure import general as general_loop
 from symgen.pipeline.systems import system_of
 from symgen.scene.loading import load_scene

@@ -7,8 +7,8 @@ import pytest
 from shared.shipped import derived
 
 import symgen
+from symgen.lowering.expressions import Constant, Negative, Product, Quotient, Reference, Sum, count
 from symgen.lowering.like_terms import fewest
-from symgen.lowering.nodes import Constant, Negative, Product, Quotient, Reference, Sum, count
 from symgen.lowering.straight_line import StraightLine
 from symgen.mechanics.rods.elimination import cost, minimum_degree
 

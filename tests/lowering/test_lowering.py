@@ -16,8 +16,8 @@ from symgen.codegen.emit import emit
 from symgen.codegen.printers import Printer
 from symgen.codegen.target import Target
 from symgen.errors import DerivationError
-from symgen.lowering import nodes
-from symgen.lowering.nodes import Constant, Reference, lower
+from symgen.lowering import expressions
+from symgen.lowering.expressions import Constant, Reference, lower
 from symgen.lowering.sparse_ldlt import factor, solve
 from symgen.lowering.straight_line import StraightLine, fold
 from symgen.models import BLOCKS
@@ -83,16 +83,20 @@ def test_unknown_functions_are_refused():
 
 def test_node_arithmetic_folds_constants_and_signs():
     a, b = Reference("a"), Reference("b")
-    assert nodes.add([Constant("1"), a], [Constant("1")]) == a
-    assert nodes.add([a], [nodes.Negative(b)]) == nodes.Sum((a, b))
-    assert nodes.less(a, [nodes.Negative(b), a]) == nodes.Sum((a, b, nodes.Negative(a)))
-    assert nodes.multiply(nodes.Negative(a), nodes.Negative(b)) == nodes.Product((a, b))
-    assert nodes.multiply(a, nodes.ZERO) == nodes.ZERO
-    assert nodes.multiply(nodes.ONE, a) == a
-    assert nodes.multiply(Constant("-1"), a) == nodes.Negative(a)
-    assert nodes.reciprocal(Constant("4")) == Constant("0.25")
-    assert nodes.add([], [a, b]) == nodes.Negative(nodes.Sum((a, b)))
-    assert nodes.add([], [Constant("2")]) == Constant("-2")
+    assert expressions.add([Constant("1"), a], [Constant("1")]) == a
+    assert expressions.add([a], [expressions.Negative(b)]) == expressions.Sum((a, b))
+    assert expressions.less(a, [expressions.Negative(b), a]) == expressions.Sum(
+        (a, b, expressions.Negative(a))
+    )
+    assert expressions.multiply(expressions.Negative(a), expressions.Negative(b)) == expressions.Product(
+        (a, b)
+    )
+    assert expressions.multiply(a, expressions.ZERO) == expressions.ZERO
+    assert expressions.multiply(expressions.ONE, a) == a
+    assert expressions.multiply(Constant("-1"), a) == expressions.Negative(a)
+    assert expressions.reciprocal(Constant("4")) == Constant("0.25")
+    assert expressions.add([], [a, b]) == expressions.Negative(expressions.Sum((a, b)))
+    assert expressions.add([], [Constant("2")]) == Constant("-2")
 
 
 @pytest.fixture(scope="module")
@@ -109,14 +113,14 @@ def test_counts_are_those_of_the_printed_text(every_program):
             counts = kernel.counts
             for called in kernel.first + kernel.then:
                 assert f"{program.name}_{called.name}(t, q, u, p, work, out);" in body
-            own = nodes.count([a.value for a in kernel.assignments] + [s.value for s in kernel.stores])
+            own = expressions.count([a.value for a in kernel.assignments] + [s.value for s in kernel.stores])
             lines = [line for line in body.splitlines() if " = " in line]
             right = " ; ".join(line.split(" = ", 1)[1] for line in lines)
             right = re.sub(r"(\d)e[-+](\d)", r"\1e\2", right)
             assert len(re.findall(r" [-+] ", right)) == own.add, (program.name, kernel.name)
             assert right.count("*") == own.mul
             assert right.count("/") == own.div
-            functions = "|".join([*nodes.FUNCTIONS.values(), "sqrt", "pow", "fmax", "guarded_inverse"])
+            functions = "|".join([*expressions.FUNCTIONS.values(), "sqrt", "pow", "fmax", "guarded_inverse"])
             assert len(re.findall(rf"\b(?:{functions})\(", right)) == own.call
             assert counts.flops == own.flops + sum(k.counts.flops for k in kernel.first + kernel.then)
 
@@ -138,8 +142,8 @@ def test_constants_that_cancel_are_zero_and_leave_their_neighbours_alone():
     assert fold(x + sine + cosine - 1) == x
     assert fold(x * sine + x * cosine - x) == 0
     assert fold(x * (y + z) * sp.sqrt(2) - sp.sqrt(2) * (y + z) * x) == 0
-    assert nodes.add([lower(sine), lower(cosine)], [lower(sp.Integer(1))]) == nodes.ZERO
-    assert lower(zero) == nodes.ZERO
+    assert expressions.add([lower(sine), lower(cosine)], [lower(sp.Integer(1))]) == expressions.ZERO
+    assert lower(zero) == expressions.ZERO
 
 
 def test_constants_that_nearly_cancel_keep_their_digits():
@@ -157,7 +161,9 @@ def test_only_what_a_result_needs_is_computed(every_program):
     for program in every_program.values():
         for kernel in program.kernels:
             read = set(
-                nodes.references([a.value for a in kernel.assignments] + [s.value for s in kernel.stores])
+                expressions.references(
+                    [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
+                )
             )
             unused = [a.target for a in kernel.assignments if a.target not in read]
             assert unused == [], (program.name, kernel.name)
@@ -168,7 +174,7 @@ def test_assignments_come_after_what_they_read(every_program):
         for kernel in program.kernels:
             known = {f"{array}[{i}]" for array, size in kernel.inputs for i in range(size)}
             for assignment in kernel.assignments:
-                assert set(nodes.references([assignment.value])) <= known
+                assert set(expressions.references([assignment.value])) <= known
                 known.add(assignment.target)
 
 

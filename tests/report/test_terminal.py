@@ -15,7 +15,7 @@ from rich.table import Table
 from shared.commands import call
 
 import symgen
-from symgen.cli import carrying, inspection
+from symgen.cli import inspection, request
 from symgen.report import sweeps
 from symgen.report.extremes import Components
 from symgen.report.page.study import print_study
@@ -76,7 +76,7 @@ COMMANDS = [
 @pytest.mark.parametrize("line", COMMANDS)
 def test_tables_fit_80_columns(line, monkeypatch):
     terminals = Terminals()
-    for module in (carrying, inspection):
+    for module in (request, inspection):
         monkeypatch.setattr(module, "console", lambda: terminals)
     call(*line.split())
     terminals.check()
@@ -148,7 +148,7 @@ def test_a_faulty_table_is_noticed():
 
 def printed(scene, width, monkeypatch):
     """Return the output of ``symgen run`` on a terminal of this width."""
-    monkeypatch.setattr(carrying, "console", lambda: Console(width=width, highlight=False))
+    monkeypatch.setattr(request, "console", lambda: Console(width=width, highlight=False))
     return call("run", scene)
 
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import sympy as sp
 
 from symgen.scene.loop.loop import ENTRIES, JointVariable, Loop, LoopBody, LoopLoad, Row
-from symgen.scene.rods.held import Parameter
 from symgen.scene.rods.linkage import TIME
+from symgen.scene.rods.run_parameters import Parameter
 from symgen.symbolic.quantity import quantity
 
 ZERO = sp.Integer(0)

@@ -18,8 +18,8 @@ from symgen.models.general.checks import STATED, check, vanishes
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.points import Vector
-from symgen.scene.rods.held import Parameter
 from symgen.scene.rods.linkage import TIME, Event, Linkage, StartConditions
+from symgen.scene.rods.run_parameters import Parameter
 from symgen.symbolic.calculus import ONE, ZERO, Calculus, per_second
 from symgen.symbolic.quantity import Entries, Quantity, quantity
 from symgen.symbolic.system import System

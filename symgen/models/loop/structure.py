@@ -10,7 +10,7 @@ import sympy as sp
 from symgen.joints import JOINTS
 from symgen.models.loop.derivation import entries
 from symgen.scene.loop.loop import ENTRIES, Loop, Row
-from symgen.scene.rods.held import Parameter
+from symgen.scene.rods.run_parameters import Parameter
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import System
 

@@ -9,8 +9,8 @@ import sympy as sp
 
 from symgen.codegen.printers import Printer
 from symgen.errors import ModelError
+from symgen.lowering.expressions import Node, rename
 from symgen.lowering.kernel import Block, Kernel
-from symgen.lowering.nodes import Node, rename
 from symgen.lowering.program import lower_system
 from symgen.precision import Precision
 from symgen.report.mathematics.layout import WIDTH, wrapped

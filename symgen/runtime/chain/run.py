@@ -16,7 +16,7 @@ from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.chain.elimination import Elimination
 from symgen.runtime.chain.inputs import apart, repeated, side_by_side
-from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
+from symgen.runtime.integrate.checkpoint import CheckpointOptions, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import unfinished
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
@@ -124,7 +124,7 @@ def run(
     forces: Forces | None,
     chosen: Options,
     t_eval: ArrayLike | None,
-    keeping: Keeping | None,
+    keeping: CheckpointOptions | None,
     progress: Progress | None,
 ) -> ChainRun:
     """Step a chain; checked arguments of :meth:`symgen.runtime.chain.chain.Chain.simulate`."""

@@ -10,25 +10,33 @@ from symgen.runtime._beams import BeamEquations
 from symgen.runtime._core import Run
 from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, mark_of_kernels, memory_of, restore
+from symgen.runtime.integrate.checkpoint import (
+    CheckpointOptions,
+    Checkpoints,
+    mark_of_kernels,
+    memory_of,
+    restore,
+)
 from symgen.runtime.kernels.typed import library_of_runs
 
 
-def stages_of(motion: ElasticMotion, equations: BeamEquations, keeping: Keeping, *identity: object) -> Stages:
+def stages_of(
+    motion: ElasticMotion, equations: BeamEquations, keeping: CheckpointOptions, *identity: object
+) -> ConsecutiveCheckpoints:
     """Return the checkpoints of the runs of a motion, which ``identity`` distinguishes from others."""
     library = library_of_runs(motion.rigid.evaluator.library, motion.rigid.typed)
-    return Stages(
+    return ConsecutiveCheckpoints(
         mark_of_kernels(motion.rigid.evaluator, library, equations, *identity, *motion.identity), keeping
     )
 
 
-class Stages(Checkpoints):
+class ConsecutiveCheckpoints(Checkpoints):
     """Checkpoints of consecutive runs, which resume from it.
 
     Finished runs are not repeated: the checkpoint holds their results.
     """
 
-    def __init__(self, mark: str, keeping: Keeping) -> None:
+    def __init__(self, mark: str, keeping: CheckpointOptions) -> None:
         super().__init__(mark, keeping)
         self._finished: list[Array] = []
 

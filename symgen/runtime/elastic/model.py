@@ -15,7 +15,7 @@ from symgen.calls import checked
 from symgen.errors import ModelError, check_known, nearest
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BEAM_METHODS
-from symgen.runtime.integrate.checkpoint import Keeping
+from symgen.runtime.integrate.checkpoint import CheckpointOptions
 from symgen.runtime.integrate.options import initial_state, sample_count
 from symgen.runtime.integrate.pace import Progress, limited, uncounted
 from symgen.runtime.kernels.arguments import real, reals
@@ -327,7 +327,7 @@ class ElasticModel(ModelOfRigid):
         return self._run(request, "quasi-static", samples=request.samples, revolutions=request.revolutions)
 
     def _run(
-        self, request: ElasticArguments, method: str, keeping: Keeping | None = None, **options: Any
+        self, request: ElasticArguments, method: str, keeping: CheckpointOptions | None = None, **options: Any
     ) -> ElasticResult:
         from symgen.runtime.elastic.run import Task, run
 

@@ -18,7 +18,7 @@ from symgen.runtime.beams.data import Lump, Profile
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import BeamLayout, layout
 from symgen.runtime.beams.links import Beam
-from symgen.runtime.elastic.path import Machine, RigidMotionTable
+from symgen.runtime.elastic.path import MotorDrivenLinkage, RigidMotionTable
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.rods.model.rods import RodModel
 
@@ -71,11 +71,11 @@ class ElasticMotion(ABC):
         self.angle, self.speed = (float(x) for x in crank)
 
     @cached_property
-    def machine(self) -> Machine:
+    def machine(self) -> MotorDrivenLinkage:
         """The rigid linkage with its motor."""
         if self._with_motor is None:
             raise ModelError(f"{self.rigid.name} was created without its motor: build it with symgen.build")
-        return Machine(self.rigid, self.info.crank, self.angle, self.speed, self._with_motor())
+        return MotorDrivenLinkage(self.rigid, self.info.crank, self.angle, self.speed, self._with_motor())
 
     @property
     def has_motor(self) -> bool:

@@ -111,7 +111,7 @@ class RigidMotionTable:
         return time
 
 
-class Machine:
+class MotorDrivenLinkage:
     """The rigid linkage of an elastic motion with its motor: integrated from its start.
 
     Parameters

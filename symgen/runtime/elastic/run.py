@@ -44,7 +44,7 @@ from symgen.runtime.elastic.steps import (
     stepped,
 )  # fmt: skip
 from symgen.runtime.elastic.tolerance import adapted, with_error
-from symgen.runtime.integrate.checkpoint import Keeping
+from symgen.runtime.integrate.checkpoint import CheckpointOptions
 from symgen.runtime.integrate.pace import (
     OutOfTime,
     Pace,
@@ -58,7 +58,7 @@ from symgen.runtime.integrate.pace import (
 from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.result.elastic import SELECTED, ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
-from symgen.runtime.result.records import Drift, Later, Variable, of_model
+from symgen.runtime.result.records import Drift, LazyStatistics, Variable, of_model
 
 #: Error over its change by halved elements, where it falls with the square of their length: linear stretch.
 HALVED = 4 / 3
@@ -71,7 +71,7 @@ _UNIT = 1e-4
 
 
 def run(
-    motion: ElasticMotion, task: Task, progress: Progress | None, keeping: Keeping | None = None
+    motion: ElasticMotion, task: Task, progress: Progress | None, keeping: CheckpointOptions | None = None
 ) -> ElasticResult:
     """Return the result of a run.
 
@@ -297,7 +297,7 @@ class _Recorded:
     def statistics(self) -> Mapping[str, Any]:
         """Return counts, errors, shares of second order, powers, and multipliers."""
         motion, states = self.motion, self.states
-        return Later(
+        return LazyStatistics(
             {
                 "unknowns": motion.layout.unknowns - motion.layout.constraints,
                 "steps": states.steps,

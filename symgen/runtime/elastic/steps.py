@@ -13,7 +13,7 @@ from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BeamMethod, integrator_of
-from symgen.runtime.elastic.checkpoint import Stages
+from symgen.runtime.elastic.checkpoint import ConsecutiveCheckpoints
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import Counts, Solution
 from symgen.runtime.integrate.options import TIGHTEST, Options, end_of_scene, options, recorded_at
@@ -154,7 +154,7 @@ def integrated(
     times: Array,
     start: Start = None,
     progress: Progress | None = None,
-    stages: Stages | None = None,
+    stages: ConsecutiveCheckpoints | None = None,
     pace: Pace | None = None,
 ) -> tuple[Array, Array, int]:
     """Return displacements, rates and the number of steps of a run by the step loop of all, from time zero.
@@ -228,7 +228,7 @@ def stepped(
     counts: Counts,
     start: Start = None,
     progress: Progress | None = None,
-    stages: Stages | None = None,
+    stages: ConsecutiveCheckpoints | None = None,
     pace: Pace | None = None,
     recorded: Array | None = None,
 ) -> tuple[Array, Array]:
@@ -249,7 +249,7 @@ def explicit(
     task: Task,
     times: Array,
     progress: Progress | None = None,
-    stages: Stages | None = None,
+    stages: ConsecutiveCheckpoints | None = None,
     start: Start = None,
 ) -> Solution:
     """Return displacements and rates at the times by an explicit method: see :func:`integrated`."""

@@ -14,7 +14,7 @@ from symgen.precision import FLOAT64
 from symgen.runtime import _beams
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
-from symgen.runtime.elastic.checkpoint import Stages
+from symgen.runtime.elastic.checkpoint import ConsecutiveCheckpoints
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import (
     FINER,
@@ -53,7 +53,7 @@ def adapted(
     task: Task,
     times: Array,
     progress: Progress | None,
-    stages: Stages | None,
+    stages: ConsecutiveCheckpoints | None,
     pace: Pace,
     passes: list[Solution],
     start: Start = None,
@@ -138,7 +138,12 @@ def adapted(
 
 
 def _estimated(
-    motion: ElasticMotion, task: Task, times: Array, states: Solution, start: Start, stages: Stages | None
+    motion: ElasticMotion,
+    task: Task,
+    times: Array,
+    states: Solution,
+    start: Start,
+    stages: ConsecutiveCheckpoints | None,
 ) -> Callable[[], tuple[float | None, float | None]]:
     """Return a function that computes the error of a run; called at once if the run is limited or kept."""
     counts = step_counts(motion, times, first_steps(motion, task, _FIRST_STEPS))
@@ -161,7 +166,7 @@ def _by_another(
     counts: Counts,
     displacements: Array,
     start: Start,
-    stages: Stages | None = None,
+    stages: ConsecutiveCheckpoints | None = None,
     falls: bool = False,
 ) -> float:
     """Return the error of a run by another, with fewer steps if whole numbers of steps allow.

@@ -84,7 +84,7 @@ def mark_of_kernels(kernels: Kernels, library: Library, equations: _core.Integra
 
 
 @dataclass(frozen=True, slots=True)
-class Keeping:
+class CheckpointOptions:
     """File of a run's checkpoints, wall time between them [s], and the checkpoint to resume from."""
 
     file: Path | None
@@ -115,7 +115,7 @@ class Checkpoints:
         If the checkpoint to resume from is missing, broken, or of another run.
     """
 
-    def __init__(self, mark: str, keeping: Keeping) -> None:
+    def __init__(self, mark: str, keeping: CheckpointOptions) -> None:
         self._mark, self._file, self._every, self._from = mark, keeping.file, keeping.every, keeping.resume
         self.left, self.spent = ({}, 0.0) if keeping.resume is None else stored(keeping.resume, mark)
         self._started = self._written = time.perf_counter()
@@ -154,7 +154,7 @@ class Checkpoints:
 class RunCheckpoints(Checkpoints):
     """Checkpoints of a run of the step loop that has not begun; it is restored if it is to be resumed."""
 
-    def __init__(self, run: _core.Run, mark: str, keeping: Keeping) -> None:
+    def __init__(self, run: _core.Run, mark: str, keeping: CheckpointOptions) -> None:
         super().__init__(mark, keeping)
         if keeping.resume is not None:
             with self.reading():
@@ -163,7 +163,7 @@ class RunCheckpoints(Checkpoints):
 
 def keeping(
     file: str | os.PathLike[str] | None, every: float, resumed: str | os.PathLike[str] | None
-) -> Keeping | None:
+) -> CheckpointOptions | None:
     """Return the checked options of checkpoints; None if none are requested.
 
     Raises
@@ -184,7 +184,7 @@ def keeping(
     if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
         problem = "it is a folder" if path.is_dir() else f"nothing can be written into {path.parent}"
         raise ResultError(f"cannot write the checkpoint {path}: {problem}")
-    return Keeping(path, every, None if resumed is None else Path(resumed))
+    return CheckpointOptions(path, every, None if resumed is None else Path(resumed))
 
 
 def memory_of(run: _core.Run) -> dict[str, Array]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, RunCheckpoints, mark_of
+from symgen.runtime.integrate.checkpoint import CheckpointOptions, Checkpoints, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace, Progress
@@ -54,7 +54,7 @@ def run(
     chosen: Options,
     progress: Progress | None,
     typed: Typed | None = None,
-    keeping: Keeping | None = None,
+    keeping: CheckpointOptions | None = None,
     tangent: Evaluator | None = None,
     t_eval: ArrayLike | None = None,
     given: State | None = None,

@@ -20,7 +20,7 @@ from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.loop.curve import walk
 from symgen.runtime.loop.following import FollowedSamples, follow_over
 from symgen.runtime.loop.kernels import LoopKernels, in_words
-from symgen.runtime.loop.limits import of_blind, refine
+from symgen.runtime.loop.near_singular import of_blind, refine
 from symgen.runtime.loop.obstacles import why_stopped
 from symgen.runtime.loop.poles import OF_MOTION, PoleAt, beside_pole, poles
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time

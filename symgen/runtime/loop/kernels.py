@@ -17,7 +17,7 @@ from symgen.runtime.kernels.description import BlockInfo, LoopDescription, Varia
 from symgen.runtime.kernels.evaluate import Kernels
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
-from symgen.runtime.loop.times import first_times
+from symgen.runtime.loop.drive_inverse import first_times
 
 #: Rounding of a value of the input at the time found for it.
 CLOSE = 4 * float(np.finfo(float).eps)

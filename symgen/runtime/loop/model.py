@@ -13,8 +13,8 @@ from symgen.errors import CapabilityError, InitialStateError, ModelError, check_
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.closure.assemblies import search
-from symgen.runtime.closure.later import closed_later
-from symgen.runtime.closure.moved import state_at
+from symgen.runtime.closure.first_closure_in_range import closed_later
+from symgen.runtime.closure.parameter_homotopy import state_at
 from symgen.runtime.closure.start import Closed, close_near, counted
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real, reals

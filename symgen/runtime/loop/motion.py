@@ -14,7 +14,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.closure.redundancy import note, ranges_of
 from symgen.runtime.closure.start import Closed
-from symgen.runtime.integrate.checkpoint import Keeping, RunCheckpoints, mark_of
+from symgen.runtime.integrate.checkpoint import CheckpointOptions, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import of_sliding, unfinished
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
@@ -22,7 +22,7 @@ from symgen.runtime.integrate.simulate import check_end, drive, sample_times, st
 from symgen.runtime.kernels.typed import build_settings, library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
 from symgen.runtime.loop.kernels import LoopKernels, in_words
-from symgen.runtime.loop.limits import CLOSED, REPORTED
+from symgen.runtime.loop.near_singular import CLOSED, REPORTED
 from symgen.runtime.loop.samples import LoopSamples
 from symgen.runtime.result.recording import (
     counts_of,
@@ -46,7 +46,7 @@ def run(
     rates: Array,
     chosen: Options,
     progress: Progress | None,
-    keeping: Keeping | None = None,
+    keeping: CheckpointOptions | None = None,
     t_eval: ArrayLike | None = None,
 ) -> Result:
     """Integrate from a closed pose and return the result, at times ``t_eval`` where these are given.

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from symgen.errors import ModelError
 from symgen.precision import Precision
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.checkpoint import Keeping, keeping
+from symgen.runtime.integrate.checkpoint import CheckpointOptions, keeping
 from symgen.runtime.integrate.options import Options, end_of_scene, options, sample_count
 from symgen.runtime.integrate.pace import Progress
 from symgen.runtime.kernels.arguments import reals
@@ -46,7 +46,7 @@ class Checkpointed:
     resume: Path | None = None
     progress: Progress | None = None
 
-    def keeping(self) -> Keeping | None:
+    def keeping(self) -> CheckpointOptions | None:
         """Return the checked options of checkpoints; None if none are requested."""
         return keeping(self.checkpoint, self.checkpoint_every, self.resume)
 

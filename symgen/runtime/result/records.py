@@ -116,7 +116,7 @@ def unknown(name: str, variables: Iterable[Variable], others: Iterable[str] = ()
     return nearest(name, [*others, *known])
 
 
-class Later(dict[str, Any]):  # noqa: PLW1641 - dicts have no hash
+class LazyStatistics(dict[str, Any]):  # noqa: PLW1641 - dicts have no hash
     """Statistics of a run; values that are functions are called, without arguments, when they are read."""
 
     def __getitem__(self, name: str) -> Any:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import sympy as sp
 
 from symgen.scene.elastic.links import Crank, ElasticLink, Section, Station
-from symgen.scene.rods.held import LENGTH, MODULUS
 from symgen.scene.rods.letters import added, in_letters
 from symgen.scene.rods.linkage import Linkage, RigidLink
+from symgen.scene.rods.run_parameters import LENGTH, MODULUS
 from symgen.symbolic.names import Letter, Letters
 from symgen.symbolic.quantity import times_lengths
 

@@ -19,8 +19,8 @@ from symgen.scene.elastic.offsets import check_fraction
 from symgen.scene.elastic.schema import ElasticTable
 from symgen.scene.elastic.spatial_section import shear_modulus
 from symgen.scene.reading import Reader, check_count
-from symgen.scene.rods.held import LENGTH, MODULUS, compose
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
+from symgen.scene.rods.run_parameters import LENGTH, MODULUS, compose
 from symgen.scene.units import Dimension
 
 if TYPE_CHECKING:

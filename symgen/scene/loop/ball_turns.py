@@ -8,7 +8,7 @@ from itertools import count
 import sympy as sp
 
 from symgen.scene.loop.loop import Ball, Loop, Row
-from symgen.scene.rods.held import Parameter
+from symgen.scene.rods.run_parameters import Parameter
 from symgen.symbolic.quantity import quantity
 
 

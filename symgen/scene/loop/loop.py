@@ -10,8 +10,8 @@ from typing import ClassVar, Literal
 import sympy as sp
 
 from symgen.scene.limit import Limit
-from symgen.scene.rods.held import Parameter, Switch, Written, defaults
 from symgen.scene.rods.linkage import number
+from symgen.scene.rods.run_parameters import Parameter, Switch, Written, defaults
 from symgen.scene.units import Shown
 from symgen.symbolic.quantity import Quantity
 

@@ -11,8 +11,8 @@ from symgen.scene import units
 from symgen.scene.elastic import sections
 from symgen.scene.elastic.reading import has_rotary_inertia
 from symgen.scene.reading import Reader
-from symgen.scene.rods.held import LENGTH, compose
 from symgen.scene.rods.linkage import TIME, CarriedPoint, PlacedPoint, RigidLink, Vector
+from symgen.scene.rods.run_parameters import LENGTH, compose
 from symgen.scene.schema import Link, PointTable
 
 _ZERO = sp.Integer(0)

@@ -11,7 +11,6 @@ import sympy as sp
 from symgen.loads.load import Load
 from symgen.loads.of_links import Angle
 from symgen.methods import method_of
-from symgen.scene.rods.held import LENGTH, Parameter, Written
 from symgen.scene.rods.linkage import (
     TIME,
     Driver,
@@ -22,6 +21,7 @@ from symgen.scene.rods.linkage import (
     SpatialBody,
     Vector,
 )
+from symgen.scene.rods.run_parameters import LENGTH, Parameter, Written
 from symgen.symbolic.calculus import partial
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.names import Letter, Letters

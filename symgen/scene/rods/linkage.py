@@ -16,8 +16,8 @@ from symgen.loads.load import Load
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.limit import Limit
-from symgen.scene.rods.held import Parameter, Switch, Winding, Written, defaults
 from symgen.scene.rods.rotations import GearPair, Hinge
+from symgen.scene.rods.run_parameters import Parameter, Switch, Winding, Written, defaults
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
 from symgen.symbolic.quantity import AXES, quantity

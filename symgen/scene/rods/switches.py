@@ -11,8 +11,8 @@ from itertools import count
 import sympy as sp
 
 from symgen.scene.loop.loop import JointVariable, Loop, LoopLoad
-from symgen.scene.rods.held import Parameter, Switch
 from symgen.scene.rods.linkage import TIME, Linkage, Vector
+from symgen.scene.rods.run_parameters import Parameter, Switch
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.switch import Sign
 

@@ -9,8 +9,8 @@ from itertools import count
 import sympy as sp
 
 from symgen.loads.of_links import Angle
-from symgen.scene.rods.held import Parameter, Winding
 from symgen.scene.rods.linkage import Linkage, state_of
+from symgen.scene.rods.run_parameters import Parameter, Winding
 from symgen.scene.rods.switches import loads_of
 from symgen.symbolic.quantity import quantity
 

@@ -24,7 +24,11 @@ IN_PYTHON = {
     "elastic/space/tangents.py": IN_SPACE,
 }
 #: Files that choose coordinates, or solve for places and rates, beside slopes or tangents.
-OTHERS = {"linearisation/state_space.py", "rods/following/placing.py", "elastic/space/linkage.py"}
+OTHERS = {
+    "linearisation/state_space.py",
+    "rods/following/state_from_coordinates.py",
+    "elastic/space/linkage.py",
+}
 #: Files of the core with tangents of steps, and what they work on: stored steps, or columns of a batch in the step loop.
 IN_C = {
     "implicit_variations.c": "struct variations *",

@@ -9,7 +9,7 @@ import numpy as np
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import SystemRun
-from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, memory_of, restore
+from symgen.runtime.integrate.checkpoint import CheckpointOptions, Checkpoints, memory_of, restore
 
 #: Numbers of steps, and beginnings of the names of arrays, of the last whole run and of the present one.
 _STEPS, _RUNS = "steps", ("before_", "now_")
@@ -24,7 +24,7 @@ class RefinementCheckpoints(Checkpoints):
         Steps between two samples of the last whole run and of the one to resume; 0 without.
     """
 
-    def __init__(self, mark: str, keeping: Keeping) -> None:
+    def __init__(self, mark: str, keeping: CheckpointOptions) -> None:
         super().__init__(mark, keeping)
         self._whole, self._present = dict[str, Array](), 0
         with self.reading():

@@ -19,7 +19,7 @@ from symgen.runtime.elastic.large.checkpoint import RefinementCheckpoints
 from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, SystemRun, stacked
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.outputs import selected
-from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
+from symgen.runtime.integrate.checkpoint import CheckpointOptions, mark_of_kernels
 from symgen.runtime.integrate.pace import OutOfTime, Progress, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
@@ -111,7 +111,7 @@ class Refinement:
 
 
 def refined_run(
-    of: LargeMotion, request: Refined, end: float, least: float, keeping: Keeping | None = None
+    of: LargeMotion, request: Refined, end: float, least: float, keeping: CheckpointOptions | None = None
 ) -> ElasticResult:
     """Return the result of a run to a time [s], with at least so many steps, and with checkpoints.
 

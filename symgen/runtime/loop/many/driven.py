@@ -14,7 +14,7 @@ from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.loop.driven import LEAST_RANGE, PARTS, STAGES
 from symgen.runtime.loop.kernels import CLOSE, LoopKernels
-from symgen.runtime.loop.limits import WEAK
+from symgen.runtime.loop.near_singular import WEAK
 from symgen.runtime.many.dataset import BLOCK, Keep, KeptSamples
 from symgen.runtime.many.runs import parameters_of_runs
 from symgen.runtime.result.records import Coordinate, over_time

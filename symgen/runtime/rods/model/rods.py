@@ -182,7 +182,7 @@ class RodModel(LinkageModel):
     ) -> tuple[Array, Array, Array]:
         from symgen.runtime.linearisation.state_space import derivatives
         from symgen.runtime.linearisation.tangents import LinkageTangents
-        from symgen.runtime.rods.following.placing import placed
+        from symgen.runtime.rods.following.state_from_coordinates import placed
 
         d, begin = self.description, self.initial_state()
         places, speeds = (

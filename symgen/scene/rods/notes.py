@@ -1,4 +1,4 @@
-"""Remarks on a scene for readers of its results: omissions that may be intended or not."""
+"""Notes on a scene for readers of its results: omissions that may be intended or not."""
 
 from __future__ import annotations
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from symgen.lowering.expressions import ZERO, OperationCount, references
 from symgen.lowering.kernel import Kernel, Store
-from symgen.lowering.nodes import ZERO, OperationCount, references
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import System
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import sympy as sp
 
-from symgen.scene.rods.held import Parameter
 from symgen.scene.rods.linkage import Linkage, RigidLink
+from symgen.scene.rods.run_parameters import Parameter
 from symgen.symbolic.quantity import quantity
 
 #: Properties of a link that become parameters, with their units.

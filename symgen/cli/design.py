@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.carrying import analysis
 from symgen.cli.common import changes, command, console, print_json, progress_bar
+from symgen.cli.request import analysis
 from symgen.errors import ModelError, SimulationError
 
 _DESIGN = "Design"

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.carrying import analysis
 from symgen.cli.common import app, changes, command, console, progress_bar
+from symgen.cli.request import analysis
 
 #: Number of matrix entries printed without --all.
 _SHOWN = 8

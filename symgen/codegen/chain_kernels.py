@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from symgen.codegen.emit import TextAssignment, environment
 from symgen.codegen.printers import Printer
 from symgen.codegen.source import SourceFile
-from symgen.lowering.loop import Loops, RecursionStep, StepResult
-from symgen.lowering.nodes import references, rename
+from symgen.lowering.expressions import references, rename
+from symgen.lowering.recursion import Loops, RecursionStep, StepResult
 
 #: Chains per group of SIMD lanes: they fill the widest vector register. With twice as many, ten rods
 #: no longer fit into 32 KiB of cache.
