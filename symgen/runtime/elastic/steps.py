@@ -133,9 +133,11 @@ def first_steps(motion: ElasticMotion, task: Task, least: int) -> int:
 
 def step_counts(motion: ElasticMotion, times: Array, per_turn: int) -> Counts:
     """Return the number of steps to each time, in rising order, from the one before it, at least one."""
-    gaps = np.diff(np.sort(times), prepend=0.0)
+    gaps = np.sort(times)
+    gaps[1:] -= gaps[:-1].copy()
     counts = np.maximum(1, np.ceil(gaps / turn(motion) * per_turn - 1e-9)).astype(np.intp)
-    return np.where(gaps > 0.0, counts, 0)
+    counts[gaps <= 0.0] = 0
+    return counts
 
 
 def _before_jumps(motion: ElasticMotion, times: Array) -> Array:
@@ -193,13 +195,15 @@ def integrated(
     times, nodes = (_before_jumps(motion, x) for x in (times, np.append(0.0, nodes)))
     order, counts = np.argsort(times, kind="stable"), np.append(0, counts)
     jumps = motion.jumps[motion.jumps[:, 1] < nodes[-1]]
-    if len(jumps):  # the search takes longer than a few steps
+    if len(jumps):
         jumps = jumps[np.isin(jumps[:, 0], nodes)]
-    within, first = np.unique(np.append(nodes, jumps[:, 1]), return_index=True)
-    counts = np.append(counts, np.zeros(len(jumps), np.intp))[first]
+        nodes, counts = np.append(nodes, jumps[:, 1]), np.append(counts, np.zeros(len(jumps), np.intp))
+        sorting = np.argsort(nodes, kind="stable")
+        nodes, counts = nodes[sorting], counts[sorting]
+    first = np.append(True, nodes[1:] != nodes[:-1])
     batch = equations if s.shape[1] == 1 else _beams.BeamBatch(equations, s.shape[1])
     chosen = replace(chosen, t_end=float(nodes[-1]))
-    grid = {"nodes": within, "counts": counts} if chosen.t_end else {}
+    grid = {"nodes": nodes[first], "counts": counts[first]} if chosen.t_end else {}
     run = stepper_of(batch, chosen, 0.0, np.ravel([s, v]), times[order], **grid)
     if stages:
         stages.resume(run)
@@ -207,7 +211,7 @@ def integrated(
         pace.restart(run.t)
     status, _ = drive(run, 0.0, chosen, progress if chosen.t_end else None, stages, pace)
     reached = order[: run.recorded]
-    states[:, reached] = np.moveaxis(run.result.reshape(-1, 2, *shape), 1, 0)
+    states[:, reached] = run.result.reshape(-1, 2, *shape).swapaxes(0, 1)
     if status == OUT_OF_TIME:
         indices = np.sort(reached)
         raise OutOfTime(run.t, Solution(states[0, indices], states[1, indices], run.steps), indices)

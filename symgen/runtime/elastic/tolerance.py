@@ -88,7 +88,7 @@ def adapted(
     most = max(MOST_STEPS * max(1.0, task.revolutions), float(np.sum(counts)))
     states = run(counts)
     if task.steps is not None:
-        return replace(states, errors=_estimated(motion, task, times, states, start, stages))
+        return replace(states, errors=_estimated(motion, task, times, states, counts, start, stages))
     order = np.argsort(times, kind="stable")
     more, before = 1.0, 0.0
     while np.sum(counts) <= most:
@@ -142,11 +142,11 @@ def _estimated(
     task: Task,
     times: Array,
     states: Solution,
+    counts: Counts,
     start: Start,
     stages: ConsecutiveCheckpoints | None,
 ) -> Callable[[], tuple[float | None, float | None]]:
     """Return a function that computes the error of a run; called at once if the run is limited or kept."""
-    counts = step_counts(motion, times, first_steps(motion, task, _FIRST_STEPS))
 
     @cache
     def errors() -> tuple[float | None, float | None]:
