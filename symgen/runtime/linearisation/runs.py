@@ -22,7 +22,12 @@ from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
-from symgen.runtime.linearisation.sensitivity import jumps_between, moved_pose, total_slopes
+from symgen.runtime.linearisation.sensitivity import (
+    closing_motion,
+    jumps_between,
+    moved_pose,
+    total_slopes,
+)
 from symgen.runtime.linearisation.steps import (
     StepTangents,
     StoredTrajectory,
@@ -190,6 +195,8 @@ def at_run(
     shown = [x for name in outputs for x in ends[0].slopes.scalars(name)]
     for end in ends:
         end.check_unique(shown)
+        if end.redundant and set(names).intersection(end.parameters):
+            closing_motion(end, names)
     slopes = [total_slopes(end, shown, names) for end in ends]
     if path.event is not None:  # the last row is at its time, which changes, too
         slopes = [(np.pad(x, ((0, 1), (0, 0))), np.pad(y, ((0, 1), (0, 0)))) for x, y in slopes[:-1]]

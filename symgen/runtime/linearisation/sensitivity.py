@@ -66,6 +66,7 @@ def moved_motion(
     """Return dq, du and the differentials of accelerations and multipliers; as :func:`moved_pose`."""
     dq, du = _moved(tangents, by, coordinates)
     residual = tangents.slopes.residual
+    tangents.check_kept(by, residual[len(residual) - tangents.m :], dq.astype(float), du.astype(float))
     left = residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du
     dw = tangents.solved(left + tangents.direct(residual, by))
     return dq.astype(float), du.astype(float), dw
@@ -87,13 +88,14 @@ def _moved(
     # Directions of short links follow from small differences of displacements of long ones.
     dq = np.zeros((tangents.n, len(by)), np.longdouble)
     if set(by).intersection(tangents.parameters):
-        dq += _closing(tangents, by)
+        dq += closing_motion(tangents, by)
     du = np.zeros_like(dq)
     for again in range(_REFINED):
         if again:
             opened = slopes.constraints[:, tangents.by_q] @ dq + direct(slopes.constraints, by)
             dq = dq - tangents.bound @ (opened / tangents.scale[:, None])
         dq = dq - unit @ (places[:, tangents.by_q] @ dq + direct(places, by) - varied(""))
+    tangents.check_kept(by, slopes.rates, dq.astype(float))
     for _ in range(_REFINED):
         moved = slopes.rates[:, tangents.by_q] @ dq + direct(slopes.rates, by) + tangents.jacobian @ du
         du = du - tangents.bound @ (moved / tangents.scale[:, None])
@@ -121,7 +123,7 @@ def at_equilibrium(
     n = tangents.n
     force = tangents.slopes.residual[:n]
     by_q, direct = force[:, tangents.by_q], tangents.direct(force, parameters)
-    dq = _closing(tangents, parameters)
+    dq = closing_motion(tangents, parameters)
     stiffness = tangents.free.T @ by_q @ tangents.free
     _, sizes, right = np.linalg.svd(stiffness)
     if len(sizes) and sizes[-1] <= _NEUTRAL * max(sizes[0], float(np.max(np.abs(by_q)))):
@@ -147,21 +149,24 @@ def at_equilibrium(
     return result
 
 
-def _closing(tangents: Tangents, by: Sequence[str]) -> Array:
-    """Return the minimum-norm change of the pose that keeps the constraints, (n, directions)."""
+def closing_motion(tangents: Tangents, by: Sequence[str]) -> Array:
+    """Return the minimum-norm change of the pose that keeps the constraints, (n, directions).
+
+    Raises
+    ------
+    ModelError
+        For a parameter that opens redundant constraints in this pose, or as the mechanism moves from it.
+    """
     slopes, d = tangents.slopes, tangents.description
     scaled = slopes.constraints / tangents.scale[:, None]
     size = np.max(np.abs(scaled[:, tangents.by_q]), axis=1, initial=1.0)
     other = np.abs(slopes.constraints[:, tangents.by_q] - tangents.jacobian) / tangents.scale[:, None]
     for row in map(int, np.flatnonzero(np.max(other, axis=1, initial=0.0) > _EQUAL * size)):
         raise ModelError(f"derivatives by parameters are not available with {d.labels[row]}")
-    direct = tangents.direct(scaled, by)
-    dq = -tangents.bound @ direct
-    left = np.abs(scaled[:, tangents.by_q] @ dq + direct)
-    allowed = _EQUAL * np.maximum(np.max(np.abs(direct), axis=0, initial=0.0), tangents.least_openings(by))
-    for column in map(int, np.flatnonzero(np.any(left > allowed, axis=0))):
-        row = int(np.argmax(left[:, column]))
-        raise ModelError(f"a change of {by[column]} alone {tangents.contradicts(row)}")
+    tangents.check_kept(by, slopes.constraints)
+    dq = -tangents.bound @ tangents.direct(scaled, by)
+    for motion in tangents.motions.T if tangents.redundant else ():
+        tangents.check_kept(by, tangents.rates_along(motion), dq)
     return np.asarray(dq)
 
 

@@ -8,7 +8,7 @@ that of the equations of motion the accelerations and multipliers. Slopes of lin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.redundancy import CLOSED, extent, not_unique, violation
-from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.kernels.evaluate import Evaluator, Kernels
 from symgen.runtime.result.state import State
 
 #: Coordinates whose directions are closer to dependent than this do not determine the motion.
@@ -25,6 +25,8 @@ _DEPENDENT = 1e-9
 _REFINEMENTS = 2
 #: The part of its largest singular value at which the constraint Jacobian has lost rank.
 _LOST = 1e-12
+#: The part of constraints and their derivatives, and of the size of a mechanism, that counts as none.
+_NONE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,9 @@ class Tangents:
 
     #: Which coordinates may be independent, for messages.
     CHOICE: ClassVar[str]
+    #: Kernels of the equations of motion, and which constraints are drives.
+    model: Kernels
+    driven: Sequence[int]
     #: Accelerations and multipliers, and the slopes.
     solution: Array
     slopes: StateSlopes
@@ -109,6 +114,7 @@ class Tangents:
                 "at a dead centre, where motions and forces have no derivatives\n"
                 "  Choose a state away from it."
             )
+        self._dependent = left[:, rank:]
         #: Least motions of unit constraint errors, and a basis of the motions without any.
         self.bound = columns[:, None] * ((right[:rank].T / values[:rank]) @ left[:, :rank].T)
         self.free = columns[:, None] * right[rank:].T
@@ -148,9 +154,74 @@ class Tangents:
         a = a + self.free @ np.linalg.solve(reduced, self.free.T @ (force - self.mass @ a))
         return np.vstack([a, (self.bound.T @ (force - self.mass @ a)) / self.scale[:, None]])
 
-    def least_openings(self, parameters: Sequence[str]) -> Array:
-        """Return the changes of constraints, over their units, that count as none by each parameter."""
-        return np.full(len(parameters), 1e-300)
+    def check_kept(self, by: Sequence[str], slopes: Array, *changes: Array) -> None:
+        """Raise ModelError for a parameter that redundant constraints, or their derivatives, do not permit.
+
+        Their differentials, J dx + (known terms) = 0, have a solution where these are in the range of J.
+
+        Parameters
+        ----------
+        by
+            Names of the directions.
+        slopes
+            Of the constraints, or of their rates or accelerations, a row each.
+        changes
+            The known changes of coordinates, and of velocities, (n, directions) each.
+        """
+        if not self.redundant:
+            return
+        known = np.vstack([np.zeros((0, len(by))), *changes])
+        scaled = slopes / self.scale[:, None]
+        given, direct = scaled[:, : len(known)], self.direct(scaled, by)
+        left = np.abs(self._dependent @ (self._dependent.T @ (given @ known + direct)))
+        sizes = np.max(np.abs(given) @ np.abs(known) + np.abs(direct), axis=0, initial=0.0)
+        unit = np.max(np.abs(scaled[:, self.by_q]) * self.units_of_coordinates, initial=0.0)
+        allowed = _NONE * np.maximum(sizes, unit * self.least_openings(by))
+        for column in map(int, np.flatnonzero(np.any(left > allowed, axis=0))):
+            if by[column] in self.parameters:
+                reason = self.contradicts(int(np.argmax(left[:, column])))
+                raise self.refusal(f"a change of {by[column]} alone", reason)
+
+    def refusal(self, what: str, reason: str) -> ModelError:
+        """Return the error for a derivative by, or of, what redundant constraints do not permit.
+
+        The reason counts at a state that meets these constraints.
+        """
+        if (gap := self.gap()) > _NONE:
+            return ModelError(
+                f"{self.description.name} meets its redundant constraints only to {gap:.1e} of its size at "
+                f"t = {self.state.t:g} s: there are no exact derivatives for {what}\n"
+                "  Runs permit a gap within analysis.assembly_tolerance; for derivatives give parameters and "
+                "a state that meet these constraints exactly."
+            )
+        return ModelError(f"{what} {reason}")
+
+    @property
+    def motions(self) -> Array:
+        """Motions that the constraints without drives permit: the free ones, and those by each drive."""
+        return np.hstack([self.free, self.bound[:, self.driven]])
+
+    def rates_along(self, motion: Array) -> Array:
+        """Return the slopes of dPhi/dt, a row each, with the velocities of a motion."""
+        raise NotImplementedError
+
+    @property
+    def size(self) -> float:
+        """The size of the mechanism [m]."""
+        return float(self.description.size)
+
+    def gap(self) -> float:
+        """Return the largest violation of the constraints, over the size of the mechanism."""
+        raise NotImplementedError
+
+    def least_openings(self, by: Sequence[str]) -> Array:
+        """Return the openings of constraints, over their units, to which the part that counts as none refers.
+
+        A mechanism that opens by its size, over a change of each parameter that is not small.
+        """
+        known = zip(self.description.parameters, self.model.parameter_values, strict=True)
+        values = {p.name: self.size if p.unit == "m" else max(1.0, abs(x)) for p, x in known}
+        return 1.0 / np.array([values.get(x, 1.0) for x in by])
 
     def contradicts(self, row: int) -> str:
         """Return what a change does that opens a redundant constraint, in words, with a remedy."""
@@ -231,6 +302,7 @@ class LinkageTangents(Tangents):
         Where the constraints lose rank.
     """
 
+    model: Evaluator
     CHOICE = "Choose angles of links (plane), or components of positions such as A.position.x."
 
     def __init__(
@@ -243,6 +315,7 @@ class LinkageTangents(Tangents):
         redundant: int,
     ) -> None:
         self.model, d, n = model, model.description, model.description.coordinates
+        self._kernels, self.driven = kernels, d.prescribed
         self.solution, self.slopes = solution, _slopes(kernels, parameters, state, solution)
         equations = 0.0 - self.slopes.residual[:, 2 * n : 2 * n + len(solution)]
         scale = np.zeros(0)
@@ -251,11 +324,28 @@ class LinkageTangents(Tangents):
         matrices = equations[:n, :n], equations[n:, :n]
         super().__init__(d, parameters, state, *matrices, scale, np.ones(n), redundant)
 
+    def rates_along(self, motion: Array) -> Array:
+        """Return the slopes of dPhi/dt, a row each, with the velocities of a motion."""
+        return _slopes(self._kernels, self.parameters, replace(self.state, u=motion), self.solution).rates
+
+    @property
+    def size(self) -> float:
+        """The size of the linkage [m]."""
+        return extent(self.model, self.state.q)
+
+    def gap(self) -> float:
+        """Return the largest violation of the constraints, over the size of the linkage."""
+        return violation(self.model, self.state.t, self.state.q, self.state.u)[0] / self.size
+
+    def least_openings(self, by: Sequence[str]) -> Array:
+        """Return the openings [m] to which the part that counts as none refers."""
+        return self.size * super().least_openings(by)
+
     def check_closed(self) -> None:
         """Raise ModelError for a state that violates the constraints."""
         if not self.m:
             return
-        size = extent(self.model, self.state.q)
+        size = self.size
         error, rate = violation(self.model, self.state.t, self.state.q, self.state.u)
         # At rest, round-off of velocities is small compared with speeds that the forces cause within the
         # size.

@@ -173,13 +173,14 @@ def test_what_cannot_be_differentiated_is_named():
         model.sensitivity(["energy"], at=0.5)
 
 
-def test_a_parameter_that_contradicts_redundant_constraints_is_refused():
-    names = {"a": "1 m", "b": "1 m"}
-    model = build(
+def three_cranks(a="a", gx="gx", ex="2 m", rate="2 rad/s", **parameters):
+    """Three parallel vertical cranks of lengths b, b and a, on ground points A, D and G."""
+    values = {"a": "1 m", "b": "1 m", "gx": "2 m"} | parameters
+    return build(
         symgen.Scene(
-            parameters={k: {"value": v, "tunable": True} for k, v in names.items()},
-            points={"A": ground(0, 0), "D": ground(1, 0), "G": ground(2, 0)}
-            | {"B": at(0, 1), "C": at(1, 1), "E": at(2, 1)},
+            parameters={k: {"value": v, "tunable": True} for k, v in values.items()},
+            points={"A": ground(0, 0), "D": ground(1, 0), "G": {"at": [gx, 0], "ground": True}}
+            | {"B": at(0, 1), "C": at(1, 1), "E": {"at": [ex, "1 m"]}},
             links={
                 "AB": {"points": ["A", "B"], "mass": "1 kg", "length": "b"},
                 "BE": {
@@ -189,14 +190,46 @@ def test_a_parameter_that_contradicts_redundant_constraints_is_refused():
                     "inertia": "1 kg*m^2",
                 },
                 "DC": {"points": ["D", "C"], "mass": "1 kg", "length": "b"},
-                "GE": {"points": ["G", "E"], "mass": "1 kg", "length": "a"},
+                "GE": {"points": ["G", "E"], "mass": "1 kg", "length": a},
             },
+            start={"rates": {"AB": rate}},
             gravity=GRAVITY,
+            analysis={"assembly_tolerance": "2e-6 m"},
         )
     )
+
+
+@pytest.mark.parametrize("rate", ["2 rad/s", "0 rad/s"])
+@pytest.mark.parametrize("along", [{}, {"t_eval": [0.1]}])
+def test_a_parameter_that_contradicts_redundant_constraints_is_refused(rate, along):
+    """Moving G keeps the constraints of vertical cranks to first order, but these cannot move then."""
+    model = three_cranks(rate=rate)
     assert model.redundant
-    with pytest.raises(ModelError, match="a change of a alone contradicts the redundant constraints"):
-        model.sensitivity(["energy"], ["a"], coordinates=["DC.angle"])
+    for name in ("a", "gx"):
+        with pytest.raises(
+            ModelError, match=f"a change of {name} alone contradicts the redundant constraints"
+        ):
+            model.sensitivity(["energy"], [name], coordinates=["DC.angle"], **along)
+
+
+def test_parameters_that_keep_constraints_redundant_have_derivatives():
+    """Cranks of a common length b, and G moved with E: the coupler moves as on two cranks."""
+    model = three_cranks(a="b", ex="gx")
+    outputs = ["E.position", "E.velocity", "AB.angle''"]
+    found = model.sensitivity(outputs, ["b", "gx"], coordinates=["AB.angle"])
+    # At rest upright no force turns the cranks, of any length.
+    expected = [[0, 1], [1, 0], [-2, 0], [0, 0], [0, 0]]
+    assert found.derivatives == pytest.approx(np.array(expected, dtype=float), abs=1e-12)
+    later = model.sensitivity(outputs[:1], ["gx"], coordinates=["AB.angle"], t_eval=[0.1])
+    assert later.derivatives[0] == pytest.approx(np.array([[1.0], [0.0]]), abs=1e-11)
+
+
+def test_redundant_constraints_with_a_gap_are_named():
+    model = three_cranks(a="b + gap", ex="gx", gap="1e-6 m")
+    with pytest.raises(
+        ModelError, match="meets its redundant constraints only to .* for a change of b alone"
+    ):
+        model.sensitivity(["E.position"], ["b"], coordinates=["AB.angle"])
 
 
 def test_frequencies_have_the_derivatives_of_their_closed_forms():

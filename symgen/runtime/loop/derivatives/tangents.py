@@ -21,6 +21,8 @@ from symgen.runtime.result.state import State
 
 #: Relative sizes of singular values, and of forces of outputs, that count as none.
 _RANK, _LEFT = 1e-9, 1e-9
+#: The same of dependent variables at a dead centre, of which the pose is known to the root of rounding only.
+_SINGULAR = 1e-7
 #: Part of its unit that an acceleration may be open.
 _OPEN = 1e-6
 #: Part of the size of the loop, and of its speeds, by which a state may be open.
@@ -46,23 +48,25 @@ class LoopTangents(Tangents):
         redundant closure equations; when accelerations are not determined.
     """
 
+    model: LoopKernels
     CHOICE = "Choose joint variables that are not prescribed."
 
     def __init__(self, loop: LoopKernels, kernels: LoopKernels, state: State) -> None:
         d, n, inputs, columns = loop.description, len(state.q), loop.inputs, loop.scale
         if d.having("free"):
             check_closed(loop, state)
-        self._loop, self._kernels = loop, kernels
+        self.model, self._kernels, self.driven = loop, kernels, range(6, 6 + len(inputs))
         self._known = [i for i, v in enumerate(d.variables) if not v.unknown and kernels.has("efforts")]
         motion, dependent = loop("motion", state.t, state.q, state.u), d.having("dependent")
         jacobian = np.vstack([motion["screws"], np.eye(n)[inputs]])
         scale = np.append(_lengths(d), columns[inputs])
         moving = jacobian / scale[:, None] * columns
-        if _rank(np.linalg.svd(moving[:6, dependent])[1]) < len(dependent):
+        if _rank(np.linalg.svd(moving[:6, dependent])[1], _SINGULAR) < len(dependent):
             check_poles(loop, state.t, state.q)
             raise ModelError(
-                f"{d.name} is at a singular position at {loop.value_at(state.t)}: its inputs and free "
-                "variables do not determine how it moves"
+                f"{d.name} is at a singular position, such as a dead centre, at {loop.value_at(state.t)}: "
+                "its inputs and free variables do not determine how it moves\n"
+                "  Choose a state away from it."
             )
         self.state, self.solution = state, np.zeros(n + 6)
         directions = np.eye(3 * n + 6 + len(loop.parameter_values))
@@ -72,7 +76,7 @@ class LoopTangents(Tangents):
         names = [p.name for p in d.parameters]
         super().__init__(d, names, state, efforts[:, :n], jacobian, scale, columns, 6 - len(dependent))
         if np.max(np.abs(moving @ (self.free / columns[:, None])), initial=0.0) > _RANK:
-            raise ModelError(f"a change of its free variables {self.contradicts(0)}")
+            raise self.refusal("a change of its free variables", self.contradicts(0))
         self._balance(efforts[self._known, n:])
         # All equations are linear in accelerations and wrench: what is left without these determines them.
         left = np.concatenate([-motion["screw_drift"].ravel(), loop.prescribed(state.t)[:, 2]])
@@ -112,18 +116,31 @@ class LoopTangents(Tangents):
         """Return all results of a kernel by name, without directions."""
         return self._kernels(kernel, self.state.t, self.state.q, self.state.u, self.solution)
 
-    def _along(self, kernel: str, directions: Array) -> Array:
-        """Return the tangents that a kernel gives along directions, (directions, entries)."""
+    def rates_along(self, motion: Array) -> Array:
+        """Return the slopes of the rates of closure and inputs, a row each, with the rates of a motion."""
+        rates = self.slopes.rates.copy()
+        directions = np.eye(rates.shape[1])
+        changed = [*range(self.n), *range(self.by_solution.stop, len(directions))]
+        rates[:6, changed] = self._along("motion", directions[changed], motion).T[:6]
+        return rates
+
+    def gap(self) -> float:
+        """Return by how much the loop is open, in rotation [rad] and displacement over its size."""
+        return _defect(self.model, self.state)
+
+    def _along(self, kernel: str, directions: Array, rates: Array | None = None) -> Array:
+        """Return the tangents that a kernel gives along directions, (directions, entries), at other rates."""
         count, (first, size) = len(directions), (len(self.solution), directions.shape[1])
         work = np.zeros((count, self._kernels.work_size + 1))
         work[:, :first], work[:, first : first + size] = self.solution, directions
-        states = np.tile(np.concatenate([self.state.q, self.state.u, [0.0]]), (count, 1))
+        u = self.state.u if rates is None else rates
+        states = np.tile(np.concatenate([self.state.q, u, [0.0]]), (count, 1))
         results = self._kernels.many(kernel, np.full(count, self.state.t), states, work)
         return next(x for name, x in results.items() if name.endswith("_tangent"))
 
     def _slopes(self, directions: Array) -> StateSlopes:
         """Return the slopes along unit directions."""
-        d, n, inputs = self._loop.description, len(self.state.q), self._loop.inputs
+        d, n, inputs = self.model.description, len(self.state.q), self.model.inputs
         closure, motion = (self._along(x, directions).T for x in ("closure", "motion"))
         efforts = self._along("efforts", directions).T[self._known] if self._known else closure[:0]
         off = [directions[order * n :][inputs] for order in range(3)]
@@ -153,13 +170,6 @@ class LoopTangents(Tangents):
                 units[name] = variable.unit + per
         return StateSlopes(residual, rates, constraints, outputs, values, units)
 
-    def least_openings(self, by: Sequence[str]) -> Array:
-        """Return the part of an opening that counts as none: over a change that is not small."""
-        d, values = self.description, self._loop.parameter_values
-        given, units = dict(zip(self.parameters, values, strict=True)), {p.name: p.unit for p in d.parameters}
-        sizes = [d.size if units.get(x) == "m" else max(1.0, abs(given.get(x, 1.0))) for x in by]
-        return 1.0 / np.array(sizes)
-
     def contradicts(self, row: int) -> str:
         """Return what a change does that opens closure equations, in words, with a remedy."""
         return (
@@ -172,9 +182,8 @@ class LoopTangents(Tangents):
         for name in outputs:
             by = self.slopes.outputs[name][self.by_solution][self.n :] * self._units[-6:]
             if np.max(np.abs(self._open @ by), initial=0.0) > _LEFT * np.max(np.abs(by)):
-                raise ModelError(
-                    f"{name} is not determined: closure equations of {self.description.name} are redundant"
-                )
+                reason = f"is not determined: closure equations of {self.description.name} are redundant"
+                raise self.refusal(name, reason)
 
 
 def check_poles(loop: LoopKernels, t: float, q: Array) -> None:
@@ -196,19 +205,17 @@ def check_closed(loop: LoopKernels, state: State) -> None:
             f"expected a state of {d.name} of {n} joint variables and rates, got {len(state.q)} and "
             f"{len(state.u)}\n  model.state({{...}}) returns one."
         )
-    blocks = loop("position", state.t, state.q, state.u)
-    lengths = _lengths(d)
-    prescribed = loop.prescribed(state.t)
+    prescribed, defect = loop.prescribed(state.t), _defect(loop, state)
     off = (state.q[loop.inputs] - prescribed[:, 0]) / loop.scale[loop.inputs]
-    defect = max(float(np.max(np.abs(blocks["closure_defect"] / lengths[[0, 0, 0, 3]]))), *np.abs(off), 0.0)
-    opening = blocks["closure_jacobian"] @ state.u / lengths
+    defect = max(defect, *np.abs(off), 0.0)
+    opening = loop("position", state.t, state.q, state.u)["closure_jacobian"] @ state.u / _lengths(d)
     off = (state.u[loop.inputs] - prescribed[:, 1]) / loop.scale[loop.inputs]
     speed = max(float(np.max(np.abs(state.u / loop.scale))), 1e-300)
     rate = max(float(np.max(np.abs(opening))), *np.abs(off), 0.0)
-    closed = defect <= max(_CLOSED, 2.0 * loop.tolerance)
-    if closed and rate > _CLOSED * speed:
+    allowed = max(_CLOSED, 2.0 * loop.tolerance)
+    if defect <= allowed < rate / speed:
         check_poles(loop, state.t, state.q)
-    if not (closed and rate <= _CLOSED * speed):
+    if not (defect <= allowed and rate <= allowed * speed):
         raise ModelError(
             f"the state at t = {state.t:g} s does not close {d.name}: by {defect:.1e} (rotation in rad, "
             f"displacement over {d.size:.4g} m), and its rates by {rate:.1e} 1/s\n"
@@ -216,11 +223,17 @@ def check_closed(loop: LoopKernels, state: State) -> None:
         )
 
 
+def _defect(loop: LoopKernels, state: State) -> float:
+    """Return the largest rotation [rad], and displacement over the size, by which a loop is open."""
+    defect = loop("position", state.t, state.q, state.u)["closure_defect"]
+    return float(np.max(np.abs(defect / _lengths(loop.description)[[0, 0, 0, 3]])))
+
+
 def _lengths(d: LoopDescription) -> Array:
     """Return the units of the six closure equations, and of the closing wrench of unit force."""
     return np.array([1.0, 1.0, 1.0, d.size, d.size, d.size])
 
 
-def _rank(values: Array) -> int:
+def _rank(values: Array, least: float = _RANK) -> int:
     """Return the number of singular values that count."""
-    return int(np.count_nonzero(values > _RANK * values.max(initial=0.0)))
+    return int(np.count_nonzero(values > least * values.max(initial=0.0)))
