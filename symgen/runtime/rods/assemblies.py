@@ -14,7 +14,12 @@ from symgen.runtime.rods.assembly.quadratics import NotInGroups
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.search import NEARLY, search
 
-_SAME, _CLOSED = 1e-6, 1e-12
+#: Distance between two poses that count as one, over the size of the linkage.
+_SAME = 1e-6
+#: Least singular value of an isolated pose, over the largest.
+_ISOLATED = 1e-6
+#: Largest error of constraints of a closed pose, over the size.
+_CLOSED = 1e-12
 
 
 def assemblies(
@@ -61,7 +66,7 @@ def assemblies(
 
 def _isolated(constraints: Constraints, q: Array, t: float) -> bool:
     values = np.linalg.svd(constraints.jacobian(q, t), compute_uv=False)
-    return bool(values[-1] > _SAME * values[0])
+    return bool(values[-1] > _ISOLATED * values[0])
 
 
 def polished(constraints: Constraints, q: Array, t: float, root: Array | None = None) -> Array | None:

@@ -14,7 +14,10 @@ from symgen.runtime.rods.assemblies import polished
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.linear import Statics
 
-_STEPS, _AWAY = 500, 1e4
+#: Most steps to an equilibrium.
+_STEPS = 500
+#: Distance from the start, over the size, beyond which there is none.
+_AWAY = 1e4
 
 
 def _in_motion(d: Description, name: str, when: str) -> str:

@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
 #: Number of coordinates above which dense matrices of the start take longer than sparse ones.
 LARGE = 400
-#: Compliance of the conditions, over which masses and conditions are scaled to one; the most corrections.
-_COMPLIANCE, _CORRECTIONS = 1e-8, 30
+#: Compliance of the conditions, where masses and conditions are scaled to one.
+_COMPLIANCE = 1e-8
+#: Most corrections of the solution.
+_CORRECTIONS = 30
 
 
 def least_velocities(

@@ -12,8 +12,12 @@ from symgen.runtime.rods.assembly.quadratics import QuadraticRows
 
 #: Part of the size by which poses that are refined may miss a condition, or points a line or plane.
 NEARLY = 1e-6
-#: Seed of random poses, steps from each pose, first damping of steps.
-_SEED, _STEPS, _DAMPING = 20, 100, 1e-3
+#: Seed of the random poses.
+_SEED = 20
+#: Most steps from each pose.
+_STEPS = 100
+#: First damping, over the sum of squares of the slopes per coordinate.
+_DAMPING = 1e-3
 
 
 class PointConditions(QuadraticRows, Protocol):

@@ -25,10 +25,14 @@ from symgen.runtime.integrate.redundancy import (
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.large_start import LARGE, least_velocities
 
-#: Random poses from which a start is searched, and the largest number of coordinates with a search.
-_TRIES, _SEARCHED = 24, 120
-#: Round-off of drawn positions over the size of the linkage, and of velocities over the prescribed ones.
-ROUNDING, CONSISTENT = 1e-14, 1e-9
+#: Random poses from which a start is searched.
+_TRIES = 24
+#: Largest number of coordinates with a search.
+_SEARCHED = 120
+#: Round-off of drawn positions, over the size of the linkage.
+ROUNDING = 1e-14
+#: Round-off of velocities, over the prescribed ones.
+CONSISTENT = 1e-9
 
 
 @dataclass(frozen=True, slots=True)

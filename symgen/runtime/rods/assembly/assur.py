@@ -32,18 +32,32 @@ from symgen.runtime.rods.assembly.quadratics import (
 )
 from symgen.runtime.rods.following.groups import groups_of
 
-#: Largest number of poses for which groups are solved, of unknowns of a group of one point and of a larger
-#: group, and of poses for which a larger group is solved.
-_MOST, _POINT, _GROUP, _FEW = 1024, 3, 12, 64
+#: Most poses for which a group of one point is solved.
+_MOST_POSES = 1024
+#: Most poses for which a larger group is solved.
+_POSES_OF_LARGE = 64
+#: Most unknowns of a group of one point.
+_POINT_UNKNOWNS = 3
+#: Most unknowns of a larger group.
+_GROUP_UNKNOWNS = 12
 #: Relative size of determinants and leading coefficients that counts as zero.
 _DEGENERATE = 1e-10
 #: Smallest singular value over the largest of a group whose drawn side counts.
 _SIDE = 1e-9
 #: Largest closure error of a pose, over the size, from which Newton's method closes it.
 _OPEN = 1e-4
-#: Arcs of a circle at first and at most, degree of the series on each, size of their last terms, shortest
-#: half width [rad], and the part of it by which a pair of roots may be apart from a double root.
-_ARCS, _MOST_ARCS, _DEGREE, _ENDED, _SHORTEST, _PAIR = 16, 128, 20, 1e-11, 1e-3, 1e-3
+#: Arcs into which a circle is divided at first.
+_ARCS = 16
+#: Most arcs of a circle.
+_MOST_ARCS = 128
+#: Degree of the Chebyshev series on an arc.
+_DEGREE = 20
+#: Size of the last terms of a series that has converged, over its largest.
+_LAST_TERMS = 1e-11
+#: Half width of the shortest arc [rad].
+_SHORTEST = 1e-3
+#: Distance of two roots from a double root, over the half width of the arc.
+_PAIR = 1e-3
 _SINGULAR = "a group of one point is singular for this value of the drives"
 
 
@@ -163,7 +177,7 @@ def _roots(function: Callable[[Array], Array]) -> list[float]:
         if len(centres) > _MOST_ARCS or not np.all(size > 0) or size.max() < NONE:
             raise NotInGroups("the last constraint of a group has no separate roots")
         terms = (values / size[:, None]) @ series.T
-        ended = (np.abs(terms[:, -3:]).max(axis=1) < _ENDED) | (half < _SHORTEST)
+        ended = (np.abs(terms[:, -3:]).max(axis=1) < _LAST_TERMS) | (half < _SHORTEST)
         for centre, coefficients in zip(centres[ended], terms[ended], strict=True):
             roots = chebyshev.chebroots(coefficients)
             near = (np.abs(roots.imag) < _PAIR) & (np.abs(roots.real) < 1 + _PAIR)
@@ -186,7 +200,7 @@ def modes_of_groups(constraints: QuadraticRows, near: Array, t: float) -> list[A
     of, poses = of.along(axes), [np.zeros(constraints.n)]
     for group in _groups(of, range(constraints.m), range(constraints.n)):
         solver = _solver(of, *group)
-        if len(poses) > (_FEW if isinstance(solver, _Circle) else _MOST):
+        if len(poses) > (_POSES_OF_LARGE if isinstance(solver, _Circle) else _MOST_POSES):
             raise NotInGroups(f"{len(poses)} poses of some groups are too many to continue from each")
         poses = [x for pose in poses for x in _ways(of, solver, pose)]
     return [near + size * x @ axes for x in poses]
@@ -225,7 +239,7 @@ def modes_by_drawing(conditions: QuadraticRows, drawn: Array, slopes: Array) -> 
             for way in _ways(of, solver, pose)
         ]
         poses.sort(key=lambda pose: (pose[0], round(float(np.linalg.norm(pose[1])), 6), pose[1].tolist()))
-        del poses[_FEW:]
+        del poses[_POSES_OF_LARGE:]
     yield from (drawn + size * x @ axes for _, x in poses)
 
 
@@ -283,8 +297,8 @@ def _solver(of: Quadratics, rows: list[int], columns: list[int]) -> _Point | _Ci
     point = _point(of, rows, columns)
     if point is not None:
         return point
-    if len(rows) > _GROUP:
-        raise NotInGroups(f"a group has {len(rows)} unknowns, more than {_GROUP}")
+    if len(rows) > _GROUP_UNKNOWNS:
+        raise NotInGroups(f"a group has {len(rows)} unknowns, more than {_GROUP_UNKNOWNS}")
     having, best = of.having(rows, columns), None
     for row, last in product(rows, rows):
         on = sorted(having[row])
@@ -310,7 +324,7 @@ def _signs(points: Sequence[_Point]) -> int:
 
 def _point(of: Quadratics, rows: list[int], columns: list[int]) -> _Point | None:
     """Return the group as one point, if its quadratic terms are multiples of those of one row."""
-    if len(rows) > _POINT:
+    if len(rows) > _POINT_UNKNOWNS:
         return None
     bends = {r: of.curvature[np.ix_([r], columns, columns)][0] for r in rows}
     first = max(rows, key=lambda r: float(np.abs(bends[r]).max()))

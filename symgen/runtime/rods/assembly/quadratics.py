@@ -16,8 +16,10 @@ Poses = NDArray[Any]
 
 #: Largest number of coordinates for which groups are solved.
 _LARGEST = 120
-#: Relative sizes that count as zero: of derivatives, and of the residual of the quadratic form.
-NONE, _POLYNOMIAL = 1e-13, 1e-10
+#: Derivatives below this part of the largest count as zero.
+NONE = 1e-13
+#: Largest difference of constraints from their quadratic form, over the size of the linkage.
+_POLYNOMIAL = 1e-10
 _CURVED = "constraints are not quadratic in the coordinates"
 
 

@@ -14,8 +14,10 @@ from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.groups import groups_of
 from symgen.runtime.rods.poses import Poses
 
-#: Parts of the range at first, and the most of them.
-_PARTS, _MOST = 8, 1_000_000
+#: Parts into which the range is divided at first.
+_PARTS = 8
+#: Most parts of the range.
+_MOST_PARTS = 1_000_000
 #: Most that a link may turn from one pose to the next [rad]: half of what would hide a revolution.
 TURN = 1.5
 
@@ -48,7 +50,7 @@ def along_branch(
     """
     kinematics = steps_of(constraints, q, t)
     parts = _PARTS
-    while parts <= _MOST:
+    while parts <= _MOST_PARTS:
         nodes = nodes_of(t, low, high, times, parts)
         before, after = nodes[nodes < t][::-1].copy(), nodes[nodes >= t]
         forward = kinematics.follow(t, q, after)
@@ -61,7 +63,7 @@ def along_branch(
         most = float(turned(constraints.description, nodes, *constraints.moving(poses)))
         if most <= TURN:
             return Branch(poses, np.searchsorted(nodes, times))
-        parts *= int(np.ceil(min(most / TURN, _MOST)) + 1)
+        parts *= int(np.ceil(min(most / TURN, _MOST_PARTS)) + 1)
     return None
 
 

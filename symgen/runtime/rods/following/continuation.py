@@ -35,13 +35,22 @@ Held = TypeVar("Held", bound=ImplicitCurve)
 _EPS = float(np.finfo(float).eps)
 #: Rank tolerance of singular values.
 _RANK = 1e-7
-_NEWTON, _HALVINGS = 11, 40
-#: Largest angle between tangents of one step [rad], and the longest step over the size of the linkage.
-_TURN, LONGEST, _FIRST = 0.15, 0.25, 0.02
+#: Most iterations of Newton's method.
+_ITERATIONS = 11
+#: Most halvings of an interval in search of a time.
+_HALVINGS = 40
+#: Largest angle between the tangents at both ends of a step [rad].
+_TURN = 0.15
+#: Longest step, over the size of the linkage.
+LONGEST = 0.25
+#: First step, over the size of the linkage.
+_FIRST_STEP = 0.02
 #: Largest factor by which the determinant of the slope changes in a step.
 _CHANGE = 4.0
-#: Soundness below which branches count as crossing, and the least step there, from one side to the other.
-_CROSSED, _ACROSS = 10 * _RANK, 1e-4
+#: Soundness below which branches count as crossing.
+_CROSSED = 10 * _RANK
+#: Least step there, from one side to the other, over the size of the linkage.
+_ACROSS = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +111,7 @@ class Curve(Generic[Held]):
             matrix, rhs = np.vstack([self.slope(x), normal]), np.append(-left, -normal @ (x - start))
             return np.asarray(np.linalg.lstsq(matrix, rhs, rcond=1e-13)[0])
 
-        return corrected(x, change, _size, _NEWTON, residual=self.residual, falls=0.5)
+        return corrected(x, change, _size, _ITERATIONS, residual=self.residual, falls=0.5)
 
     def at(self, x: Array) -> Array | None:
         """Return the point of the curve near x at its very time; None where Newton's method fails."""
@@ -149,7 +158,7 @@ class Curve(Generic[Held]):
         are bracketed. It ends early where no further point was found, or, with ``through``,
         where the curve is back at its start.
         """
-        points, step, outside = [start], _FIRST, 0
+        points, step, outside = [start], _FIRST_STEP, 0
         low, high = (e / self.duration for e in ends)
         longest = max(high - low, 1e-12) / 64
         while len(points) < most:

@@ -17,10 +17,14 @@ from symgen.runtime.rods.poses import Poses, counted, references_of
 
 #: Largest change of a coordinate or drive in a step [rad], of lengths relative to the linkage's size.
 _STEP = 0.2
-#: Shortest steps relative to the whole: those that Newton's method needs, and those that the drives need.
-_LEAST, _SHORTEST = 1e-4, 1e-7
-#: Newton iterations of a step, and their last change relative to the linkage's size.
-_NEWTON, _CLOSED = 12, 1e-13
+#: Shortest step for Newton's method, over the whole way.
+_LEAST = 1e-4
+#: Shortest step for the drives, over the whole way.
+_SHORTEST = 1e-7
+#: Most iterations of Newton's method in a step.
+_ITERATIONS = 12
+#: Last change of an iteration, over the size of the linkage.
+_CLOSED = 1e-13
 #: Part of a step after which drives are compared too: at its end a whole revolution would not show.
 _WITHIN = 0.382
 
@@ -140,7 +144,7 @@ def _moved(
         left = _difference(names, target, np.array([slopes.values[name] for name in names]))
         return np.asarray(closing + unit @ (left - slopes.rows(names)[:, tangents.by_q] @ closing))
 
-    return corrected(q, change, lambda _: size, _NEWTON, close=_CLOSED, far=1.0)
+    return corrected(q, change, lambda _: size, _ITERATIONS, close=_CLOSED, far=1.0)
 
 
 def _difference(names: tuple[str, ...], target: Array, values: Array) -> Array:

@@ -28,7 +28,10 @@ from symgen.runtime.rods.kinematics import Followed, driven, follow, with_refere
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.recorded_motion import CurvePositions, coordinate_of
 
-_MOST_ELEMENTS, _MOST_SAMPLES = 1000, 100_000
+#: Most elements of a link.
+_MOST_ELEMENTS = 1000
+#: Most samples of a range.
+_MOST_SAMPLES = 100_000
 #: A smaller part of an unknown in the forces that nothing balances is rounding.
 _OPEN = 1e-6
 
