@@ -16,17 +16,22 @@ from symgen.runtime.elastic.steps import turn
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.result.recording import wound
 
-#: Least number of evaluations per revolution, and the angle by which references of angles move.
-_LOOKS, _QUARTER = 720, np.pi / 2
+#: Least number of evaluations of the loads per revolution.
+_PROBES = 720
+#: Angle by which references of angles move [rad].
+_QUARTER = np.pi / 2
 #: Largest number of evaluations that are in memory together.
 _BLOCK = 4096
 #: Half the interval that is omitted about a jump, in units of the rounding of the end of the run.
 _BLUR = 64
 #: Halvings of the time from the end of a run to the middle of a smooth pulse, at each of which a step ends.
 _GRADED = 40
-#: Poses of a revolution that are compared with those of the next, the part of its largest value by which a
-#: number may differ, and the part of the largest number that is none.
-_POSES, _PERIODIC, _NOTHING = 7, 1e-6, 1e-12
+#: Poses of a revolution that are compared with those of the next.
+_POSES = 7
+#: Largest difference between two revolutions, over the largest value of a load.
+_PERIODIC = 1e-6
+#: Loads below this part of the largest count as zero.
+_NOTHING = 1e-12
 
 
 @dataclass(slots=True)
@@ -54,7 +59,7 @@ def jump_times(motion: ElasticMotion, end: float, per_turn: int) -> Array:
     typed = motion.rigid.typed
     rounding = max(FLOAT64.epsilon, typed.precision.epsilon if typed else 0.0)  # times are doubles
     blur = _BLUR * rounding * end
-    count = math.ceil(max(_LOOKS, per_turn) * max(1.0, end / turn(motion)))
+    count = math.ceil(max(_PROBES, per_turn) * max(1.0, end / turn(motion)))
     instants: list[tuple[float, float]] = []
     middles: list[float] = []
     before: _Before | None = None

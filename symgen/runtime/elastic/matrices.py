@@ -15,8 +15,12 @@ from symgen.runtime.beams.layout import BeamLayout, entries_of
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.modes import AssembledMatrices, LabelledMatrix
 
-#: Constants of links whose weighted sum is one part of the stiffness or of the damping.
-_ELASTIC, _DAMPING, _GYROSCOPIC = ("stiffness",), ("damping",), ("mass", "gyroscopic")
+#: Constant matrices of links in the stiffness of the structure at rest.
+_ELASTIC = ("stiffness",)
+#: Those in the damping matrix.
+_DAMPING = ("damping",)
+#: Those in the factor of the rates due to the rotation of the links.
+_GYROSCOPIC = ("mass", "gyroscopic")
 _GEOMETRIC = ("axial0", "axial1", "axial2", "force_axial", "follower_x", "follower_y")
 _MOTION = ("mass", "centrifugal", "gyroscopic", "damping")
 #: Factors of the units of entries between displacements for others.

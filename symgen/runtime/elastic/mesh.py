@@ -35,8 +35,10 @@ from symgen.runtime.result.records import Variable
 
 #: Error of the number of elements chosen by default, over the peak stress of a station and over a frequency.
 ENOUGH = 1e-2
-#: The most elements chosen by default, and the frequencies of a link that are looked at.
-_MOST, _MODES = 16, 2
+#: Most elements of a link that are chosen by default.
+_MOST_ELEMENTS = 16
+#: Frequencies of a link by which they are chosen.
+_MODES = 2
 #: Poses of a revolution in which loads are looked at.
 _POSES = 12
 #: Poses of a revolution at which frequencies are computed.
@@ -194,7 +196,7 @@ def chosen(motion: ElasticMotion, k: int, info: BeamInfo, properties: Properties
         return _alone(motion, k, full, poses, places)
 
     count, before = 1, response(coarse)
-    while count < _MOST:
+    while count < _MOST_ELEMENTS:
         fine = halved(coarse)
         after = response(fine)
         if _gap(before[0], after[0], pull) <= ENOUGH and np.all(np.abs(before[1] / after[1] - 1) <= ENOUGH):

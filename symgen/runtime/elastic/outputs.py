@@ -27,12 +27,16 @@ Counts = Indices
 
 #: Part of the largest stress below which one is round-off.
 _NOISE = 1e-9
-#: Steps of the run that a run is compared with, over its own, and the error estimate over its error.
-FINER, SAFETY = 1.2, 5.0
-#: The error of a run with fewer steps over that of a run, where errors fall as the order says, the least and
-#: the most; and the estimate over their difference. So the estimates of all methods were 3.3 to 19 times the
+#: Steps of the run that a run is compared with, over its own.
+FINER = 1.2
+#: Error estimate over the error that the difference of both shows.
+SAFETY = 5.0
+#: Least and largest error of a run with fewer steps, over that of a run, where errors have the order of the
+#: method.
+FEWER = (2.2, 5.2)
+#: Error estimate over the difference to such a run. So the estimates of all methods were 3.3 to 19 times the
 #: error of runs of shipped scenes, those included whose steps do not resolve vibrations.
-FEWER, SAFETY_FEWER = (2.2, 5.2), 4.5
+SAFETY_FEWER = 4.5
 #: Runs in a row after which errors that grow are round-off, in types coarser than doubles.
 _ROUNDED = 2
 #: The least number of times that runs with fewer and with more steps are compared at, if not at all.

@@ -18,14 +18,18 @@ from symgen.runtime.integrate.simulate import drive
 from symgen.runtime.result.recording import wound
 from symgen.runtime.rods.model.rods import RodModel
 
-#: Angle [rad] of the crank between rows of a path, tolerance of the integration.
-_SPACING, _RTOL = 0.01, 1e-11
+#: Angle of the crank between rows of a path [rad].
+_SPACING = 0.01
+#: Tolerance of the integration.
+_RTOL = 1e-11
 #: Revolutions at the speed of the scene within which a crank must come round.
 _LONGEST = 64.0
 #: Largest steady speed that is searched, over the speed of the scene.
 _FASTEST = 100.0
-#: Rounds of the search for the steady speed, and the part of it within which it repeats itself.
-_ROUNDS, _REPEATS = 60, 1e-10
+#: Most rounds of the search for the steady speed.
+_ROUNDS = 60
+#: Change of the squared speed over a revolution, over its value.
+_REPEATS = 1e-10
 #: Part of the largest acceleration and force by which these may differ one revolution later.
 _PERIODIC = 1e-6
 

@@ -26,13 +26,18 @@ _HELD = 32
 _DENSE = 40
 #: Corrections of a shape by the forces that it leaves unbalanced, summed link by link.
 REFINED = 2
-#: Difference between a scaled stiffness and its transpose above which it is no round-off; imaginary part of
-#: an eigenvalue, over its size, up to which it is real.
-_UNSYMMETRIC, _REAL = 1e-10, 1e-7
+#: Least difference between a scaled stiffness and its transpose that is no round-off.
+_UNSYMMETRIC = 1e-10
+#: Imaginary part of an eigenvalue that counts as real, over its size.
+_REAL = 1e-7
 #: Time between poses, over a revolution, for the rates of a start.
 _APART = 1e-4
-#: Number of intervals that are tried; change over the rates that they may settle to; round-off of shapes.
-_SHORTER, _SETTLED, _ROUNDED = 12, 1e-5, 1e-13
+#: Number of intervals of time that are tried.
+_SHORTER = 12
+#: Change of the rates with the interval, over their size.
+_SETTLED = 1e-5
+#: Round-off of shapes, over their size.
+_ROUND_OFF = 1e-13
 
 
 def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array) -> Array:
@@ -162,7 +167,7 @@ def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) 
             shapes = of_modes(motion, equations, times, task.initial)
         parts_of_state.append(np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) @ shapes / (12 * apart))
         size = float(np.max(np.abs(parts_of_state[-1])))
-        round_off = _ROUNDED * float(np.max(np.abs(shapes))) / apart
+        round_off = _ROUND_OFF * float(np.max(np.abs(shapes))) / apart
         changes = [float(np.max(np.abs(a - parts_of_state[-1]))) for a in parts_of_state[-3:-1]]
         if len(changes) == 2 and max(changes) <= _SETTLED * size + round_off:
             return shapes[0][:, None].copy(), parts_of_state[-3][:, None]

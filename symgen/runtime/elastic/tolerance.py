@@ -36,10 +36,16 @@ from symgen.runtime.integrate.pace import Pace, Progress, wall_left
 _FIRST_STEPS = 256
 #: Most steps per revolution that ``rtol`` adds: newmark takes 800,000 for ``thesis_four_bar`` at 1e-4.
 MOST_STEPS = 1 << 20
-#: An error of which so much is left in the last of so many parts of a run is reduced on the first, if so many
-#: times are recorded; the least part of the steps found there that the whole run takes; and by how much its
-#: error may grow faster than in proportion: steps that do not suffice cost another run.
-_LASTING, _PART, _FEW, _LEAST, _GROWN = 0.4, 8, 64, 0.6, 2.0
+#: Parts of a run, the first of which is used to reduce an error that lasts to the last.
+_PARTS = 8
+#: Error in the last part that lasts, over the largest.
+_LASTING = 0.4
+#: Recorded times from which a run is divided into parts.
+_FEW = 64
+#: Least part of the steps found on the first part that the whole run takes.
+_LEAST = 0.6
+#: Growth of the error over the run, over that in proportion to time: too few steps cost another run.
+_GROWN = 2.0
 #: The order of methods whose errors fall too slowly to confirm their order.
 _SLOW = 2
 #: Tolerances of the run that gives the error of an adaptive one, over its own: the second where the first is
@@ -102,7 +108,7 @@ def adapted(
         # Vibrations that decay need their steps only up to the last time at which they show.
         last = int(np.flatnonzero(parts > task.rtol)[-1])
         falls = error < before * more ** (-method.order / 2)
-        late = parts[-len(parts) // _PART :]
+        late = parts[-len(parts) // _PARTS :]
         lasts = not falls and len(times) >= _FEW and np.max(late) > max(task.rtol, _LASTING * error)
         more = next_factor(error, task.rtol, method.order, falls)
         early = np.arange(len(counts)) <= last
@@ -193,7 +199,7 @@ def _counts_by_part(
     Also whether the error of the part was seen to fall as the order of the method says.
     """
     method = BEAM_METHODS[task.method]
-    part = np.argsort(times, kind="stable")[: len(times) // _PART]
+    part = np.argsort(times, kind="stable")[: len(times) // _PARTS]
     pace = Pace(0.0, float(times[part[-1]]))
     before = 0.0
     while np.sum(counts) < MOST_STEPS:
@@ -206,7 +212,7 @@ def _counts_by_part(
         error = float(np.max(errors.of(states, compared, part)))
         falls = method.order > _SLOW and error < before * 2.0 ** (1 - method.order)
         if error <= task.rtol or falls:
-            needed = (_GROWN * _PART * error / task.rtol) ** (1 / method.order)
+            needed = (_GROWN * _PARTS * error / task.rtol) ** (1 / method.order)
             factor = max(needed, _LEAST) if falls else min(max(needed, _LEAST), 1.0)
             return np.ceil(factor * counts - 1e-9).astype(np.intp), falls
         errors.check_round_off(task.method, task.rtol)

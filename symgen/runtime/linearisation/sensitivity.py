@@ -19,8 +19,10 @@ from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, wit
 from symgen.runtime.linearisation.tangents import Tangents
 from symgen.runtime.linearisation.vibration import spectrum
 
-#: The part of a constraint's slopes within which others agree, and of stiffness below which it is neutral.
-_EQUAL, _NEUTRAL = 1e-9, 1e-12
+#: Largest difference of slopes of constraints that agree, over their size.
+_EQUAL = 1e-9
+#: Stiffness of a neutral freedom, over the largest.
+_NEUTRAL = 1e-12
 #: Fraction of the largest displacement above which a coordinate represents a motion.
 _MOST = 0.999
 #: Number of solutions of the equations of a moved pose, each for the residual of the previous one.

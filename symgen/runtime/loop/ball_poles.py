@@ -10,10 +10,14 @@ from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.loop.frames import standing
 from symgen.runtime.loop.kernels import LoopKernels
 
-#: Change of the angles by which their effect on the links is judged [rad], and the part of it that is none.
-_STEP, _MOVES = 1e-4, 1e-6
-#: Least singular value, of the largest, of angles that are far from a pole; its multiple that moves no link.
-_FAR, _MARGIN = 1e-2, 30.0
+#: Change of the angles by which their effect on the links is judged [rad].
+_STEP = 1e-4
+#: Motion of the links, over such a change, that counts as none.
+_MOVES = 1e-6
+#: Least singular value of angles that are far from a pole, over the largest.
+_FAR = 1e-2
+#: Motion of the links over the least singular value that counts as none.
+_MARGIN = 30.0
 #: Least part of a variable that counts.
 _TAKES_PART = 1e-3
 

@@ -12,7 +12,10 @@ from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.rods.following.continuation import Curve, CurvePoint
 
-_MOST, _EXACT = 100_000, 1e-11
+#: Most steps along the curve of poses.
+_MOST_STEPS = 100_000
+#: Largest defect of closure of a pose of the curve, over the size.
+_EXACT = 1e-11
 
 
 class LoopConstraints:
@@ -99,7 +102,7 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
     onward = np.append(np.zeros(len(constraints.solved)), np.sign(stop - begin.t))
     start = curve.point(curve.join(constraints.unknowns(begin.q), begin.t), onward)
     ends = min(begin.t, stop), max(begin.t, stop)
-    path = curve.walk(start, ends, True, _MOST)
+    path = curve.walk(start, ends, True, _MOST_STEPS)
     low, high = (e / curve.duration for e in ends)
     outside = next((i for i, p in enumerate(path) if i and not low <= p.x[-1] <= high), len(path))
     path = path[: outside + 1]  # no turning point beyond the range is passed

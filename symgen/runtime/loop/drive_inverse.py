@@ -12,8 +12,12 @@ from symgen.runtime.model.instants import bisected
 #: Value, rate and acceleration of an input at many times, shape (times, 3).
 Input = Callable[[Array], Array]
 
-#: Steps of the search: their part of the time passed so far, how many, and how many at a time.
-_GROWTH, _STEPS, _CHUNK = 0.01, 6144, 512
+#: Step of the search, over the time passed.
+_GROWTH = 0.01
+#: Most steps of the search.
+_STEPS = 6144
+#: Steps that are evaluated at a time.
+_CHUNK = 512
 #: Parts of the way to the nearest value, at the first rate, that the first step is.
 _PARTS = 64
 #: First step where the input starts at rest and its acceleration gives no scale [s].

@@ -27,16 +27,22 @@ _OVER = (0.02, 0.01, 0.005, 0.0025)
 #: Places before the pole, in such distances, and the weights of extrapolation to the first one behind it.
 _BEFORE = np.array([-5.0, -4.0, -3.0, -2.0, -1.0])
 _ONWARD = np.array([5.0, -24.0, 45.0, -40.0, 15.0])
-#: Error of extrapolated places of links, and the defect of closure that rounding leaves.
-_LINKS, _CLOSED = 1e-4, 1e-11
+#: Largest error of extrapolated places of links.
+_LINKS = 1e-4
+#: Defect of closure that rounding leaves.
+_CLOSED = 1e-11
 #: Poles that are stepped over at most.
 _MOST = 10_000
 #: Steps to poses on either side of a time; weights of interpolation halfway, of all and of all but the last.
 _STEPS = np.array([-4, -3, -2, -1, 1, 2, 3, 4])
 FINE = np.array([-1, 8, -28, 56, 56, -28, 8, -1]) / 70.0
 COARSE = np.array([0, 1, -6, 15, 15, -6, 1, 0]) / 20.0
-#: First part of the way to a time next to a pole, tries to get there, and the largest turn at a time [rad].
-_FIRST, _TRIES, _TURN = 1.0 / 64.0, 300, 0.3
+#: First step to a time next to a pole, over the whole.
+_FIRST_STEP = 1.0 / 64.0
+#: Most steps to such a time.
+_TRIES = 300
+#: Largest change of an angle in a step [rad].
+_TURN = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +193,7 @@ def _inside(
 def _closed_at(equations: _loop.LoopEquations, start: tuple[float, Array], target: float) -> Array | None:
     """Return the closed pose next to a pole, reached by closing alone: rates have no bound there."""
     at, q = start[0], np.append(start[1], 0.0)
-    step, rate = (target - at) * _FIRST, np.zeros_like(q)
+    step, rate = (target - at) * _FIRST_STEP, np.zeros_like(q)
     for _ in range(_TRIES):
         if at == target:
             break

@@ -27,14 +27,24 @@ _APART = 0.02
 _NEXT = 0.1
 #: Factor by which they must be better conditioned than the pose between them.
 _BETTER = 3.0
-#: Part of the estimated error that a difference may exceed it by, and the error of interpolated poses.
-_MARGIN, _POSE = 1e3, 1e-8
-#: Closure that rounding leaves, and the relative error that is reported.
-CLOSED, REPORTED = 18 * float(np.finfo(float).eps), 1e-6
-#: Errors of interpolated places of links at a pole of angles, and of outputs that are smooth there.
-_LINKS, _SMOOTH, _NOISE = 1e-5, 1e-4, 1e-9
-#: Rounding, and the largest part of a force that its rounding near a pole of angles explains.
-_EPS, _PART = float(np.finfo(float).eps), 1e-2
+#: Factor by which a difference may exceed the estimated error.
+_MARGIN = 1e3
+#: Largest error of interpolated poses.
+_POSE = 1e-8
+#: Defect of closure that rounding leaves.
+CLOSED = 18 * float(np.finfo(float).eps)
+#: Relative error from which it is reported.
+REPORTED = 1e-6
+#: Largest error of interpolated places of links at a pole of angles.
+_LINKS = 1e-5
+#: Largest error of outputs that are smooth there, over their size.
+_SMOOTH = 1e-4
+#: Outputs below this part of the largest are zero but for rounding.
+_NOISE = 1e-9
+#: Spacing of numbers at one.
+_EPS = float(np.finfo(float).eps)
+#: Largest part of a force that its rounding near a pole of angles explains.
+_PART = 1e-2
 _SHOWN = 6
 
 

@@ -11,8 +11,10 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.elastic.large.collocation import SystemRun
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, Checkpoints, memory_of, restore
 
-#: Numbers of steps, and beginnings of the names of arrays, of the last whole run and of the present one.
-_STEPS, _RUNS = "steps", ("before_", "now_")
+#: Name of the array of numbers of steps.
+_STEPS = "steps"
+#: Beginnings of the names of arrays: of the last whole run, and of the present one.
+_RUNS = ("before_", "now_")
 
 
 class RefinementCheckpoints(Checkpoints):

@@ -32,8 +32,10 @@ LARGE = {
     "large_state": ("SI", "positions and rotations q, rates v, accelerations a"),
 }  # fmt: skip
 _STATE = ("q", "v", "a")
-#: Samples of the run, whose stresses its steps resolve, and part of a stride in which rates change little.
-_SAMPLES, _SPAN = 33, 0.1
+#: Samples of the run whose stresses its steps resolve.
+_SAMPLES = 33
+#: Part of a stride in which rates change little.
+_SPAN = 0.1
 
 
 def large_matrices(motion: ElasticMotion, elements: int, t: float) -> AssembledMatrices:

@@ -20,12 +20,18 @@ from symgen.runtime.result.records import Variable
 from symgen.runtime.result.state import state_at
 from symgen.runtime.rods.model.rods import RodModel
 
-#: Corrections of an equilibrium at most, and the last one over the sizes of the unknowns.
-_MOST, _CLOSE = 40, 1e-11
-#: First correction at most of a part of the loads, over the sizes of the unknowns; the smallest part.
-_LARGEST, _LEAST = 0.3, 2.0**-12
-#: Steps of heavily damped motion at most, and the last one over the sizes of the unknowns.
-_SETTLING, _ALMOST = 400, 1e-3
+#: Most iterations of Newton's method.
+_ITERATIONS = 40
+#: Last change of an iteration, over the sizes of the unknowns.
+_CLOSE = 1e-11
+#: Largest first correction under a part of the loads, over the sizes of the unknowns.
+_LARGEST = 0.3
+#: Smallest part of the loads.
+_LEAST = 2.0**-12
+#: Most steps of heavily damped motion.
+_SETTLING = 400
+#: Change in the last of them, over the sizes of the unknowns.
+_ALMOST = 1e-3
 #: Largest correction over the sizes of the unknowns, beyond which Newton's method has diverged.
 _AWAY = 1e9
 #: Largest part of loads with a push, so that corrections do not leave its path for an unstable shape.
@@ -223,7 +229,7 @@ def _corrected(system: RestingSystem, at: MotionState, left: Array, largest: flo
         step = held(system, now)(left - unbalanced(system, now))
         return step if x is not begin or np.max(np.abs(step) / size) <= largest else None
 
-    x = corrected(begin, change, lambda _: size, _MOST, close=_CLOSE, rounded=_ROUNDED, far=_AWAY)
+    x = corrected(begin, change, lambda _: size, _ITERATIONS, close=_CLOSE, rounded=_ROUNDED, far=_AWAY)
     return None if x is None else placed(x)
 
 

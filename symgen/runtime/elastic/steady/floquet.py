@@ -24,10 +24,14 @@ from symgen.runtime.elastic.motion import ElasticMotion
 
 Numbers = NDArray[np.complex128]
 
-#: Poses of a revolution, and part of it over which the rate of the mass matrix is found.
-_POSES, _NEARBY = 16, 1e-5
-#: Steps that resolve a vibration, and vibrations per revolution from which they are fast.
-_STEPS, _FAST = 3.0, 20.0
+#: Poses of a revolution at which frequencies are taken.
+_POSES = 16
+#: Part of a period over which the rate of the mass matrix is taken.
+_NEARBY = 1e-5
+#: Steps that resolve one vibration.
+_RESOLVING = 3.0
+#: Vibrations per revolution from which they are fast.
+_FAST = 20.0
 #: How near to one the multiplier of the phase of a crank with a motor is, but for the elastic deflections.
 _OPEN = 0.2
 #: How near to one, over the largest, a multiplier leaves the steady state undetermined.
@@ -65,7 +69,7 @@ class HeldModes:
         """
         multipliers, vectors = np.linalg.eig(transition)
         counts = np.mean(np.abs(self.values), axis=0) * self.period / (2 * np.pi)
-        unresolved = counts > per_turn / _STEPS
+        unresolved = counts > per_turn / _RESOLVING
         fast = unresolved & (counts > _FAST)
         found = without(np.asarray(multipliers, dtype=complex), phase)
         if not np.any(fast):

@@ -32,8 +32,10 @@ from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult, beyond
 from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.speed_response import SpeedResponse
 
-#: Steps per revolution that shooting begins with, and the most that it is doubled to.
-_FIRST, _MOST = 64, 1 << 16
+#: Steps per revolution with which shooting begins.
+_FIRST_STEPS = 64
+#: Steps per revolution to which they are doubled at most.
+_MOST_STEPS = 1 << 16
 #: The least number of recorded times that runs are compared at, if there are as many.
 _COMPARED = 60
 #: The most unknowns for which all states of one revolution are stepped together.
@@ -77,7 +79,7 @@ def periodic(
     if not motion.has_motor:
         check_repeats(motion, equations)
     free = motion.layout.unknowns - motion.layout.constraints
-    per_turn = first_steps(motion, task, _FIRST)
+    per_turn = first_steps(motion, task, _FIRST_STEPS)
     worth = _WORTH / (2 * free + 1) ** 2
     held = held_modes(motion, task.form == "thesis")
     compare = partial(_compared, motion, times)
@@ -113,7 +115,7 @@ def periodic(
         if error <= task.rtol and settled:
             passes[:] = [result] if result else whole(shot)
             return replace(passes[0], errors=known(error, shift))
-        if per_turn >= _MOST:
+        if per_turn >= _MOST_STEPS:
             problem = f"shooting does not come within {task.rtol:g} of the peak stress"
             raise SimulationError(f"{motion.rigid.name}: {problem}")
         falls = task.rtol < error < before * more ** (-GAUSS.order / 2)

@@ -19,9 +19,12 @@ from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State
 
-#: Relative sizes of singular values, and of forces of outputs, that count as none.
-_RANK, _LEFT = 1e-9, 1e-9
-#: The same of dependent variables at a dead centre, of which the pose is known to the root of rounding only.
+#: Singular values below this part of the largest count as zero.
+_RANK = 1e-9
+#: Forces of outputs below this part of the largest count as zero.
+_LEFT = 1e-9
+#: Singular values of dependent variables at a dead centre, over the largest: the pose is known to the root of
+#: rounding only.
 _SINGULAR = 1e-7
 #: Part of its unit that an acceleration may be open.
 _OPEN = 1e-6
