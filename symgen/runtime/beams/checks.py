@@ -34,12 +34,18 @@ COMPRESSION = 0.5
 #: The same limit, for tension too, for links without geometric stiffness.
 WITHOUT_STIFFENING = 0.05
 _JUDGE = "compare with large rotation"
-#: The most places along a link that are looked at, and the elements on which Euler's load is found.
-_PLACES, _EULER = 65, 8
+#: Most places along a link at which compression is compared.
+_PLACES = 65
+#: Elements by which Euler's load of a link is found.
+_EULER = 8
 #: Part of the peak strain of a link that the omitted terms may come to without a note.
 SECOND_ORDER = 0.2
-#: Points of the Gauss rule on each element, the most times that are looked at, and unknowns times these.
-_GAUSS, _TIMES, _WORTH = 4, 24, 6000
+#: Points of the Gauss rule on each element.
+_GAUSS = 4
+#: Most times at which terms of second order are estimated.
+_TIMES = 24
+#: Largest product of these times and the number of unknowns.
+_WORTH = 6000
 #: Displacements of second order vibrate twice as fast as those of first order: inertia counts four times.
 _DOUBLED = 4.0
 #: Least singular value, over the largest, of a stiffness without motions that strain nothing.

@@ -20,8 +20,10 @@ from symgen.runtime.kernels.elastic_description import BeamInfo
 __all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Profile", "Properties", "StationRows", "beam"]
 
 
-#: Intervals of each element between whose ends stresses are compared, and the most of a link.
-_PER_ELEMENT, _LOOKS = 16, 1024
+#: Intervals of an element between whose ends stresses are compared.
+_PER_ELEMENT = 16
+#: Most such intervals of a link.
+_PER_LINK = 1024
 #: Tables of rows that a link keeps.
 _TABLES = 32
 
@@ -126,7 +128,7 @@ class Beam:
         It is tension or compression; its place is a fraction of the length. Where two elements meet it is the
         larger of both. ``local`` are the unknowns of the link in its axes, (times, n).
         """
-        p, count = self.properties, max(1, min(_PER_ELEMENT, _LOOKS // len(self.segments)))
+        p, count = self.properties, max(1, min(_PER_ELEMENT, _PER_LINK // len(self.segments)))
         within = [
             (x, (part,))
             for part in self.segments

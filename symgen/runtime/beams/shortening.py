@@ -22,9 +22,11 @@ from symgen.runtime.elastic.motion import ElasticMotion
 _STENCIL = np.arange(-2.0, 3.0)
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
-#: Step of the angle of the crank [rad], and step in time over that in which a pose is a good guess of the
-#: next: the error falls with its fourth power, and was up to 3e-4 of the powers where links are rigid at 1/2.
-_STEP, _STRIDES = 0.01, 1 / 32
+#: Step of the angle of the crank [rad].
+_STEP = 0.01
+#: Step in time, over that in which a pose is a good guess of the next: the error falls with its fourth power,
+#: and was up to 3e-4 of the powers where links are rigid at 1/2.
+_STRIDES = 1 / 32
 
 
 @dataclass(frozen=True, slots=True)

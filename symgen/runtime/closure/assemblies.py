@@ -17,16 +17,25 @@ from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.loop.frames import ball_angles, standing
 from symgen.runtime.loop.kernels import LoopKernels
 
-#: Numbers of starts if some close and if none does, and of closures of a loop with a continuum of them.
-_TRIES, _MORE_TRIES, _MOST = 120, 1000, 48
-_SEED, _SAME = 20, 1e-6
+#: Least number of starts, if some close.
+_TRIES = 120
+#: Number of starts, if none closes.
+_MORE_TRIES = 1000
+#: Most closures of a loop with a continuum of them.
+_MOST_CLOSURES = 48
+#: Seed of random starts.
+_SEED = 20
+#: Largest difference of the places of links in two closures that count as one.
+_SAME = 1e-6
 #: Spread of starts around the guess [half turns, or sizes of the loop]; the others are spread evenly.
 _AROUND = (0.03, 0.1, 0.3)
 _WHOLE = 2 * np.pi
 #: Revolutions of a screw that are tried at once.
 _REVOLUTIONS = (-32, -8, -2, -1, 1, 2, 8, 32)
-#: Starts without a nearer closure after which there is taken to be none, and those of one round.
-_NEARER, _ROUND = 240, 48
+#: Starts without a nearer closure after which the search for one ends.
+_NEARER = 240
+#: Starts of one round of this search.
+_ROUND = 48
 
 
 @dataclass(slots=True)
@@ -54,7 +63,7 @@ def search(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ())
             found.add(met)
             met.clear()
             limit = max(_TRIES, 2 * found.last) if found.closures else k + _TRIES
-            if found.closures and (k >= limit or len(found.closures) >= _MOST):
+            if found.closures and (k >= limit or len(found.closures) >= _MOST_CLOSURES):
                 break
         check_wall("searching for the closures of the loop")
         q = close(start)
@@ -104,9 +113,9 @@ class _Found:
         left = np.arange(len(met))
         for known in self._links:
             left = left[~_coincide(links[left], known)]
-        while len(left) and len(self.closures) < _MOST:
+        while len(left) and len(self.closures) < _MOST_CLOSURES:
             new, others = list[int](), left
-            while len(others) and len(self.closures) + len(new) < _MOST:
+            while len(others) and len(self.closures) + len(new) < _MOST_CLOSURES:
                 new.append(int(others[0]))
                 others = others[1:][~_coincide(links[others[1:]], links[others[0]])]
             left = np.setdiff1d(left, new)

@@ -14,8 +14,10 @@ from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.motion import rates_at
 
-#: Longest step of a variable, and its change that is a jump: angles [rad], lengths over the size of the loop.
-_STEP, _JUMP = 0.05, 0.5
+#: Longest step of a variable: angles [rad], lengths over the size of the loop.
+_STEP = 0.05
+#: Change of a variable in a step that is a jump, in the same units.
+_JUMP = 0.5
 #: Most steps.
 _MOST = 10_000
 

@@ -13,8 +13,10 @@ from symgen.runtime.result.records import Variable
 
 Mask = NDArray[np.bool_]
 
-#: Least pivot of independent screws, of the first, and least effect of a unit wrench that counts.
-_RANK, _PART = 1e-8, 1e-9
+#: Least pivot of independent screws, over the first.
+_RANK = 1e-8
+#: Least effect of a unit wrench that counts.
+_PART = 1e-9
 #: Components named in a note; the result lists all.
 _SHOWN = 6
 

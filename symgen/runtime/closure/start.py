@@ -14,7 +14,10 @@ from symgen.runtime.closure.mobility import not_determined, not_followed, open_l
 from symgen.runtime.loop.ball_poles import starts_at_pole
 from symgen.runtime.loop.kernels import LoopKernels
 
-_RANK, _FOLLOWS = 1e-8, 1e-7
+#: Least pivot of independent screws, over the first.
+_RANK = 1e-8
+#: Largest part of the input's motion that the loop may fail to follow.
+_FOLLOWS = 1e-7
 #: Defect of closure that rounding may leave, for angles of one radian.
 _ROUNDING = 1e-11
 

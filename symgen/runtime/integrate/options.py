@@ -23,10 +23,14 @@ from symgen.runtime.kernels.arguments import count, is_real, out_of_range, reals
 INITIAL = ("undeformed", "quasi-static")
 #: Times of t_eval in messages.
 _SHOWN = 4
-#: Tightest relative tolerance that a type can meet, and the default one, both over its epsilon.
-TIGHTEST, _DEFAULT = 100.0, 1000.0
-#: Least default relative tolerance of any type, and the absolute tolerance [m, m/s] over the relative one.
-_RTOL, _ATOL = 1e-9, 1e-3
+#: Tightest relative tolerance that a type can meet, over its epsilon.
+TIGHTEST = 100.0
+#: Default relative tolerance of a type, over its epsilon.
+_DEFAULT = 1000.0
+#: Least default relative tolerance of any type.
+_RTOL = 1e-9
+#: Default absolute tolerance [m, m/s], over the relative one.
+_ATOL = 1e-3
 
 
 def end_of_scene(t_end: float) -> float:

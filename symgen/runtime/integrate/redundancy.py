@@ -14,17 +14,28 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.newton import corrected
 
-#: The share of the linkage's size that an assembly error may have unstated, and how it may grow on the way.
-ASSEMBLED, _SLACK = 1e-8, 10.0
-_NEIGHBOURS, _AWAY = 3, 1e-2
-#: Corrections of a pose nearby at most, and the last one over the size.
-_MOST, _CLOSE = 50, 1e-12
-#: Singular values below this part of the largest are lost, without an assembly error; a margin above its own.
-_NEGLIGIBLE, _MARGIN = 3e-7, 10.0
+#: Largest assembly error that a scene need not state, over the size of the linkage.
+ASSEMBLED = 1e-8
+#: Growth of the assembly error along a run.
+_SLACK = 10.0
+#: Poses nearby at which redundancy is tested.
+_NEIGHBOURS = 3
+#: Their distance from the start, over the size of the linkage, and in time over the end of the run.
+_AWAY = 1e-2
+#: Most iterations of Newton's method to a pose nearby.
+_ITERATIONS = 50
+#: Last change of an iteration, over the size of the linkage.
+_CLOSE = 1e-12
+#: Singular values below this part of the largest are lost, without an assembly error.
+_NEGLIGIBLE = 3e-7
+#: The same part over the assembly error, relative to the size of the linkage.
+_MARGIN = 10.0
 #: Constraints of larger pivots are independent without a look at singular values.
 _SOUND = 1e-3
-#: The least rank tolerance with redundant constraints, whose pivots are round-off; the factors to try on it.
-_REDUNDANT, _WIDER = 1e-9, (1.0, 10.0, 100.0, 1e3, 0.1, 1e-2, 1e-3)
+#: Least rank tolerance with redundant constraints, whose pivots are round-off.
+_REDUNDANT = 1e-9
+#: Factors of the rank tolerance that are tried.
+_WIDER = (1.0, 10.0, 100.0, 1e3, 0.1, 1e-2, 1e-3)
 #: The part of the linkage's size, and of the speeds within reach, by which a state may violate constraints.
 CLOSED = 1e-6
 #: A row with a smaller part in every self-stress has a multiplier that is unique.
@@ -203,7 +214,7 @@ def _onto(evaluator: Evaluator, t: float, q: Array, size: float, but: list[int])
         rows, left = np.delete(jacobian, but, axis=0), np.delete(-error, but)
         return np.asarray(np.linalg.lstsq(rows, left, rcond=least)[0])
 
-    return corrected(q, change, lambda _: size, _MOST, close=_CLOSE, far=1.0)
+    return corrected(q, change, lambda _: size, _ITERATIONS, close=_CLOSE, far=1.0)
 
 
 def _scaled_jacobian(evaluator: Evaluator, t: float, q: Array) -> tuple[Array, Array]:

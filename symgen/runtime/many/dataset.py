@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
     from symgen.runtime.kernels.description import Described
 
-#: Name of the number of samples of each run, next to reductions; and of the reason why a run ended early.
-RECORDED, EARLY = "recorded", "ended_early"
+#: Name of the number of samples of each run, next to reductions.
+RECORDED = "recorded"
+#: Name of the reasons why runs ended early.
+EARLY = "ended_early"
 #: Most runs that a thread takes at a time: progress is reported in these parts.
 BLOCK = 32
 

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.result import Result
 
-#: Names of the largest Floquet multiplier of a steady state, and of the notes of a run of elastic links.
-FLOQUET, NOTES = "floquet", "notes"
+#: Name of the largest Floquet multiplier of a steady state.
+FLOQUET = "floquet"
+#: Name of the notes of a run of elastic links.
+NOTES = "notes"
 #: Most natural frequencies of a run.
 _FREQUENCIES = 6
 

@@ -26,9 +26,10 @@ _LARGEST = ("peak", "greatest")
 _BOUNDS = {"peak": (1.0,), "greatest": (1.0,), "range": (1.0, -1.0)}
 #: Objective where a run fails, over that at the start.
 _FAILED = 1e6
-#: Points that are tried where the run of the default start fails, a power of two; members per variable of a
-#: generation of differential evolution.
-_TRIED, _MEMBERS = 64, 15
+#: Points that are tried where the run of the default start fails, a power of two.
+_TRIED = 64
+#: Members per variable of a generation of differential evolution.
+_MEMBERS = 15
 #: Status of trust-constr that its callback has stopped.
 _STOPPED = 3
 

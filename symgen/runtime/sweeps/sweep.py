@@ -39,16 +39,24 @@ ANALYSES = (
 )  # fmt: skip
 #: Analyses of one pose, whose runs have no samples to reduce.
 OF_A_POSE = ("equilibrium", "modes")
-#: Largest size of a chunk: runs, and bytes of results.
-_RUNS, _BYTES = 1024, 2**23
+#: Most runs of a chunk.
+_RUNS = 1024
+#: Most bytes of the results of a chunk.
+_BYTES = 2**23
 #: Largest size of results in memory [bytes].
 _HELD = 2**32
-#: Chunks of a sweep of any size, runs of a chunk at least, and the multiple of runs that fills SIMD lanes.
-_CHUNKS, _LEAST, _LANES = 64, 64, 8
+#: Chunks of a sweep of any size.
+_CHUNKS = 64
+#: Fewest runs of a chunk.
+_LEAST = 64
+#: Multiple of runs that fills SIMD lanes.
+_LANES = 8
 #: Runs that are tried for the layout of the results where the model's own parameters fail.
 _TRIED = 64
-#: Largest number of runs of an estimate, and the time [s] after which timing ends.
-_TIMED, _PATIENCE = 1024, 0.5
+#: Most runs of an estimate.
+_TIMED = 1024
+#: Time after which an estimate ends [s].
+_PATIENCE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
