@@ -12,7 +12,7 @@ from symgen.runtime.kernels.library import Library
 OPEN: int
 INCONSISTENT: int
 POLE: int
-BLIND: int
+RATES_UNDETERMINED: int
 CLOSURE: int
 RATES: int
 SOUNDNESS: int

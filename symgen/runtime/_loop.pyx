@@ -16,7 +16,7 @@ cdef extern from "core/loops.h" nogil:
         _OPEN "OPEN"
         _INCONSISTENT "INCONSISTENT"
         _POLE "POLE"
-        _BLIND "BLIND"
+        _RATES_UNDETERMINED "RATES_UNDETERMINED"
         ROWS
         MOST
         _CLOSURE "CLOSURE"
@@ -85,7 +85,7 @@ cdef extern from "core/loops.h" nogil:
         void (*undetermined)(loop *, const void *, const void *, long, long, double, double, unsigned char *) noexcept nogil
 
 #: Status of closing and moving a loop, in addition to the core's own.
-OPEN, INCONSISTENT, POLE, BLIND = _OPEN, _INCONSISTENT, _POLE, _BLIND
+OPEN, INCONSISTENT, POLE, RATES_UNDETERMINED = _OPEN, _INCONSISTENT, _POLE, _RATES_UNDETERMINED
 #: Columns of the diagnosis of a sample.
 CLOSURE, RATES, SOUNDNESS, HOLD, STATUS = _CLOSURE, _RATES, _SOUNDNESS, _HOLD, _STATUS
 

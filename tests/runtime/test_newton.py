@@ -129,8 +129,8 @@ def test_python_has_one_loop_of_corrections_but_for_known_ones():
 #: What bounds loops of the core: numbers of corrections; sizes of arrays and numbers of other attempts.
 BOUNDS = {"STEPS", "w->most"}
 OTHER_BOUNDS = {
-    "ATTEMPTS", "BLOCK", "HALVINGS", "HOPELESS", "IDLE", "LOOKS", "MOTION", "NARROWINGS", "PASSES", "RATE_PROJECTIONS",
-    "REFINEMENTS", "ROWS", "SHIFTS", "STAGES", "TOGETHER", "WIDTH",
+    "ATTEMPTS", "BLOCK", "HALVINGS", "HOPELESS", "IDLE", "MOTION", "NARROWINGS", "PASSES", "RATE_PROJECTIONS", "REFINEMENTS",
+    "ROWS", "SHIFTS", "STAGES", "STEP_PROBES", "TOGETHER", "WIDTH",
 }  # fmt: skip
 
 

@@ -381,7 +381,7 @@ static void prepare(struct run *run, real h) {
 }
 
 static void interpolate(struct run *run, real h, real theta, real *y) {
-    roughly(run, h, theta, y);
+    hermite(run, h, theta, y);
 }
 
 static void accept(struct run *run) {

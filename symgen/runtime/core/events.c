@@ -1,7 +1,7 @@
 /* Events: zero crossings of values of the kernel `events` in a step, located on its projected interpolant.
  *
- * Values are compared at both ends of a step and at LOOKS - 1 instants in between. A crossing is a change of sign, or
- * to zero, between neighbouring instants. Two crossings between neighbouring instants, and a value that only touches
+ * Values are compared at both ends of a step and at STEP_PROBES - 1 instants in between. A crossing is a change of sign,
+ * or to zero, between neighbouring instants. Two crossings between neighbouring instants, and a value that only touches
  * zero, are not detected.
  */
 #include "run.h"
@@ -33,7 +33,7 @@ static void continue_row(struct run *run, int k) {
 }
 
 /* Write the cubic through both ends of the step, accurate enough to detect crossings. */
-void roughly(const struct run *run, real h, real x, real *y) {
+void hermite(const struct run *run, real h, real x, real *y) {
     for (long i = 0; i < run->dim; i++)
         y[i] = run->y[i] + x * x * (R(3) - R(2) * x) * (run->y_new[i] - run->y[i])
                + h * x * (R(1) - x) * ((R(1) - x) * run->f[i] - x * run->f_new[i]);
@@ -58,18 +58,18 @@ void move_to(struct run *run, real h, real theta) {
 /* Evaluate all events at the looks of the step, on the interpolant or on the cubic. */
 static void look(struct run *run, real h, int finely) {
     long events = run->e->sizes.events;
-    for (int k = 1; k < LOOKS; k++) {
-        real theta = R(k) / R(LOOKS);
+    for (int k = 1; k < STEP_PROBES; k++) {
+        real theta = R(k) / R(STEP_PROBES);
         if (finely) {
             move_to(run, h, theta);
         } else {
-            roughly(run, h, theta, run->stage);
+            hermite(run, h, theta, run->stage);
             look_at_events(run->e, run->state->t + theta * h, run->stage);
         }
         memcpy(run->gaps + k * events, run->e->gaps, (size_t)events * sizeof(real));
         continue_row(run, k);
     }
-    continue_row(run, LOOKS);
+    continue_row(run, STEP_PROBES);
 }
 
 /* Return the instant of an event between a and b, whose values have different signs: the end of the final bracket
@@ -111,18 +111,18 @@ static void remember(struct run *run, real h, real theta, long index, int rising
 static void locate(struct run *run, real h, long index) {
     long events = run->e->sizes.events;
     const real *gap = run->gaps + index;
-    for (int k = 0; k < LOOKS; k++) {
+    for (int k = 0; k < STEP_PROBES; k++) {
         real from = gap[k * events], to = gap[(k + 1) * events];
         if (!passes(from, to, run->directions[index]))
             continue;
-        real theta = narrowed(run, h, index, R(k) / R(LOOKS), from, R(k + 1) / R(LOOKS), to);
+        real theta = narrowed(run, h, index, R(k) / R(STEP_PROBES), from, R(k + 1) / R(STEP_PROBES), to);
         remember(run, h, theta, index, from < 0);
     }
 }
 
 static int any_passes(const struct run *run) {
     long events = run->e->sizes.events;
-    for (long i = 0; i < LOOKS * events; i++)
+    for (long i = 0; i < STEP_PROBES * events; i++)
         if (passes(run->gaps[i], run->gaps[i + events], run->directions[i % events]))
             return 1;
     return 0;
@@ -132,7 +132,7 @@ void begin_events(struct run *run) {
     long events = run->e->sizes.events;
     if (events) {
         look_at_events(run->e, run->state->t, run->y);
-        memcpy(run->gaps + LOOKS * events, run->e->gaps, (size_t)events * sizeof(real));
+        memcpy(run->gaps + STEP_PROBES * events, run->e->gaps, (size_t)events * sizeof(real));
     }
 }
 
@@ -142,11 +142,11 @@ void locate_events(struct run *run, real t_new, real h, int *prepared) {
     if (events == 0)
         return;
     s->events_before = s->events;
-    memcpy(run->gaps, run->gaps + LOOKS * events, (size_t)events * sizeof(real));
+    memcpy(run->gaps, run->gaps + STEP_PROBES * events, (size_t)events * sizeof(real));
     look_at_events(run->e, t_new, run->y_new);
-    memcpy(run->gaps + LOOKS * events, run->e->gaps, (size_t)events * sizeof(real));
+    memcpy(run->gaps + STEP_PROBES * events, run->e->gaps, (size_t)events * sizeof(real));
     look(run, h, 0);
-    for (long i = 0; i < (LOOKS + 1) * events && s->blind < 0; i++)
+    for (long i = 0; i < (STEP_PROBES + 1) * events && s->blind < 0; i++)
         if (!real_isfinite(run->gaps[i])) {
             s->blind = i % events;
             s->t_blind = s->t;

@@ -23,8 +23,8 @@ static int attempt(struct loop *l, real t, const real *q, real next, int last) {
         return status;
     if (!any(as_predicted(l, h, largest, now, l->q)))
         return OPEN;
-    if (last && !(R(l->base.account->soundness) > SIGHT))
-        return BLIND;
+    if (last && !(R(l->base.account->soundness) > RANK_RADIUS))
+        return RATES_UNDETERMINED;
     return l->base.account->soundness > l->base.sizes.rank_tolerance ? DONE : SINGULAR;
 }
 
@@ -48,7 +48,7 @@ static int arrive(struct loop *l, real t, real *q, real next) {
     return DONE;
 }
 
-static int go(struct loop *l, real *t, real *q, real target, real longest, int scouts);
+static int follow_to(struct loop *l, real *t, real *q, real target, real longest, int scouts);
 
 /* Whether the branch of the state (t, q) leads to `next`, which l->q reaches on another one. At a change point, where
    branches cross, it does not: the motion goes straight on. The state is the same afterwards. */
@@ -64,7 +64,7 @@ static int leads(struct loop *l, real t, real *q, real next, real longest) {
     for (size_t i = 0; i < count; kept += parts[i++].count)
         memcpy(kept, parts[i].at, (size_t)parts[i].count * sizeof(real));
     real at = t;
-    const int led = go(l, &at, q, next, longest, 1) == DONE;
+    const int led = follow_to(l, &at, q, next, longest, 1) == DONE;
     kept = l->scout;
     for (size_t i = 0; i < count; kept += parts[i++].count)
         memcpy(parts[i].at, kept, (size_t)parts[i].count * sizeof(real));
@@ -75,9 +75,9 @@ static int leads(struct loop *l, real t, real *q, real next, real longest) {
 /* Reach the target on one assembly branch, in steps whose prediction is close to the solution. A scout ends near a loss
  * of rank.
  *
- * Return BLIND if the screws lose rank at the target itself: l->q is closed there, and t and q remain at the previous
- * step. */
-static int go(struct loop *l, real *t, real *q, real target, real longest, int scouts) {
+ * Return RATES_UNDETERMINED if the screws lose rank at the target itself: l->q is closed there, and t and q remain at
+ * the previous step. */
+static int follow_to(struct loop *l, real *t, real *q, real target, real longest, int scouts) {
     real h = target - *t, led = *t;
     if (h == 0)
         return DONE;
@@ -100,8 +100,8 @@ static int go(struct loop *l, real *t, real *q, real target, real longest, int s
         if (next == *t)
             return STEP_TOO_SMALL;
         int status = attempt(l, *t, q, next, next == target);
-        if (status == BLIND)
-            return BLIND;
+        if (status == RATES_UNDETERMINED)
+            return RATES_UNDETERMINED;
         if (status == DONE && !any(same_branch_of(l))) {
             const int ahead = h > 0 ? led >= next : led <= next;
             if (scouts || ahead || leads(l, *t, q, next, longest)) {
@@ -111,7 +111,7 @@ static int go(struct loop *l, real *t, real *q, real target, real longest, int s
                 status = loop_close(l, next, l->q);
             }
         }
-        if (status == DONE && scouts && !(R(l->base.account->soundness) > R(10) * SIGHT))
+        if (status == DONE && scouts && !(R(l->base.account->soundness) > R(10) * RANK_RADIUS))
             return SINGULAR;
         if (status == DONE) {
             status = arrive(l, *t, q, next);
@@ -132,9 +132,9 @@ static int go(struct loop *l, real *t, real *q, real target, real longest, int s
 /* Write the diagnosis of a sample; `hold` is zero if the forces are undetermined. */
 static void diagnose(const struct loop *l, int status, double *row) {
     row[CLOSURE] = l->seen->closure;
-    row[RATES] = status == BLIND ? 0 : l->seen->rates_left;
+    row[RATES] = status == RATES_UNDETERMINED ? 0 : l->seen->rates_left;
     row[SOUNDNESS] = l->base.account->soundness;
-    row[HOLD] = status == BLIND ? 0 : l->seen->hold;
+    row[HOLD] = status == RATES_UNDETERMINED ? 0 : l->seen->hold;
     row[STATUS] = status;
 }
 
@@ -152,10 +152,10 @@ int loop_follow(struct loop *l, real *t, real *q, const real *times, long count,
     keep_columns(l);
     for (long i = 0; i < count; i++) {
         real *state = states + row * i, *recorded = out + width * i;
-        status = is_interrupted(i) ? NOT_FINITE : go(l, t, q, times[i], longest, 0);
-        if (status != DONE && status != BLIND)
+        status = is_interrupted(i) ? NOT_FINITE : follow_to(l, t, q, times[i], longest, 0);
+        if (status != DONE && status != RATES_UNDETERMINED)
             return status;
-        const real *at = status == BLIND ? l->q : q;
+        const real *at = status == RATES_UNDETERMINED ? l->q : q;
         memcpy(state, at, (size_t)n * sizeof(real));
         if (status == DONE) {
             memcpy(state + n, u, (size_t)n * sizeof(real));

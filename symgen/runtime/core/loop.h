@@ -13,7 +13,7 @@
 #include "run.h"
 
 /* Status of closing and moving a loop, in addition to the core's own. */
-enum loop_status { OPEN = 20, INCONSISTENT, POLE, BLIND };
+enum loop_status { OPEN = 20, INCONSISTENT, POLE, RATES_UNDETERMINED };
 
 /* Kernels of a loop; absent kernels are NULL. `position` is needed. */
 struct loop_kernels {
@@ -79,7 +79,7 @@ struct loop {
 
 /* At a loss of rank, closure to the last digit determines a pose to the square root of that digit only. Below this
    distance from it, rates and forces have no correct digits. */
-#define SIGHT real_fmax(R(1e-7), real_sqrt(REAL_EPSILON))
+#define RANK_RADIUS real_fmax(R(1e-7), real_sqrt(REAL_EPSILON))
 
 /* Bytes of memory for a loop of these sizes, without the struct itself. */
 size_t loop_bytes(const struct loop_sizes *sizes);

@@ -201,7 +201,7 @@ static real velocity_error_loop(struct equations *e, real t, const real *y) {
 }
 
 /* Subtract from v the part that violates closure, with the last factor. */
-static void shut(struct loop *l, real *v) {
+static void close_rates(struct loop *l, real *v) {
     real b[ROWS], x[MOST];
     closing(l, v, b);
     for (int i = 0; i < ROWS; i++)
@@ -221,7 +221,7 @@ static int project_loop(struct equations *e, real t, real *y) {
         return SINGULAR;
     for (long k = 0; k < l->sizes.inputs; k++)
         y[l->sizes.n + l->driven[k]] = l->prescribed[3 * k + 1];
-    shut(l, y + l->sizes.n);
+    close_rates(l, y + l->sizes.n);
     return DONE;
 }
 
@@ -232,7 +232,7 @@ static void make_tangent_loop(struct equations *e, real t, const real *y, real *
     (void)y;
     for (long k = 0; k < l->sizes.inputs; k++)
         change[l->driven[k]] = 0;
-    shut(l, change);
+    close_rates(l, change);
 }
 
 /* Leave kinetic and potential energy, and the power of loads without potential, in e->energies.

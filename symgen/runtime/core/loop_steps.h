@@ -105,8 +105,8 @@ static wide correct_pose_of_loop(void *of, struct newton *w) {
         long rank = l->sizes.rank;
         wide b[ROWS];
         if (WIDTH > 1)
-            moves &= l->soundness > SIGHT;
-        else if (c->follows && rank > 0 && !any(l->soundness > SIGHT))
+            moves &= l->soundness > RANK_RADIUS;
+        else if (c->follows && rank > 0 && !any(l->soundness > RANK_RADIUS))
             rank--;
         if (!any(moves))
             return all(REAL_INFINITY);

@@ -48,8 +48,8 @@ void look_inside(struct run *run, real t_new) {
     s->looked = INFINITY;
     if (run->e->m == 0 || (s->sound == 1.0 && run->e->account->soundness == 1.0))
         return;
-    for (int k = 1; k < LOOKS; k++) {
-        s->looks[k - 1] = soundness(run, s->t + R(k) * (t_new - s->t) / R(LOOKS), t_new);
+    for (int k = 1; k < STEP_PROBES; k++) {
+        s->looks[k - 1] = soundness(run, s->t + R(k) * (t_new - s->t) / R(STEP_PROBES), t_new);
         s->looked = fmin(s->looked, s->looks[k - 1]);
     }
 }
@@ -62,9 +62,9 @@ void watch_rank(struct run *run, real t_new, double sound) {
         return;
     if (s->t_looked != t_new || s->looked == INFINITY)
         look_inside(run, t_new);
-    for (int k = 1; k <= LOOKS; k++) {
-        real t = s->t + R(k) * (t_new - s->t) / R(LOOKS);
-        double at = k == LOOKS ? sound : s->looks[k - 1];
+    for (int k = 1; k <= STEP_PROBES; k++) {
+        real t = s->t + R(k) * (t_new - s->t) / R(STEP_PROBES);
+        double at = k == STEP_PROBES ? sound : s->looks[k - 1];
         if (s->at_look <= s->at_before && s->at_look < at)
             look_for_passage(run, s->t_before, t, t_new);
         s->t_before = s->t_look, s->at_before = s->at_look;

@@ -31,7 +31,7 @@ static size_t place(struct run *run, void *memory) {
         ARENA_ARRAY(run->stage, dim),
         ARENA_ARRAY(run->error, dim),
         ARENA_ARRAY(run->y_old, dim),
-        ARENA_ARRAY(run->gaps, (LOOKS + 1) * events),
+        ARENA_ARRAY(run->gaps, (STEP_PROBES + 1) * events),
         ARENA_ARRAY(run->times, samples),
         ARENA_ARRAY(run->samples, samples * dim),
         ARENA_ARRAY(run->nodes, run->task.nodes + 1),
@@ -41,7 +41,7 @@ static size_t place(struct run *run, void *memory) {
         ARENA_ARRAY(run->turns, samples * sizes->turns),
         ARENA_ARRAY(run->farthest, switches),
         ARENA_ARRAY(run->switched, switches),
-        ARENA_ARRAY(run->glances, (GLANCES + 1) * switches),
+        ARENA_ARRAY(run->switch_gaps, (SWITCH_PROBES + 1) * switches),
         {&run->own, own},
         {&run->branch, run->branch_bytes},
         ARENA_ARRAY(run->directions, events),
@@ -495,8 +495,8 @@ static int one_step(struct run *run) {
 int run_advance(struct run *run, long most) {
     int status = MORE;
     for (long k = 0; k < most && status == MORE; k++) {
-        if (run->state->passages > MOST_PASSAGES - LOOKS - 1
-            || (run->e->sizes.events && run->state->events > run->task.found - LOOKS * run->e->sizes.events))
+        if (run->state->passages > MOST_PASSAGES - STEP_PROBES - 1
+            || (run->e->sizes.events && run->state->events > run->task.found - STEP_PROBES * run->e->sizes.events))
             break;
         status = one_step(run);
     }

@@ -16,9 +16,11 @@
 enum stabilisation { PROJECTION, BAUMGARTE, RAW };
 
 /* Evaluations of pivots and events per step. */
-enum { LOOKS = 4, MOST_PASSAGES = 64 };
+enum { STEP_PROBES = 4 };
+/* Capacity of the record of passages through losses of rank. */
+enum { MOST_PASSAGES = 64 };
 /* Evaluations of the distances from switching points per step. */
-enum { GLANCES = 16 };
+enum { SWITCH_PROBES = 16 };
 
 /* Properties of an event: it ends the run; its value is an angle, continued over revolutions. */
 enum { ENDS_RUN = 1, REVOLVES = 2 };
@@ -34,7 +36,7 @@ struct task {
     long samples;        /* number of times at which the state is recorded */
     long places_only;    /* velocities of samples are not requested: they may remain interpolated, without projection
                             */
-    long found;          /* capacity of the record of events; at least LOOKS of each kind */
+    long found;          /* capacity of the record of events; at least STEP_PROBES of each kind */
     long nodes;          /* number of times at which steps end before the end of the run, see run->nodes */
 };
 
@@ -104,7 +106,8 @@ struct state {
     /* rank */
     real t_old, t_look, t_before;
     double sound, at_look, at_before;
-    double looks[LOOKS - 1], looked; /* the least pivot at the looks inside the step to t_looked, and the least of them */
+    double looks[STEP_PROBES - 1], looked; /* the least pivot at the probes inside the step to t_looked, and the
+                                              least of them */
     real t_looked;
     /* drift: largest constraint errors and energy error, ranges of the energies */
     real position_drift, velocity_drift, energy_drift, energy_start;
@@ -161,7 +164,7 @@ struct run {
     size_t branch_bytes;
     real *farthest;              /* largest distance from each switching point so far */
     real *switched;              /* time of the last switch of each, at first that of the start */
-    real *glances;               /* distances from all switching points at looks in the step: one row each */
+    real *switch_gaps;           /* distances from all switching points at the probes of a step: one row each */
     signed char *directions;     /* of events: 1 rising, -1 falling, 0 both */
     char *terminal;              /* of events: ENDS_RUN, REVOLVES */
     /* set by the kind's bind */
@@ -238,10 +241,10 @@ void watch_rank(struct run *run, real t_new, double sound);
 int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared);
 void begin_events(struct run *run);
 void locate_events(struct run *run, real t_new, real h, int *prepared);
-/* roughly: the cubic through both ends of the step. move_to: the interpolant of the step on the constraints, in
+/* hermite: the cubic through both ends of the step. move_to: the interpolant of the step on the constraints, in
    run->stage, with the values of the events there. narrowed: the instant between a and b at which an event passes
    zero. */
-void roughly(const struct run *run, real h, real x, real *y);
+void hermite(const struct run *run, real h, real x, real *y);
 void move_to(struct run *run, real h, real theta);
 real narrowed(struct run *run, real h, long index, real a, real at_a, real b, real at_b);
 /* Take one step of this length and project its end: DONE; AGAIN with the next length in state->h; or the status of

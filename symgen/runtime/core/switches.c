@@ -4,7 +4,7 @@
  * step. A step that passes a switching point is repeated up to the point, the branch changes there, and the method
  * restarts. If both branches lead back to the point (friction at rest), the motion slides along it, and the run ends.
  *
- * Arguments are evaluated at both ends of a step and at GLANCES - 1 instants in between. Unequal spacing avoids
+ * Arguments are evaluated at both ends of a step and at SWITCH_PROBES - 1 instants in between. Unequal spacing avoids
  * aliasing with a periodic load. Two crossings between neighbouring instants are not detected.
  */
 #include "newton.h"
@@ -36,10 +36,10 @@ static const real *distances(struct run *run, real t, const real *y) {
 }
 
 /* Position of look number j in a step. */
-static real glance(int j) {
+static real probe_place(int j) {
     real shift = R(0.6180339887498949) * R(j);
     shift -= R((long)shift);
-    return j == 0 || j == GLANCES ? R(j) / R(GLANCES) : (R(j) + R(0.8) * (shift - R(0.5))) / R(GLANCES);
+    return j == 0 || j == SWITCH_PROBES ? R(j) / R(SWITCH_PROBES) : (R(j) + R(0.8) * (shift - R(0.5))) / R(SWITCH_PROBES);
 }
 
 /* Return the uncertainty of the distance from a switching point due to the tolerance of the state and the rounding of
@@ -106,14 +106,14 @@ int begin_switches(struct run *run) {
 /* Evaluate the distances times their branches along the step: negative values are behind the point. */
 static void look_along(struct run *run, real t_new, real h) {
     long switches = run->e->sizes.switches;
-    for (int j = 0; j <= GLANCES; j++) {
-        real theta = glance(j), t = j == GLANCES ? t_new : run->state->t + theta * h;
-        const real *y = j == 0 ? run->y : j == GLANCES ? run->y_new : run->stage, *at;
-        if (j > 0 && j < GLANCES)
-            roughly(run, h, theta, run->stage);
+    for (int j = 0; j <= SWITCH_PROBES; j++) {
+        real theta = probe_place(j), t = j == SWITCH_PROBES ? t_new : run->state->t + theta * h;
+        const real *y = j == 0 ? run->y : j == SWITCH_PROBES ? run->y_new : run->stage, *at;
+        if (j > 0 && j < SWITCH_PROBES)
+            hermite(run, h, theta, run->stage);
         at = distances(run, t, y);
         for (long k = 0; k < switches; k++)
-            run->glances[j * switches + k] = at[k] * *branch_of(run, k);
+            run->switch_gaps[j * switches + k] = at[k] * *branch_of(run, k);
     }
 }
 
@@ -127,8 +127,8 @@ static real on_the_way(struct run *run, real h, long k, real theta) {
    */
 static real passed_at(struct run *run, real h, long k, int j) {
     long switches = run->e->sizes.switches, index = run->e->sizes.events + k;
-    real start = glance(j - 1), a = start, b = glance(j), from = run->glances[(j - 1) * switches + k], to;
-    to = j < GLANCES ? on_the_way(run, h, k, b) : run->glances[j * switches + k];
+    real start = probe_place(j - 1), a = start, b = probe_place(j), from = run->switch_gaps[(j - 1) * switches + k], to;
+    to = j < SWITCH_PROBES ? on_the_way(run, h, k, b) : run->switch_gaps[j * switches + k];
     if (j > 1)
         from = on_the_way(run, h, k, a);
     if (!(to < 0))
@@ -152,9 +152,9 @@ static long first_passed(struct run *run, real t_new, real h, real *theta) {
     int prepared = 0;
     look_along(run, t_new, h);
     *theta = 2;
-    for (int j = 1; j <= GLANCES && first < 0; j++) {
+    for (int j = 1; j <= SWITCH_PROBES && first < 0; j++) {
         for (long k = 0; k < switches; k++) {
-            real to = run->glances[j * switches + k], at;
+            real to = run->switch_gaps[j * switches + k], at;
             if (!(to < 0) || !(to < -blur(run, k, run->state->t, run->y)))
                 continue;
             if (!prepared)

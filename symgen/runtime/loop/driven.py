@@ -235,7 +235,7 @@ def _recorded(
     if forces:
         reported = [_pole(kernels, p) for p in poles(kernels, equations, times, states, diagnosis)]
     recorded = _known(kernels, equations, times, states, out, diagnosis, reported)
-    blind = diagnosis[:, _loop.STATUS] == _loop.BLIND  # of those that have no limit
+    blind = diagnosis[:, _loop.STATUS] == _loop.RATES_UNDETERMINED  # of those that have no limit
     ranges = {}
     if forces:
         masks = undetermined(kernels, times, states)
@@ -314,7 +314,7 @@ def _known(
     for k in np.flatnonzero(met):
         out[k] = beside_pole(kernels, equations, float(times[k]), states[k, : d.coordinates], out[k])
     recorded = tuple(variables(d, out))
-    blind = diagnosis[:, _loop.STATUS] == _loop.BLIND
+    blind = diagnosis[:, _loop.STATUS] == _loop.RATES_UNDETERMINED
     placed = {x.name for x in d.variables}
     for v in recorded:
         columns = v.values.reshape(len(times), -1)

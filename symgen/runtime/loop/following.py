@@ -66,7 +66,8 @@ def follow_over(
 ) -> tuple[int, int, float]:
     """Follow the loop as ``equations.follow`` does, stepping over poles of the angles of ball joints.
 
-    Times so near a pole that the angles cannot be followed there get a closed pose and the status BLIND.
+    Times so near a pole that the angles cannot be followed there get a closed pose and the status
+    RATES_UNDETERMINED.
     """
     begin, reached = (t, q[:-1].copy()), 0
     for _ in range(_MOST):
@@ -110,7 +111,7 @@ def _beyond(
         step = way * distance * kernels.lead_scale / abs(rate)
         times = t + step * _BEFORE
         before = follow_about(kernels, equations.follow, begin, times)
-        if before is None or np.any(before[2][:, _loop.STATUS] == _loop.BLIND):
+        if before is None or np.any(before[2][:, _loop.STATUS] == _loop.RATES_UNDETERMINED):
             continue
         poses = before[0][:, :n]
         far = t + step, np.append(_ONWARD @ poses, 0.0)
@@ -209,14 +210,14 @@ def _closed_at(equations: _loop.LoopEquations, start: tuple[float, Array], targe
 def _write(
     kernels: LoopKernels, equations: _loop.LoopEquations, t: float, pose: Array, row: tuple[Array, ...]
 ) -> None:
-    """Write a closed pose next to a pole and its outputs, status BLIND."""
+    """Write a closed pose next to a pole and its outputs, status RATES_UNDETERMINED."""
     n = len(pose)
     defect = equations.closed_screws(t, np.append(pose, 0.0))[1]
     state, out, diagnosis = row
     state[:] = 0.0
     state[:n] = pose
     diagnosis[:] = 0.0
-    diagnosis[_loop.CLOSURE], diagnosis[_loop.STATUS] = defect, _loop.BLIND
+    diagnosis[_loop.CLOSURE], diagnosis[_loop.STATUS] = defect, _loop.RATES_UNDETERMINED
     if kernels.has("outputs"):
         y, work = np.append(state[: 2 * n], 0.0)[None], np.zeros((1, kernels.work_size + 1))
         out[:] = kernels.rows("outputs", np.array([t]), y, work)[0]

@@ -70,7 +70,7 @@ def refine(
             poor.append(i)
         else:
             _continued(kernels, equations, start, samples, int(i))
-    for i in np.flatnonzero(samples.diagnosis[:, _loop.STATUS] == _loop.BLIND):
+    for i in np.flatnonzero(samples.diagnosis[:, _loop.STATUS] == _loop.RATES_UNDETERMINED):
         t, q = float(samples.times[i]), samples.states[i, : len(begin.q)]
         names = ball_pole(kernels, t, q)
         start = _nearest(samples, begin, good, int(i))
@@ -126,7 +126,7 @@ def _continued(
     size = np.max(np.abs(beside.out), axis=0)
     size = np.maximum(size, _NOISE * np.max(size))  # of outputs that are zero but for rounding
     rough = np.abs(limit - coarse) > _SMOOTH * size
-    at_pole = samples.diagnosis[i, _loop.STATUS] == _loop.BLIND
+    at_pole = samples.diagnosis[i, _loop.STATUS] == _loop.RATES_UNDETERMINED
     change = np.abs(limit - samples.out[i])
     explained = _MARGIN * _EPS / np.maximum(samples.diagnosis[i, _loop.SOUNDNESS], _EPS) ** 2
     better = ~rough & (_NEXT * np.abs(limit - coarse) < change) & (change < min(explained, _PART) * size)
