@@ -31,3 +31,8 @@ class Joint:
     def freedoms(self) -> int:
         """Number of independent motions that it permits."""
         return len(self.varies)
+
+    @property
+    def is_ball(self) -> bool:
+        """Whether it permits all rotations, so that it transmits no moment unless a drive does."""
+        return {*self.varies} == {"theta", "eta", "alpha"}

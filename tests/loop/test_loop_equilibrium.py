@@ -128,3 +128,27 @@ def test_letters_of_tunable_parameters_stay_theirs(tmp_path):
     link = Subject(str(file), {}).resolved.rows[0].link
     names = {str(s) for s in equilibrium(str(file), link).matrix.free_symbols}
     assert "F1_i_" in names and "F1_i" not in names
+
+
+def test_a_universal_joint_transmits_a_moment():
+    """Where joint 2 is one, the form without T2 is not shown, and T2 is not said to vanish; a run tells which do."""
+    outputs = {2: "crank.joint2.moment", 3: "slider.joint3.moment"}
+    scene = {
+        "loop.rows.1.joint": "U",
+        "loop.links.rod.centre": ["-a2/2", "a2/9", "a2/7"],
+        "analysis.outputs": [*outputs.values()],
+    }
+    run = symgen.build("slider_crank", set=scene).inverse_dynamics(at=[0.1, 0.4, 0.9])
+    sizes = {
+        k: max(np.abs(run.variable(f"{name}.{x}").values).max() for x in "xyz") for k, name in outputs.items()
+    }
+    assert sizes[3] < 1e-12 and sizes[2] > 1.0
+    subject = Subject("slider_crank", scene)
+    noted = {
+        x.name
+        for x in subject.choose("rod_equilibrium").system.symbols()
+        if "zero at a ball joint" in x.description
+    }
+    assert noted == {f"T3_{a}" for a in "ijk"}
+    with pytest.raises(ModelError, match="nothing called"):
+        subject.choose("joint_components")

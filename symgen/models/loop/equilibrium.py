@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import chain, pairwise
 
+from symgen.joints import JOINTS
 from symgen.mechanics.loop.dual_euler import balance, rate_in_space
 from symgen.mechanics.loop.dual_rows import row_transform
 from symgen.mechanics.sources import EQUILIBRIUM
@@ -50,11 +51,11 @@ class _Letters:
 
 def equilibrium_system(loop: Loop) -> System:
     """Return dual Euler equations of the links, and their equilibrium, which the joint wrenches meet."""
-    model, turning = LoopDerivation(loop), _turning(loop)
-    letters = _letters(model, turning)
+    model, balls = LoopDerivation(loop), _balls(loop)
+    letters = _letters(model, balls)
     equilibrium = _equilibrium(model, letters)
     solved = []
-    if is_slider_crank(loop.rows, turning):
+    if is_slider_crank(loop.rows, balls):
         solved = [_joint_components(loop, letters, equilibrium)]
     return System(
         f"{loop.name}_equilibrium",
@@ -74,7 +75,7 @@ def equilibrium_system(loop: Loop) -> System:
     )
 
 
-def _letters(model: LoopDerivation, turning: list[bool]) -> _Letters:
+def _letters(model: LoopDerivation, balls: list[bool]) -> _Letters:
     """Return the letters of a loop, which no other quantity of it has."""
     taken = taken_names(model)
     links = list(enumerate(model.links, 1))
@@ -95,8 +96,8 @@ def _letters(model: LoopDerivation, turning: list[bool]) -> _Letters:
             for k, link in links
         ],
         [
-            _components(_JOINT, k, "ijk", of_joint, taken, _BALL if turns else _WRENCH)
-            for k, (of_joint, turns) in enumerate(zip(about, turning, strict=True), 1)
+            _components(_JOINT, k, "ijk", of_joint, taken, _BALL if ball else _WRENCH)
+            for k, (of_joint, ball) in enumerate(zip(about, balls, strict=True), 1)
         ],
         about,
     )
@@ -152,10 +153,10 @@ def _joint_components(loop: Loop, letters: _Letters, equilibrium: list[NamedMatr
     return named("joint_components", list(solved.values()), "N, N*m", about, tuple(solved))
 
 
-def _turning(loop: Loop) -> list[bool]:
-    """Return which joints turn freely about two axes or three, as a ball does where an idle spin is held."""
-    free = {v.quantity.symbol for v in loop.variables if v.role == "dependent"}
-    return [sum(bool(e.free_symbols & free) for e in (r.theta, r.eta, r.alpha)) > 1 for r in loop.rows]
+def _balls(loop: Loop) -> list[bool]:
+    """Return which joints are balls without drives, which transmit no moment."""
+    driven = {v.row for v in loop.variables if v.effort != 0}
+    return [JOINTS[row.joint].is_ball and k not in driven for k, row in enumerate(loop.rows)]
 
 
 def _components(

@@ -24,10 +24,10 @@ _ROWS = (
 _OF_BALLS = "T2", "T3"
 
 
-def is_slider_crank(rows: Sequence[Row], turning: Sequence[bool]) -> bool:
-    """Return whether rows are of the generalized slider-crank; ``turning`` tells which joints are balls."""
+def is_slider_crank(rows: Sequence[Row], balls: Sequence[bool]) -> bool:
+    """Return whether rows are of the generalized slider-crank; ``balls`` tells which transmit no moment."""
     found = [{name for name in ("theta", "S", "eta", "alpha", "a") if getattr(r, name) != 0} for r in rows]
-    return found == list(_ROWS) and list(turning[1:3]) == [True, True]
+    return found == list(_ROWS) and list(balls[1:3]) == [True, True]
 
 
 def solved_wrenches(

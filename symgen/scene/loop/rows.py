@@ -23,7 +23,6 @@ EQUATIONS = 6
 #: Joint variables that the compiled solver has room for.
 MOST = 24
 _LENGTHS = ("S", "a")
-_TURNS = {"theta", "eta", "alpha"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,14 +130,10 @@ def _fixed(joint: Joint, key: str, where: str) -> SceneError:
     )
 
 
-def _is_ball(row: Row | LoopRow) -> bool:
-    return set(JOINTS[row.joint].varies) == _TURNS
-
-
 def _between_balls(rows: Sequence[Row]) -> Iterator[int]:
     """Yield the rows of the moving links that a ball joins on either side."""
     for i in range(len(rows) - 1):
-        if _is_ball(rows[i]) and _is_ball(rows[i + 1]):
+        if JOINTS[rows[i].joint].is_ball and JOINTS[rows[i + 1].joint].is_ball:
             yield i
 
 
@@ -162,7 +157,7 @@ def _idle(read: LoopReader, rows: Sequence[Row], links_of_variable: dict[int, li
         came = "nothing" if text is None else f"the constant {text!r}"
         only = " (alpha may be constant only to hold the idle spin of a link between two balls)"
         raise SceneError(
-            f"a {joint.name} joint lets {keys[0]} vary, got {came}{only if _is_ball(rows[row]) else ''}",
+            f"a {joint.name} joint lets {keys[0]} vary, got {came}{only if joint.is_ball else ''}",
             where=f"loop.rows.{row}.{keys[0]}",
             hint=hint,
         )
