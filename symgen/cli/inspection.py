@@ -267,6 +267,7 @@ def _show_equations(chosen: Chosen, form: str, given: Sequence[str], numeric: bo
 
 def _show_numbers(subject: Subject, chosen: Chosen, at: str | None, given: Sequence[str]) -> None:
     """Print matrices as numbers, at a state of a scene, with the ``given`` values of some symbols."""
+    from symgen.inspection.assembled import check_independent
     from symgen.inspection.state import NOWHERE, state_of
     from symgen.inspection.values import of_symbols
     from symgen.pipeline.build import build_scene as build_model
@@ -281,6 +282,7 @@ def _show_numbers(subject: Subject, chosen: Chosen, at: str | None, given: Seque
     state = state_of(build_model(subject.text), at) if subject.is_scene else NOWHERE
     values = state.of(chosen.system, of_symbols(given, chosen.system.symbols()))
     label = ", otherwise ".join(filter(None, (f"with {', '.join(given)}" if given else "", state.label)))
+    check_independent(chosen, values, state.label)
     print(print_matrices(chosen.system, chosen.matrices, "numeric", values, label, _width()))
     if chosen.is_square:
         from symgen.report.mathematics.numbers import solution

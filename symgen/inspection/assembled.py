@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from symgen.errors import ModelError
 from symgen.inspection.values import crank_or_time
-from symgen.mechanics.sources import ASSEMBLY
+from symgen.mechanics.sources import of_assembly
 from symgen.models.assembled.condensed import REDUCED
 from symgen.models.assembled.system import ASSEMBLED
 from symgen.pipeline.build import build_scene
-from symgen.report.mathematics.numbers import table_of_numbers
+from symgen.report.mathematics.equations import used_terms
+from symgen.report.mathematics.numbers import substituted, table_of_numbers
 from symgen.runtime.elastic.large.matrices import LARGE
 from symgen.runtime.elastic.matrices import CONDENSED
 from symgen.symbolic.system import NO_SOURCE
 
 if TYPE_CHECKING:
-    from symgen.pipeline.subject import Subject
+    import sympy as sp
+
+    from symgen.pipeline.subject import Chosen, Subject
+
+#: Beyond this, an entry of R makes half of the digits of a pose those of its rounding errors.
+_LARGE = 1e8
 
 
 def numbers(subject: Subject, name: str, at: str | None, rows: str | None, columns: str | None) -> str:
@@ -40,6 +46,31 @@ def numbers(subject: Subject, name: str, at: str | None, rows: str | None, colum
         matrix.columns,
         matrix.values.reshape(len(matrix.rows), -1).tolist(),
     )
+
+
+def check_independent(chosen: Chosen, values: Mapping[str, float | sp.Expr], label: str) -> None:
+    """Check that the unknowns that are independent in the drawn pose determine the others in a pose.
+
+    Raises
+    ------
+    ModelError
+        Where they do not, and the matrices depend on R; ``label`` names the pose.
+    """
+    system = chosen.system
+    if "condensation" not in system:
+        return
+    basis = system["condensation"]
+    if not basis.matrix.free_symbols & used_terms(system, chosen.matrices).keys():
+        return
+    numbers = substituted(system, basis, values)
+    for unknown, column in zip(basis.columns, numbers.T.tolist(), strict=True):
+        if not all(x.free_symbols or (x.is_finite and abs(x) < _LARGE) for x in column):
+            raise ModelError(
+                f"{unknown}, independent in the drawn pose, does not determine the motion {label}, "
+                f"where {chosen.matrices[0].name} has no value\n"
+                "  condensed_mass and so on take the independent unknowns of each pose; or "
+                "draw the linkage in another one."
+            )
 
 
 def _listed(text: str | None) -> list[str]:
@@ -70,8 +101,8 @@ def assembled_names(subject: Subject) -> list[tuple[str, ...]]:
     """Return name, unit, meaning and source of the assembled matrices of a scene, if any."""
     if not subject.is_assembled:
         return []
-    bound = "jacobian" in subject.further["elastic_joints"]
-    sources = dict(ASSEMBLY)
+    bound = subject.constraints
+    sources = dict(of_assembly(bound))
     return [
         (name, *about, sources.get(name, NO_SOURCE))
         for name, about in (ASSEMBLED | REDUCED | CONDENSED | LARGE).items()

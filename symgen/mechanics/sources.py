@@ -12,7 +12,7 @@ Generalized Slider Crank* (1991). Thesis: the thesis on kineto-elastodynamics.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 Sources = tuple[tuple[str, str], ...]
 
@@ -248,7 +248,7 @@ PRINTED_ELEMENT: Sources = (
 )
 #: Of the assembled equations of elastic links: those of independent unknowns, and all.
 CONDENSATION: Sources = (
-    ("condensation", "thesis (E.21), (E.43)-(E.47)"),
+    ("condensation", "thesis (E.21), (E.47)"),
     ("free_vibration", "thesis (E.22)-(E.25)"),
     ("reduced_stiffness", "thesis (E.26)"),
     ("reduced_mass", "thesis (E.27)"),
@@ -273,9 +273,9 @@ ASSEMBLY: Sources = (
 )
 #: Of all but the elastic links: rows of inextensible links, whose entries are cosines and sines.
 JOINTS: Sources = (("jacobian", "thesis (E.30)-(E.42)"),)
-#: Links of a four-bar as the thesis calls them, for which rows of the jacobian are equations of their own,
-#: and rows of the condensing matrix, by the independent unknown B.x.
+#: Links of a four-bar as the thesis calls them: rows of jacobian and condensing matrix have their equations.
 THESIS_LINKS = ("crank", "coupler", "output")
+_FOUR_BAR_CONDENSATION = "thesis (E.21), (E.43)-(E.47)"
 _INEXTENSIBLE = {
     "crank": "(E.30), (E.34), (E.40)",
     "coupler": "(E.31), (E.41)",
@@ -289,10 +289,31 @@ def named_joints(rows: Iterable[str]) -> Sources:
     return (("jacobian", "; ".join(["thesis (E.30)-(E.42)", *numbers])),)
 
 
-NAMED_CONDENSATION = (
-    f"{dict(CONDENSATION)['condensation']}; A.x (E.43), (E.46); A.y (E.43)-(E.46); B.x (E.44), (E.46); "
-    "B.y (E.45), (E.46)"
-)
+def named_condensation(crank: Sequence[str], output: Sequence[str], independent: Collection[str]) -> str:
+    """Return the equations of the rows of R of such a four-bar, by the displacements of both moving joints.
+
+    Each of (E.43)-(E.45) gives one of them by the second one of the crank; where another is independent, the
+    equation is one of the rows of both.
+    """
+    first, second = crank
+    stated = dict(zip(("(E.43)", "(E.44)", "(E.45)"), (first, *output), strict=True))
+    places = []
+    for row in (*crank, *output):
+        own = (n for n, of in stated.items() if row in (of, second) and row not in independent)
+        places.append(f"{row} {', '.join([*own, '(E.46)'])}")
+    return "; ".join([_FOUR_BAR_CONDENSATION, *places])
+
+
+def of_assembly(constraints: Sequence[str]) -> Sources:
+    """Return the sources of the assembled equations of a linkage by its constraints, which may be none."""
+    known = dict(ASSEMBLY)
+    if not constraints:
+        return tuple((name, text) for name, text in known.items() if name not in dict(CONDENSATION))
+    if tuple(constraints) == THESIS_LINKS:
+        known["condensation"] = _FOUR_BAR_CONDENSATION
+    return tuple(known.items())
+
+
 RIGID_ELEMENT: Sources = (
     (
         "nodal_matrix",

@@ -13,7 +13,7 @@ import sympy as sp
 
 from symgen.errors import ModelError, check_known, nearest
 from symgen.lowering.program import lower_system
-from symgen.mechanics.sources import ASSEMBLY, CONDENSATION
+from symgen.mechanics.sources import of_assembly
 from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.assembled.system import ASSEMBLED
@@ -190,6 +190,12 @@ class Subject:
         """Whether this is a scene with elastic links in the plane, whose equations are assembled."""
         return self.is_scene and not self._kinematic and self.resolved.method == "elastic"
 
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the constraints of elastic links in the plane, such as those that keep their length."""
+        joints = self.further["elastic_joints"]
+        return joints["jacobian"].rows if "jacobian" in joints else ()
+
     @cached_property
     def assembled(self) -> System:
         """The assembled equations of elastic links."""
@@ -352,8 +358,7 @@ def citations_of_papers() -> str:
 def _citations(subject: Subject) -> Iterator[tuple[str, ...]]:
     yield from (citation(m) for _, system in subject.unassembled() for m in system.matrices)
     if subject.is_assembled:  # without kernels, which may be those of older equations here
-        condensed = "jacobian" in subject.further["elastic_joints"]
-        yield from ((x[1],) for x in ASSEMBLY if condensed or x not in CONDENSATION)
+        yield from ((source,) for _, source in of_assembly(subject.constraints))
 
 
 def _solved(system: System, point: SaddlePoint) -> System:

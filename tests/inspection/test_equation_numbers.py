@@ -253,6 +253,8 @@ def test_rows_of_inextensible_links_are_the_printed_equations():
     for number, rows in {"E.43": "A.x A.y", "E.45": "A.y B.y", "E.46": "A.x A.y B.x B.y"}.items():
         (m,) = found(four_bar, number)
         assert (m.name, *m.rows) == ("condensation", *rows.split())
+    assert [m.rows for m in found(four_bar, "E.44")] == [("A.y",)]  # by B.x, as (E.44) gives B.x by A.y
+    assert found(Subject("elastic_slider_crank", {}), "E.47")[0].source == "thesis (E.21), (E.47)"
     (m,) = found(four_bar, "E.27")
     assert m.name == "reduced_mass" and "condensed_mass" in m.description
     (m,) = found(four_bar, "E.24")

@@ -9,7 +9,7 @@ import sympy as sp
 
 from symgen.elements.element import entry_unit
 from symgen.mechanics.rods.condensation import BASIS, allowed_motions
-from symgen.mechanics.sources import NAMED_CONDENSATION, THESIS_LINKS
+from symgen.mechanics.sources import THESIS_LINKS, named_condensation
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import Group, NamedMatrix
@@ -32,17 +32,28 @@ _FREE = (
     "in this pose, with R as constant; condensed_stiffness is R^T (K R + C R' + M R''), with all of K and C, "
     "and R as it turns",
 )
-#: Matrices that R reduces as a constant: name, unit, letter of the thesis, letter of entries.
+#: Matrices that R reduces as a constant: name, the whole one, unit, meaning, letter of entries.
 _REDUCED = {
     "reduced_stiffness": ("elastic_stiffness", "N/m", "R^T K R: [K_r] of the thesis", "K"),
-    "reduced_mass": ("elastic_mass", "kg", "R^T M R: [M_r] of the thesis, condensed_mass", "M"),
+    "reduced_mass": (
+        "elastic_mass",
+        "kg",
+        "R^T M R: [M_r] of the thesis, by p of condensation; condensed_mass takes the p of each pose",
+        "M",
+    ),
     "reduced_gyroscopic": (
         "elastic_gyroscopic",
         "N*s/m",
-        "R^T C R, with C of elastic_gyroscopic: -2 omega [A_r]",
+        "R^T C R: C has -2 omega A of each link, and 2 M times rates of its T; -2 omega [A_r] of the thesis "
+        "is without these, and antisymmetric",
         "C",
     ),
-    "reduced_load": ("elastic_load", "N", "R^T Q: (Q_r) of the thesis, condensed_load", "Q"),
+    "reduced_load": (
+        "elastic_load",
+        "N",
+        "R^T Q: (Q_r) of the thesis, by p of condensation; condensed_load takes the p of each pose",
+        "Q",
+    ),
 }
 #: Unit and meaning of matrices of the independent unknowns that are shown in letters.
 REDUCED = {
@@ -85,13 +96,19 @@ def condensed(
         rates.append(sp.ImmutableMatrix(whole))
     at = [(rows.index(row), place[unknown]) for row, unknown in pivots]
     kept = tuple(name for k, name in enumerate(unknowns) if k not in {j for _, j in at})
+    chosen = f"; by the drawn pose, p has {', '.join(name for name in kept if name in columns)} of the joints"
     basis = allowed_motions(rates, at, names)
     found = [
-        NamedMatrix(name, matrix, *MOTIONS[name], tuple(unknowns), kept)
-        for (name, _), matrix in zip(BASIS, basis, strict=True)
+        NamedMatrix(name, matrix, unit, about + chosen, tuple(unknowns), kept)
+        for (name, (unit, about)), matrix in zip(MOTIONS.items(), basis, strict=True)
     ]
     if rows == THESIS_LINKS:
-        found[0] = replace(found[0], source=NAMED_CONDENSATION)
+        crank, _, output = (
+            [c for c, x in zip(columns, row, strict=True) if x != 0]
+            for row in joints["jacobian"].matrix.tolist()
+        )
+        if len(crank) == len(output) == 2:
+            found[0] = replace(found[0], source=named_condensation(crank, output, kept))
     return [*found, *_reduced(basis[0], kept, matrices, names)]
 
 

@@ -121,12 +121,7 @@ def evaluated(
     ModelError
         If the matrix contains an argument without a value in ``values``, or is not finite and real.
     """
-    exact = {name: x if isinstance(x, sp.Expr) else sp.Rational(x) for name, x in values.items()}
-    known = {x.symbol: exact[x.name] for x in system.symbols() if x.name in exact}
-    for definition in (*system.constants, *system.definitions):
-        if definition.quantity.symbol not in known:
-            known[definition.quantity.symbol] = _number(definition.expression.xreplace(known), _WORKING)
-    numbers = matrix.matrix.applyfunc(lambda e: _number(e.xreplace(known), _PRINTED))
+    numbers = substituted(system, matrix, values)
     missing = sorted(s.name for s in numbers.free_symbols)
     if missing:
         more = ", ..." if len(missing) > _NAMED else ""
@@ -143,6 +138,18 @@ def evaluated(
                 " of a negative number.\n  Give symbols other values with --with NAME=VALUE, in SI units."
             )
     return numbers
+
+
+def substituted(
+    system: System, matrix: NamedMatrix, values: Mapping[str, float | sp.Expr]
+) -> sp.ImmutableMatrix:
+    """Return a matrix at the given argument values [SI], where entries may lack one or not be finite."""
+    exact = {name: x if isinstance(x, sp.Expr) else sp.Rational(x) for name, x in values.items()}
+    known = {x.symbol: exact[x.name] for x in system.symbols() if x.name in exact}
+    for definition in (*system.constants, *system.definitions):
+        if definition.quantity.symbol not in known:
+            known[definition.quantity.symbol] = _number(definition.expression.xreplace(known), _WORKING)
+    return sp.ImmutableMatrix(matrix.matrix.applyfunc(lambda e: _number(e.xreplace(known), _PRINTED)))
 
 
 def _number(expression: sp.Expr, digits: int) -> sp.Expr:
