@@ -21,19 +21,13 @@ from shared.thesis_assembly import BOUNDARY, HELD, assembled
 from symgen.cli.common import changes
 from symgen.errors import ModelError
 from symgen.mechanics import sources
-from symgen.pipeline.citations import elsewhere
+from symgen.pipeline.citations import LAST, elsewhere
 from symgen.pipeline.subject import Subject
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE = (DOCS / "papers.md").read_text("utf-8")
 PAPERS = {"Attia": "Attia", "Rahman": "Rahman", "thesis": "The thesis"}
-#: Of the copies at hand: the last equation of every chapter or appendix, figures, tables.
-LAST = {
-    "Attia": {"": 16},
-    "Rahman": {"": 69},
-    "thesis": {"2": 17, "3": 17, "4": 51, "5": 23, "6": 33, "7": 28, "8": 10}
-    | {"A": 19, "B": 19, "C": 21, "D": 28, "E": 47, "F": 8},
-}
+#: Of the copies at hand: figures, tables.
 FIGURES = {"Attia": 5, "Rahman": 38, "thesis": 46}
 TABLES = {
     "Attia": (),

@@ -63,7 +63,7 @@ def nodal_matrix(t=None, q=None, u=None, p=None, work=None, out=None):
         4 entries.
     out
         18 entries, made when absent.
-        0 to 17: nodal_matrix (3 x 6) [1, 1, m], [d] of the forces and moments (F) at both nodes, as they act at the centre of mass.
+        0 to 17: nodal_matrix (3 x 6) [1, 1, m; /m per moment], [d] of the forces and moments (F) at both nodes, as they act at the centre of mass.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def point_matrix(t=None, q=None, u=None, p=None, work=None, out=None):
         4 entries.
     out
         6 entries, made when absent.
-        0 to 5: point_matrix (3 x 2) [1, 1, m], a force at the point p, as it acts at the centre of mass.
+        0 to 5: point_matrix (3 x 2) [1, 1, 1, 1, m, m], a force at the point p, as it acts at the centre of mass.
 
     Returns
     -------

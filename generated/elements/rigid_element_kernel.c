@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char rigid_element_equations[65] = "a009ae37d5b57536052e4df8c30eaa46f189e8f4d59335a9371a16b25c57a56c";
+const char rigid_element_equations[65] = "47db997332eb48ed39ef0b50d846338c2bb5f52311aec50ea8607933a7390b7d";
 
 /* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass: 19 operations (11 add, 8 mul, 5 neg) */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -43,13 +43,13 @@ extern const char rigid_element_equations[65];
 
 /* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass
  *   19 operations (11 add, 8 mul, 5 neg)
- *   out[0..17]  nodal_matrix (3 x 6), row by row  [1, 1, m]  [d] of the forces and moments (F) at both nodes, as they act at the centre of mass
+ *   out[0..17]  nodal_matrix (3 x 6), row by row  [1, 1, m; /m per moment]  [d] of the forces and moments (F) at both nodes, as they act at the centre of mass
  */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
 /* a force at the point p, as it acts at the centre of mass
  *   13 operations (9 add, 4 mul, 4 neg)
- *   out[0..5]  point_matrix (3 x 2), row by row  [1, 1, m]  a force at the point p, as it acts at the centre of mass
+ *   out[0..5]  point_matrix (3 x 2), row by row  [1, 1, 1, 1, m, m]  a force at the point p, as it acts at the centre of mass
  */
 void rigid_element_point_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 

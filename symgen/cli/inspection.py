@@ -173,7 +173,7 @@ def _check_model(model: str, matrix: str | None) -> None:
 
     number = f"{model} {matrix}" if model in PAPERS and matrix else "" if matrix else model
     if (equation := as_equation(number)) and not Path(model).exists():
-        raise ModelError(f"{equation} is an equation: name a model that has it\n  {elsewhere(equation)}")
+        raise ModelError(f"{equation} is the number of an equation: name a model\n  {elsewhere(equation)}")
 
 
 def _list_models() -> None:
@@ -273,7 +273,8 @@ def _show_numbers(subject: Subject, chosen: Chosen, at: str | None, given: Seque
     from symgen.pipeline.build import build_scene as build_model
     from symgen.report.mathematics.equations import show as print_matrices
 
-    if not subject.is_scene and (at or not given):
+    has_symbols = any(m.matrix.free_symbols for m in chosen.matrices)
+    if not subject.is_scene and (at or (has_symbols and not given)):
         kind = "a building block" if subject.is_block else "not a scene"
         raise ModelError(
             f"{subject.name} is {kind}: it has no state for numeric values\n"

@@ -109,11 +109,11 @@ LOOP: Sources = (
     ("*_binor", "Rahman (46)-(48), corrected: centres of mass"),
     ("*momentum", "Rahman, section 2.8, step 2, by the shorter path"),
     ("*inertia_wrench", "Rahman, section 2.8, step 4, by the centre of mass"),
-    ("joint_*_wrench", "Rahman (69a)-(69q), corrected: signs of f"),
-    ("*.joint*.force", "Rahman (65)-(68), (69a)-(69q), corrected: signs of f"),
-    ("*.joint*.moment", "Rahman (65)-(68), (69a)-(69q), corrected: signs of f"),
-    ("*_efforts", "Rahman (62)-(64), corrected: signs of f"),
-    ("*.drive", "Rahman (62)-(64), corrected: signs of f"),
+    ("joint_*_wrench", "Rahman (69a)-(69q), corrected: signs of f1, f3"),
+    ("*.joint*.force", "Rahman (65)-(68), (69a)-(69q), corrected: signs of f1, f3"),
+    ("*.joint*.moment", "Rahman (65)-(68), (69a)-(69q), corrected: signs of f1, f3"),
+    ("*_efforts", "Rahman (62)-(64), corrected: signs of f1, f3"),
+    ("*.drive", "Rahman (62)-(64), corrected: signs of f1, f3"),
     ("*transform", "Rahman (1)-(4)"),
 )
 #: Of velocities and momenta by both paths, link by link.
@@ -182,11 +182,11 @@ EQUILIBRIUM: Sources = (
     ),
     (
         "joint_components",
-        "Rahman (69a)-(69q), corrected: signs of f; F2, F4 in it are -F2, -F4 here; F2_k (69a); F3_j (69b); "
-        "F3_k (69c); T4_i (69d); T4_j (69e); T4_k (69f); F2_j (69g); F2_i (69h); F1_i (69i); F1_j (69j); "
-        "F3_i (69l); F4_k (69m); F4_j (69n); F4_i (69o); T1_j (69p); T1_i (69q)",
+        "Rahman (69a)-(69q), corrected: signs of f1, f3; F2, F4 in it are -F2, -F4 here; F2_k (69a); "
+        "F3_j (69b); F3_k (69c); T4_i (69d); T4_j (69e); T4_k (69f); F2_j (69g); F2_i (69h); F1_i (69i); "
+        "F1_j (69j); F3_i (69l); F4_k (69m); F4_j (69n); F4_i (69o); T1_j (69p); T1_i (69q)",
     ),
-    ("*_equilibrium", "Rahman (62)-(64), corrected: signs of f"),
+    ("*_equilibrium", "Rahman (62)-(64), corrected: signs of f1, f3"),
 )
 #: Row transforms by the entries of the row that are not zero.
 ROWS = {
@@ -317,11 +317,11 @@ def of_assembly(constraints: Sequence[str]) -> Sources:
 RIGID_ELEMENT: Sources = (
     (
         "nodal_matrix",
-        "thesis (4.1), (4.10), left side; x (4.7); y (4.8); moment (4.9); "
+        "thesis (4.1), (4.10), (4.10a), left side; x (4.7); y (4.8); moment (4.9); "
         "moment:Fx at i (4.3); moment:Fy at i (4.3); moment:Fx at k (4.4); moment:Fy at k (4.4)",
     ),
     ("motion", "thesis (4.2); weight: its MG; its E_T is zero here"),
-    ("inertia", "thesis (4.10), right side; x (4.5), (4.7); y (4.5), (4.8); moment (4.6), (4.9)"),
+    ("inertia", "thesis (4.10), (4.10a), right side; x (4.5), (4.7); y (4.5), (4.8); moment (4.6), (4.9)"),
 )
 #: Of a loop of links, assembled of rigid elements.
 RIGID_ASSEMBLY: Sources = (

@@ -31,7 +31,7 @@ def of_system(system: System) -> Step:
 
 def of_elastic(linkage: Linkage, system: System) -> tuple[Step, ...]:
     """Return the record of a linkage and behind it that of its elastic links."""
-    return (*of_linkage(linkage, system), *_rigid_assembly(linkage), *elastic_record())
+    return (*of_linkage(linkage, system), *elastic_record())
 
 
 def _rigid_assembly(linkage: Linkage) -> Iterator[Step]:
@@ -49,7 +49,7 @@ def _rigid_assembly(linkage: Linkage) -> Iterator[Step]:
 
 
 def of_linkage(linkage: Linkage, system: System) -> Iterator[Step]:
-    """Particles, energies, constraints, rows."""
+    """Particles, energies, constraints, rows, and forces by elements of one loop."""
     masses = _masses(linkage)
     with_masses = replace(system, matrices=(*system.matrices, *masses))
     yield Step(
@@ -96,6 +96,7 @@ def of_linkage(linkage: Linkage, system: System) -> Iterator[Step]:
             ("constraints", "constraint_jacobian", "velocity_constraints", "acceleration_rhs"),
         )
     yield from _momentum_rows(linkage, system)
+    yield from _rigid_assembly(linkage)
 
 
 def _masses(linkage: Linkage) -> list[NamedMatrix]:

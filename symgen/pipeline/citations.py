@@ -42,6 +42,13 @@ COMMANDS: dict[str, tuple[tuple[str, str], ...]] = {
         ("symgen synthesise TASK, a file as in docs/papers.md", "thesis (3.1), (3.2), not as printed"),
     )
 }
+#: The last equation of each paper, of its chapters and appendices.
+LAST: dict[str, dict[str, int]] = {
+    "Attia": {"": 16},
+    "Rahman": {"": 69},
+    "thesis": {"2": 17, "3": 17, "4": 51, "5": 23, "6": 33, "7": 28, "8": 10}
+    | {"A": 19, "B": 19, "C": 21, "D": 28, "E": 47, "F": 8},
+}
 #: The generated file of what these models cite, by paper and command: sources, with the rows that they name.
 STORED = Path(__file__).with_name("citations.json")
 
@@ -131,12 +138,18 @@ def _cited(number: Sequence[str], source: str, rows: Sequence[str]) -> _Cited:
 
 
 def elsewhere(equation: str) -> str:
-    """Return the command that prints the equation, or those of its letters, of each paper, as stored."""
+    """Return the command that prints the equation, or those of its letters, of each paper, as stored.
+
+    Where there is none, say whether a paper has such an equation.
+    """
     asked = _ASKED.fullmatch(equation)
     author, *number = asked.groups(default="") if asked else ("",)
-    found = []
+    found, chapter, own = list[tuple[int, str]](), number[0].rstrip("."), int(number[1])
+    papers = [paper for paper in LAST if author.casefold() in paper.casefold()]
+    if not any(0 < own <= LAST[paper].get(chapter, 0) for paper in papers):
+        return "The papers have no equation of this number."
     for paper, commands in json.loads(STORED.read_text(encoding="utf-8")).items():
-        if author.casefold() in paper.casefold():
+        if paper in papers:
             ranked = [
                 (max(_cited(number, source, rows).rank for source, *rows in cited), command)
                 for command, cited in commands.items()

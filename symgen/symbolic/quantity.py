@@ -127,6 +127,8 @@ def _places(count: int, names: Names, shape: tuple[int, int]) -> Callable[[int, 
     if count == 2 and across in ("ijkp", "xyzddd"):
         return lambda _, j: j // 3
     halves = len(rows) == 6 and len(set(kinds[:3])) == len(set(kinds[3:])) == 1
+    if count == 2 and width == 1 and {*kinds} == {*"FT"}:
+        return lambda i, _: int(kinds[i] == "T")
     if count == 2 and halves and width == 1:
         return lambda i, _: i // 3
     if count == 3 and halves and across == "wwwvvv":
@@ -138,6 +140,9 @@ def _power(names: Sequence[str], number: int) -> float:
     if not names:
         return 0
     _, dot, word = names[number].rpartition(".")
+    word, at, _ = word.partition(" at ")
+    if at:  # a force or a moment at a node
+        return -float(word == "M")
     known = _PER_LENGTH.get(word.partition("@")[0].rstrip("0123456789"), math.nan)
     return known if dot or "@" in word or not math.isnan(known) else 0  # the name of a station
 
@@ -147,6 +152,8 @@ def times_lengths(base: str, power: int) -> str:
     if ends := _METRES.fullmatch(base):
         base, sign, exponent = ends.groups(default="1")
         power += int(exponent) * (1 if sign == "*" else -1)
+    if base == "m":
+        base, power = "1", power + 1
     if power <= 0:
         return base + (f"/m^{-power}" if power < -1 else "/m" if power else "")
     metres = "m" if power == 1 else f"m^{power}"

@@ -67,5 +67,7 @@ def test_show_numbers_at_the_start():
     assert rows["A"] == pytest.approx([np.cos(1.1), np.sin(1.1)], abs=1e-10)
     with pytest.raises(SymgenError, match="no state"):
         call("show", "rod", "mass_matrix", "--format", "numeric")
+    plain = call("show", "element_beam8", "mode_conditions", "--format", "numeric", "--rows", "0")
+    assert float(plain.splitlines()[2].split()[3]) == 1.0  # it has no symbols
     with pytest.raises(SymgenError, match="no format 'tex'"):
         call("show", "rod", "mass_matrix", "--format", "tex")

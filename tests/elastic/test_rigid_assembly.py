@@ -11,11 +11,13 @@ from shared.elastic_rigid import FourBar
 from shared.equations import found
 
 import symgen
+from symgen.errors import ModelError
 from symgen.inspection.state import state_of
 from symgen.pipeline.subject import Subject
 
 LBF, FT = 4.4482216152605, 0.3048
 LINKS = ("crank", "coupler", "output")
+RODS = {"crank": "OA", "coupler": "AB", "rocker": "CB"}
 
 
 def divided(elements):
@@ -91,6 +93,66 @@ def test_sizes_and_blocks_are_those_of_the_print():
     block = block.xreplace({sp.Symbol(name, real=True): value for name, value in placed.items()})
     first = system_of(Subject("thesis_four_bar", {}))["rigid_elements"].matrix[:3, :6]
     assert first == block
+
+
+def test_rigid_links_have_it_too():
+    """The forces of a run of the rods, by the multipliers of their lengths, solve the equations by elements."""
+    names = [f"{link}.{point}.force" for link, points in RODS.items() for point in points]
+    outputs = {"analysis.outputs": [*names, "crank.torque"]}
+    model, angle = symgen.build("crank_rocker", set=outputs), 70
+    system = system_of(Subject("crank_rocker", outputs))
+    t = angle / 360  # [s] at 60 rpm
+    run = model.simulate(t, t_eval=[t], rtol=1e-10)
+    values = state_of(model, f"{t!r} s").of(system, {})
+    left, right = (numbers(system, name, values) for name in ("rigid_matrix", "rigid_load"))
+    acting = {"O": ("crank", -1), "A": ("crank", 1), "B": ("coupler", 1), "C": ("rocker", 1)}
+    forces = []
+    for column in system["rigid_matrix"].columns:
+        kind, node = column.split(" at ")
+        link, sign = acting[node]
+        name = "crank.torque" if kind == "M" else f"{link}.{node}.force.{kind[1]}"
+        forces.append(run.variable(name).values[0] * (1 if kind == "M" else sign))
+    assert left @ forces == pytest.approx(right[:, 0], abs=1e-8 * max(map(abs, forces)))
+
+
+def test_a_point_without_mass_changes_nothing():
+    """Such as one that outputs follow; a mass on a link, apart from its ends, is not in the equations."""
+    point = {"points.G": {"on": "output", "fraction": 0.5}}
+    plain, marked = (system_of(Subject("thesis_four_bar", of)) for of in ({}, point))
+    for m in plain.matrices:
+        assert (marked[m.name].matrix, marked[m.name].rows) == (m.matrix, m.rows)
+    heavy = point | {"masses": [{"point": "G", "mass": "1 kg"}]}
+    with pytest.raises(ModelError, match="nothing called"):
+        Subject("thesis_four_bar", heavy).found("rigid_matrix")
+
+
+@pytest.mark.parametrize(
+    "uneven",
+    [{"section": {"width": ["width", "2*width"], "thickness": "thickness"}}, {"element": "rayleigh"}],
+)
+def test_links_that_stay_undivided_are_said_to(uneven):
+    at = {"section": "links.coupler.section", "element": "links.coupler.elastic.element"}
+    changes = divided(2) | {at[key]: value for key, value in uneven.items()}
+    system = system_of(Subject("thesis_four_bar", changes))
+    assert [row for row in system["rigid_matrix"].rows if row.endswith(".x")] == [
+        f"{part}.x" for part in ("crank_1", "crank_2", "coupler_1", "output_1", "output_2")
+    ]
+    assert "; coupler: one element each" in system["rigid_matrix"].description
+    assert "one element" not in system_of(Subject("thesis_four_bar", divided(2)))["rigid_matrix"].description
+
+
+def test_units_are_those_of_rows_over_those_of_columns():
+    """Of every entry that is not zero: N or N m by N or N m."""
+    for name, system in (
+        ("rigid_matrix", system_of(Subject("thesis_four_bar", {}))),
+        ("rigid_elements", system_of(Subject("thesis_four_bar", {}))),
+        ("nodal_matrix", Subject("rigid_element", {}).system),
+    ):
+        m = system[name]
+        for (i, j), _ in m.matrix.todok().items():
+            row, column = m.rows[i], m.columns[j]
+            lengths = row.endswith("moment") - column.rpartition(".")[2].startswith("M ")
+            assert m.part([row], [column]).unit == {0: "1", 1: "m"}[lengths], (name, row, column)
 
 
 def test_the_equations_are_found_by_their_numbers():

@@ -362,6 +362,29 @@ def test_a_number_in_the_place_of_a_model_names_the_commands():
         assert done.exit_code != 0 and command in done.output + str(done.exception or "")
 
 
+@pytest.mark.parametrize("number", ["E.48", "A.20", "G.5", "Attia 17", "70", "0", "thesis 47"])
+def test_a_number_beyond_those_of_the_papers_is_said_to_be_none(number):
+    """Of the copies at hand: (E.47), (A.19), no appendix G, Attia (16), Rahman (69); chapters of the thesis."""
+    with pytest.raises(ModelError, match="The papers have no equation of this number"):
+        Subject("element_beam8", {}).found(number)
+
+
+def test_signs_that_only_the_print_of_integrals_lacks():
+    """(A.1) and (A.3) have -2 theta' u' w and -2 theta' x1' w; (A.10), (A.11) are printed with a plus."""
+    beam = Subject("element_beam8", {})
+    for number in ("A.10", "A.11"):
+        for m in found(beam, number):
+            assert "A.10-A.11 (A.10), (A.11) times -1" in m.source
+        (m,) = (m for m in found(beam, number) if m.name == "kinetic_terms")
+        assert m.matrix[0].as_coeff_Mul()[0] == -1
+    assert all("times -1" not in m.source for n in ("A.9", "A.12") for m in found(beam, n))
+
+
+def test_the_short_form_of_the_balance_of_an_element_is_found():
+    names = [m.name for m in found(Subject("rigid_element", {}), "(4.10a)")]
+    assert names == ["nodal_matrix", "inertia"]
+
+
 def test_corrected_stands_where_the_equation_has_an_erratum():
     beam = Subject("element_beam8", {})
     marked = {

@@ -303,7 +303,8 @@ def _kinetic_terms(link: _Link) -> HamiltonStep:
         "terms of the kinetic energy per length; letters are those of the vector or matrix in their "
         "integral, kinetic_integrals",
         "(6.13), (7.7), (A.1)-(A.3); A.4 is a term of (A.1); A.8-A.12 are terms of (A.1); "
-        "A.5-A.7 are terms of (A.2); A.13-A.19 are terms of (A.2); rotary inertia added",
+        "A.5-A.7 are terms of (A.2); A.13-A.19 are terms of (A.2); A.10-A.11 (A.10), (A.11) times -1; "
+        "rotary inertia added",
     )
 
 

@@ -2,7 +2,7 @@
 
 Source: the thesis on kineto-elastodynamics, Chapter IV, Eqs. (4.1)-(4.10): a link is cut into elements, and
 the internal force and moment at each cut are unknowns of both neighbours. An element is loaded by -F at its
-first node and +F at its second, and by the moments -M and +M; so F is a tensile force on the part before a
+first node and +F at its second, and by the moments +M and -M; so F is a tensile force on the part before a
 cut, and M is positive where it stretches the fibres to the left of the link. Here the centre of mass may be
 anywhere, and forces may act at further points of the element.
 """

@@ -28,30 +28,37 @@ VIBRATION = Group("vibration", "free vibrations", (_OMEGA,))
 #: Unit and meaning of the matrix of free vibrations, by its name.
 _FREE = (
     entry_unit("N/m"),
-    "R^T (K - omega^2 M) R, with p in its null space; R is [T] and p is (D_r) of the thesis. Free vibrations "
-    "in this pose, with R as constant; condensed_stiffness is R^T (K R + C R' + M R''), with all of K and C, "
-    "and R as it turns",
+    "R^T (K - omega^2 M) R of elastic_stiffness and elastic_mass, with p in its null space; R is [T] and p "
+    "is (D_r) of the thesis. Free vibrations in this pose, with R as constant; condensed_stiffness is "
+    "R^T (K R + C R' + M R''), with all of K and C, and R as it turns",
 )
 #: Matrices that R reduces as a constant: name, the whole one, unit, meaning, letter of entries.
 _REDUCED = {
-    "reduced_stiffness": ("elastic_stiffness", "N/m", "R^T K R: [K_r] of the thesis", "K"),
+    "reduced_stiffness": (
+        "elastic_stiffness",
+        "N/m",
+        "R^T K R with K_i_j of elastic_stiffness: [K_r] of the thesis",
+        "K",
+    ),
     "reduced_mass": (
         "elastic_mass",
         "kg",
-        "R^T M R: [M_r] of the thesis, by p of condensation; condensed_mass takes the p of each pose",
+        "R^T M R with M_i_j of elastic_mass: [M_r] of the thesis, by p of condensation; condensed_mass takes "
+        "the p of each pose",
         "M",
     ),
     "reduced_gyroscopic": (
         "elastic_gyroscopic",
         "N*s/m",
-        "R^T C R: C has -2 omega A of each link, and 2 M times rates of its T; -2 omega [A_r] of the thesis "
-        "is without these, and antisymmetric",
+        "R^T C R with C_i_j of elastic_gyroscopic, of -2 omega A of each link and 2 M times rates of its T; "
+        "-2 omega [A_r] of the thesis is without these, and antisymmetric",
         "C",
     ),
     "reduced_load": (
         "elastic_load",
         "N",
-        "R^T Q: (Q_r) of the thesis, by p of condensation; condensed_load takes the p of each pose",
+        "R^T Q with Q_i of elastic_load: (Q_r) of the thesis, by p of condensation; condensed_load takes "
+        "the p of each pose",
         "Q",
     ),
 }

@@ -138,7 +138,8 @@ def _fields(
     yield NamedMatrix(
         "kinetic_integrals", sp.ImmutableMatrix([*integrals.values()]), "m^3/s^2",
         "integrals of the kinetic terms over an element of constant mass per length m, times 2/m",
-        tuple(integrals), source="thesis (A.3)-(A.19), the fields inserted",
+        tuple(integrals),
+        source="thesis (A.3)-(A.19), the fields inserted; A.10-A.11 (A.10), (A.11) times -1",
     )  # fmt: skip
 
 

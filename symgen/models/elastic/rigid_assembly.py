@@ -12,7 +12,7 @@ from symgen.mechanics.elastic import rigid_elements
 from symgen.mechanics.elastic.rigid_elements import NODAL
 from symgen.mechanics.rods.particles import Vector
 from symgen.mechanics.sources import RIGID_ASSEMBLY
-from symgen.models.elastic.rigid_element import REFERENCE, ROWS
+from symgen.models.elastic.rigid_element import PER_MOMENT, REFERENCE, ROWS
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
 from symgen.models.rods.system import definitions, groups
@@ -50,9 +50,10 @@ class _Element:
 def rigid_assembly_system(linkage: Linkage) -> System | None:
     """Return the assembled equations [D](F) = (E) of rigid links by elements, Eqs. (4.11)-(4.16).
 
-    Elastic links are divided as in the scene, if their mass is even; masses at joints belong to the element
-    before. There is none for linkages other than one loop of links that are hinged at their ends and move
-    under gravity and drives on the ground.
+    Elastic links are divided as in the scene, if their mass is even; others, such as tapered ones or with
+    rotary inertia, are one element, as descriptions say. Masses at joints belong to the element before. There
+    is none for linkages other than one loop of links that are hinged at their ends, have masses there alone,
+    and move under gravity and drives on the ground.
     """
     elements = _elements(linkage)
     nodes = [e.nodes[0] for e in elements] + [e.nodes[1] for e in elements[-1:]]
@@ -86,13 +87,15 @@ def _ends(elements: Sequence[_Element]) -> Iterator[tuple[_Element, str]]:
 def _elements(linkage: Linkage) -> list[_Element]:
     """Return the elements from the driven link to the other end of the loop; none if there is no loop."""
     others = linkage.bodies, linkage.guides, linkage.gears, linkage.loads, linkage.welded_angles
-    if any(others) or linkage.dimension != 2 or any(k.carried for k in linkage.links):
+    carried = [c.name for k in linkage.links for c in k.carried]
+    loaded = {m.point for m in linkage.masses} & {*carried} or len({*carried}) < len(carried)
+    if any(others) or linkage.dimension != 2 or loaded:
         return []
     ground = {p.name for p in linkage.points if p.ground}
     rest = {k.name: k for k in linkage.links if not ground >= {*k.base}}
     driven = [rest[d.link] for d in linkage.drivers if d.link in rest]
     link = next((k for k in driven if ground & {*k.base}), None)
-    counts = {beam.link: beam.elements or 1 for beam in linkage.elastic}
+    counts = _counts(linkage)
     elements: list[_Element] = []
     node = next(p for p in link.base if p in ground) if link else ""
     while link:
@@ -108,6 +111,17 @@ def _elements(linkage: Linkage) -> list[_Element]:
         following = [k for k in rest.values() if node in k.base]
         link = following[0] if len(following) == 1 and node not in ground else None
     return [] if rest or node not in ground else elements
+
+
+def _counts(linkage: Linkage) -> dict[str, int]:
+    """Return the number of elements of each elastic link in the scene."""
+    return {beam.link: beam.elements or 1 for beam in linkage.elastic}
+
+
+def _undivided(linkage: Linkage) -> str:
+    """Return what to say of links with several elements that are one here; empty if there are none."""
+    names = [name for name, n in _counts(linkage).items() if n > 1 and not _is_even(linkage.link(name))]
+    return f"; {', '.join(names)}: one element each, as their mass is not an even line" if names else ""
 
 
 def _is_even(link: RigidLink) -> bool:
@@ -128,8 +142,10 @@ def _matrices(
     shared = sp.ImmutableMatrix(len(places), len(forces), lambda i, j: int(places[i] == j))
     kept = [f for f in forces if f not in zero]
     whole = (diagonal * shared).extract([*range(len(rows))], [forces.index(f) for f in kept])
-    unit = ", ".join([*"11m"] * len(elements))
+    unit = ", ".join([*"11m"] * len(elements)) + PER_MOMENT
+    undivided = _undivided(model.linkage)
     about = "the matrices [d] of all elements, along the diagonal; i, k: their nodes in the order of the loop"
+    about += undivided
     yield named(model, "rigid_elements", [*diagonal], unit, about, rows=rows, columns=of_elements)
     about = "[a]: forces and moments at the nodes of the elements by those of the nodes that they share"
     yield NamedMatrix("rigid_assembly", shared, "1", about, tuple(of_elements), tuple(forces))
@@ -139,6 +155,7 @@ def _matrices(
     about = (
         "[D] of [D](F) = (E), without the moments that are zero; columns are (F): a force at a node acts on "
         "the element before it, its negative on the one behind; a moment the other way round"
+        f"{undivided}"
     )
     yield named(model, "rigid_matrix", [*whole], unit, about, rows=rows, columns=kept)
     about = "(E) of [D](F) = (E): inertia less gravity; masses at joints belong to the element before"

@@ -13,7 +13,8 @@ from symgen.symbolic.system import Export, Group, NamedMatrix, System
 REFERENCE = "The thesis on kineto-elastodynamics, Chapter IV, Eqs. (4.1)-(4.10)"
 #: Rows of the balance of an element.
 ROWS = ("x", "y", "moment")
-_UNITS = "1, 1, m"
+#: Units of entries are those of their row; in columns of moments, over a metre.
+PER_MOMENT = "; /m per moment"
 _MOTION = "x", "y", "turning", "weight"
 
 
@@ -54,12 +55,12 @@ def rigid_element_system() -> System:
     at_nodes = tuple(f"{name} at {node}" for node in "ik" for name in NODAL)
     matrices = (
         NamedMatrix(
-            "nodal_matrix", rigid_elements.nodal_matrix(start, end, centre), _UNITS,
+            "nodal_matrix", rigid_elements.nodal_matrix(start, end, centre), "1, 1, m" + PER_MOMENT,
             "[d] of the forces and moments (F) at both nodes, as they act at the centre of mass", ROWS,
             at_nodes,
         ),
         NamedMatrix(
-            "point_matrix", rigid_elements.point_matrix(point, centre), _UNITS,
+            "point_matrix", rigid_elements.point_matrix(point, centre), "1, 1, 1, 1, m, m",
             "a force at the point p, as it acts at the centre of mass", ROWS, plane,
         ),
         NamedMatrix(
