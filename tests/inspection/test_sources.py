@@ -101,7 +101,7 @@ def test_every_matrix_states_its_source(name):
         (
             "rigid_element",
             "inertia",
-            "thesis (4.10), right side; x (4.5), (4.7); y (4.5), (4.8); moment (4.6), (4.9)",
+            "thesis (4.10), (4.10a), right side; x (4.5), (4.7); y (4.5), (4.8); moment (4.6), (4.9)",
         ),
     ],
 )
