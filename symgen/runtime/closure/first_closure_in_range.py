@@ -15,7 +15,7 @@ from symgen.runtime.closure.start import Closed, close_near
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.loop.kernels import LoopKernels
 
-#: Equal parts of the range at which a closure is looked for.
+#: Equal parts of the range at whose ends a closure is searched.
 _PARTS = 36
 
 

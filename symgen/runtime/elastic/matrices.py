@@ -25,7 +25,7 @@ _GEOMETRIC = ("axial0", "axial1", "axial2", "force_axial", "follower_x", "follow
 _MOTION = ("mass", "centrifugal", "gyroscopic", "damping")
 #: Factors of the units of entries between displacements for others.
 _PER = "; *m per angle, *m^2 per curvature"
-#: Unit and meaning by name of the matrices of the independent unknowns, which are numbers alone.
+#: Unit and meaning by name of the matrices of the independent unknowns, which have no symbolic form.
 CONDENSED = {
     f"condensed_{name}": (unit + _PER, f"{name} of the independent unknowns")
     for name, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m"), ("load", "N"))

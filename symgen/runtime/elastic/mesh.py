@@ -39,7 +39,7 @@ ENOUGH = 1e-2
 _MOST_ELEMENTS = 16
 #: Frequencies of a link by which they are chosen.
 _MODES = 2
-#: Poses of a revolution in which loads are looked at.
+#: Poses of a revolution in which loads are evaluated.
 _POSES = 12
 #: Poses of a revolution at which frequencies are computed.
 _IN_A_TURN = 24

@@ -17,7 +17,7 @@ from symgen.runtime.beams.modal.structure import ROUND_OFF, modes_at_rest, stiff
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.modes import ElasticModes, relative
 
-#: Unknowns up to which all modes are found at once.
+#: Largest number of unknowns for which all modes are computed by a dense solver.
 _DENSE = 60
 #: Unknowns up to which frequencies are compared with those of halved elements: its time grows with the cube.
 _REFINED = 400

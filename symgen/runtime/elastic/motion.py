@@ -26,9 +26,9 @@ from symgen.runtime.rods.model.rods import RodModel
 _STRIDE = 0.02
 #: Times of a run at which a prescribed angle is computed, for its largest rate.
 _LOOKS = 1000
-#: How closely the time at which a crank locks is found, over that time.
+#: Error of the time at which a crank locks, over that time.
 _LOCKED = 1e-7
-#: Parts of a revolution that are searched for it.
+#: Parts of a revolution in which this time is searched.
 _SAMPLES = 64
 #: Least singular value of the constraint Jacobian over the largest, and least component of a free motion.
 _RANK = 1e-9

@@ -95,7 +95,7 @@ class RigidMotionTable:
         )
 
     def time_of(self, direction: float, revolutions: int = 0) -> float:
-        """Return the first time [s] at which the crank has a direction [rad], after so many revolutions.
+        """Return the first time [s] at which the crank has a direction [rad] after a number of revolutions.
 
         Raises
         ------
@@ -194,7 +194,7 @@ class MotorDrivenLinkage:
         return solutions
 
     def revolutions(self, count: int) -> RigidMotionTable:
-        """Return the motion from the start until the crank has come round so many times.
+        """Return the motion from the start to the end of a number of revolutions of the crank.
 
         Raises
         ------

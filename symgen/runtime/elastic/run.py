@@ -62,9 +62,9 @@ from symgen.runtime.result.records import Drift, LazyStatistics, Variable, of_mo
 
 #: Error over its change by halved elements, where it falls with the square of their length: linear stretch.
 HALVED = 4 / 3
-#: Steps a revolution with which explicit runs are repeated, implicitly, on finer elements.
+#: Steps per revolution with which explicit runs are repeated, implicitly, on finer elements.
 _EXPLICIT = 512
-#: Displacements [m], rotations [rad] and their rates beyond it are none, and their powers overflow.
+#: Largest displacement [m], rotation [rad] and rate of a motion that does not grow without bound.
 _BOUND = 1e30
 #: Distance of multipliers from one: round-off splits the double multiplier of a free crank by its root.
 _UNIT = 1e-4

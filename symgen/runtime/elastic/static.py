@@ -18,11 +18,11 @@ from symgen.runtime.elastic.outputs import Solution
 from symgen.runtime.elastic.steps import Start, Task, turn
 from symgen.runtime.integrate.pace import OutOfTime, Pace
 
-#: Places along each link at which the largest displacement of a mode is looked for.
+#: Places along each link at which the largest displacement of a mode is searched.
 _PLACES = 65
 #: Poses of a quasi-static motion between two looks at the clock.
 _HELD = 32
-#: Unknowns up to which no band of the stiffness is looked for.
+#: Largest number of unknowns for which the stiffness is solved as a full matrix.
 _DENSE = 40
 #: Corrections of a shape by the forces that it leaves unbalanced, summed link by link.
 REFINED = 2
@@ -32,7 +32,7 @@ _UNSYMMETRIC = 1e-10
 _REAL = 1e-7
 #: Time between poses, over a revolution, for the rates of a start.
 _APART = 1e-4
-#: Number of intervals of time that are tried.
+#: Number of intervals of time, each shorter than the last, by which rates are differenced.
 _SHORTER = 12
 #: Change of the rates with the interval, over their size.
 _SETTLED = 1e-5

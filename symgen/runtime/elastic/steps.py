@@ -115,7 +115,7 @@ def turn(motion: ElasticMotion) -> float:
 
 
 def first_steps(motion: ElasticMotion, task: Task, least: int) -> int:
-    """Return the steps a revolution to begin with: those given, or so many that none is above ``max_step``.
+    """Return the steps per revolution of the first pass: given, or ``least``, or as ``max_step`` requires.
 
     Raises
     ------

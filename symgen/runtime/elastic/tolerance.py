@@ -42,7 +42,7 @@ _PARTS = 8
 _LASTING = 0.4
 #: Recorded times from which a run is divided into parts.
 _FEW = 64
-#: Least part of the steps found on the first part that the whole run takes.
+#: Least steps of the whole run, over those that its first part needs.
 _LEAST = 0.6
 #: Growth of the error over the run, over that in proportion to time: too few steps cost another run.
 _GROWN = 2.0

@@ -82,7 +82,7 @@ class Linearisation:
         return np.asarray(values[np.lexsort((-values.imag, np.abs(values)))])
 
     def summary(self) -> dict[str, Any]:
-        """Return it in plain numbers: what ``symgen linearise --json`` prints."""
+        """Return it in plain numbers, as printed by ``symgen linearise --json``."""
 
         def named(names: tuple[str, ...], values: Array) -> dict[str, Any]:
             pairs = zip(names, values.tolist(), strict=True)
@@ -142,7 +142,7 @@ class Sensitivity:
         return "\n".join([f"<Sensitivity at {where}>", *lines])
 
     def summary(self) -> dict[str, Any]:
-        """Return it in plain numbers: what ``symgen sensitivity --json`` prints."""
+        """Return it in plain numbers, as printed by ``symgen sensitivity --json``."""
         last = np.moveaxis(self.derivatives, -2, 0)  # along a run, lists over the times
         rows = zip(self.outputs, self.values.T.tolist(), np.moveaxis(last, -1, 1).tolist(), strict=True)
         return {

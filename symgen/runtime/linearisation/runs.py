@@ -38,7 +38,7 @@ from symgen.runtime.linearisation.steps import (
 from symgen.runtime.linearisation.tangents import Tangents
 from symgen.runtime.result.state import State
 
-#: Steps at most of a run with derivatives, whose states are all kept.
+#: Most steps of a run with derivatives, which stores the states of all steps.
 MOST_STEPS = 1_000_000
 #: Steps whose states are noted in one call.
 _CHUNK = 4096

@@ -20,9 +20,9 @@ from symgen.runtime.linearisation.record import Linearisation
 from symgen.runtime.linearisation.sensitivity import moved_pose
 from symgen.runtime.linearisation.tangents import Tangents
 
-#: Sets of angles that are tried as independent coordinates.
+#: Most sets of angles that are tested as independent coordinates.
 _TRIED = 20
-#: The part of its largest singular value below which those of a constraint Jacobian count as none.
+#: Singular values of a constraint Jacobian, over the largest, below which they count as zero.
 _DEPENDENT = 1e-9
 
 

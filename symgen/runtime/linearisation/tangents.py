@@ -23,9 +23,9 @@ from symgen.runtime.result.state import State
 _DEPENDENT = 1e-9
 #: Steps of iterative refinement of solutions of the equations of motion.
 _REFINEMENTS = 2
-#: The part of its largest singular value at which the constraint Jacobian has lost rank.
+#: Least singular value of a constraint Jacobian of full rank, over the largest.
 _LOST = 1e-12
-#: The part of constraints and their derivatives, and of the size of a mechanism, that counts as none.
+#: Values of constraints and their derivatives, over their size, that count as zero.
 _NONE = 1e-9
 
 
@@ -183,7 +183,7 @@ class Tangents:
                 raise self.refusal(f"a change of {by[column]} alone", reason)
 
     def refusal(self, what: str, reason: str) -> ModelError:
-        """Return the error for a derivative by, or of, what redundant constraints do not permit.
+        """Return the error for a derivative of or by a quantity that redundant constraints fix.
 
         The reason counts at a state that meets these constraints.
         """
@@ -224,7 +224,7 @@ class Tangents:
         return 1.0 / np.array([values.get(x, 1.0) for x in by])
 
     def contradicts(self, row: int) -> str:
-        """Return what a change does that opens a redundant constraint, in words, with a remedy."""
+        """Return the effect of a change that violates a redundant constraint, in words, with a remedy."""
         label = self.description.labels[row]
         return f"contradicts the redundant constraints: {label}\n  Give parameters that keep them redundant."
 

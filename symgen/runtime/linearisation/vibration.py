@@ -26,7 +26,7 @@ from symgen.runtime.linearisation.tangents import Tangents
 Matrices = Sequence[NDArray[Any]]
 #: Names of the first three.
 _SYSTEM = ("mass_matrix", "stiffness", "damping")
-#: The part of their size by which eigenvalues must differ.
+#: Least relative difference of two eigenvalues that are not equal.
 _APART = 1e-6
 
 

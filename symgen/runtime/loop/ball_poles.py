@@ -12,11 +12,11 @@ from symgen.runtime.loop.kernels import LoopKernels
 
 #: Change of the angles by which their effect on the links is judged [rad].
 _STEP = 1e-4
-#: Motion of the links, over such a change, that counts as none.
+#: Motion of the links, over such a change, that counts as zero.
 _MOVES = 1e-6
 #: Least singular value of angles that are far from a pole, over the largest.
 _FAR = 1e-2
-#: Motion of the links over the least singular value that counts as none.
+#: Motion of the links, over the least singular value, that counts as zero.
 _MARGIN = 30.0
 #: Least part of a variable that counts.
 _TAKES_PART = 1e-3

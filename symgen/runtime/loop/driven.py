@@ -26,13 +26,13 @@ from symgen.runtime.loop.poles import OF_MOTION, PoleAt, beside_pole, poles
 from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time
 from symgen.runtime.result.turn import Pole, Turn, variables
 
-#: Parts of the range that are the longest step.
+#: Least number of steps over a range.
 PARTS = 36
-#: Parts of the way from the scene's parameters to other values, at which the loop is kept closed.
+#: Fractions between the scene's parameters and other values, at each of which the loop is closed.
 STAGES = np.linspace(0.0, 1.0, 17)[1:]
-#: Range that longer steps are parts of at least [s].
+#: Shortest range that is divided in this way [s].
 LEAST_RANGE = 1e-12
-#: Where following would take hours, and angles lose their digits.
+#: Values beyond which following would take hours, and angles would lose their digits.
 _FARTHEST = 1e6
 #: Defect of closure above rounding.
 _CLOSED = 1e-11

@@ -19,7 +19,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.loop.drive_inverse import first_times
 
-#: Rounding of a value of the input at the time found for it.
+#: Rounding of the input at the time at which it has a requested value.
 CLOSE = 4 * float(np.finfo(float).eps)
 #: Columns of the link-joint table that are lengths.
 _LENGTHS = [False, True, False, False, True]

@@ -33,7 +33,7 @@ class Constraints:
 
     @property
     def slopes(self) -> Indices:
-        """Constraint, coordinate and place in what ``closure`` writes, of each slope dPhi/dq: (slopes, 3)."""
+        """Constraint, coordinate and index in the result of ``closure`` of each slope of Phi: (slopes, 3)."""
         d = self.description
         block = next(b for b in self.kinematics.info("closure").blocks if b.name == "constraint_slopes")
         return np.array(block.places(d.constraints, d.of_coordinates()), dtype=np.intp)

@@ -268,7 +268,7 @@ def _closed_by_search(evaluator: Evaluator, drawn: Array) -> Starter | None:
     return min(found, key=lambda pair: pair[0])[1] if found else None
 
 
-#: Constraints that are missed by less than this fraction of the largest miss are met, up to rounding.
+#: Errors of constraints below this part of the largest are rounding.
 _MISSED = 1e-9
 
 

@@ -30,7 +30,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 
 #: Error that corrections leave in the places over their sizes, and in the rates over the largest of a step.
 CLOSE = 1e-12
-#: Steps whose prescribed numbers are found together.
+#: Steps whose prescribed numbers are evaluated together.
 _TOGETHER = 1024
 #: Part of a step over which the rates of the constraints are differentiated in time.
 PART = 1e-3
@@ -180,13 +180,13 @@ class ConstrainedSystem:
         return False
 
     def follow(self, t: float, q: Array, v: Array) -> None:
-        """Take note of the motion before a step."""
+        """Record the motion before a step."""
 
     def recall(self, t: float) -> None:
-        """Take what was noted till a time [s] of the run."""
+        """Use the records up to a time [s] of the run."""
 
     def memory(self) -> dict[str, Array]:
-        """Return these notes."""
+        """Return these records."""
         return {}
 
     def restore(self, memory: Mapping[str, Array]) -> None:
@@ -263,7 +263,7 @@ def _integrator(method: BeamMethod) -> Integrator:
 
 
 class SystemRun:
-    """A run of a system by collocation, with so many equal steps between two of equally spaced times.
+    """A run of a system by collocation, with equal steps between equally spaced times.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ _SLOPES = ("mass_matrix", "damping", "stiffness")
 _HALF = 1e-6
 #: Change of unknowns, over their sizes, for slopes of forces on links.
 _CHANGE = 1e-3
-#: Unknowns by which slopes are found together.
+#: Unknowns by which slopes are differenced together.
 _TOGETHER = 64
 
 

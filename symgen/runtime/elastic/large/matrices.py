@@ -39,7 +39,7 @@ _SPAN = 0.1
 
 
 def large_matrices(motion: ElasticMotion, elements: int, t: float) -> AssembledMatrices:
-    """Return the matrices at a time [s] of the run in so many elements of each elastic link.
+    """Return the matrices at a time [s] of the run, with a number of elements of each elastic link.
 
     Raises
     ------

@@ -113,7 +113,7 @@ class Refinement:
 def refined_run(
     of: LargeMotion, request: Refined, end: float, least: float, keeping: CheckpointOptions | None = None
 ) -> ElasticResult:
-    """Return the result of a run to a time [s], with at least so many steps, and with checkpoints.
+    """Return the result of a run to a time [s], with a least number of steps and with checkpoints.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def _refine(
 
 
 def _first(variables: Sequence[Variable], count: int) -> list[Variable]:
-    """Return so many of the first samples of outputs."""
+    """Return the first samples of outputs, ``count`` of them."""
     return [replace(v, values=v.values[:count]) for v in variables]
 
 

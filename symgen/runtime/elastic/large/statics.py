@@ -40,7 +40,7 @@ _PUSHED = 1 / 16
 _POSES = 64
 
 
-#: Corrections up to which they count as round-off where they no longer become smaller.
+#: Largest corrections that count as round-off where they no longer decrease.
 _ROUNDED = 1e-8
 #: Force that leads from an unstable shape, over the largest of the loads.
 _PUSH = 1e-2

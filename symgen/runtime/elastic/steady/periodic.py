@@ -38,7 +38,7 @@ _FIRST_STEPS = 64
 _MOST_STEPS = 1 << 16
 #: The least number of recorded times that runs are compared at, if there are as many.
 _COMPARED = 60
-#: The most unknowns for which all states of one revolution are stepped together.
+#: Most unknowns for which all states of one revolution are stepped together.
 _SHOOTING = 400
 #: Estimated error of the largest multiplier, over it, for which steps are added once.
 _CLOSE = 1e-6

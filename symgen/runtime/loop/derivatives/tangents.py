@@ -174,7 +174,7 @@ class LoopTangents(Tangents):
         return StateSlopes(residual, rates, constraints, outputs, values, units)
 
     def contradicts(self, row: int) -> str:
-        """Return what a change does that opens closure equations, in words, with a remedy."""
+        """Return the effect of a change that violates closure equations, in words, with a remedy."""
         return (
             f"opens the redundant closure equations of {self.description.name}\n"
             "  Give parameters that keep the loop closed."

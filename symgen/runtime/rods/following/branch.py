@@ -1,4 +1,4 @@
-"""A driven linkage followed through times in compiled steps, where no singular pose is on the way."""
+"""A driven linkage followed in time by compiled steps, in ranges without singular poses."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class CurvePoint:
 
 
 class Curve(Generic[Held]):
-    """Phi(q, t) = 0 over x = (q/length, t/duration), made dimensionless with these two."""
+    """Phi(q, t) = 0 over the dimensionless x = (q/length, t/duration)."""
 
     def __init__(self, constraints: Held, length: float, duration: float) -> None:
         self.constraints, self.length, self.duration = constraints, length, duration
@@ -121,7 +121,7 @@ class Curve(Generic[Held]):
         return corrected
 
     def between(self, a: CurvePoint, b: CurvePoint, part: float) -> CurvePoint | None:
-        """Return the point of the curve at a part of the way from a to b, predicted by Hermite's cubic."""
+        """Return the point of the curve at a fraction between a and b, predicted by Hermite's cubic."""
         x, along = hermite(a, b, part)
         corrected = self.corrected(x, along / np.linalg.norm(along))
         return None if corrected is None else self.point(corrected, along)

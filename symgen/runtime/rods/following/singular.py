@@ -12,7 +12,7 @@ from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.continuation import Curve, CurvePoint
 
-#: Component of the tangent along t that counts as none.
+#: Component of the tangent along t that counts as zero.
 TURNING = 1e-9
 
 
@@ -31,7 +31,7 @@ def monotone(path: list[CurvePoint]) -> list[list[CurvePoint]]:
 def singular_poses(
     curve: Curve[Constraints], path: list[CurvePoint], low: float, high: float
 ) -> list[SingularPose]:
-    """Return the dead centres and bifurcations on the way between two times [s], in the order of the way."""
+    """Return the dead centres and bifurcations between two times [s], in the order of the motion."""
     ends = [part[-1] for part in monotone(path)[:-1]]
     ends += [p for p in (path[0], path[-1]) if abs(p.speed) <= TURNING]
     poses = [(p, "dead centre") for p in ends] + [(p, "bifurcation") for p in curve.crossings(path)]
