@@ -44,12 +44,13 @@ class Balance:
         from scipy.linalg import lu_factor
 
         self.rate = rate
-        self.mass, self.damping, self.stiffness, self.bound = (
-            np.array([getattr(x, name).real for x in matrices])
+        mass, damping, stiffness, self.bound = (
+            np.array([getattr(x, name).real for x in matrices], np.longdouble)
             for name in ("mass", "damping", "stiffness", "bound")
         )
+        self._matrices = np.array([stiffness, damping, mass])
         count, m, n = self.bound.shape
-        sizes = np.sqrt(np.max(np.abs(np.diagonal(self.stiffness, axis1=1, axis2=2)), axis=0)).astype(float)
+        sizes = np.sqrt(np.max(np.abs(np.diagonal(stiffness, axis1=1, axis2=2)), axis=0)).astype(float)
         #: Square roots of the stiffness of each unknown.
         self.sizes = sizes = np.where(sizes > 0.0, sizes, 1.0)
         self._weights = np.max(np.abs(self.bound / sizes), axis=2, initial=0.0)
@@ -58,10 +59,10 @@ class Balance:
         first, second = rate.astype(float), (rate @ rate).astype(float)
         both = np.outer(sizes, sizes)
         for k in range(count):
-            of_rates = np.multiply.outer((self.damping[k] / both).astype(float), first[k])
-            of_rates += np.multiply.outer((self.mass[k] / both).astype(float), second[k])
+            of_rates = np.multiply.outer((damping[k] / both).astype(float), first[k])
+            of_rates += np.multiply.outer((mass[k] / both).astype(float), second[k])
             system[k, :n, :, :n] = of_rates.transpose(0, 2, 1)
-            system[k, :n, k, :n] += self.stiffness[k] / both
+            system[k, :n, k, :n] += stiffness[k] / both
             system[k, :n, k, n:], system[k, n:, k, :n] = scaled[k].T, scaled[k]
         self._factors = lu_factor(system.reshape(count * (n + m), -1), overwrite_a=True)
         #: S (poses, unknowns), and mu (poses, constraints).
@@ -82,7 +83,7 @@ class Balance:
 
     def _forces(self, places: Wide, rates: Wide, second: Wide) -> Wide:
         """Return forces M S'' + C S' + K S in the poses."""
-        return _times(self.mass, second) + _times(self.damping, rates) + _times(self.stiffness, places)
+        return np.einsum("okij,okj->ki", self._matrices, np.array([places, rates, second]))
 
     def _solved(self, forces: Wide, opened: Wide) -> tuple[Wide, Wide]:
         """Return S and mu for forces (poses, unknowns), and J S (poses, constraints)."""

@@ -17,7 +17,6 @@ from symgen.runtime.arrays import Dual
 from symgen.runtime.beams.data import STIFFNESS_OF_FORCES, Piece
 from symgen.runtime.beams.frames import Frames, frames
 from symgen.runtime.beams.links import Beam
-from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.motion import ElasticMotion
 
 #: Number of rigid motions of a link in the plane.
@@ -47,7 +46,7 @@ def assembled(
     Parameters
     ----------
     motion
-        The motion with its links.
+        The motion with its links, each in one piece.
     rows, loads
         Weights of the links (links, columns) and of the forces along them (forces, columns).
     joined
@@ -60,7 +59,7 @@ def assembled(
     mass, damping, stiffness = (np.zeros((n + 1, n + 1), np.clongdouble) for _ in range(3))
     load = np.zeros(n + 1, np.clongdouble)
     for k, link in enumerate(motion.beams):
-        superelement, axes = whole(link.pieces, len(link.dofs)), frames(rows[k][None])
+        (superelement,), axes = link.pieces, frames(rows[k][None])
         places = layout.of_links[k]
         turned = np.eye(len(link.dofs), dtype=np.clongdouble)
         for end in link.joints:
@@ -135,7 +134,7 @@ def damped(link: Beam, ratio: complex) -> Beam:
     phi, is 2 ratio L sqrt(A) L^T. In the eigenvectors of A, d sqrt(A) has the entries of dA over the sums of
     two angular frequencies.
     """
-    superelement = whole(link.pieces, len(link.dofs))
+    (superelement,) = link.pieces
     at = np.ix_(*[[j for j in range(len(link.dofs)) if j not in link.fixed]] * 2)
     lower = np.linalg.cholesky(superelement.mass[at].real)
     inverse = np.linalg.inv(lower)

@@ -13,7 +13,7 @@ displacements, K S + J^T mu = Q, have the differentials of :mod:`.balance`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from symgen.errors import ModelError
 from symgen.runtime._beams import APPLIED, AT_REST, MOTION, QUASI_STATIC, BeamEquations
 from symgen.runtime.arrays import Array, Dual
 from symgen.runtime.beams.links import Beam, beam
+from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.derivatives.balance import Balance
 from symgen.runtime.elastic.derivatives.matrices import Assembled, assembled, damped
 from symgen.runtime.elastic.mesh import properties_of
@@ -131,6 +132,7 @@ class Pose:
                 "derivatives by it are not available"
             )
         link = beam(info, replace(properties, ratio=0.0), lumps, profiles)
+        link = replace(link, pieces=(whole(link.pieces, len(link.dofs)),))
         return damped(link, properties.ratio) if properties.ratio else link
 
     def assembled(self, j: int, analysis: int) -> tuple[ElasticMotion, Dual, Assembled]:
@@ -171,13 +173,15 @@ class Pose:
             )
         shape = quasi_static(self.motion, self.equations, np.array([self.t]))
 
-        def along(j: int) -> list[Variable]:
-            motion, rows, at = self.assembled(j, QUASI_STATIC)
-            moved = shape + 1j * UNIT * Balance([at], np.zeros((1, 1))).differential([at])
-            return outputs_of(motion, rows[None], moved.astype(complex))
+        def along() -> Iterator[list[Variable]]:
+            balance = None
+            for j in range(len(self.parameters)):
+                motion, rows, at = self.assembled(j, QUASI_STATIC)
+                balance = balance or Balance([at], np.zeros((1, 1)))
+                moved = shape + 1j * UNIT * balance.differential([at])
+                yield outputs_of(motion, rows[None], moved.astype(complex))
 
-        each = map(along, range(len(self.parameters)))
-        units, values, slopes = derived(requested, each, "with elastic links", ("frequencies",))
+        units, values, slopes = derived(requested, along(), "with elastic links", ("frequencies",))
         return units, values[0], slopes[0]
 
 
