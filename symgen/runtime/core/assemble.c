@@ -11,13 +11,18 @@
 
 /* Newton's method starts below this defect. */
 #define CLOSE real_sqrt(REAL_EPSILON)
-/* Damping over the square of the defect: at the start, and the largest, at which the search ends. */
+/* Damping at the start, over the square of the defect. */
 #define DAMPING R(0.01)
+/* Damping at which the search ends, over the square of the defect. */
 #define HOPELESS R(1e12)
-/* Least decrease of a step, and least damping, of which so many in a row show a minimum. */
+/* Decrease of the square of the defect in a step, over it, below which the step is idle. */
 #define DECREASE R(1e-3)
+/* Damping of an idle step, over the square of the defect: less of it does not decrease the defect further. */
 #define FREE R(1e-6)
-enum { STEPS = 200, IDLE = 4 };
+/* Most steps. */
+enum { STEPS = 200 };
+/* Idle steps in a row that show a minimum. */
+enum { IDLE = 4 };
 
 /* Evaluate the loop at q: scaled screws into the columns of l->matrix, the closure error into b; return its square. */
 static real missing(struct loop *l, real t, const real *q, real *b) {

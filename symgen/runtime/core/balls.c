@@ -5,9 +5,9 @@
 
 #include "loop.h"
 
-/* Sine of the angle from a pole below which angles change to the alternative ones, and above which they change back.
-   */
+/* Sine of the angle from a pole below which angles change to the alternative ones. */
 #define NEAR_POLE R(0.1)
+/* Sine of the angle from a pole above which they change back. */
 #define FAR_POLE R(0.3)
 /* An angle nearer to a multiple of pi than CLEAR pi has a cosine above NEAR_POLE in magnitude. */
 #define CLEAR 0.465

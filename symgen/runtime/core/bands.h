@@ -23,8 +23,10 @@ static inline struct band_store band_store(ptrdiff_t n, ptrdiff_t band) {
     return (struct band_store){2 * band, width - 1, n * width};
 }
 
-/* Columns eliminated in one pass; rows of B^-1 E in one block. */
-enum { TOGETHER = 4, PANEL = 32 };
+/* Columns eliminated in one pass. */
+enum { TOGETHER = 4 };
+/* Rows of B^-1 E in one block. */
+enum { PANEL = 32 };
 
 /* Rows of the multipliers of the columns of one pass. */
 static inline ptrdiff_t multipliers_rows(ptrdiff_t band) {

@@ -96,12 +96,14 @@ struct account {
 /* A coordinate has no mass if its pivot keeps at most this part of its own-signed terms. Regular pivots may cancel
    too: a rod 1e12 times heavier than its neighbours leaves 1e-12. */
 #define MASSLESS 1e-15
+/* Steps of iterative refinement of accelerations. */
 #define REFINEMENTS 2
 /* Iterations of the projections. With one factor the error falls linearly, by a factor proportional to the step's
    error. Iterations that do not halve the error end, so this number reaches rounding from any error. */
 #define PROJECTIONS 80
 /* Errors over the size of the unknowns that are rounding if they no longer fall to half. */
 #define ROUND_OFF (R(1e4) * REAL_EPSILON)
+/* Most projections of rates. */
 #define RATE_PROJECTIONS 3
 
 /* Below this part of a pivot, near a loss of rank, errors transverse to the constraints are magnified too much. */

@@ -98,7 +98,9 @@ static int step(struct run *run, real t, real h, real t_new) {
 
 /* The test for stiffness runs every STIFF_EVERY steps, and in every step while stability seems to limit the step.
    Stiff after STIFF_ROW such steps in a row; not stiff after EASY_ROW others. */
-enum { STIFF_EVERY = 16, STIFF_ROW = 15, EASY_ROW = 6 };
+enum { STIFF_EVERY = 16 };
+enum { STIFF_ROW = 15 };
+enum { EASY_ROW = 6 };
 
 /* The last stage and the end of the step have the same time. The distance of their derivatives over the distance of
    their states is a lower bound of the largest eigenvalue (Hairer and Wanner II, IV.2). */

@@ -11,7 +11,10 @@
 #include "slopes.h"
 #include "variations.h"
 
-enum { STAGES = 3, ITERATIONS = 50 };
+/* Stages of Radau's method of order 5. */
+enum { STAGES = 3 };
+/* Most iterations to the slopes of a step. */
+enum { ITERATIONS = 50 };
 /* Changes of the iterations may stall below this part of the solution. */
 #define STALLED R(1e-9)
 

@@ -4,8 +4,9 @@
 
 #include "real.h"
 
-/* Rounding of the closure, and the largest defect accepted if iterations do not decrease it further. */
+/* Rounding of the closure. */
 #define FINE (R(18) * REAL_EPSILON)
+/* Largest defect of closure that is accepted if iterations do not decrease it further. */
 #define COARSE (R(4500) * REAL_EPSILON)
 /* Least determinant of the drives: below, force transmission is singular. */
 #define NO_DRIVE RANK_TOLERANCE

@@ -5,8 +5,9 @@
 #include "linear.h"
 #include "loop.h"
 
-/* Least singular value at which steps may end, over the largest and over that of the best pose so far. */
+/* Least singular value at which steps may end, over the largest. */
 #define BLURRED 1e-4
+/* The same over that of the best pose so far. */
 #define BLURRED_PART 1e-2
 /* Least inertia of a free motion over the sum of its terms. */
 #define NO_MASS (R(450) * REAL_EPSILON)

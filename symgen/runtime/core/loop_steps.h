@@ -3,9 +3,12 @@
 #include "loop_limits.h"
 #include "newton.h"
 
-/* Largest numbers of Newton's iterations to a closed pose, also in lanes, and of halvings of one of its steps. Lanes that
-   need a halving fail. */
-enum { CLOSINGS = 40, LANE_CLOSINGS = 12, HALVINGS = 8 };
+/* Most iterations of Newton's method to a closed pose. */
+enum { CLOSINGS = 40 };
+/* The same in lanes. */
+enum { LANE_CLOSINGS = 12 };
+/* Most halvings of one of its steps. Lanes that need a halving fail. */
+enum { HALVINGS = 8 };
 
 /* Write the twist that closes the loop to first order: minus the small rotation, and the displacement at O. */
 static void mismatch(const LOOP *l, wide *b) {

@@ -12,8 +12,10 @@
 
 #include "wide.h"
 
-/* MOST: columns that fit the arrays of fixed size. */
-enum { ROWS = 6, MOST = 24 };
+/* Rows of a screw. */
+enum { ROWS = 6 };
+/* Columns that fit the arrays of fixed size. */
+enum { MOST = 24 };
 
 struct qr {
     wide r[ROWS * MOST];

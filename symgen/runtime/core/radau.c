@@ -16,15 +16,21 @@
 
 #include <string.h>
 
-enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 20 };
+/* Stages of the method of order 5. */
+enum { STAGES = 3 };
+/* Most iterations of a step that may be repeated with a shorter one. */
+enum { ITERATIONS = 7 };
+/* Most iterations of a step of fixed length. */
+enum { FIXED_ITERATIONS = 20 };
 /* Iterations may stall by rounding below this part of the tolerance. */
 #define STALLED 0.03
 /* Iterations that converge this fast keep their Jacobian. */
 #define FAST 1e-3
 /* If a step may grow by less than this factor, its length and its matrices are reused. */
 #define KEEP 1.2
-/* After a step whose iterations did not converge, steps stay below this part of its length; the limit fades slowly. */
+/* After a step whose iterations did not converge, steps stay below this part of its length. */
 #define CAUTION 0.8
+/* Growth of this limit in each step. */
 #define FORGET 1.05
 
 struct radau {

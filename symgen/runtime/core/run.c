@@ -4,12 +4,13 @@
 
 #include "arena.h"
 
-/* Greatest growth of the step (the least is SHRINK), and its safety factors. Accelerations of linkages vary much
-   between steps. Beyond a growth of GROW_FREELY the factor CAREFUL applies; without it a quarter of all steps would
-   be rejected. */
+/* Greatest growth of the step; the least is SHRINK. */
 #define GROW 10.0
-#define GROW_FREELY 1.2
+/* Safety factor of the length of the next step. */
 #define SAFETY 0.9
+/* Accelerations of linkages vary much between steps: beyond this growth the factor CAREFUL applies. */
+#define GROW_FREELY 1.2
+/* Safety factor there; without it a quarter of all steps would be rejected. */
 #define CAREFUL 0.75
 
 /* -- memory ------------------------------------------------------------------------------------------------ */

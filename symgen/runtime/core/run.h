@@ -45,8 +45,12 @@ struct task {
 
 struct run;
 
-/* Capacities: counts of any method; stages and error estimates of an explicit method. */
-enum { MOST_COUNTS = 16, MOST_STAGES = 32, MOST_ESTIMATES = 2 };
+/* Capacity of the counts of any method. */
+enum { MOST_COUNTS = 16 };
+/* Most stages of an explicit method. */
+enum { MOST_STAGES = 32 };
+/* Most error estimates of an explicit method. */
+enum { MOST_ESTIMATES = 2 };
 
 /* A kind of method. It owns run->own, memory of `bytes` bytes: all data that it carries from step to step.
  * The file of the kind defines the meaning of the method's `counts` and `numbers` (see struct scheme). */

@@ -12,8 +12,12 @@
 
 #include <string.h>
 
-/* Largest numbers of looks at the switching point after a step to it, of passes over one step, and of halvings. */
-enum { POLISHINGS = 5, PASSES = 64, HALVINGS = 40 };
+/* Most corrections of the length of a step that ends at a switching point. */
+enum { POLISHINGS = 5 };
+/* Most passes over one step. */
+enum { PASSES = 64 };
+/* Most halvings of an interval that contains a switching point. */
+enum { HALVINGS = 40 };
 /* The test for stiffness due to a switching point applies to distances below this part of the largest so far. */
 #define CLOSE R(1e-6)
 /* Tolerance of coordinates and rates for fixed steps. */
@@ -35,7 +39,7 @@ static const real *distances(struct run *run, real t, const real *y) {
     return run->e->gaps + run->e->sizes.events;
 }
 
-/* Position of look number j in a step. */
+/* Position of probe number j in a step. */
 static real probe_place(int j) {
     real shift = R(0.6180339887498949) * R(j);
     shift -= R((long)shift);
@@ -123,7 +127,7 @@ static real on_the_way(struct run *run, real h, long k, real theta) {
     return run->e->gaps[run->e->sizes.events + k] * *branch_of(run, k);
 }
 
-/* Return the position between looks j - 1 and j at which the interpolant passes a switching point; 2 if it does not.
+/* Return the position between probes j - 1 and j at which the interpolant passes a switching point; 2 if it does not.
    */
 static real passed_at(struct run *run, real h, long k, int j) {
     long switches = run->e->sizes.switches, index = run->e->sizes.events + k;
