@@ -38,8 +38,10 @@ from symgen.runtime.elastic.steps import stepped, turn
 CORE = (
     *RUNS, "bands.c", "beam_basis.c", "beam_motion.c", "beam_steps.c", "beams.c", "rigid_motion.c",
 )  # fmt: skip
-#: The fraction of a revolution in the comparison run, and its number of steps.
-_PART, _STEPS = 8, 32
+#: Revolution over the duration of the comparison run.
+_PART = 8
+#: Steps of the comparison run.
+_STEPS = 32
 #: Parts of the way from the parameters of the scene to others, over which the start is led.
 PARTS = 32
 _INDEXED = (

@@ -12,8 +12,10 @@ from symgen.runtime import _core
 from symgen.runtime.kernels.evaluate import as_taken
 from symgen.runtime.model.system import SystemModel
 
-#: Arguments of kernels in the comparison: the least of them, and their spacing modulo one.
-_LEAST, _GOLDEN = 0.5, (5**0.5 - 1) / 2
+#: Least argument of kernels in the comparison.
+_LEAST = 0.5
+#: Spacing of these arguments, modulo one.
+_GOLDEN = (5**0.5 - 1) / 2
 
 
 def system(model: SystemModel, program: Program, sources: tuple[SourceFile, ...]) -> Exported:

@@ -21,8 +21,10 @@ from symgen.runtime.integrate.integrators.method import Integrator
 COMPARED = 1.0
 #: Allowed deviation with other compiler flags or another library, relative to the largest entry of an array.
 TOLERANCE = "1e-6"
-#: Tolerances of the comparison run and of the example.
-RTOL, ATOL = 1e-9, 1e-12
+#: Relative tolerance of the comparison run and of the example.
+RTOL = 1e-9
+#: Absolute tolerance of both [m, m/s].
+ATOL = 1e-12
 
 #: Folder with the files of the core.
 CORE_FOLDER = Path(__file__).resolve().parent.parent / "runtime" / "core"

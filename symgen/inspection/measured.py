@@ -19,8 +19,10 @@ from symgen.study.speed.work_precision import WorkPrecision, work_precision
 #: Facts of a run shown at the head of the page.
 _OF_POINTS = (("position", "m"), ("velocity", "m/s"))
 _TELLING = ("energy drift", "constraint drift", "closed within", "estimated error")
-#: Repeats per setting, and recorded times.
-_REPEATS, _SAMPLES = 2, 11
+#: Repeats per setting.
+_REPEATS = 2
+#: Recorded times.
+_SAMPLES = 11
 
 
 def measure(model: Any, text: SceneText | None, *, progress: Callable[[str], None]) -> Measured:

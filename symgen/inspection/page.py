@@ -25,8 +25,10 @@ from symgen.report.page.views import elimination, matrix_view, shared_terms, sym
 from symgen.scene.loading import SceneText, check_scene, shipped_scenes
 from symgen.symbolic.system import Step, System
 
-#: Maximum number of matrices of one step and of shared terms on a page.
-_MATRICES, _TERMS = 16, 60
+#: Most matrices of one step on a page.
+_MATRICES = 16
+#: Most shared terms on a page.
+_TERMS = 60
 _KINDS = {"add": "+ −", "mul": "×", "div": "÷", "neg": "sign", "call": "calls"}
 
 #: Callback that receives the current activity as text.

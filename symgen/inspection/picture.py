@@ -21,9 +21,10 @@ from symgen.scene.rods.rotations import GearPair
 Array = NDArray[np.float64]
 #: Parts of an elastic link between the places where its deflection is drawn.
 _PARTS = 8
-#: Largest deflection drawn over the size of the mechanism. Deflections that need more magnification than the
-#: second are round-off.
-SEEN, _ROUND_OFF = 0.08, 1e9
+#: Largest deflection drawn, over the size of the mechanism.
+SEEN = 0.08
+#: Magnification beyond which deflections are round-off.
+_ROUND_OFF = 1e9
 #: Drawn length of a joint axis relative to the size of the loop.
 _AXIS = 0.09
 #: The freedoms of a joint that has no axis.

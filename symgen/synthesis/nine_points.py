@@ -23,10 +23,14 @@ Array = NDArray[np.float64]
 #: Vectors in isotropic coordinates: ground point and joint of crank and rocker, each x + iy and x - iy.
 Complex = NDArray[np.complexfloating[Any, Any]]
 
-#: First step of a path of length one, and the least, in doubles and in the widest type.
-_STEP, _LEAST = 0.05, (1e-9, 1e-13)
-#: Largest first correction of a step, and the last, relative to the size of the solution.
-_PREDICTED, _CORRECTED = 1e-4, 1e-8
+#: First step of a path of length one.
+_STEP = 0.05
+#: Least step, in doubles and in the widest type.
+_LEAST = (1e-9, 1e-13)
+#: Largest first correction of a step, over the size of the solution.
+_PREDICTED = 1e-4
+#: Largest last correction of a step, over the size of the solution.
+_CORRECTED = 1e-8
 #: Steps of one size before it is doubled.
 _STEADY = 3
 #: Difference of a vector from a real one, or of one class from another, relative to its size.

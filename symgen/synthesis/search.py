@@ -24,15 +24,20 @@ _SAME = 1e-6
 _ENDED = (1, 2, 3, 4)
 #: Evaluations of the equations from one start.
 _EVALUATIONS = 300
-#: Largest change of a root that Newton's method still makes, relative to its size: rounding, over the least
-#: singular value of the slopes times this, and at most the second.
-_SETTLED, _ROUNDED, _LOOSE = 1e-11, 10.0, 1e-7
+#: Last change of a root by Newton's method, over its size.
+_SETTLED = 1e-11
+#: The same over rounding divided by the least singular value of the slopes.
+_ROUNDED = 10.0
+#: Largest last change of a root, over its size.
+_LOOSE = 1e-7
 #: Largest first change by which a start of Newton's method may miss its root, relative to its size.
 _NEAR_ROOT = 1e-3
 #: Corrections of Newton's method: it doubles the digits of a root that least squares have found to three.
 _CORRECTIONS = 6
-#: Rounding of a residual over its slopes times its arguments, and the least of these that counts.
-_ROUNDING, _SMALLEST = 1e-10, 1e-6
+#: Rounding of a residual, over its slopes times its arguments.
+_ROUNDING = 1e-10
+#: Least product of slopes and arguments that counts.
+_SMALLEST = 1e-6
 #: Least singular value of the slopes at a root, relative to the largest.
 _REGULAR = 1e-12
 #: The same at a least square, which is not polished.

@@ -21,8 +21,10 @@ _BEGIN = r"\begin{matrix}"
 _ROW_END = re.compile(r"\\\\(?!\n)")
 #: Name and meaning of a component of a vector, both with the name of what the vector belongs to.
 _COMPONENT = re.compile(r"([a-z]+_)(\w+?)((?:_[a-z]+)?)_([xyz]): \4 component of (.*\b)\2(\b.*)")
-#: Maximum number of rows and columns, and of characters, of a matrix that LaTeX shows as a whole.
-_WHOLE, _LETTERS = 12, 4000
+#: Most rows and columns of a matrix that LaTeX shows as a whole.
+_WHOLE = 12
+#: Most characters of such a matrix.
+_LETTERS = 4000
 
 
 def overview(matrices: Iterable[NamedMatrix]) -> list[tuple[str, str, str, str, str]]:

@@ -14,8 +14,10 @@ from symgen.symbolic.system import NamedMatrix
 
 #: Width of lines where the output is not a terminal.
 WIDTH = 100
-#: Columns between the columns of a matrix, and those of both brackets together.
-_GAP, _BRACKETS = 2, 2
+#: Character columns between the columns of a matrix.
+_GAP = 2
+#: Character columns of both brackets together.
+_BRACKETS = 2
 #: Places of an expression at which its line may be broken if there is no blank.
 _BREAKS = re.compile(r"(?<=[⋅,(/])|(?<=[^*]\*)(?!\*)")
 

@@ -14,14 +14,18 @@ from symgen.symbolic.constants import rounded
 from symgen.symbolic.notation import readable
 from symgen.symbolic.system import Definition, NamedMatrix, System
 
-#: Working digits and retained digits.
-_WORKING, _PRINTED = 40, 12
+#: Working digits.
+_WORKING = 40
+#: Printed digits.
+_PRINTED = 12
 #: Columns that a number takes with the gap before it.
 _NUMBER = 19
 #: Singular values below this part of the largest are those of redundant constraints.
 _RANK = 1e-12
-#: Maximum number of constants of one kind and value that a list names one by one, and what numbers them.
-_ALIKE, _DIGITS_OF_NAMES = 3, re.compile(r"\d+")
+#: Most constants of one kind and value that a list names one by one.
+_ALIKE = 3
+#: Numbers in the names of such constants.
+_DIGITS_OF_NAMES = re.compile(r"\d+")
 #: Maximum number of symbols named in an error.
 _NAMED = 8
 

@@ -12,14 +12,24 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Width, minimum and maximum height of a drawing, and margin around the mechanism [px].
-_WIDTH, _LOW, _HIGH, _MARGIN = 540.0, 220.0, 430.0, 52.0
+#: Width of a drawing [px].
+_WIDTH = 540.0
+#: Least and largest height of a drawing [px].
+_HEIGHTS = (220.0, 430.0)
+#: Margin around the mechanism [px].
+_MARGIN = 52.0
 #: Height of a strip below the mechanism for arrows and scale bar, where they would meet it [px].
 _STRIP = 54.0
-#: Height and width of a label's characters, and distance of a label from its point [px].
-_LETTER, _LETTER_WIDTH, _OFF = 14.0, 8.6, 13.0
-#: Number of windings of a spring, and its half width [px].
-_WINDINGS, _SPRING = 7, 6.0
+#: Height of a label's characters [px].
+_LETTER = 14.0
+#: Width of a label's characters [px].
+_LETTER_WIDTH = 8.6
+#: Distance of a label from its point [px].
+_OFF = 13.0
+#: Windings of a spring.
+_WINDINGS = 7
+#: Half width of a spring [px].
+_SPRING = 6.0
 #: Points are in line, and their body a rod, if their deviations from it have a smaller norm [px].
 _FLAT = 0.5
 #: Maximum number of vertices of a drawn path.
@@ -142,8 +152,8 @@ class Paper:
         every = np.vstack([places_of(sketch) for sketch in sketches]) @ view
         low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
         extent = np.maximum(high - low, 1e-12 * max(1.0, float(np.nanmax(np.abs(every)))))
-        scale = min((_WIDTH - 2 * _MARGIN) / extent[0], (_HIGH - 2 * _MARGIN) / extent[1])
-        height = float(np.clip(extent[1] * scale + 2 * _MARGIN, _LOW, _HIGH))
+        scale = min((_WIDTH - 2 * _MARGIN) / extent[0], (_HEIGHTS[1] - 2 * _MARGIN) / extent[1])
+        height = float(np.clip(extent[1] * scale + 2 * _MARGIN, *_HEIGHTS))
         return cls(view, (low + high) / 2, float(scale), _WIDTH, height)
 
     def __call__(self, at: Array) -> Array:

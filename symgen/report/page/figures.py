@@ -18,8 +18,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Width of a figure and height of a panel [in]; maximum number of curves per panel and panels per page.
-_WIDTH, _PANEL, _CURVES, _PANELS = 7.4, 1.75, 6, 6
+#: Width of a figure [in].
+_WIDTH = 7.4
+#: Height of a panel [in].
+_PANEL = 1.75
+#: Most curves of a panel.
+_CURVES = 6
+#: Most panels of a page.
+_PANELS = 6
 #: Maximum number of samples per curve; longer curves are thinned.
 _TIMES = 400
 _STYLE: Any = {

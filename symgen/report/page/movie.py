@@ -32,10 +32,18 @@ Add = Callable[["Artist"], None]
 #: Endings of files of frames, and of all animations.
 _FRAMES = (".gif", ".mp4")
 FILMED_AS = (".html", *_FRAMES)
-#: Pictures per second at most, and bounds of the duration of a film [s].
-_RATE, _SHORTEST, _LONGEST = 25.0, 2.0, 20.0
-#: Points of a film without times [s]; pixels of a film per pixel on paper; points of print per pixel.
-_TIMELESS, _ENLARGED, _PRINT = 5.0, 1.5, 0.72
+#: Most pictures per second.
+_RATE = 25.0
+#: Shortest film [s].
+_SHORTEST = 2.0
+#: Longest film [s].
+_LONGEST = 20.0
+#: Duration of a film of poses without times [s].
+_TIMELESS = 5.0
+#: Pixels of a film per pixel on paper.
+_ENLARGED = 1.5
+#: Points of print per pixel.
+_PRINT = 0.72
 _INK, _SOFT, _FILL, _PAPER, _BLUE, _WARM, _FORCE = LIGHT.values()
 #: Length of the longest arrow of a force over the height of the picture.
 _REACH = 0.2

@@ -15,8 +15,10 @@ from symgen.runtime.result.result import Result
 
 #: Supported file name extensions of plots.
 DRAWN_AS = (".png", ".svg", ".pdf")
-#: Without selected outputs: most curves of a panel, and the least range of a curve over the largest value.
-_CURVES, _VARIES = 8, 1e-9
+#: Most curves of a panel, without selected outputs.
+_CURVES = 8
+#: Least range of such a curve, over its largest value.
+_VARIES = 1e-9
 #: Errors from here on are those of another motion.
 _LARGEST = 10.0
 #: SI units of the first panels of an inverse dynamics: those of efforts.

@@ -35,8 +35,12 @@ _LAYER_OF = {
     "axis": "AXES",
     "path": "PATHS",
 }
-#: Radius of a joint, height of a letter and half sides of a slider, over the size of the drawing.
-_JOINT, _LETTER, _SLIDER = 0.008, 0.02, (0.024, 0.015)
+#: Radius of a joint, over the size of the drawing.
+_JOINT = 0.008
+#: Height of a letter, over the size of the drawing.
+_LETTER = 0.02
+#: Half sides of a slider, over the size of the drawing.
+_SLIDER = (0.024, 0.015)
 #: A path whose ends are no farther apart is closed, over its size.
 _CLOSED = 1e-6
 

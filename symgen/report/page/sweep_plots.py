@@ -21,10 +21,16 @@ if TYPE_CHECKING:
 
 #: Most different values of a parameter for which a map is drawn cell by cell.
 _CELLS = 512
-#: Most runs whose histories are drawn, paths side by side, and curves with a legend.
-DRAWN, _ACROSS, _LEGEND = 60, 6, 10
-#: Quantiles to whose range panels over an input are scaled if the range of all values is many times larger.
-_MOST, _POLES = (0.06, 0.94), 25.0
+#: Most runs whose histories are drawn.
+DRAWN = 60
+#: Most paths side by side.
+_ACROSS = 6
+#: Most curves with a legend.
+_LEGEND = 10
+#: Quantiles to whose range panels over an input are scaled.
+_QUANTILES = (0.06, 0.94)
+#: Range of all values, over that of the quantiles, from which they are.
+_POLES = 25.0
 #: Least range of the colours of Floquet multipliers about one, as a logarithm.
 _NEAR_ONE = 0.01
 
@@ -200,7 +206,7 @@ def _scale(panel: Any, values: NDArray[np.float64]) -> None:
     """Scale a panel to most values if few are far larger, such as efforts near a dead centre."""
     if not values.size:
         return
-    low, high = np.quantile(values, _MOST)
+    low, high = np.quantile(values, _QUANTILES)
     if np.ptp(values) > _POLES * (high - low) > 0.0:
         margin = (high - low) / 5
         panel.set_ylim(low - margin, high + margin)

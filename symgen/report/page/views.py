@@ -15,9 +15,12 @@ from symgen.symbolic.notation import mathml, mathml_name
 from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import Definition, NamedMatrix, SaddlePoint, System
 
-#: Maximum number of characters of a matrix shown as a whole, of an entry, and of all entries of a list
-#: together.
-_WHOLE, _ENTRY, _LIST = 1100, 700, 5000
+#: Most characters of a matrix shown as a whole.
+_WHOLE = 1100
+#: Most characters of an entry.
+_ENTRY = 700
+#: Most characters of all entries of a list together.
+_LIST = 5000
 #: Maximum number of entries of a matrix shown as a whole: beyond, zeros would fill the page.
 _CELLS = 100
 #: Digits of constants on a page.

@@ -14,8 +14,10 @@ from symgen.lowering.kernel import Kernel
 from symgen.study.accuracy.kernel_errors import EntryAtState
 from symgen.study.accuracy.kernels import ComparedKernels
 
-#: Generated names of shared terms: their expressions are inserted up to this length.
-_TEMPORARY, _LONGEST = re.compile(r"c\d+"), 100
+#: Generated names of shared terms.
+_TEMPORARY = re.compile(r"c\d+")
+#: Longest expression that is inserted for such a name.
+_LONGEST = 100
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,12 @@ Random = np.random.Generator
 
 #: Distances of random poses from one of the run, in sizes of the mechanism, tried until one closes.
 _AWAY = (0.3, 0.1, 0.03, 0.01)
-_NEWTON, _RANK, _ROUNDING = 30, 1e-9, 1e-14
+#: Most iterations of Newton's method to a closed state.
+_ITERATIONS = 30
+#: Singular values below this part of the largest count as zero.
+_RANK = 1e-9
+#: Last change of an iteration, over the size.
+_ROUNDING = 1e-14
 #: Velocities of random states, in sizes of the mechanism per second.
 _SPEED = 1.0
 #: Number of random states of a building block that are drawn for each that is needed.
@@ -184,7 +189,7 @@ def _closed(evaluator: Evaluator, t: float, q: Array) -> Array | None:
     if not evaluator.has("constraints"):
         return q
     zero, size = np.zeros_like(q), float(np.max(np.abs(q)))
-    for _ in range(_NEWTON):
+    for _ in range(_ITERATIONS):
         values = evaluator.blocks("constraints", t, q, zero)
         scale = values["constraint_scale"]
         jacobian = _jacobian(evaluator, t, q) / scale[:, None]

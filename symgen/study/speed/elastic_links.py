@@ -20,8 +20,10 @@ from symgen.study.speed.sweeps import Setting, tolerances
 
 Array = NDArray[np.float64]
 
-#: Steps per revolution of the reference of elastic links, and of the run that determines peak values.
-_ELASTIC, _PEAKS = 8192, 1024
+#: Steps per revolution of the reference of elastic links.
+_REFERENCE_STEPS = 8192
+#: Steps per revolution of the run that determines peak values.
+_PEAK_STEPS = 1024
 
 
 def elastic(model: ElasticModel, request: StudyRequest) -> StudySubject:
@@ -45,7 +47,7 @@ class ElasticSubject(StudySubject):
         self.revolutions = self.t_end / turn
         self.orders = {name: m.order for name, m in BEAM_METHODS.items()}
         self.orders |= {name: INTEGRATORS[name].order for name in ("dop853", "rk4")}
-        peaks = np.max(np.abs(self._strains(self._fixed("gauss", _PEAKS))), axis=0)
+        peaks = np.max(np.abs(self._strains(self._fixed("gauss", _PEAK_STEPS))), axis=0)
         self._peaks = sizes(peaks, [""] * len(peaks))
 
     @staticmethod
@@ -90,9 +92,10 @@ class ElasticSubject(StudySubject):
     def reference(self) -> ReferenceSolution:
         """Return a solution by Gauss collocation with many steps."""
         tight, loose = (
-            self._strains(self._fixed("gauss", n)) / self._peaks for n in (_ELASTIC, _ELASTIC // 2)
+            self._strains(self._fixed("gauss", n)) / self._peaks
+            for n in (_REFERENCE_STEPS, _REFERENCE_STEPS // 2)
         )
-        about = f"Gauss collocation of order {self.orders['gauss']}, {_ELASTIC} steps per revolution"
+        about = f"Gauss collocation of order {self.orders['gauss']}, {_REFERENCE_STEPS} steps per revolution"
         return ReferenceSolution(tight, float(np.max(distance(tight, loose))), about)
 
     def size(self) -> float:

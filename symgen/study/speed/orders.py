@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Maximum change of the order between consecutive pairs of step counts within the asymptotic range, and
-#: maximum deviation from the theoretical order for agreement.
-_STEADY, AGREES = 0.15, 0.2
-#: Range of valid errors: minimum relative to the uncertainty of the reference or round-off, and maximum
-#: relative to the motion.
-_ABOVE, _BELOW = 20.0, 1e-2
+#: Largest change of the order between consecutive pairs of step counts in the asymptotic range.
+_STEADY = 0.15
+#: Largest deviation of an order that agrees with theory.
+AGREES = 0.2
+#: Least valid error, over the uncertainty of the reference or round-off.
+_ABOVE = 20.0
+#: Largest valid error, over the motion.
+_BELOW = 1e-2
 #: Minimum number of points of a fit.
 _FEWEST = 3
 

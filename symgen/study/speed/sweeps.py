@@ -9,8 +9,10 @@ from dataclasses import dataclass
 #: Tolerances decrease tenfold; numbers of steps double every second time.
 _TOLERANCES = tuple(10.0**-k for k in range(2, 32))
 _STEPS = tuple(round(16 * 2 ** (k / 2)) for k in range(41))
-#: A sweep ends after this many consecutive settings without improvement, or initial failures.
-_IDLE, _FAILED = 3, 12
+#: Consecutive settings without improvement after which a sweep ends.
+_IDLE = 3
+#: Initial failures after which a sweep ends.
+_FAILED = 12
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,9 +20,10 @@ from symgen.study.speed.orders import Order, observed_order
 from symgen.study.speed.subjects import ReferenceSolution, StudySubject, subject
 from symgen.study.speed.sweeps import Setting, worth_running
 
-#: A sweep ends within this multiple of the reference's uncertainty, or at this error relative to the
-#: motion.
-_NEAR, _ENOUGH = 3.0, 1e-13
+#: Error at which a sweep ends, over the uncertainty of the reference.
+_NEAR = 3.0
+#: Error at which a sweep ends, over the motion.
+_ENOUGH = 1e-13
 
 
 @dataclass(frozen=True, slots=True)
