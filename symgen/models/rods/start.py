@@ -86,7 +86,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
     """Move every constraint from its drawn value to zero, and every angle to its value at the start."""
     s = model.u[model.free[0]][0].symbol
     _ = model.along, model.constraints  # their definitions must be known in the drawn pose
-    drawn = _as_drawn(model)
+    drawn, constants = _as_drawn(model), model.linkage.constants
     angles = [*model.linkage.start.angles, *((d.link, d.angle) for d in model.linkage.drivers)]
     driven = {f"{link}_drive" for link, _ in angles}
     residuals, rows = [], []
@@ -97,7 +97,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
             rows.append(constraint.name)
     for name, angle in angles:
         x, y = model.hinges[name].components(model.arm(name)) if name in model.hinges else model.along[name]
-        drawn_x, drawn_y = _direction(x.xreplace(drawn), y.xreplace(drawn))
+        drawn_x, drawn_y = _direction(*(c.xreplace(drawn).xreplace(constants) for c in (x, y)))
         c, d = sp.cos(angle), sp.sin(angle)
         turn = _angle(c * drawn_x + d * drawn_y, d * drawn_x - c * drawn_y)
         now = _angle(drawn_x, drawn_y) + s * turn
